@@ -6,6 +6,7 @@ from pathlib import Path
 from pyburgers.cli.shared import command_line, exit_code, writing
 from pyburgers.cli.terminal import print_table
 from pyburgers.cli.workers import add_worker_options, require_no_worker_options, workers_of
+from pyburgers.common.paths import shown
 from pyburgers.sampling.manifest import COMPLETE
 from pyburgers.studies.campaign import (
     load_campaign,
@@ -49,9 +50,9 @@ def run(options: argparse.Namespace) -> int:
     for name, error in failed.items():
         print(f"{name}: could not be done: {error}")
     with writing(out):
-        print(f"table: {write_status(table, out)}")
+        print(shown(f"table: {write_status(table, out)}"))
     if options.part is None and (table["status"] == COMPLETE).any():
-        print(f"The page is {write_page(campaign, out, command=command)}")
+        print(shown(f"The page is {write_page(campaign, out, command=command)}"))
     if failed:
         return EXIT_NOT_DONE
     done = table[table["status"] == COMPLETE]

@@ -11,6 +11,7 @@ from typing import Any
 
 from pyburgers.cli.file_hints import hints, looks, text_files
 from pyburgers.common.errors import InputError, StructureError
+from pyburgers.common.paths import shown
 from pyburgers.common.toml_files import read_tables, write_toml
 from pyburgers.common.units import count_points, counted
 from pyburgers.flow_law_tables.inputs import PROTOCOL as PEAK_STRESS
@@ -75,15 +76,15 @@ def check(path: Path) -> int:
     if isinstance(loaded, Experiment):
         lines += [f"warning: {sentence}" for sentence in doubts(loaded)]
     for line in lines:
-        print(line)
+        print(shown(line))
     if errors:
-        print(f"{path}: {counted(len(errors), 'error')}; it cannot be used yet")
+        print(f"{shown(path)}: {counted(len(errors), 'error')}; it cannot be used yet")
         return InputError.exit_code
     what = ""
     if isinstance(loaded, Experiment):
         points = count_points(loaded.n_points)
         what = f", {loaded.id}: {loaded.protocol} of {loaded.material}, {points}"
-    print(f"{path}: no errors{what}")
+    print(f"{shown(path)}: no errors{what}")
     return 0
 
 

@@ -10,6 +10,7 @@ from pyburgers.cli.shared import command_line, exit_code, writing
 from pyburgers.cli.workers import add_worker_options, workers_of
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import shown
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import (
     check_several_tests,
@@ -44,9 +45,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         metavar="RUN",
         help="run directory of fit; at least two of the same data",
     )
-    command.add_argument(
-        "--out", type=Path, default=Path("comparison"), metavar="DIR", help="folder"
-    )
+    command.add_argument("--out", type=Path, default="comparison", metavar="DIR", help="folder")
     command.add_argument(
         "--leave-out",
         choices=["points", "tests"],
@@ -85,7 +84,7 @@ def run(options: argparse.Namespace) -> int:
         print(sentence)
     print(f"\nHow far each parameter moves from {next(iter(fits))}, in its sd there:")
     print(parameter_shifts(fits).filter(like=MOVED).round(2).to_string())
-    print(f"numbers and figure: {options.out}")
+    print(shown(f"numbers and figure: {options.out}"))
     return exit_code(comparison.reliable)
 
 
@@ -118,7 +117,7 @@ def _compare_by_test(options: argparse.Namespace) -> int:
     print(table_of_fits(comparison).round(2).to_string())
     for sentence in sentences_by_test(comparison):
         print(sentence)
-    print(f"numbers and figure: {options.out}")
+    print(shown(f"numbers and figure: {options.out}"))
     return exit_code(comparison.reliable)
 
 

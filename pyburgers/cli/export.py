@@ -7,6 +7,7 @@ from pyburgers.cli.outputs import check_output
 from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import shown
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import PeakStressFit, is_peak_stress_run
 from pyburgers.predictions.exported import (
@@ -39,7 +40,7 @@ def run(options: argparse.Namespace) -> int:
         return 0
     with writing(options.out):
         write_text(options.out, text)
-    print(options.out)
+    print(shown(options.out))
     return 0
 
 

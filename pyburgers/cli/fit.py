@@ -14,6 +14,7 @@ from pyburgers.cli.shared import (
 )
 from pyburgers.cli.terminal import print_checks, print_lines, print_table
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import shown
 from pyburgers.comparison.neighbours import what_a_yes_leaves_open
 from pyburgers.fitting.fit import fit
 from pyburgers.model.flow_law_prior import load_flow_law_of_run
@@ -102,7 +103,7 @@ def run(options: argparse.Namespace) -> int:
         else parameter_table(result.summary("SI"), result.priors, fixed_in_effect(result))
     )
     print_table(table, ["quantity", "unit", "pooling", "fit"])
-    print(f"run directory: {result.directory.path}")
+    print(shown(f"run directory: {result.directory.path}"))
     code = print_checks(result.checks(), result.prior_conflicts(), result.prior_decisions())
     print_lines(what_a_yes_leaves_open(result))
     return code

@@ -12,6 +12,7 @@ from pyburgers.cli.shared import (
     sampler_options,
 )
 from pyburgers.cli.terminal import print_checks, print_table
+from pyburgers.common.paths import shown
 from pyburgers.drawing.style import write_images
 from pyburgers.flow_law_tables.fit import WARMUP, fit_peak_stress
 from pyburgers.flow_law_tables.inputs import (
@@ -79,5 +80,5 @@ def run(options: argparse.Namespace) -> int:
     folder = result.directory.path
     write_images(flow_law(result), folder / "flow_law.png")
     print_table(flow_law_table(result), ["quantity", "unit"])
-    print(f"run directory: {folder}")
+    print(shown(f"run directory: {folder}"))
     return print_checks(result.checks(), result.prior_conflicts(), result.prior_decisions())

@@ -17,6 +17,7 @@ from pyburgers.cli.completion import COMPLETING, add_arguments, complete, words_
 from pyburgers.cli.parser import OneLineParser, ShowVersion
 from pyburgers.common.errors import InputError, PyburgersError, nearest
 from pyburgers.common.messages import messages_to
+from pyburgers.common.paths import shown
 
 EXIT_INTERRUPTED = 130
 
@@ -131,7 +132,7 @@ def _interrupts_wait() -> Iterator[None]:
 def _ended(sentence: str, code: int) -> int:
     """Say why a command has ended, as far as there is someone to say it to."""
     with suppress(OSError):
-        print(f"pyburgers: {sentence}", file=sys.stderr)
+        print(shown(f"pyburgers: {sentence}"), file=sys.stderr)
     return code
 
 

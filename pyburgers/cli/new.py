@@ -15,6 +15,7 @@ from pyburgers.cli.parser import is_text
 from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_atomically
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import shown
 from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.common.toml_files import read_tables
 from pyburgers.model.priors import shipped_prior_files
@@ -97,12 +98,12 @@ def run(options: argparse.Namespace) -> int:
     text = experiment_text(name, new_file, description)
     with writing(out):
         write_atomically(out, lambda draft: _write_checked(draft, out, text, file))
-    print(f"written: {out}")
+    print(shown(f"written: {out}"))
     code = check(out)
     if code == 0:
-        print(f"next: {shlex.join(['pyburgers', 'fit', str(out)])}")
+        print(f"next: {shlex.join(['pyburgers', 'fit', shown(out)])}")
     else:
-        print(f"next: mend the rows, then {shlex.join(['pyburgers', 'check-file', str(out)])}")
+        print(f"next: mend the rows, then {shlex.join(['pyburgers', 'check-file', shown(out)])}")
     return code
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import given_path
 
 _REQUIRED = "the following arguments are required: "
 """How argparse begins what it says of arguments that are missing."""
@@ -47,11 +48,11 @@ def is_text(text: str) -> bool:
     return True
 
 
-def _given_path(text: str) -> Path:
-    """Return a path; an empty text, such as of an unset shell variable, is none."""
+def _path(text: str) -> Path:
+    """Return an absolute path; an empty text, such as of an unset shell variable, is none."""
     if not text:
         raise argparse.ArgumentTypeError("found an empty text, expected a path")
-    return Path(text)
+    return given_path(text)
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -60,7 +61,7 @@ class OneLineParser(argparse.ArgumentParser):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **{"formatter_class": HelpWithDefaults, **kwargs})
         # Every path of every command: `Path("")` is the working directory.
-        self.register("type", Path, _given_path)
+        self.register("type", Path, _path)
 
     def error(self, message: str) -> NoReturn:
         """Refuse the arguments.

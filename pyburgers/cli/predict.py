@@ -9,6 +9,7 @@ from pyburgers.cli.outputs import check_output
 from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import shown
 from pyburgers.common.units import UNITS
 from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit
@@ -224,7 +225,7 @@ def _predict(fit: Fit, fitted: Sequence[Ranges], options: argparse.Namespace, ou
         print(evolving_overview(comparison).to_string(index=False))
         print(evolving_sentence(comparison))
     for file in files:
-        print(file)
+        print(shown(file))
 
 
 def _elastic_modulus(options: argparse.Namespace) -> tuple[float | None, float]:

@@ -9,6 +9,7 @@ from pyburgers.cli.outputs import check_output
 from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import shown
 from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.prediction import Prediction
@@ -80,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
     if scores is not None:
         print(score_sentence(prediction, scores))
     for file in files:
-        print(file)
+        print(shown(file))
     return 0
 
 

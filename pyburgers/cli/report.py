@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from pyburgers.cli.shared import command_line
+from pyburgers.common.paths import shown
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import PeakStressFit, is_peak_stress_run
 from pyburgers.report.comparison_sections import comparison_sections
@@ -58,5 +59,5 @@ def run(options: argparse.Namespace) -> int:
         ),
         told={key: [table] for key, table in tables.items()},
     )
-    print(f"The page is {page}")
+    print(shown(f"The page is {page}"))
     return 0

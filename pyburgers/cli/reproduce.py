@@ -6,6 +6,7 @@ from pathlib import Path
 from pyburgers.cli.shared import command_line
 from pyburgers.cli.workers import add_worker_options, workers_of
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import shown
 from pyburgers.predictions.measured_attenuation import load_measured_attenuation
 from pyburgers.studies.maor.reproduce import PRESETS, fit_part, reproduce
 
@@ -16,7 +17,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "--preset", choices=sorted(PRESETS), default="quick", help="how long chains are"
     )
     command.add_argument(
-        "--out", type=Path, default=Path("report"), metavar="DIR", help="folder of page and runs"
+        "--out", type=Path, default="report", metavar="DIR", help="folder of page and runs"
     )
     command.add_argument(
         "--main",
@@ -55,5 +56,5 @@ def run(options: argparse.Namespace) -> int:
             command=command,
             measured=measured,
         )
-    print(f"The page is {outcome.page}")
+    print(shown(f"The page is {outcome.page}"))
     return 0

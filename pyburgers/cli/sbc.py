@@ -13,6 +13,7 @@ from pyburgers.cli.shared import (
 )
 from pyburgers.cli.workers import add_worker_options, require_no_worker_options, workers_of
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import shown
 from pyburgers.common.units import UNITS
 from pyburgers.drawing.style import write_images
 from pyburgers.model.pooling import parse_pooling
@@ -172,5 +173,5 @@ def _write(calibration: Calibration, out: Path) -> int:
         print(shown_verdict_table(calibration).to_string(index=False))
     for sentence in count_sentences(calibration):
         print(sentence)
-    print(f"tables and figure: {out}")
+    print(shown(f"tables and figure: {out}"))
     return exit_code(calibration.passed)

@@ -32,6 +32,11 @@ def add_model_options(command: argparse.ArgumentParser) -> None:
         "a value for each; partial or partial:SCALE, values around a common centre with a spread "
         "whose prior has this scale; may be repeated",
     )
+    add_variant_option(command)
+
+
+def add_variant_option(command: argparse.ArgumentParser) -> None:
+    """Add the option that chooses laws of the model."""
     variant = command.add_argument(
         "--variant",
         action="append",

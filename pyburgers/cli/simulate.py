@@ -5,15 +5,17 @@ import logging
 from pathlib import Path
 
 from pyburgers.cli.outputs import check_output
-from pyburgers.cli.shared import writing
+from pyburgers.cli.shared import add_variant_option, writing
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import shown
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.new_test import of_any_test
+from pyburgers.model.variants import parse_choices
 from pyburgers.protocols.doubts import doubts
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forward import load_parameters, simulate
-from pyburgers.protocols.protocol import load_experiment
+from pyburgers.protocols.forward import load_parameters, simulate, with_laws
+from pyburgers.protocols.protocol import load_experiment, protocol_of
 
 logger = logging.getLogger(__name__)
 
@@ -37,6 +39,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         help="with --from, a draw from 1, counted through all chains, or their mean (default)",
     )
     command.add_argument("--test", metavar="ID", help="with --from, test of a joint fit")
+    add_variant_option(command)
     command.add_argument(
         "--out", type=Path, required=True, metavar="FILE.csv", help="table of the solution"
     )
@@ -58,10 +61,11 @@ def run(options: argparse.Namespace) -> int:
             "warning: beta is positive; in SI units (Pa, m, s) laboratory flow laws have a "
             "negative one, and the +7.29e-4 mol/J printed in the paper's Table 1 is a misprint."
         )
-    solution = simulate(experiment, parameters)
+    parameters = with_laws(experiment, parameters, parse_choices(options.variant))
+    solution = protocol_of(experiment).solution_table(experiment, simulate(experiment, parameters))
     with writing(options.out):
         write_text(options.out, solution.to_csv(index=False))
-    print(f"{len(solution)} rows in {options.out}")
+    print(shown(f"{len(solution)} rows in {options.out}"))
     return 0
 
 

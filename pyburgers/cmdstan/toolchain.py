@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pyburgers.common.errors import ToolchainError
+from pyburgers.common.paths import given_path
 from pyburgers.common.shipped_files import shipped_folder
 
 COMPILE_FLAGS: tuple[str, ...] = ()
@@ -146,7 +147,7 @@ def chosen_folder(name: str) -> Path:
         If it begins with the home folder of an unknown user, or is relative to none.
     """
     try:
-        return Path(name).expanduser().absolute()
+        return given_path(name)
     except (RuntimeError, OSError) as error:
         raise ToolchainError(f"There is no folder {name!r} ({error}); use a full path.") from error
 

@@ -23,6 +23,11 @@ def sha256_of_json(content: Any) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
+def sha256_of_bytes(content: bytes) -> str:
+    """Return the hash of what a file holds, as `sha256_of_file` does."""
+    return hashlib.sha256(content).hexdigest()
+
+
 def sha256_of_file(path: Path) -> str:
     """Hash of a file's bytes."""
     with path.open("rb") as file:

@@ -16,6 +16,7 @@ from pydantic_core import PydanticCustomError
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.cells import number_in
 from pyburgers.common.errors import InputError, all_of
+from pyburgers.common.paths import given_path
 from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.common.toml_files import Table, factor_to_si
 from pyburgers.common.units import counted
@@ -94,7 +95,7 @@ class TextFilesTable(Table):
         override = os.environ.get(DATA_ROOT_VARIABLE)
         if not override:
             return path.parent / self.data_root
-        return Path(os.path.expanduser(override))  # noqa: PTH111 - takes unknown homes as they are
+        return given_path(override)
 
     @property
     def selection(self) -> str:

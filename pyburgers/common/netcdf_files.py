@@ -41,7 +41,9 @@ def write_netcdf(
     write_bytes(path, written)
 
 
-def read_netcdf(path: Path) -> xr.DataTree:
-    """Read all groups of a file into memory."""
-    with _ONE_AT_A_TIME, xr.open_datatree(path, engine=_ENGINE) as opened:
+def read_netcdf(source: Path | bytes) -> xr.DataTree:
+    """Read all groups of a file, or of what it holds, into memory."""
+    # A path is opened here: xarray has rules of its own for names that begin with "~".
+    content = source if isinstance(source, bytes) else source.read_bytes()
+    with _ONE_AT_A_TIME, xr.open_datatree(content, engine=_ENGINE) as opened:
         return opened.load()

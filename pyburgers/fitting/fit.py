@@ -14,6 +14,7 @@ import xarray as xr
 from pyburgers.checks.fit_checks import Outcome, check_solver
 from pyburgers.checks.prior_influence import Influence, prior_influence
 from pyburgers.common.errors import InputError, nearest
+from pyburgers.common.paths import given_path
 from pyburgers.fitting.new_test import Source
 from pyburgers.fitting.plots import FitPlots
 from pyburgers.fitting.prediction import Prediction, predict_test
@@ -219,7 +220,7 @@ class Fit(SampledFit):
         InputError
             If `path` exists.
         """
-        path = Path(path)
+        path = given_path(path)
         if path.exists():
             raise InputError(f"{path}: exists already, expected a new folder.")
         shutil.copytree(self.directory.path, path, ignore=shutil.ignore_patterns(".*"))
@@ -234,7 +235,7 @@ class Fit(SampledFit):
             If it is not a run of one or several tests, has no finished chain, or a file of it was
             damaged or has changed.
         """
-        run = RunDirectory(Path(path))
+        run = RunDirectory(given_path(path))
         found = run.read_manifest()
         if "kind" in found or ("experiments" not in found and run.finished_chains()):
             raise InputError(f"{path}: is not a fit of tests, expected a run of pyburgers fit.")
@@ -399,7 +400,7 @@ def fit_problem(
     out, options, solver, use_likelihood, command, more_draws, overwrite
         As for `fit`, which says what is returned and raised.
     """
-    run = RunDirectory(Path(out))
+    run = RunDirectory(given_path(out))
     if more_draws is not None:
         require_extendable(run, more_draws, overwrite=overwrite)
 

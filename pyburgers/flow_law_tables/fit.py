@@ -23,6 +23,7 @@ from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import given_path
 from pyburgers.fitting.sampled_fit import (
     SampledFit,
     data_words,
@@ -203,7 +204,7 @@ class PeakStressFit(SampledFit):
             If it is not a run of this kind, has no finished chain, or a file of it was damaged or
             has changed.
         """
-        run = RunDirectory(Path(path))
+        run = RunDirectory(given_path(path))
         run.read_manifest()
         if not is_peak_stress_run(path):
             raise InputError(
@@ -265,7 +266,7 @@ def fit_peak_stress(
     SamplingError
         If no chain finished.
     """
-    run = RunDirectory(Path(out))
+    run = RunDirectory(given_path(out))
     options = options or SamplerOptions()
     options = replace(
         options,
@@ -315,7 +316,7 @@ def fit_peak_stress(
 
 def is_peak_stress_run(path: str | Path) -> bool:
     """Whether a run directory holds a fit of a table of peak stresses."""
-    return (RunDirectory(Path(path)).inputs / TABLE_FILE).is_file()
+    return (RunDirectory(given_path(path)).inputs / TABLE_FILE).is_file()
 
 
 def flow_law_prior(fit: PeakStressFit) -> FlowLawPrior:

@@ -16,6 +16,7 @@ from pydantic import Field
 
 from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import NAME, Table, checked, read_tables, read_toml, write_toml
 from pyburgers.model.flow_law_prior import Conditions, PeakTest
 from pyburgers.model.parameters import PARAMETER_BY_NAME, STRESS_SCATTER, Parameter
@@ -201,7 +202,7 @@ def load_peak_stress(path: str | Path) -> PeakStressData:
         If a file, key, unit or number is not what it has to be, or there are fewer than
         `LEAST_POINTS` points.
     """
-    path = Path(path)
+    path = given_path(path)
     content = read_tables(path)
     # Of a file of another kind none of the keys that it lacks is worth a word.
     if content.get("protocol", PROTOCOL) != PROTOCOL:
@@ -380,7 +381,7 @@ def load_peak_stress_priors(path: str | Path) -> PriorSet:
     InputError
         If the file, a key, a unit or a number is not what it has to be.
     """
-    path = Path(path)
+    path = given_path(path)
     file = read_toml(path, _PeakStressPriorFile)
     priors = {
         p.name: load_prior(path, p, getattr(file.parameters, p.name)) for p in FLOW_LAW_PARAMETERS

@@ -16,6 +16,7 @@ from pydantic import Field
 
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, read_json
 from pyburgers.model.arrhenius import GAS_CONSTANT
 
@@ -296,7 +297,7 @@ class FlowLawPrior:
         InputError
             If the file cannot be read or is not such a prior.
         """
-        content = read_json(Path(path))
+        content = read_json(given_path(path))
         try:
             material = str(content.pop("material"))
             table = FlowLawTable.model_validate({**content.pop("conditions"), **content})

@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from pyburgers.common.errors import InputError, all_of, nearest
+from pyburgers.common.paths import given_path
 from pyburgers.common.shipped_files import shipped_folder
 from pyburgers.common.toml_files import Table, read_toml, write_toml
 from pyburgers.model.flow_law_prior import FlowLawPrior, FlowLawTable
@@ -232,7 +233,7 @@ def load_priors(path: str | Path, choices: Mapping[str, str] | None = None) -> P
         If the file, a key, a unit or a number is not what it has to be, or a prior gives mass to
         values that the model excludes.
     """
-    path = Path(path)
+    path = given_path(path)
     file = read_toml(path, _PriorFile)
     for name in file.parameters:
         if name in CONDITIONS:

@@ -18,13 +18,15 @@ import xarray as xr
 from scipy.special import logsumexp
 
 from pyburgers.cmdstan.draw_files import Draws
-from pyburgers.common.atomic_files import sha256_of_file
+from pyburgers.common.atomic_files import sha256_of_bytes, sha256_of_file
 from pyburgers.common.draws import TAIL
+from pyburgers.common.errors import InputError
 from pyburgers.common.netcdf_files import read_netcdf, write_netcdf
 from pyburgers.model.display import shown_quantity, unit_text
 from pyburgers.model.parameters import REFERENCE_QUANTITIES, Parameter
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
+from pyburgers.sampling.intact import REMEDY
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
@@ -166,10 +168,21 @@ def keep_posterior(
 
 
 def load_posterior(run: RunDirectory) -> xr.DataTree | None:
-    """Labelled draws of a run, or None where they are not complete or lack finished draws."""
-    if not run.posterior_file.is_file() or run.read_manifest().get("posterior_sha256") is None:
+    """Labelled draws of a run, or None where they are not complete or lack finished draws.
+
+    Raises
+    ------
+    InputError
+        If the file has changed since the run, by the hash of the bytes that are read.
+    """
+    noted = run.read_manifest().get("posterior_sha256")
+    if not run.posterior_file.is_file() or noted is None:
         return None
-    tree = read_netcdf(run.posterior_file)
+    if sha256_of_bytes(content := run.posterior_file.read_bytes()) != noted:
+        raise InputError(
+            f"{run.posterior_file} has changed since the run, as its hash says; {REMEDY}."
+        )
+    tree = read_netcdf(content)
     if json.loads(tree.attrs["chains"]) != list(run.finished_chains()):
         return None
     if tree.attrs.get("extensions") != run.n_extensions():

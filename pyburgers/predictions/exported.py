@@ -24,8 +24,8 @@ from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.flow_law_tables.fit import PeakStressFit
 from pyburgers.model.display import shown_quantity, unit_text
 from pyburgers.model.parameters import CONDITIONS, STRESS_SCATTER
-from pyburgers.model.priors import FLOW_LAW as FLOW_LAW_NAMES
-from pyburgers.model.priors import JOINT_PRIOR
+from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR
+from pyburgers.predictions.stated_laws import POWER_LAW, VARIABLES, laws_of, undeformed
 
 LOG_FACTOR = "ln_flow_law_factor"
 """ln A in SI units, which β and Q_M give: A = exp(β Q_M)."""
@@ -36,8 +36,6 @@ LEFT_OUT = CONDITIONS | {
     *("strain_offset", "apparatus_compliance"),
 }
 """Parameters that belong to a test or its readings, not to the material."""
-
-FLOW_LAW = "strain rate = A sigma^n d^-p exp(-Q_M/(R T)), ln A = beta Q_M; Pa, m, s, J/mol, K"
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +60,8 @@ class Exported:
         Of each parameter, as `Fit.summary` has them; "fixed" and nothing of a fixed one.
     notes : tuple of str
         Conflicts, and numbers that the data alone do not decide, in sentences.
+    laws : mapping of str to object
+        Laws that were fitted, and their microstructures (`pyburgers.predictions.stated_laws`).
     """
 
     test: str
@@ -77,6 +77,7 @@ class Exported:
     decided_by: tuple[str, ...]
     by_prior_of: tuple[str, ...]
     notes: tuple[str, ...]
+    laws: Mapping[str, object]
 
     @property
     def sd(self) -> npt.NDArray[np.float64]:
@@ -94,7 +95,8 @@ def exported(fit: Fit) -> Exported:
     """
     names = [name for name in fit.priors.priors if name not in LEFT_OUT]
     one = fit.experiment
-    return _exported(fit, names, test=one.id, material=one.material, law=fit.variant.short_text)
+    laws, variant = laws_of(fit.priors, one), fit.variant.short_text
+    return _exported(fit, names, test=one.id, material=one.material, variant=variant, laws=laws)
 
 
 def exported_table(fit: PeakStressFit) -> Exported:
@@ -102,12 +104,25 @@ def exported_table(fit: PeakStressFit) -> Exported:
 
     The flow law is that of all its tests; single ones scatter about it in ln(stress).
     """
-    names, data = (*FLOW_LAW_NAMES, STRESS_SCATTER.name), fit.data
-    return _exported(fit, names, test=data.id, material=data.material, law="flow law")
+    names, data = (*FLOW_LAW, STRESS_SCATTER.name), fit.data
+    # Its priors of the softening turn peaks into stresses of undeformed material.
+    laws = {
+        "flow_law": POWER_LAW,
+        "microstructure": {"undeformed": undeformed("initial_grain_size")},
+    }
+    return _exported(
+        fit, names, test=data.id, material=data.material, variant="flow law", laws=laws
+    )
 
 
 def _exported(
-    fit: SampledFit, names: Sequence[str], *, test: str, material: str, law: str
+    fit: SampledFit,
+    names: Sequence[str],
+    *,
+    test: str,
+    material: str,
+    variant: str,
+    laws: Mapping[str, object],
 ) -> Exported:
     draws = fit.posterior["posterior"].to_dataset()
     columns = {name: draws[name].to_numpy().ravel() for name in names}
@@ -122,7 +137,7 @@ def _exported(
     return Exported(
         test=test,
         material=material,
-        variant=law,
+        variant=variant,
         run=fit.directory.path.name,
         sampled_well=fit.sampled_well.value,
         describes_data=fit.describes_data.value,
@@ -139,6 +154,7 @@ def _exported(
             for known, one in zip(fixed, decided, strict=True)
         ),
         notes=(*fit.prior_conflicts(), *fit.prior_decisions()),
+        laws=laws,
     )
 
 
@@ -156,7 +172,8 @@ def as_json(one: Exported) -> str:
         "sampled_well": one.sampled_well,
         "describes_data": one.describes_data,
         "draws": one.n_draws,
-        "flow_law": FLOW_LAW,
+        **one.laws,
+        "variables": dict(VARIABLES),
         "names": list(one.names),
         "units": [_si_unit(name) for name in one.names],
         "mean": one.mean.tolist(),
@@ -194,9 +211,10 @@ def as_latex(one: Exported) -> str:
     """
     free = [k for k, sd in enumerate(one.sd) if sd > 0]
     lines = [
-        f"% {one.test}, {one.material}, model {one.variant}; {FLOW_LAW}",
+        f"% {one.test}, {one.material}, model {one.variant}",
         f"% sampled well: {one.sampled_well}, describes the data: {one.describes_data}",
         *(f"% {note}" for note in one.notes),
+        *(f"% {line}" for line in _law_lines(one.laws)),
         rf"\begin{{tabular}}{{llrl{'r' * len(free)}}}",
         r"\toprule",
         " & ".join(
@@ -217,6 +235,16 @@ def as_latex(one: Exported) -> str:
         decided = _decided(name, one.decided_by[k], one.by_prior_of[k])
         lines.append(" & ".join([f"${_symbol(name)}$", unit, spread, decided, *cells]) + r" \\")
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
+
+
+def _law_lines(laws: Mapping[str, object], under: str = "") -> list[str]:
+    lines: list[str] = []
+    for name, law in laws.items():
+        if isinstance(law, Mapping):
+            lines += _law_lines(law, f"{under}{name} ")
+        else:
+            lines.append(f"{under}{name}: {law}")
+    return lines
 
 
 def _symbol(name: str) -> str:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import read_json
 from pyburgers.model.parameters import (
     GIVEN_TOGETHER,
@@ -18,7 +19,7 @@ from pyburgers.model.parameters import (
     STANDARD_VALUES,
 )
 from pyburgers.model.prior_families import BELOW_ONE, MAY_BE_ZERO, UNSIGNED
-from pyburgers.model.variants import check_piezometer
+from pyburgers.model.variants import check_piezometer, with_variant
 from pyburgers.protocols.experiment import Experiment, Provenance
 from pyburgers.protocols.microstructure import MeasuredMicrostructure
 from pyburgers.protocols.program_data import given_parameters, solve
@@ -50,7 +51,7 @@ def load_parameters(path: str | Path) -> dict[str, float]:
     InputError
         If the file is missing, is no JSON object, or has wrong names or values.
     """
-    return check_parameters(read_json(Path(path)), where=str(path))
+    return check_parameters(read_json(given_path(path)), where=str(path))
 
 
 def check_parameters(values: Mapping[str, object], where: str = "parameters") -> dict[str, float]:
@@ -156,6 +157,35 @@ def with_stated(experiment: Experiment, values: Mapping[str, float]) -> dict[str
         for prior in protocol_of(experiment).stated_priors(experiment)
     }
     return {**values, **{name: one for name, one in stated.items() if name not in values}}
+
+
+def with_laws(
+    experiment: Experiment, values: Mapping[str, float], choices: Mapping[str, str]
+) -> dict[str, float]:
+    """Return parameters (SI) of the model with the chosen laws.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        The test that is to be simulated.
+    values : mapping
+        SI values by name. A parameter that a chosen law leaves without effect is changed.
+    choices : mapping of str to str
+        Law by part, see `pyburgers.model.variants.ModelVariant`.
+
+    Raises
+    ------
+    InputError
+        If the test does not take a law, or the law has a parameter that is not given.
+    """
+    priors = with_variant(given_parameters(experiment.material, values), experiment, choices)
+    for name in priors.free:
+        chosen = ", ".join(f"{part}={law}" for part, law in choices.items())
+        raise InputError(
+            f"{experiment.id}: {chosen}: the parameters have no {name} for this law, expected a "
+            f"value of {name} among the parameters."
+        )
+    return {name: prior.location for name, prior in priors.priors.items()}
 
 
 def checked_positions(experiment: Experiment, at: npt.ArrayLike) -> FloatArray:

@@ -24,6 +24,7 @@ from pydantic import ConfigDict, Field
 from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, read_toml
 from pyburgers.drawing.page_parts import FigureRecipe, PageFigure, PageTable
 from pyburgers.drawing.panels import FittedCurve
@@ -261,6 +262,10 @@ class Protocol(ABC, Generic[E]):
         grain_size_m and fabric_factor where the test has them.
         """
 
+    def solution_table(self, experiment: E, solution: pd.DataFrame) -> pd.DataFrame:
+        """Return the table that `pyburgers simulate` writes of a solution."""
+        return solution
+
     @abstractmethod
     def observed_positions(self, experiment: E) -> dict[str, tuple[FloatArray, str]]:
         """Return where the points lie along the test, by quantity, with its SI unit.
@@ -275,10 +280,7 @@ class Protocol(ABC, Generic[E]):
         return np.unique(experiment.position)
 
     def response_in(self, experiment: E, solution: pd.DataFrame) -> FloatArray:
-        """Return the response (SI) of every point, (n_points,), from what `simulate` gives.
-
-        It was asked for the solution at `simulated_positions`.
-        """
+        """Return the response (SI), (n_points,), in a solution at `simulated_positions`."""
         found: FloatArray = np.interp(
             experiment.position, solution[self.clock.column], solution[self.response.column]
         )
@@ -429,7 +431,7 @@ def load_experiment(path: str | Path) -> Experiment:
     InputError
         If a file, key, unit or number is not what it has to be.
     """
-    path = Path(path)
+    path = given_path(path)
     name = read_toml(path, _ProtocolTable).protocol
     if name not in NAMES:
         expected = " or ".join(map(repr, NAMES))

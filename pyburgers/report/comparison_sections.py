@@ -13,6 +13,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from pyburgers.common.draws import all_draws
+from pyburgers.common.paths import shown
 from pyburgers.common.units import count_points, with_error
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import compare_kept_by_test
@@ -150,7 +151,7 @@ def _points_to_fit_again(comparison: Comparison, fits: Mapping[str, Fit]) -> tup
     count = sum(int(result.unreliable.sum()) for result in comparison.results.values())
     if not count or not all(map(_has_single_points, fits.values())):
         return ()
-    runs = " ".join(shlex.quote(str(fit.directory.path)) for fit in fits.values())
+    runs = " ".join(shlex.quote(shown(fit.directory.path)) for fit in fits.values())
     return (f"To fit again without {count_points(count)} of that kind: pyburgers compare {runs}",)
 
 

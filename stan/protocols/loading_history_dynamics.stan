@@ -6,9 +6,9 @@
  */
 
 /** Places in what is known of a leg. */
-int l_is_stress_driven() { return 1; } // 1 or 0
+int l_driven() { return 1; } // by strain 0, by stress 1, by a force over the first area 2
 int l_duration() { return 2; } // s
-int l_start_stress() { return 3; } // Pa; no effect where strain is imposed
+int l_start_stress() { return 3; } // or force, Pa; no effect where strain is imposed
 int l_rate() { return 4; } // Pa/s or 1/s
 int l_temperature() { return 5; } // K
 
@@ -57,12 +57,15 @@ matrix history_states(vector parameter, data vector constant, data array[] int v
       = history_rates(parameter, constant, leg[k, l_duration()], leg[k, l_temperature()],
                       initial_grain_size, test[c_stress_scale()], test[c_strain_scale()]);
     matrix[n + 1, n_states] states;
-    if (leg[k, l_is_stress_driven()] > 0) {
-      real y_0 = leg[k, l_start_stress()] / test[c_stress_scale()];
+    if (leg[k, l_driven()] > 0) {
+      real y_0 = leg[k, l_driven()] == 2
+                 ? stress_under_force(state, leg[k, l_start_stress()] / test[c_stress_scale()],
+                                      every[varying], place, fixed[k], test)
+                 : leg[k, l_start_stress()] / test[c_stress_scale()];
       real jump = every[h_spring_compliance()] * magnitude(y_0 - state[1]);
       if (test[c_piezometer()] > 0) {
         state[5] = microstructure_at(jump, state[5],
-                                     piezometer_grain_size(leg[k, l_start_stress()],
+                                     piezometer_grain_size(test[c_stress_scale()] * y_0,
                                                            test[c_piezometer()],
                                                            test[c_piezometer_exponent()],
                                                            test[c_piezometer_stress_floor()]),
@@ -70,12 +73,20 @@ matrix history_states(vector parameter, data vector constant, data array[] int v
       }
       state[1] = y_0;
       state[4] += jump;
-      states = stress_driven_leg(state, k == 1, time[before + 1 : before + n],
-                                 leg[k, l_start_stress()] / test[c_stress_scale()],
-                                 leg[k, l_rate()] * leg[k, l_duration()]
-                                 / test[c_stress_scale()],
-                                 every[varying], place, fixed[k], test, element, tolerance,
-                                 max_num_steps);
+      if (leg[k, l_driven()] == 2) {
+        states = force_driven_leg(state, time[before + 1 : before + n],
+                                  leg[k, l_start_stress()] / test[c_stress_scale()],
+                                  leg[k, l_rate()] * leg[k, l_duration()] / test[c_stress_scale()],
+                                  every[varying], place, fixed[k], test, element, tolerance,
+                                  max_num_steps);
+      } else {
+        states = stress_driven_leg(state, k == 1, time[before + 1 : before + n],
+                                   leg[k, l_start_stress()] / test[c_stress_scale()],
+                                   leg[k, l_rate()] * leg[k, l_duration()]
+                                   / test[c_stress_scale()],
+                                   every[varying], place, fixed[k], test, element, tolerance,
+                                   max_num_steps);
+      }
     } else {
       states = strain_driven_leg(state, k == 1, time[before + 1 : before + n],
                                  leg[k, l_rate()] * leg[k, l_duration()]
@@ -200,22 +211,31 @@ matrix section_microstructure(matrix states, data array[] int output, data vecto
  */
 real history_strain_rate(row_vector state, data row_vector leg, vector parameter, real grain_size,
                          real fabric_factor) {
-  real factor = stress_reading_factor(parameter);
-  if (leg[l_is_stress_driven()] == 0) {
+  if (leg[l_driven()] == 0) {
     return leg[l_rate()];
   }
-  return leg[l_rate()]
-         * (1 / (factor * parameter[i_maxwell_modulus()]) + parameter[i_apparatus_compliance()])
-         + state[7]
-         + dashpot_strain_rate(power_law_stress(state[1] / factor, parameter[i_breakdown_stress()],
-                                                fabric_factor,
-                                                parameter[i_stress_exponent()]),
-                               grain_size, fabric_factor, parameter[i_stress_exponent()],
-                               parameter[i_grain_size_exponent()],
-                               log_rate_factor(parameter[i_activation_enthalpy()],
-                                               parameter[i_beta()],
-                                               true_temperature(parameter,
-                                                                leg[l_temperature()])));
+  real factor = stress_reading_factor(parameter);
+  real elastic = 1 / (factor * parameter[i_maxwell_modulus()]);
+  real stress_rate = leg[l_rate()];
+  real inelastic = state[7]
+                   + dashpot_strain_rate(power_law_stress(state[1] / factor,
+                                                          parameter[i_breakdown_stress()],
+                                                          fabric_factor,
+                                                          parameter[i_stress_exponent()]),
+                                         grain_size, fabric_factor,
+                                         parameter[i_stress_exponent()],
+                                         parameter[i_grain_size_exponent()],
+                                         log_rate_factor(parameter[i_activation_enthalpy()],
+                                                         parameter[i_beta()],
+                                                         true_temperature(parameter,
+                                                                          leg[l_temperature()])));
+  if (leg[l_driven()] == 2) {
+    // The area changes with the strain of the specimen.
+    stress_rate = (leg[l_rate()] * exp(-state[3] - state[5] - elastic * state[1])
+                   - state[1] * inelastic)
+                  / (1 + elastic * state[1]);
+  }
+  return stress_rate * (elastic + parameter[i_apparatus_compliance()]) + inelastic;
 }
 
 /**

@@ -24,6 +24,12 @@
  *   g = g_0 + (S/(E_M e)) (y - y_0) + (S/(E_K e)) (z - z_0) + x.
  *
  * That is so under a load that does not fall, from a Kelvin part that it still strains.
+ *
+ * Force driven, the true stress follows from the strain s of the specimen, in the unit e: at constant
+ * volume y = f exp(-e s), with f = f_0 + r t the force over the first area. The solver follows s, z,
+ * g and, where it is needed, u:
+ *
+ *   ds/dt = [(S/(E_M e)) r exp(-e s) + v_K + v_d]/[1 + (S/E_M) y],  dg/dt = |ds/dt|.
  */
 
 /** Place of the first time after another, or one more than there are. */
@@ -315,6 +321,102 @@ matrix stress_driven_leg(row_vector start, data int at_rest, data array[] real t
                     ? before + spring * states[at, 1] + kelvin * states[at, 2] + solved[i][1]
                     : start[4] + solved[i][2];
     states[at, 5] = has_grains ? solved[i][n_states] : start[5];
+  }
+  return states;
+}
+
+/** Strain of the specimen over e, without that of the apparatus, at a row of states. */
+real specimen_strain(row_vector state, vector varying, data array[] int place,
+                     data vector fixed) {
+  return history_rate(h_spring_compliance(), varying, place, fixed) * state[1]
+         + history_rate(h_kelvin_compliance(), varying, place, fixed) * state[2] + state[3];
+}
+
+/**
+ * y at once under a force: y = f exp[-e (s + S/(E_M e) (y - y_before))].
+ *
+ * @param state a row of states before the force
+ * @param force f
+ */
+real stress_under_force(row_vector state, data real force, vector varying,
+                        data array[] int place, data vector fixed, data vector test) {
+  real spring = history_rate(h_spring_compliance(), varying, place, fixed);
+  real stretched = test[c_strain_scale()] * spring;
+  real inelastic = specimen_strain(state, varying, place, fixed) - spring * state[1];
+  return lambert_w0(stretched * force * exp(-test[c_strain_scale()] * inelastic)) / stretched;
+}
+
+/**
+ * Right-hand side of a force-driven leg.
+ *
+ * @param state [s, z of each element, g], then u where the grain size follows a piezometer
+ * @param force, rate f at the start, and r
+ */
+vector force_driven_rhs(real t, vector state, vector varying, data real force, data real rate,
+                        data array[] int place, data vector fixed, data vector test,
+                        data matrix element) {
+  int n_states = num_elements(state);
+  int n_kelvin = rows(element);
+  real spring = history_rate(h_spring_compliance(), varying, place, fixed);
+  real area = exp(-test[c_strain_scale()] * state[1]); // the first one over that of now
+  real y = (force + rate * t) * area;
+  real u = test[c_piezometer()] > 0 ? state[n_states] : 1;
+  matrix[n_kelvin, 2] elements = history_elements(element, varying, place, fixed);
+  vector[n_states] slope;
+  slope[2 : n_kelvin + 1]
+    = history_kelvin_rates(y, segment(state, 2, n_kelvin), elements, varying, place, fixed, test);
+  slope[1] = (spring * rate * area
+              + history_rate(h_kelvin_compliance(), varying, place, fixed)
+                * dot_product(elements[ : , 2], slope[2 : n_kelvin + 1])
+              + history_dashpot_rate(y, state[n_kelvin + 2], u, varying, place, fixed, test))
+             / (1 + test[c_strain_scale()] * spring * y);
+  slope[n_kelvin + 2] = magnitude(slope[1]);
+  if (test[c_piezometer()] > 0) {
+    slope[n_states] = history_grain_growth(y, u, slope[n_kelvin + 2], varying, place, fixed,
+                                           test);
+  }
+  return slope;
+}
+
+/**
+ * States along a force-driven leg: as strain_driven_leg(), and
+ *
+ * @param start a row of states, after the jump of the stress, if there is one
+ * @param force, rate f at the start, and r
+ */
+matrix force_driven_leg(row_vector start, data array[] real time, data real force, data real rate,
+                        vector varying, data array[] int place, data vector fixed,
+                        data vector test, data matrix element, data real tolerance,
+                        data int max_num_steps) {
+  int has_grains = test[c_piezometer()] > 0;
+  int n_kelvin = rows(element);
+  vector[n_kelvin] weight = history_elements(element, varying, place, fixed)[ : , 2];
+  int n_at_start = first_after(time, 0) - 1;
+  int n = size(time) + 1 - n_at_start;
+  array[n] real after_start = append_array(time[n_at_start + 1 : ], {1.0});
+  array[n] vector[n_kelvin + 2 + has_grains] solved
+    = ode_bdf_tol(force_driven_rhs,
+                  append_row(append_row(specimen_strain(start, varying, place, fixed),
+                                        kelvin_states(start, element)),
+                             to_vector(segment(start, 4, 1 + has_grains))),
+                  0, after_start, tolerance, tolerance, max_num_steps, varying, force, rate, place,
+                  fixed, test, element);
+  matrix[size(time) + 1, num_elements(start)] states;
+  for (i in 1 : n_at_start) {
+    states[i] = start;
+  }
+  for (i in 1 : n) {
+    int at = n_at_start + i;
+    states[at] = start;
+    states[at, 1] = (force + rate * after_start[i]) * exp(-test[c_strain_scale()] * solved[i][1]);
+    states[at, 2] = dot_product(weight, segment(solved[i], 2, n_kelvin));
+    states[at, 3] = 0;
+    states[at, 3] = solved[i][1] - specimen_strain(states[at], varying, place, fixed);
+    states[at, 4 : 4 + has_grains]
+      = to_row_vector(segment(solved[i], n_kelvin + 2, 1 + has_grains));
+    if (n_summed(element) > 0) {
+      states[at, 6 : ] = to_row_vector(segment(solved[i], 2, n_kelvin));
+    }
   }
   return states;
 }

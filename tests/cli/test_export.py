@@ -17,6 +17,7 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.pooling import DEFAULT_KINDS
 from pyburgers.predictions.exported import LEFT_OUT, LOG_FACTOR, as_latex, exported
+from pyburgers.predictions.stated_laws import POWER_LAW
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.protocol import load_experiment
 
@@ -40,6 +41,12 @@ def test_json_holds_mean_and_covariance_of_the_draws(
     expected = np.cov(*(draws[names[k]].to_numpy().ravel() for k in pair))
     np.testing.assert_allclose(np.array(content["covariance"])[np.ix_(pair, pair)], expected)
     assert content["units"][names.index("maxwell_modulus")] == "Pa"
+    # The text names the law, and what it holds for; its values: predictions/test_stated_laws.py.
+    assert content["flow_law"] == POWER_LAW
+    assert content["microstructure"]["undeformed"] == {
+        "grain_size": f"{small_fit.experiment.initial_grain_size:g}",
+        "fabric_factor": "1",
+    }
     # ln A is that of the flow law written with A.
     product = (draws["beta"] * draws["activation_enthalpy"]).to_numpy()
     assert content["mean"][names.index(LOG_FACTOR)] == pytest.approx(product.mean())
@@ -196,7 +203,8 @@ def test_a_solution_from_a_run_has_what_the_file_states_as_a_prediction_has(
     )
     run = str(small_fit.directory.path)
     ends = {}
-    for name, text in (("plain", IMAGINED), ("stated", IMAGINED + stated)):
+    force = IMAGINED.replace("stage_time_unit", 'stress_measure = "engineering"\nstage_time_unit')
+    for name, text in (("plain", IMAGINED), ("stated", IMAGINED + stated), ("force", force)):
         path, out = (tmp_path / f"{name}{suffix}" for suffix in (".toml", ".csv"))
         path.write_text(text, encoding="utf-8")
         assert main(["simulate", str(path), "--from", run, "--draw", "1", "--out", str(out)]) == 0
@@ -207,3 +215,5 @@ def test_a_solution_from_a_run_has_what_the_file_states_as_a_prediction_has(
         assert solved.iloc[-1] == pytest.approx(predicted.iloc[-1], rel=1e-5)
         ends[name] = solved.iloc[-1]
     assert ends["stated"] - ends["plain"] == pytest.approx(1e-2 + 1e-9 * 1e6, rel=1e-6)
+    # Under a constant force the area grows.
+    assert 0 < ends["force"] < 0.998 * ends["plain"]

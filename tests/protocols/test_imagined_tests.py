@@ -1,17 +1,24 @@
 """Imagined tests: oscillations and tables of attenuation without readings."""
 
+import json
 from pathlib import Path
 
+import attenuation_oracle
 import numpy as np
+import oracle
+import pandas as pd
 import pytest
 from refusals import refusal, written
 from same_contents import assert_equal
 
+from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError
+from pyburgers.model.parameters import PIEZOMETER, STANDARD_VALUES
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.attenuation.files import load_attenuation
 from pyburgers.protocols.forced_oscillation.experiment import load_forced_oscillation
-from pyburgers.protocols.forward import simulate
+from pyburgers.protocols.forced_oscillation.stan_data import START_MARGIN
+from pyburgers.protocols.forward import simulate, with_laws
 from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.protocol import load_experiment, save_experiment
 
@@ -101,9 +108,23 @@ modulus_unit = "GPa"
 """
 
 
+TWIN = Path(__file__).parents[2] / "data" / "olivine" / "olivine_twin.toml"
+
+
+def simulated(
+    test: Path, parameters: dict[str, float], folder: Path, *options: str
+) -> pd.DataFrame:
+    """What the command writes."""
+    known, out = folder / "parameters.json", folder / "out.csv"
+    known.write_text(json.dumps(parameters), encoding="utf-8")
+    command = ["simulate", str(test), "--parameters", str(known), "--out", str(out), *options]
+    assert main(command) == 0
+    return pd.read_csv(out)
+
+
 @pytest.fixture(scope="module")
 def parameters() -> dict[str, float]:
-    twin = load_experiment(Path(__file__).parents[2] / "data" / "olivine" / "olivine_twin.toml")
+    twin = load_experiment(TWIN)
     assert twin.true_parameters is not None
     return dict(twin.true_parameters)
 
@@ -137,6 +158,65 @@ def test_imposed_cycles_are_a_record_of_the_same_strain(
     assert found["time_s"].iloc[-1] == 1500.0
     for name in ("strain", "stress_Pa", "kelvin_strain", "grain_size_m"):
         np.testing.assert_allclose(found[name], expected[name], rtol=1e-6, atol=1e-12)
+
+
+@pytest.mark.usefixtures("programs")
+@pytest.mark.parametrize("cycles", [1, 2])
+@pytest.mark.parametrize("amplitude", ["2e-3", "0.1"])
+def test_imposed_cycles_have_as_many_cycles_ahead_as_the_file_says(
+    cycles: int, amplitude: str, tmp_path: Path, parameters: dict[str, float]
+) -> None:
+    """Their stress is that of scipy, which starts that many periods ahead."""
+    settings = f"period_s = 300.0\nspin_up_cycles = {cycles}"
+    text = OSCILLATION.replace("2e-3", amplitude).replace("period_s = 300.0", settings)
+    imagined = load_forced_oscillation(written(tmp_path / "one.toml", text, (), {}))
+    found = simulate(imagined, parameters, at=np.linspace(10.0, 1500.0, 40))
+    expected = oracle.oscillation(
+        parameters,
+        imagined.temperature,
+        imagined.initial_grain_size,
+        oracle.OscillatingStrain(300.0, [float(amplitude)], [0.0], [5e-6], -300.0 * START_MARGIN),
+        start=-300.0 * cycles,
+        start_stress=150e6,
+        time=found["time_s"].to_numpy(),
+    )
+    largest = np.abs(expected[0]).max()
+    np.testing.assert_allclose(found["stress_Pa"], expected[0], rtol=0, atol=1e-4 * largest)
+
+
+@pytest.mark.usefixtures("programs")
+def test_simulate_writes_what_a_table_of_attenuation_reads(
+    tmp_path: Path, parameters: dict[str, float]
+) -> None:
+    table = written(tmp_path / "table.toml", TABLE, (), {})
+    out = simulated(table, parameters, tmp_path)
+    assert out["period_s"].tolist() == [1, 10, 100, 1, 1000]
+    assert out["temperature_K"].tolist() == [1423] * 3 + [1373] * 2
+    assert out["median_stress_Pa"].tolist() == [0, 0, 0, 1e6, 1e6]
+    assert out["amplitude_Pa"].tolist() == [1e5] * 3 + [2e5] * 2
+    known = {**STANDARD_VALUES, **parameters}
+    expected = attenuation_oracle.log_readings(
+        load_attenuation(table), known, out["period_s"].to_numpy(), np.arange(5)
+    )
+    np.testing.assert_allclose(out["tan_delta"], np.exp(expected[0]), rtol=1e-7)
+    np.testing.assert_allclose(out["modulus_Pa"], np.exp(expected[1]), rtol=1e-7)
+
+
+@pytest.mark.usefixtures("programs")
+def test_simulate_takes_a_variant(tmp_path: Path, parameters: dict[str, float]) -> None:
+    """Without a piezometer an oscillation needs constant grains."""
+    test = written(tmp_path / "one.toml", OSCILLATION, (), {})
+    known = {name: value for name, value in parameters.items() if name not in PIEZOMETER}
+    found = simulated(test, known, tmp_path, "--variant", "grain_size=constant")
+    assert found["grain_size_m"].to_numpy() == pytest.approx(10e-6)
+    expected = simulated(test, {**parameters, "critical_strain_grain_size": 1e9}, tmp_path)
+    np.testing.assert_allclose(found["stress_Pa"], expected["stress_Pa"], rtol=1e-6)
+
+
+def test_a_law_whose_parameter_is_not_given_is_refused(parameters: dict[str, float]) -> None:
+    twin = load_experiment(TWIN)
+    with pytest.raises(InputError, match=r"kelvin=power_law: .* kelvin_stress_exponent"):
+        with_laws(twin, parameters, {"kelvin": "power_law"})
 
 
 @pytest.mark.usefixtures("programs")

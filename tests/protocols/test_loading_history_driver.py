@@ -8,6 +8,7 @@ from pyburgers.protocols.loading_history.driver import (
     reading_error,
     scatter,
     tolerance_of,
+    tolerances,
 )
 from pyburgers.protocols.loading_history.thinning import kept_readings
 
@@ -101,3 +102,27 @@ def test_thinning_keeps_ends_ramps_and_transients() -> None:
 def test_a_short_record_stays_whole() -> None:
     time = np.arange(1.0, 20.0)
     np.testing.assert_array_equal(kept_readings(time, time, np.array([0.0]), 19), np.arange(19))
+
+
+def test_a_line_follows_the_scatter_within_each_load() -> None:
+    """Loads of 20, 10, 2 and 3 MPa, each with an error in proportion: 2 and 3 are no ramp."""
+    rng = np.random.default_rng(3)
+    loads = np.repeat([20.0, 10.0, 2.0, 3.0], 12)
+    value = loads * (1 + 0.02 * rng.standard_normal(loads.size))
+    time = np.arange(loads.size, dtype=np.float64)
+    alike = line_through(time, value, tolerance_of(value, reading_error(time, value)))
+    assert np.abs(np.interp(time, *alike) - loads)[24:].max() > 0.3
+    corner, line = line_through(time, value, tolerances(time, value))
+    found = np.interp(time, corner, line)
+    np.testing.assert_allclose(found[24:], loads[24:], rtol=0.06)
+    assert corner.size <= 14
+
+
+def test_a_series_of_one_load_has_the_legs_of_its_error() -> None:
+    """Where all loads scatter alike nothing changes, and rounding is no smaller scatter."""
+    rng = np.random.default_rng(4)
+    loads = np.repeat(np.arange(1.0, 9.0) * 2, 20)
+    time = np.arange(loads.size, dtype=np.float64)
+    value = np.round(loads + 0.05 * rng.standard_normal(loads.size), 1)
+    corner, _ = line_through(time, value, tolerances(time, value))
+    assert corner.size <= 2 * 8 + 3

@@ -167,6 +167,41 @@ def test_every_load_of_a_series_has_a_row_and_ramps_have_none() -> None:
     assert (found["stage"] == 1).all()
 
 
+def test_a_short_load_of_a_series_has_a_row() -> None:
+    """Of 47 hours in a stage of 1000, with ramps of half an hour beside it."""
+    knots = ((0, 0), (0.5, 4), (47.5, 4), (48, 0), (500, 0), (500.5, 6), (999.5, 6), (1000, 0))
+    first, second = creep_intervals(series(*knots))
+    assert (first.start_time, first.end_time) == (0.5 * HOUR, 47.5 * HOUR)
+    assert second.stress == 6e6
+
+
+def test_the_measured_rate_is_that_of_the_readings() -> None:
+    """Readings creep three times as fast as the solutions, and soften."""
+    time = np.linspace(0.01, 1.0, 100) * HOUR
+    minimum = 0.25 * HOUR
+    curve = softening_from(minimum)
+    rise = 1e-7 * np.exp(-minimum / DECAY) / DECAY
+    strain = 1e-8 * time - 1e-7 * DECAY * np.expm1(-time / DECAY) + 0.5 * rise * time**2
+    noise = 1e-9 * np.random.default_rng(1).standard_normal(time.size)
+    test = replace(
+        CREEP,
+        time=time,
+        reading_stage=np.zeros(time.size, dtype=np.int64),
+        reading=3 * strain + noise,
+    )
+    found = solved(test, curve)
+    (row,) = minimum_rates(found).to_dict("records")
+    least = float(curve(np.array(minimum)))
+    assert row["rate_per_s"] == pytest.approx(least, rel=0.01)
+    assert row["measured_rate_per_s"] == pytest.approx(3 * least, rel=0.05)
+    assert 0 < row["measured_rate_sd_per_s"] < 0.05 * least
+    (table,) = minimum_rate_table(found)
+    assert table.shown["measured rate (1/s)"].tolist()[0].startswith(f"{3 * least:.1g}"[:1])
+    few = replace(test, time=time[:4], reading_stage=test.reading_stage[:4], reading=strain[:4])
+    (row,) = minimum_rates(solved(few, curve)).to_dict("records")
+    assert np.isnan(row["measured_rate_per_s"])
+
+
 def test_a_constant_force_is_creep_while_the_area_has_hardly_grown() -> None:
     """True stress under a constant force falls by the strain: here by 3 %, then by 12 % more."""
     (load,) = creep_intervals(series((0, 5), (4, 4.92), (9, 4.85), (10, 4.25)))

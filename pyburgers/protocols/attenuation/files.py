@@ -9,6 +9,7 @@ from pydantic import Field
 
 from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
 from pyburgers.common.errors import InputError, all_of
+from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, factor_to_si, read_toml
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.attenuation.imagined_spectra import (
@@ -121,7 +122,7 @@ def load_attenuation(path: str | Path) -> AttenuationExperiment:
     InputError
         If a file, key, unit or number is not what it has to be.
     """
-    path = Path(path)
+    path = given_path(path)
     file = read_toml(path, _AttenuationFile)
     for key, _ in CONDITION_KEYS.values():
         if getattr(file, key) is not None:

@@ -6,6 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 import xarray as xr
 from markupsafe import Markup
 
@@ -144,6 +145,23 @@ class Attenuation(Protocol[AttenuationExperiment]):
             ],
             "log_reading": draw["grid_log_reading"],
         }
+
+    def solution_table(
+        self, experiment: AttenuationExperiment, solution: pd.DataFrame
+    ) -> pd.DataFrame:
+        """Return tan delta and modulus at the rows of the table."""
+        conditions = experiment.conditions
+        reading = np.exp(solution.set_index("place")["log_reading"])
+        return pd.DataFrame(
+            {
+                "period_s": conditions.period,
+                "temperature_K": conditions.temperature,
+                "median_stress_Pa": conditions.median_stress,
+                "amplitude_Pa": conditions.amplitude,
+                "tan_delta": reading[conditions.place].to_numpy(),
+                "modulus_Pa": reading[conditions.place + conditions.n_spectra].to_numpy(),
+            }
+        )
 
     def observed_positions(
         self, experiment: AttenuationExperiment

@@ -9,6 +9,7 @@ import numpy as np
 
 from pyburgers.common.columns import read_columns, write_columns
 from pyburgers.common.errors import InputError, all_of
+from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import factor_to_si, read_toml
 from pyburgers.protocols.constant_rate.curves import Curve, join_curves, remarks_on
 from pyburgers.protocols.constant_rate.file_tables import (
@@ -191,7 +192,7 @@ def load_constant_rate(path: str | Path) -> ConstantRateExperiment:
     InputError
         If a file, key, unit or number is not what it has to be.
     """
-    path = Path(path)
+    path = given_path(path)
     file = read_toml(path, ConstantRateFile)
     segments = tuple(RateSegment(s.start_strain, s.strain_rate_per_s) for s in file.segments)
     values, _, curves = all_of(

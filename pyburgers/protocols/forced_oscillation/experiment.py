@@ -11,6 +11,7 @@ from pydantic import Field
 
 from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
 from pyburgers.common.errors import InputError, all_of
+from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, read_toml
 from pyburgers.common.units import UNITS
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT
@@ -203,7 +204,7 @@ def load_forced_oscillation(path: str | Path) -> OscillationExperiment:
     InputError
         If a file, key, unit or number is not what it has to be, or the record cannot be prepared.
     """
-    path = Path(path)
+    path = given_path(path)
     file = read_toml(path, _OscillationFile)
     if file.data is None:
         return _imagined(path, file)

@@ -96,8 +96,10 @@ def _record(experiment: OscillationExperiment) -> dict[str, Any]:
     kept = prepared.background == "kept"
     first_tau = prepared.start / period - START_MARGIN
     sine, cosine = prepared.strain_sine[0], prepared.strain_cosine[0]
-    # The oscillation passes upwards through zero where tau + phase is a whole number.
+    # The oscillation passes upwards through zero where tau + phase is a whole number. A zero at the
+    # first reading, whatever the rounding, is the last one: spin-up cycles are counted from there.
     phase = float(np.arctan2(cosine, sine)) / (2 * np.pi)
+    last_zero = float(np.floor(prepared.start / period + START_MARGIN + phase))
     trend_shape = trend_fit = np.empty((prepared.time.size, 0))
     if not kept:
         trend_shape, trend_fit = trend_projection(
@@ -120,7 +122,7 @@ def _record(experiment: OscillationExperiment) -> dict[str, Any]:
         "strain_error": np.hstack(
             [harmonics_error, background_error * period if kept else background_error[:, :0]]
         ),
-        "start_tau": float(np.floor(first_tau + phase)) - phase - experiment.spin_up_cycles,
+        "start_tau": last_zero - phase - experiment.spin_up_cycles,
         "start_stress": prepared.start_stress,
         "first_tau": first_tau,
         "stress_scale": max(amplitude, abs(bias)) if kept else amplitude,

@@ -13,7 +13,7 @@ NEARLY_CONSTANT = 0.02
 within 8 % of that under the mean, about as well as minimum rates of two tests agree."""
 
 LEAST_DURATION = 0.05
-"""Of such a part, as a share of its stage: a ramp on which the stress rests for a while is none."""
+"""Share of a stage from which on a nearly constant stress is a load, whatever lies beside it."""
 
 STEEPEST = 10.0
 """How many times faster than `NEARLY_CONSTANT` allows over a whole part its stress may change in
@@ -57,8 +57,29 @@ def creep_intervals(experiment: LoadingHistory) -> tuple[CreepInterval, ...]:
         legs = [leg for leg in experiment.legs if leg.stage == number]
         least = LEAST_DURATION * (stage.end_time - stage.start_time)
         if stage.driven == "stress":
-            found += [one for one in _longest(_steady_parts(legs)) if one.duration >= least]
+            parts = [
+                one for one in _steady_parts(legs) if one.duration >= least or _rests(one, legs)
+            ]
+            found += _longest(parts)
     return tuple(found)
+
+
+def _rests(part: CreepInterval, legs: Sequence[Leg]) -> bool:
+    """Whether a short part is a load: no ramp, nor a ramp on which the stress rests for a while.
+
+    Its stress changes `STEEPEST` times slower than in the legs beside it, of which at least one is
+    no longer than the part.
+    """
+    inside = [
+        abs(leg.rate)
+        for leg in legs
+        if part.start_time <= leg.start_time and leg.end_time <= part.end_time
+    ]
+    beside = [leg for leg in legs if part.start_time == leg.end_time]
+    beside += [leg for leg in legs if part.end_time == leg.start_time]
+    shortest = min(leg.end_time - leg.start_time for leg in beside)
+    is_level = STEEPEST * max(inside) <= min(abs(leg.rate) for leg in beside)
+    return is_level and shortest <= part.duration
 
 
 def _steady_parts(legs: Sequence[Leg]) -> list[CreepInterval]:

@@ -7,9 +7,16 @@ stay, since a line that cut their corners would miss readings; what is smaller t
 taken as error of reading or control. The search is by dynamic programming: the slopes of all lines
 from a reading that pass within the tolerance of those after it form an interval that narrows as
 they go on (Imai and Iri 1986, Computer Vision, Graphics, and Image Processing 36, 31-41).
+
+The error of a reading goes by the load: a controller scatters more under a large stress than under
+a small one. So the readings of each leg say anew how far they scatter, and where that is less, the
+line has to pass them closer.
 """
 
+from itertools import pairwise
+
 import numpy as np
+import numpy.typing as npt
 from scipy import stats
 from scipy.interpolate import make_lsq_spline
 
@@ -22,6 +29,9 @@ are readings with errors of their own, so that 5 are 3.5 of those of a differenc
 
 FEWEST_READINGS = 20
 """Of fewer readings the error is not told from them: corners may be too large a share."""
+
+FEWEST_IN_A_LEG = 6
+"""Of fewer readings in a leg the scatter is not told from them."""
 
 PLAIN_SHARE, DOUBTFUL_SHARE = 0.02, 0.01
 """Shares of the range of a series: an error up to the first is taken as it is estimated, a larger
@@ -85,8 +95,43 @@ def tolerance_of(value: FloatArray, error: float) -> float:
     return max(TOLERANCE * error, TURNED_TOLERANCE * float(np.max(np.abs(value))))
 
 
+def tolerances(time: FloatArray, value: FloatArray) -> FloatArray:
+    """Return how far a line passes from the readings of a series without a stated error, (n,).
+
+    It is smaller in a leg whose readings scatter less than those of the whole series do, if that
+    scatter is taken for the error.
+
+    Parameters
+    ----------
+    time, value : array, shape (n,)
+        The series, times increasing.
+    """
+    error = reading_error(time, value)
+    allowed = np.full(time.size, tolerance_of(value, error))
+    if error != scatter(time, value):
+        return allowed
+    while True:
+        closer = allowed.copy()
+        for first, last in pairwise(_fewest_corners(time, value, allowed)):
+            own = slice(first, last + 1)
+            if last - first + 1 >= FEWEST_IN_A_LEG:
+                error = max(scatter(time[own], value[own]), _rounding_error(value[own]))
+                inside = slice(first + 1, last)
+                closest = max(TOLERANCE * error, tolerance_of(value, 0.0))
+                closer[inside] = np.minimum(closer[inside], closest)
+        if np.array_equal(closer, allowed):
+            return allowed
+        allowed = closer
+
+
+def _rounding_error(value: FloatArray) -> float:
+    """Return the standard deviation of what rounding takes from readings: of their least step."""
+    steps = np.diff(np.unique(value))
+    return float(steps.min(initial=np.inf) / np.sqrt(12)) if steps.size else 0.0
+
+
 def line_through(
-    time: FloatArray, value: FloatArray, tolerance: float
+    time: FloatArray, value: FloatArray, tolerance: npt.ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
     """Return the corners of the line that stands for a series.
 
@@ -94,35 +139,41 @@ def line_through(
     ----------
     time, value : array, shape (n,)
         The series, n at least 2, times increasing.
-    tolerance : float
+    tolerance : float or array, shape (n,)
         How far the line passes from a reading before its corners are moved, in the unit of
-        `value`; positive.
+        `value`; positive. Readings count by its inverse square.
 
     Returns
     -------
     time, value : array, shape (n_corners,)
         The first and the last time are those of the series.
     """
-    corner = _fewest_corners(time, value, tolerance)
+    allowed = np.broadcast_to(np.asarray(tolerance, dtype=np.float64), time.shape)
+    corner = _fewest_corners(time, value, allowed)
     if corner.size == time.size:
         return time, value
     ends = time[[0, -1]]
     knots = np.concatenate([ends[:1], time[corner], ends[1:]])
     # Times from 0 to 1: least squares in seconds would lose digits.
     scaled = (knots - ends[0]) / (ends[1] - ends[0])
-    line = make_lsq_spline((time - ends[0]) / (ends[1] - ends[0]), value, scaled, k=1)
+    weight = allowed.min() / allowed
+    line = make_lsq_spline((time - ends[0]) / (ends[1] - ends[0]), value, scaled, k=1, w=weight)
     return time[corner], np.asarray(line(scaled[1:-1]))
 
 
-def _fewest_corners(time: FloatArray, value: FloatArray, tolerance: float) -> np.ndarray:
+def _fewest_corners(time: FloatArray, value: FloatArray, tolerance: FloatArray) -> np.ndarray:
     """Return the readings at which the line has its corners, the first and the last too."""
+    weight = (tolerance.min() / tolerance) ** 2
     n = time.size
     corners = np.full(n, n)
     squares = np.full(n, np.inf)
     before = np.zeros(n, dtype=np.int64)
     corners[0], squares[0] = 0, 0.0
     for i in range(n - 1):
-        reached, missed = _reached(time[i:] - time[i], value[i:] - value[i], tolerance)
+        after = slice(i + 1, None)
+        reached, missed = _reached(
+            time[after] - time[i], value[after] - value[i], tolerance[after], weight[after]
+        )
         to, total = i + reached, squares[i] + missed
         fewer = corners[i] + 1 < corners[to]
         nearer = (corners[i] + 1 == corners[to]) & (total < squares[to])
@@ -136,13 +187,16 @@ def _fewest_corners(time: FloatArray, value: FloatArray, tolerance: float) -> np
 
 
 def _reached(
-    time: FloatArray, value: FloatArray, tolerance: float
+    t: FloatArray, y: FloatArray, tolerance: FloatArray, weight: FloatArray
 ) -> tuple[np.ndarray, FloatArray]:
-    """Return where lines from the first reading (at 0, 0) may end, and the squares they miss."""
-    t, y = time[1:], value[1:]
+    """Return where lines from a reading at 0, 0 may end, from 1, and the squares they miss."""
     lowest = np.maximum.accumulate((y - tolerance) / t)
     highest = np.minimum.accumulate((y + tolerance) / t)
     slope = y / t
     within = np.flatnonzero((lowest <= slope) & (slope <= highest))
-    squares = np.cumsum(y**2) - 2 * slope * np.cumsum(t * y) + slope**2 * np.cumsum(t**2)
+    squares = (
+        np.cumsum(weight * y**2)
+        - 2 * slope * np.cumsum(weight * t * y)
+        + slope**2 * np.cumsum(weight * t**2)
+    )
     return within + 1, squares[within]

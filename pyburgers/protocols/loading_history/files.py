@@ -8,6 +8,7 @@ from pydantic import Field
 
 from pyburgers.common.columns import write_columns
 from pyburgers.common.errors import InputError, all_of
+from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, factor_to_si, read_toml
 from pyburgers.protocols.experiment import (
     ExperimentFile,
@@ -93,7 +94,7 @@ def load_loading_history(path: str | Path) -> LoadingHistory:
     InputError
         If a file, key, unit or number is not what it has to be.
     """
-    path = Path(path)
+    path = given_path(path)
     file = read_toml(path, _LoadingHistoryFile)
     values, (test, offset) = all_of(lambda: shared_values(path, file), lambda: _test(path, file))
     stages, changes = read_stages(test, file.stages)
@@ -152,6 +153,8 @@ def save_loading_history(experiment: LoadingHistory, directory: Path) -> Path:
         The TOML file.
     """
     own: dict[str, Any] = {"stages": [_stage_table(stage) for stage in experiment.stages]}
+    if any(stage.is_force for stage in experiment.stages):
+        own["stress_measure"] = "engineering"
     if experiment.apparatus_compliance is not None:
         own["apparatus"] = {
             "compliance_per_Pa": experiment.apparatus_compliance.value,
@@ -178,11 +181,14 @@ def _test(path: Path, file: _LoadingHistoryFile) -> tuple[Test, Stated | None]:
     )
     bounds = stage_bounds(path, file.stages, conventions.time)
     offset = _strain_offset(path, file, conventions.sign)
-    readings = NO_READINGS
+    readings, apparatus = NO_READINGS, _apparatus(file)
+    compliance = apparatus.value if apparatus else 0.0
     if file.data is not None:
         raw = read_readings(path, file.data, bounds, conventions.sign)
         zero = offset.value if offset else 0.0
-        readings = true_readings(path, raw, file.stress_measure, file.strain_measure, zero)
+        readings = true_readings(
+            path, raw, file.stress_measure, file.strain_measure, zero, compliance
+        )
     test = Test(
         path=path,
         temperature=file.temperature_K,
@@ -192,6 +198,7 @@ def _test(path: Path, file: _LoadingHistoryFile) -> tuple[Test, Stated | None]:
         stress_error=_uncertainty(path, file.data, "stress"),
         strain_error=_uncertainty(path, file.data, "strain"),
         first_strain=(offset.value, offset.sd) if offset else (0.0, 0.0),
+        compliance=compliance,
         is_copy=file.data is not None and file.data.is_copy,
     )
     return test, offset
@@ -227,7 +234,7 @@ def _turned(file: _LoadingHistoryFile) -> list[str]:
         notices.append(SIGNS_WERE_TURNED)
     measures = {"stress": file.stress_measure, "strain": file.strain_measure}
     turned = [name for name, measure in measures.items() if measure == "engineering"]
-    if turned:
+    if turned and file.data is not None:
         notices.append(f"Engineering {' and '.join(turned)} became true by the measured length.")
     return notices
 

@@ -4,6 +4,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 from markupsafe import Markup
+from scipy.stats import linregress
 
 from pyburgers.common.draws import all_draws
 from pyburgers.common.units import rounded, span_text
@@ -16,7 +17,6 @@ from pyburgers.model.display import (
     time_unit,
 )
 from pyburgers.protocols.loading_history.creep_intervals import (
-    LEAST_DURATION,
     NEARLY_CONSTANT,
     CreepInterval,
     creep_intervals,
@@ -36,6 +36,10 @@ strain reading shows, and where on so flat a curve the minimum lies says nothing
 LEAST_TIMES = 3
 """Times of the solution in an interval: before, at and behind a minimum."""
 
+WINDOW, LEAST_READINGS = 0.2, 5
+"""Share of an interval over which a measured rate is the slope of the strain readings, and how many
+readings that takes at least: over fewer a slope is mostly their error."""
+
 LEAST_SHARE = 0.5
 """Of the draws. Numbers of a minority would be taken for those of the fit."""
 
@@ -48,7 +52,8 @@ def minimum_rates(fit: FittedTest) -> pd.DataFrame:
     DataFrame
         A row for each of the `creep_intervals` in which at least half of the draws creep forward
         throughout, all numbers those of such draws; columns stage (from 1), start_time_s,
-        end_time_s, stress_Pa, rate_per_s, rate_q5_per_s, rate_q95_per_s (median and quantiles over
+        end_time_s, stress_Pa, measured_rate_per_s, measured_rate_sd_per_s (of the readings; NaN
+        where they are few), rate_per_s, rate_q5_per_s, rate_q95_per_s (median and quantiles over
         the draws), strain, strain_q5, strain_q95 (the same, of draws with a minimum inside; NaN
         where these are fewer than half), minimum_inside (the share of draws whose rate is slower
         than at both ends in between) and least_at_end (the share of those whose rate is least, or
@@ -71,6 +76,7 @@ def minimum_rates(fit: FittedTest) -> pd.DataFrame:
                     "start_time_s": interval.start_time,
                     "end_time_s": interval.end_time,
                     "stress_Pa": interval.stress,
+                    **_measured(experiment, interval),
                     **_minimum(rate[np.ix_(forward, here)], strain[np.ix_(forward, here)]),
                 }
             )
@@ -89,6 +95,28 @@ def _times_inside(
     begun = (time > interval.start_time) | (interval.start_time == stage.start_time)
     goes_on = (time < interval.end_time) | (interval.end_time == stage.end_time)
     return np.flatnonzero((stages_of_times(experiment, time) == interval.stage) & begun & goes_on)
+
+
+def _measured(experiment: LoadingHistory, interval: CreepInterval) -> dict[str, float]:
+    """Return the least slope (1/s) of strain readings in an interval, with its standard error.
+
+    Slopes are those of least squares over `WINDOW` of the interval or `LEAST_READINGS`, whichever
+    is longer, from each reading on.
+    """
+    here = (experiment.reading_stage == interval.stage) & experiment.response_is_strain
+    here &= (experiment.time >= interval.start_time) & (experiment.time <= interval.end_time)
+    time, strain = experiment.time[here], experiment.reading[here]
+    if time.size < LEAST_READINGS:
+        return {"measured_rate_per_s": np.nan, "measured_rate_sd_per_s": np.nan}
+    ends = time + WINDOW * interval.duration
+    starts = np.flatnonzero(ends[: time.size - LEAST_READINGS + 1] <= time[-1])
+    lines = []
+    for first in starts if starts.size else (0,):
+        end = max(first + LEAST_READINGS, int(np.searchsorted(time, ends[first], side="right")))
+        line = linregress(time[first:end], strain[first:end])
+        lines.append((float(line.slope), float(line.stderr)))
+    slope, error = min(lines)
+    return {"measured_rate_per_s": slope, "measured_rate_sd_per_s": error}
 
 
 def _minimum(rate: FloatArray, strain: FloatArray) -> dict[str, float]:
@@ -132,6 +160,10 @@ def minimum_rate_table(fit: FittedTest) -> tuple[PageTable, ...]:
                 f"{low:.3g} to {high:.3g}"
                 for low, high in zip(found["rate_q5_per_s"], found["rate_q95_per_s"], strict=True)
             ],
+            "measured rate (1/s)": [
+                "" if np.isnan(rate) else f"{rate:.3g} ± {sd:.1g}"
+                for rate, sd in found[["measured_rate_per_s", "measured_rate_sd_per_s"]].to_numpy()
+            ],
             f"strain there ({STRAIN_UNIT})": [
                 "" if np.isnan(middle) else rounded(middle, high - low)
                 for middle, low, high in strain
@@ -145,8 +177,10 @@ def minimum_rate_table(fit: FittedTest) -> tuple[PageTable, ...]:
     )
     text = (
         "Of the solutions, for draws from the posterior; noise takes no part. A row is a time over "
-        f"which the stress stays within {100 * NEARLY_CONSTANT:g} % of its mean, at least "
-        f"{100 * LEAST_DURATION:g} % of its stage. The rate is least at the end where it is then "
+        f"which the stress stays within {100 * NEARLY_CONSTANT:g} % of its mean. The measured rate "
+        f"is the least slope of the strain readings over {100 * WINDOW:g} % of that time, with its "
+        f"standard error. It is left empty where fewer than {LEAST_READINGS} strains were read. "
+        "The rate is least at the end where it is then "
         f"within {100 * SAME_RATE:g} % of the least one: it is still falling, or has come to a "
         "plateau, and no strain belongs to the minimum. The strain is that of draws whose minimum "
         "lies inside, and is left empty where these are fewer than half; in all others the rate is "

@@ -1,7 +1,7 @@
 """What a file says is imposed, as stages: the tables [[stages]]."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
@@ -11,7 +11,7 @@ from pydantic import Field
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table
-from pyburgers.common.units import counted
+from pyburgers.common.units import counted, span_text
 from pyburgers.protocols.experiment import FloatArray
 from pyburgers.protocols.loading_history.conventions import Conventions
 from pyburgers.protocols.loading_history.driver import (
@@ -21,8 +21,9 @@ from pyburgers.protocols.loading_history.driver import (
     reading_error,
     scatter,
     tolerance_of,
+    tolerances,
 )
-from pyburgers.protocols.loading_history.readings import Readings, one_reading_each
+from pyburgers.protocols.loading_history.readings import Readings, one_reading_each, true_stress
 from pyburgers.protocols.loading_history.series import (
     Series,
     own_readings,
@@ -94,6 +95,8 @@ class Test:
         Stated standard deviations of readings (Pa, fraction).
     first_strain : tuple of (float, float)
         Zero of strain and its standard deviation.
+    compliance : float
+        Of the apparatus (1/Pa): strains that are read include its share.
     is_copy : bool
         Whether the file was written after the test was read and checked.
     """
@@ -106,6 +109,7 @@ class Test:
     stress_error: float | None
     strain_error: float | None
     first_strain: tuple[float, float]
+    compliance: float
     is_copy: bool
 
 
@@ -278,13 +282,22 @@ class _StageReader:
 
     def _load(self, start: float, rate: float) -> Stage:
         """Stress given by its start (Pa) and rate (Pa/s); as a series where it is a force."""
-        if self.test.conventions.stress_measure == "true":
-            if self.table.control == "stress":
-                return self._stage("stress", value=start)
-            return self._stage("stress_rate", value=rate, start_stress=start)
+        is_force = self.test.conventions.stress_measure == "engineering"
+        if not is_force or self.test.readings.source is None:
+            stage = (
+                self._stage("stress", value=start)
+                if self.table.control == "stress"
+                else self._stage("stress_rate", value=rate, start_stress=start)
+            )
+            return replace(stage, is_force=is_force)
         series = self._readings("strain", "the area under the force")
         time, zero = series.time, self.test.first_strain[0]
-        value = (start + rate * (time - self.start)) * np.exp(zero - series.value)
+        value = true_stress(
+            start + rate * (time - self.start),
+            series.value - zero,
+            self.test.compliance,
+            where=self.where,
+        )
         stated = self.test.strain_error
         error = reading_error(time, value) if stated is None else stated * np.abs(value).max()
         corners, line = line_through(time, value, tolerance_of(value, error))
@@ -377,12 +390,16 @@ class _StageReader:
             error = scatter(time, value) if stated is None else stated
             allowed = max(TOLERANCE * error, TURNED_TOLERANCE * float(np.ptp(value)))
             self._check_jump(float(value[0]), allowed)
-        tolerance = tolerance_of(value, reading_error(time, value) if stated is None else stated)
+        factor = 1.0 if strain_driven else self.test.conventions.stress
         if self.table.tolerance is not None:
-            factor = 1.0 if strain_driven else self.test.conventions.stress
-            tolerance = factor * self.table.tolerance
+            tolerance = np.array([factor * self.table.tolerance])
+        elif stated is not None:
+            tolerance = np.array([tolerance_of(value, stated)])
+        else:
+            tolerance = tolerances(time, value)
         corners, line = line_through(time, value, tolerance)
-        distance = f"{tolerance:.2g}" if strain_driven else f"{tolerance / 1e6:.2g} MPa"
+        unit, scale = ("", 1.0) if strain_driven else (" MPa", 1e-6)
+        distance = span_text((scale * tolerance.min(), scale * tolerance.max()), digits=2) + unit
         self.notices.append(
             f"Stage {self.number}: {series.n_read} readings of the {quantity} became "
             f"{counted(corners.size - 1, 'leg')}, which "

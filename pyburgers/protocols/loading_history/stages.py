@@ -47,6 +47,8 @@ class Stage:
         Times (s, the first and the last are those of the stage) and strains (fraction) or stresses
         (Pa) of a series, linear in between; empty for the other controls. Only differences of
         strains count.
+    is_force : bool
+        Whether stresses are forces over the first area: the true stress follows from the strain.
     """
 
     control: Control
@@ -56,6 +58,7 @@ class Stage:
     value: float = 0.0
     start_stress: float | None = None
     knots: tuple[tuple[float, float], ...] = ()
+    is_force: bool = False
 
     @property
     def driven(self) -> Driven:
@@ -82,6 +85,8 @@ class Leg:
         Kelvin.
     stage : int
         To which it belongs, from 0.
+    is_force : bool
+        Whether its stresses are forces over the first area.
     """
 
     driven: Driven
@@ -91,6 +96,7 @@ class Leg:
     rate: float
     temperature: float
     stage: int
+    is_force: bool = False
 
     @property
     def end_value(self) -> float:
@@ -118,7 +124,7 @@ def _legs(stage: Stage, number: int) -> list[Leg]:
     if not stage.knots:
         start, rate = _start_and_rate(stage)
         span = stage.start_time, stage.end_time
-        return [Leg(stage.driven, *span, start, rate, stage.temperature, number)]
+        return [Leg(stage.driven, *span, start, rate, stage.temperature, number, stage.is_force)]
     times, values = np.transpose(stage.knots)
     rates = np.diff(values) / np.diff(times)
     starts = values if stage.driven == "stress" else np.zeros_like(values)

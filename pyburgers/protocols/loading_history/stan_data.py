@@ -61,7 +61,7 @@ def tests_block(
     histories = [e for e in experiments if isinstance(e, LoadingHistory)]
     legs = [
         [
-            float(leg.driven == "stress"),
+            2.0 if leg.is_force else float(leg.driven == "stress"),
             leg.end_time - leg.start_time,
             leg.start_value,
             leg.rate,

@@ -1,0 +1,278 @@
+"""Count how often the verdicts say no, of correct models and of known misfits.
+
+Data are simulated at draws from the prior of ice, spoilt in one way each, and fitted with the
+standard model. ``fit`` makes run directories, ``judge`` counts verdicts::
+
+    python benchmarks/verdict_power.py fit OUT --kinds curve creep --seeds 1 2 3
+    python benchmarks/verdict_power.py judge OUT --draws 400 1000
+"""
+
+import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+import pyburgers
+from pyburgers.checks.fit_checks import CheckedDraws, CheckKind, Outcome, run_checks
+from pyburgers.checks.registry import CHECKS
+from pyburgers.checks.verdicts import verdicts
+from pyburgers.common.columns import write_columns
+from pyburgers.common.errors import SamplingError
+from pyburgers.protocols.forward import simulate
+
+FloatArray = npt.NDArray[np.float64]
+
+TEMPERATURE, GRAIN_SIZE, RATE, STRESS, DURATION = 263.0, 230e-6, 1e-4, 4e6, 8000.0
+"""Kelvin, metres, 1/s, Pa, s; of the curve up to a strain of 0.2, and of the creep test."""
+
+STRAINS = np.linspace(0.002, 0.2, 100)
+TIMES = np.geomspace(8.0, DURATION, 100)
+STRESS_NOISE, STRAIN_NOISE = 0.01, 0.005
+"""Of the largest reading."""
+
+STRESS_RANGE, STRAIN_RANGE = (2e6, 15e6), (5e-3, 0.15)
+"""Largest readings (Pa, and strain) that a draw from the prior has to have."""
+
+TEMPERATURE_DRIFT, LOAD_DRIFT, STEPS = 5.0, 0.03, 20
+"""Kelvin and share by the end of a test, in so many steps."""
+
+AR1 = 0.9
+"""Correlation of errors of neighbouring readings."""
+
+SINE = 2.7
+"""Noise standard deviations of a sine of two periods."""
+
+CHAINS = 2
+
+MISFITS: tuple[str, ...] = (
+    "correct", "two_elements", "n_K_3", "load_drift_3_percent", "temperature_drift_5_K", "AR1",
+    "displaced", "sine", "andrade",
+)  # fmt: skip
+
+LAWS: Mapping[str, Mapping[str, float]] = MappingProxyType(
+    {
+        "two_elements": {"peak_strength": 1.0, "peak_time_decades": 1.3, "peak_width": 0.0},
+        "n_K_3": {"kelvin_stress_exponent": 3.0, "kelvin_reference_stress": 1e6},
+        "andrade": {"andrade_exponent": 1.0 / 3.0},
+    }
+)
+"""Parameters (SI) of the Kelvin part of the truth."""
+
+HEAD = """id = "{name}"
+material = "ice"
+protocol = "{protocol}"
+temperature_K = {temperature}
+initial_grain_size_m = {grain_size}
+"""
+
+TAIL = """
+[data]
+file = "{name}.csv"
+{columns}
+
+[provenance]
+kind = "synthetic"
+source = "Simulated by benchmarks/verdict_power.py"
+"""
+
+CURVE_COLUMNS = """strain_column = "strain"
+strain_unit = "fraction"
+stress_column = "stress_Pa"
+stress_unit = "Pa"
+"""
+
+CREEP_COLUMNS = """time_column = "time_s"
+time_unit = "s"
+strain_column = "strain"
+strain_unit = "fraction"
+"""
+
+
+def history(kind: str, misfit: str, folder: Path) -> Path:
+    """Write the loading that the sample sees, as an experiment file without data."""
+    drift = TEMPERATURE_DRIFT if misfit == "temperature_drift_5_K" else 0.0
+    end = STRAINS[-1] / RATE if kind == "curve" else DURATION
+    edges = np.linspace(0.0, end, STEPS + 1 if drift else 2)
+    stages = []
+    for k, (start, stop) in enumerate(pairwise(edges)):
+        temperature = TEMPERATURE + drift * (k + 0.5) / (len(edges) - 1)
+        if kind == "curve":
+            control = f'control = "strain_rate"\nstrain_rate_per_s = {RATE}'
+        elif misfit == "load_drift_3_percent":
+            control = (
+                f'control = "stress_rate"\nstart_stress = {STRESS}\n'
+                f"stress_rate = {LOAD_DRIFT * STRESS / end}"
+            )
+        else:
+            control = f'control = "stress"\nstress = {STRESS}'
+        stages.append(
+            f"\n[[stages]]\n{control}\nstart_time = {start}\nend_time = {stop}\n"
+            f"temperature_K = {temperature}\n"
+        )
+    text = HEAD.format(
+        name="driven", protocol="loading_history", temperature=TEMPERATURE, grain_size=GRAIN_SIZE
+    )
+    text += "".join(stages) + '\n[provenance]\nkind = "synthetic"\nsource = "simulated"\n'
+    path = folder / "driven.toml"
+    path.write_text(text)
+    return path
+
+
+def noise(misfit: str, n: int, rng: np.random.Generator) -> FloatArray:
+    """Errors of readings of standard deviation 1, shape (n,)."""
+    white = rng.standard_normal(n)
+    if misfit == "sine":
+        return white + SINE * np.sin(4.0 * np.pi * np.arange(n) / n + rng.uniform(0, 2 * np.pi))
+    if misfit != "AR1":
+        return white
+    found = np.empty(n)
+    found[0] = white[0]
+    for k in range(1, n):
+        found[k] = AR1 * found[k - 1] + np.sqrt(1.0 - AR1**2) * white[k]
+    return found
+
+
+def write_test(kind: str, misfit: str, seed: int, folder: Path) -> Path:
+    """Write data simulated at a draw from the prior, and what a user would say of them."""
+    rng = np.random.default_rng([seed, MISFITS.index(misfit), kind == "creep"])
+    driven = pyburgers.load_experiment(history(kind, misfit, folder))
+    times = STRAINS / RATE if kind == "curve" else TIMES
+    low, high = STRESS_RANGE if kind == "curve" else STRAIN_RANGE
+    priors = pyburgers.default_priors("ice").resolved(1e6)
+    while True:
+        values = {**priors.sample(rng), **LAWS.get(misfit, {})}
+        try:
+            solution = simulate(driven, values, at=times)
+        except SamplingError:
+            continue
+        read = solution["stress_Pa" if kind == "curve" else "strain"].to_numpy()
+        if low <= np.abs(read).max() <= high:
+            break
+    size = (STRESS_NOISE if kind == "curve" else STRAIN_NOISE) * np.abs(read).max()
+    if kind == "curve" and misfit == "load_drift_3_percent":
+        read = read * (1.0 + LOAD_DRIFT * STRAINS / STRAINS[-1])
+    if misfit == "displaced":  # the zero of the reading was lost
+        read = read + 10.0 * size
+    read = read + size * noise(misfit, read.size, rng)
+    name = f"{kind}_{misfit}_{seed}"
+    head = HEAD.format(
+        name=name,
+        protocol="constant_rate" if kind == "curve" else "loading_history",
+        temperature=TEMPERATURE,
+        grain_size=GRAIN_SIZE,
+    )
+    if kind == "curve":
+        head += f"\n[[segments]]\nstart_strain = 0.0\nstrain_rate_per_s = {RATE}\n"
+        columns, table = CURVE_COLUMNS, {"strain": STRAINS, "stress_Pa": read}
+    else:
+        head += (
+            f'\n[[stages]]\ncontrol = "stress"\nstress = {STRESS}\nstart_time = 0.0\n'
+            f"end_time = {DURATION}\n"
+        )
+        columns, table = CREEP_COLUMNS, {"time_s": TIMES, "strain": read}
+    write_columns(folder / f"{name}.csv", table)
+    path = folder / f"{name}.toml"
+    path.write_text(head + TAIL.format(name=name, columns=columns))
+    return path
+
+
+def fit_all(
+    out: Path, kinds: Sequence[str], misfits: Sequence[str], seeds: Sequence[int], draws: int
+) -> None:
+    """Fit each test that has no fit yet; one that cannot be sampled is named and left out."""
+    for seed in seeds:
+        for kind in kinds:
+            for misfit in misfits:
+                folder = out / f"{kind}_{misfit}_{seed}"
+                if (folder / "run" / "posterior.nc").exists():
+                    continue
+                folder.mkdir(parents=True, exist_ok=True)
+                test = pyburgers.load_experiment(write_test(kind, misfit, seed, folder))
+                options = pyburgers.SamplerOptions(
+                    chains=CHAINS, draws=draws, warmup=400, seed=seed
+                )
+                try:
+                    pyburgers.fit(
+                        test,
+                        pyburgers.default_priors("ice"),
+                        options=options,
+                        out=folder / "run",
+                    )
+                except SamplingError as error:
+                    print(f"{folder.name}: {error}")
+
+
+def thinned(fit: pyburgers.Fit, count: int) -> CheckedDraws:
+    """Return so many draws of a fit, evenly spaced, as checks look at them."""
+    whole = fit.checked_draws
+    sizes = whole.posterior["posterior"].sizes
+    kept = np.linspace(0, sizes["draw"] - 1, count // sizes["chain"]).astype(int)
+    return replace(whole, posterior=whole.posterior.isel(draw=kept, missing_dims="ignore"))
+
+
+def judge(out: Path, counts: Sequence[int]) -> pd.DataFrame:
+    """Verdicts of every run, with so many draws of each, evenly thinned.
+
+    Returns
+    -------
+    DataFrame
+        Columns kind, misfit, seed, draws, sampled, describes, failed (names of the checks that
+        said no).
+    """
+    rows = []
+    for folder in sorted(
+        path.parent for path in out.glob("*/run") if (path / "posterior.nc").exists()
+    ):
+        kind, rest = folder.name.split("_", 1)
+        misfit, seed = rest.rsplit("_", 1)
+        fit = pyburgers.Fit.load(folder / "run")
+        for count in counts:
+            results = run_checks(thinned(fit, count), CHECKS)
+            said = verdicts(results)
+            rows.append(
+                {
+                    "kind": kind,
+                    "misfit": misfit,
+                    "seed": int(seed),
+                    "draws": count,
+                    "sampled": said[CheckKind.SAMPLING].outcome.value,
+                    "describes": said[CheckKind.DESCRIPTION].outcome.value,
+                    "failed": ", ".join(
+                        one.name
+                        for one in results
+                        if one.check.kind is CheckKind.DESCRIPTION and one.outcome is Outcome.NO
+                    ),
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def main() -> None:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("action", choices=("fit", "judge"))
+    parser.add_argument("out", type=Path)
+    parser.add_argument(
+        "--kinds", nargs="+", choices=("curve", "creep"), default=["curve", "creep"]
+    )
+    parser.add_argument("--misfits", nargs="+", choices=MISFITS, default=list(MISFITS))
+    parser.add_argument("--seeds", nargs="+", type=int, default=[1])
+    parser.add_argument("--draws", nargs="+", type=int, default=[400, 1000])
+    given = parser.parse_args()
+    if given.action == "fit":
+        fit_all(given.out, given.kinds, given.misfits, given.seeds, max(given.draws) // CHAINS)
+        return
+    found = judge(given.out, given.draws)
+    print(found.to_string())
+    counted = found.groupby(["kind", "misfit", "draws"])["describes"].value_counts().unstack()
+    print(counted.fillna(0).astype(int).to_string())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,37 @@
+"""Paths as users give them, and as messages show them."""
+
+import os
+import re
+from pathlib import Path
+
+
+def given_path(path: str | Path) -> Path:
+    """Return the absolute path that a user means: ``~`` at its start is the home folder.
+
+    Every path of a command line, and every argument that is a path, comes through here before it
+    is used. Some libraries take ``~`` as the home folder and others do not: an absolute path means
+    one place to all of them, also after the process has changed its folder.
+
+    Parameters
+    ----------
+    path : str or Path
+        As it was given. The home of a user who is not known stays as it is.
+    """
+    return Path(os.path.expanduser(path)).absolute()  # noqa: PTH111 - pathlib's refuses unknown users
+
+
+def shown(text: object) -> str:
+    """Return a text in which paths below the working folder are relative to it.
+
+    Parameters
+    ----------
+    text : object
+        A path, or a message with paths.
+    """
+    try:
+        here = re.escape(str(Path.cwd()))
+    except FileNotFoundError:  # it was removed: nothing lies below it
+        return str(text)
+    begins, ends = r"(?<![^\s'\"`(=:,])", r"(?![^\s'\"`):;,])"
+    below = re.sub(rf"{begins}{here}{os.sep}(?!~)(?=\S)", "", str(text))
+    return re.sub(rf"{begins}{here}{ends}", ".", below)

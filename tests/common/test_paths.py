@@ -1,0 +1,176 @@
+"""Paths that users give: ``~`` is the home folder once, and one path is one place."""
+
+import json
+import os
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ICE
+
+import pyburgers
+from pyburgers.cli.main import main
+from pyburgers.cli.parser import OneLineParser
+from pyburgers.common.errors import InputError
+from pyburgers.common.paths import given_path, shown
+from pyburgers.fitting.fit import Fit
+from pyburgers.flow_law_tables.fit import PeakStressFit, is_peak_stress_run
+from pyburgers.model.flow_law_prior import FlowLawPrior
+from pyburgers.model.priors import shipped_prior_file
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The home folder; the working folder is another one, with a folder named ``~``."""
+    folder, here = tmp_path / "home", tmp_path / "here"
+    folder.mkdir()
+    (here / "~").mkdir(parents=True)
+    monkeypatch.setenv("HOME", str(folder))
+    monkeypatch.chdir(here)
+    return folder
+
+
+def test_a_tilde_is_the_home_folder_at_the_start_alone(home: Path) -> None:
+    here = Path.cwd()
+    assert given_path("~/runs/x") == given_path(Path("~/runs/x")) == home / "runs" / "x"
+    assert given_path("~") == home
+    assert given_path("./~/runs") == here / "~" / "runs"
+    assert given_path("runs/~") == here / "runs" / "~"
+    assert given_path("~nobody_of_that_name/x") == here / "~nobody_of_that_name" / "x"
+    assert given_path(given_path("./~/runs")) == here / "~" / "runs"
+
+
+def test_messages_show_paths_from_the_working_folder(home: Path) -> None:
+    here = Path.cwd()
+    assert (
+        shown(f"{here}/runs/x: is no run, see {here}/a.toml.") == "runs/x: is no run, see a.toml."
+    )
+    for text in (f"{here}/~/x", f"{home}/x", f"/other{here}/x", f"{here}s"):
+        assert shown(text) == text
+    assert shown(f"--out {here}: it is a folder") == "--out .: it is a folder"
+
+
+@pytest.mark.parametrize(
+    ("command", "arguments", "name"),
+    [
+        ("export", ("RUN", "--out", "PATH"), "out"),
+        ("fit", ("RUN", "--priors", "PATH"), "priors"),
+        ("check-file", ("PATH",), "files"),
+        ("compare", ("RUN", "PATH"), "directories"),
+    ],
+)
+def test_paths_of_the_command_line_are_expanded_where_they_come_in(
+    command: str, arguments: tuple[str, ...], name: str, home: Path
+) -> None:
+    parser = OneLineParser(prog=command)
+    import_module(f"pyburgers.cli.{command.replace('-', '_')}").add_options(parser)
+    for given, wanted in (("~/x", home / "x"), ("./~/x", Path.cwd() / "~" / "x")):
+        words = [given if word == "PATH" else word for word in arguments]
+        found = getattr(parser.parse_all(words), name)
+        assert (found[-1] if isinstance(found, list) else found) == wanted
+
+
+LOADERS: dict[str, tuple[Callable[[str], object], Path]] = {
+    "load_experiment": (pyburgers.load_experiment, ICE / "PIL40.toml"),
+    "load_priors": (pyburgers.load_priors, shipped_prior_file("ice")),
+    "load_peak_stress": (pyburgers.load_peak_stress, ICE / "peak_stress_qi_goldsby_2021.toml"),
+}
+
+
+@pytest.mark.parametrize("name", LOADERS)
+def test_what_reads_a_file_takes_the_home_folder(name: str, home: Path) -> None:
+    load, file = LOADERS[name]
+    shutil.copytree(file.parent, home / "inputs")
+    assert load(f"~/inputs/{file.name}") is not None
+    with pytest.raises(InputError, match=r"here/~/inputs"):
+        load(f"./~/inputs/{file.name}")
+
+
+def test_parameters_are_read_from_the_home_folder(home: Path) -> None:
+    known = pyburgers.load_experiment(ICE / "PIL40.toml").true_parameters
+    assert known is not None
+    (home / "known.json").write_text(json.dumps(dict(known)), encoding="utf-8")
+    assert pyburgers.load_parameters("~/known.json") == dict(known)
+
+
+@pytest.mark.parametrize(
+    "load",
+    [Fit.load, PeakStressFit.load, FlowLawPrior.load, pyburgers.load_peak_stress_priors],
+    ids=["Fit", "PeakStressFit", "FlowLawPrior", "load_peak_stress_priors"],
+)
+def test_what_is_not_there_is_named_in_the_home_folder(
+    load: Callable[[str], object], home: Path
+) -> None:
+    with pytest.raises(InputError, match=f"{home}/absent"):
+        load("~/absent")
+    assert not is_peak_stress_run("~/absent")
+
+
+def test_fits_are_written_into_the_home_folder(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each is stopped where it takes its folder, ahead of all that takes time."""
+
+    def stopped(path: Path) -> None:
+        raise InputError(f"in {path}")
+
+    for module in ("fitting.fit", "flow_law_tables.fit"):
+        monkeypatch.setattr(f"pyburgers.{module}.RunDirectory", stopped)
+    test, priors = pyburgers.load_experiment(ICE / "PIL40.toml"), pyburgers.default_priors("ice")
+    table = pyburgers.load_peak_stress(ICE / "peak_stress_qi_goldsby_2021.toml")
+    weak = pyburgers.default_peak_stress_priors("ice")
+    for run in (
+        lambda: pyburgers.fit(test, priors, out="~/x"),
+        lambda: pyburgers.fit_jointly([test, replace(test, id="b")], priors, out="~/x"),
+        lambda: pyburgers.fit_peak_stress(table, weak, out="~/x"),
+    ):
+        with pytest.raises(InputError, match=f"in {home}/x"):
+            run()
+
+
+def values(fit: Fit) -> np.ndarray:
+    return np.asarray(fit.posterior["posterior"]["maxwell_modulus"])
+
+
+def test_one_run_never_speaks_for_another(
+    small_fit: Fit, other_fit: Fit, home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A run in a folder named ``~``, and one of another test in the home folder."""
+    shutil.copytree(small_fit.directory.path, Path("~/run"))
+    other_fit.save("~/run")
+    assert (home / "run" / "manifest.json").is_file()
+    here, there = Fit.load("./~/run"), Fit.load("~/run")
+    np.testing.assert_array_equal(values(here), values(small_fit))
+    np.testing.assert_array_equal(values(there), values(other_fit))
+    assert here.experiment.id == small_fit.experiment.id
+    written = {}
+    for name in ("~/run", "./~/run"):
+        assert main(["export", name, "--out", "~/export.json"]) == 0
+        written[name] = json.loads((home / "export.json").read_text(encoding="utf-8"))["test"]
+    assert written == {"~/run": other_fit.experiment.id, "./~/run": small_fit.experiment.id}
+    capsys.readouterr()
+
+
+def test_a_run_stays_where_it_is_when_the_process_goes_elsewhere(
+    small_fit: Fit, home: Path
+) -> None:
+    shutil.copytree(small_fit.directory.path, Path("run"))
+    fit = Fit.load("run")
+    here = Path.cwd()
+    os.chdir(home)
+    assert fit.directory.path == here / "run"
+
+
+def test_the_bytes_that_are_hashed_are_those_that_are_read(
+    small_fit: Fit, other_fit: Fit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Draws that are exchanged behind the check of the hashes are not read."""
+    run = tmp_path / "run"
+    shutil.copytree(small_fit.directory.path, run)
+    fit = Fit.load(run)
+    monkeypatch.setattr(type(fit.directory), "require_unchanged", lambda self: None)
+    shutil.copy(other_fit.directory.posterior_file, run / "posterior.nc")
+    with pytest.raises(InputError, match=r"posterior.nc has changed since the run"):
+        Fit.load(run)

@@ -407,7 +407,8 @@ def data_and_refits(
         name: (values, np.concatenate([part[name] for part in parts]))
         for name, values in found.items()
     }
-    shares = _outside(means / scale_of(means), band)
+    # Where residuals correlate the width of the noise does not go with what is left over.
+    shares = _outside(means if correlated else means / scale_of(means), band)
     # As many readings as no replicate has outside may be chance, too.
     shares[shares.argmax()] += 1.0 / observed.shape[1]
     pairs[OUTSIDE] = _outside(observed.mean(axis=0, keepdims=True), band), shares[:, None]

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from linear_fits import LinearModel
 from scipy.stats import beta
 
-from pyburgers.checks.discrepancies import LEVEL, discrepancies_of
+from pyburgers.checks.discrepancies import OVER_SCATTER, discrepancies_of
 from pyburgers.common.netcdf_files import read_netcdf
 
 LEVELS = (0.003, 0.005, 0.01, 0.02, 0.05, 0.1)
@@ -32,12 +32,13 @@ logger = logging.getLogger("check_sizes")
 def family_probabilities(
     model: LinearModel, n_fits: int, seed: int
 ) -> tuple[npt.NDArray[np.float64], Counter[str]]:
-    """Least family probability of each fit, and which discrepancies are beyond `LEVEL`."""
+    """Least family probability of each fit, and which discrepancies are beyond their limits."""
     least, beyond = [], Counter[str]()
     for draws in model.fits(n_fits, seed, draws=DRAWS):
-        family = discrepancies_of(draws).table["family_probability"]
-        least.append(float(family.min()))
-        beyond.update(family[family <= LEVEL].index.get_level_values("discrepancy"))
+        table = discrepancies_of(draws).table
+        beyond.update(table.query("found > at_most").index.get_level_values("discrepancy"))
+        own = table.drop(OVER_SCATTER, level="discrepancy", errors="ignore")
+        least.append(float(own["family_probability"].min()))
     return np.array(least), beyond
 
 
@@ -47,8 +48,15 @@ def upper_limit(count: int, n: int) -> float:
 
 
 def models(runs: list[Path]) -> dict[str, LinearModel]:
-    """Linear models like those of runs, and straight lines."""
-    found = {"a straight line": LinearModel.of_polynomials(60, steps=0, degree=1)}
+    """Linear models like those of runs, and polynomials."""
+    parabola = LinearModel.of_polynomials(60, steps=0, degree=2)
+    found = {
+        "a straight line": LinearModel.of_polynomials(60, steps=0, degree=1),
+        "a polynomial of degree 4": LinearModel.of_polynomials(30, steps=0, degree=4),
+        "a cubic in each of two segments": LinearModel.of_polynomials(50, steps=1, degree=3),
+        "a parabola, half correlates": parabola.with_correlation(0.5, 3.0),
+        "a parabola, most correlates": parabola.with_correlation(0.8, 8.0),
+    }
     for run in runs:
         found[run.name] = LinearModel.like(read_netcdf(run / "posterior.nc"))
     return found
@@ -63,7 +71,7 @@ def main() -> None:
     options = parser.parse_args()
     for number, (name, model) in enumerate(models(options.runs).items()):
         least, beyond = family_probabilities(model, options.fits, number)
-        logger.info(f"{name}: {model.position.size} readings, at {LEVEL}: {dict(beyond)}")
+        logger.info(f"{name}: {model.position.size} readings, beyond: {dict(beyond)}")
         for level in LEVELS:
             count = int(np.sum(least <= level))
             limit = upper_limit(count, least.size)

@@ -46,12 +46,14 @@ from pyburgers.checks.told import (
 from pyburgers.common.draws import TAIL
 from pyburgers.posterior.labelled_draws import response_in
 
-LEVEL_SQUARED = 12.5
-"""The square of a mean in its standard errors: of pure noise more than that in 1 of 2500 cases."""
+LARGEST_LEVEL_SQUARED = 12.5
+"""Square of the mean of noise over its standard error, which 1 of 2500 exceeds: what a constant
+that is not fitted leaves more than the variance."""
 
 SHARE = "residual_correlated_share"
 UNSTATED = "no reading error is stated"
 SEVERITY = (Outcome.NO, Outcome.CANNOT_TELL, Outcome.YES)
+"""The order in which findings decide."""
 
 NARROW = "the intervals of its parameters are then too narrow"
 DESCRIPTION = CheckKind.DESCRIPTION
@@ -114,10 +116,7 @@ def check_size(draws: CheckedDraws) -> Finding:
         *_against_neighbours(draws, family, sizes),
     ]
     unsaid = Finding(Outcome.YES, sizes, f"{UNSTATED} to compare it with.")
-    worst = next(
-        (one for kind in SEVERITY for one in findings if one.outcome is kind),
-        unsaid,
-    )
+    worst = next((one for kind in SEVERITY for one in findings if one.outcome is kind), unsaid)
     note = f"{left[0].lower()}{left[1:]}"
     meaning = f"{left}; {worst.meaning[0].lower()}{worst.meaning[1:]}"
     return worst._replace(meaning=meaning, note=note)
@@ -132,8 +131,8 @@ def _against_limits(draws: CheckedDraws, family: Family) -> list[Finding]:
 
 def _against_variance(sizes: pd.DataFrame) -> list[Finding]:
     """Compare what is left over with what a constant would leave."""
-    most = 1.0 + LEVEL_SQUARED / sizes["readings"]
-    beyond = sizes["share_of_variance"] / most
+    most = 1.0 + LARGEST_LEVEL_SQUARED / sizes["readings"]
+    beyond = (sizes["share_of_variance"] / most).fillna(0.0)
     test = str(beyond.idxmax())
     if not beyond[test] > 1.0:
         return []
@@ -166,8 +165,8 @@ def _against_neighbours(draws: CheckedDraws, family: Family, sizes: pd.DataFrame
                 f"residuals of {name} may correlate, and too few readings are neighbours to tell "
                 "errors of readings from misfit"
             )
-            remedy = _state_errors(leftover)
-            findings.append(Finding(Outcome.CANNOT_TELL, family.table.iloc[:0], few, remedy))
+            told = Finding(Outcome.CANNOT_TELL, sizes, few, _state_errors(leftover))
+            findings.append(told)
     return findings
 
 

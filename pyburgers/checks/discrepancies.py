@@ -291,7 +291,7 @@ def family_probability(probability: float, least: FloatArray) -> float:
 
 
 def _largest_mean(tail: Tail, about_mean: FloatArray, allowed: float) -> float:
-    """Return the mean of a discrepancy that has a probability, its spread over the draws as it is.
+    """Return the largest mean of a discrepancy that has a probability, its spread as it is.
 
     Parameters
     ----------
@@ -302,9 +302,11 @@ def _largest_mean(tail: Tail, about_mean: FloatArray, allowed: float) -> float:
     allowed : float
         The probability.
     """
+    # Of several means with the probability the largest.
+    least = allowed * (1.0 - 1e-9)
     return float(
         bisect(
-            lambda mean: tail.share(about_mean + mean).mean() - allowed,
+            lambda mean: tail.share(about_mean + mean).mean() - least,
             tail.ordered[0] - about_mean.max() - 1.0,
             max(tail.ordered[-1], tail.value(allowed)) - about_mean.min() + 1.0,
             xtol=1e-6,
@@ -407,7 +409,8 @@ def data_and_refits(
         name: (values, np.concatenate([part[name] for part in parts]))
         for name, values in found.items()
     }
-    shares = _outside(means / scale_of(means), band)
+    # Where residuals correlate the width of the noise does not go with what is left over.
+    shares = _outside(means if correlated else means / scale_of(means), band)
     # As many readings as no replicate has outside may be chance, too.
     shares[shares.argmax()] += 1.0 / observed.shape[1]
     pairs[OUTSIDE] = _outside(observed.mean(axis=0, keepdims=True), band), shares[:, None]

@@ -557,6 +557,18 @@ def test_a_verdict_never_contradicts_the_limit_that_is_printed(
             assert outcome is not Outcome.CANNOT_TELL
 
 
+@pytest.mark.parametrize("n_larger", [0, 1, 5])
+def test_the_limit_of_replicates_that_are_mostly_alike_is_no_smaller_than_they_are(
+    n_larger: int,
+) -> None:
+    replicates = np.full((600, 1), 1.4)
+    replicates[:n_larger] += 0.2
+    (row,) = beside_replicates({("a number", "one"): (np.array([1.0]), replicates)}).table.to_dict(
+        "records"
+    )
+    assert 1.4 <= row["at_most"] < 2.5
+
+
 @pytest.mark.parametrize("n_replicates", [400, 2000])
 def test_a_number_far_beyond_all_replicates_fails_in_families_of_any_size(
     n_replicates: int,

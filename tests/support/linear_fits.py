@@ -1,13 +1,15 @@
 """Fits of a linear model to data that it made: exact posteriors, to count how often checks fail."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckedDraws
+from pyburgers.posterior.labelled_draws import CORRELATED
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -24,11 +26,14 @@ class LinearModel:
         Of the readings.
     prior : array, shape (n, n)
         Covariance of the responses.
+    factor : array, shape (n, n), or None
+        Cholesky factor of the correlation of the errors, where they correlate.
     """
 
     position: FloatArray
     segment: FloatArray
     prior: FloatArray
+    factor: FloatArray | None = None
 
     @classmethod
     def like(cls, posterior: xr.DataTree) -> "LinearModel":
@@ -66,12 +71,20 @@ class LinearModel:
         design = np.stack(columns)
         return cls(position, segment, 100.0 * design.T @ design)
 
+    def with_correlation(self, share: float, readings: float) -> Self:
+        """Return the model with a part of the errors that correlates over some readings."""
+        apart = np.abs(np.subtract.outer(*2 * [np.arange(self.position.size)]))
+        part = share * np.exp(-apart / readings) * (self.segment[:, None] == self.segment)
+        return replace(self, factor=np.linalg.cholesky(part + (1 - share) * np.eye(len(part))))
+
     def fits(self, n_fits: int, seed: int, *, draws: int = 1000) -> Iterator[CheckedDraws]:
         """Make truths, data and exact draws of the posterior given them."""
         rng = np.random.default_rng(seed)
         n = self.position.size
-        variance, axes = np.linalg.eigh(self.prior)
-        variance = np.maximum(variance, 0.0)
+        factor = np.eye(n) if self.factor is None else self.factor
+        whitened = np.linalg.solve(factor, np.linalg.solve(factor, self.prior).T)
+        variance, axes = np.linalg.eigh(whitened)
+        variance, axes = np.maximum(variance, 0.0), factor @ axes
         total = variance[:, None] + NOISE_GRID**2
         for _ in range(n_fits):
             data = np.sqrt(variance) * rng.standard_normal(n) + rng.standard_normal(n)
@@ -81,16 +94,18 @@ class LinearModel:
             shrunk = variance / (variance + noise**2)
             deviation = noise * np.sqrt(shrunk) * rng.standard_normal((draws, n))
             model = (shrunk * data + deviation) @ axes.T
-            replicated = model + noise * rng.standard_normal((draws, n))
+            replicated = model + noise * rng.standard_normal((draws, n)) @ factor.T
             yield self._labelled(axes @ data, model, replicated)
 
     def _labelled(
         self, data: FloatArray, model: FloatArray, replicated: FloatArray
     ) -> CheckedDraws:
         dims = ("chain", "draw", "point")
+        correlated = {} if self.factor is None else {CORRELATED: xr.Dataset()}
         return CheckedDraws(
             xr.DataTree.from_dict(
                 {
+                    **correlated,
                     "model_response": xr.Dataset({"stress": (dims, model[None])}),
                     "posterior_predictive": xr.Dataset({"stress": (dims, replicated[None])}),
                     "observed_data": xr.Dataset({"stress": ("point", data)}),

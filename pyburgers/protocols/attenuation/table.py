@@ -191,32 +191,34 @@ def check_table(
         ("uncertainty of the modulus", readings.modulus_error),
     )
     for name, values in positive:
-        _check_sign(values > 0, values, where, name, "a positive number")
+        check_sign(values > 0, values, where, name, "a positive number")
     for name, values in not_negative:
-        _check_sign(values >= 0, values, where, name, "a number of at least 0")
+        check_sign(values >= 0, values, where, name, "a number of at least 0")
     readable = (readings.tan_delta > 0) | readings.is_limit
-    _check_sign(
+    check_sign(
         readable,
         readings.tan_delta,
         where,
         "attenuation",
         "a positive number, or a limit that says what such a reading means",
     )
-    same = np.diff(conditions.spectrum) == 0
-    backwards = np.flatnonzero(same & (np.diff(order) <= 0))
-    if backwards.size:
-        row = int(backwards[0]) + 1
+    by_period = np.lexsort((conditions.period, conditions.spectrum))
+    same = np.diff(conditions.spectrum[by_period]) == 0
+    twice = np.flatnonzero(same & (np.diff(conditions.period[by_period]) <= 0))
+    if twice.size:
+        row = int(by_period[twice[0] + 1])
         raise InputError(
-            f"{where}: data row {row + 1}: found the {order_name} {order[row]:g} after "
-            f"{order[row - 1]:g} at {conditions.temperature[row]:g} K, expected rows of one "
-            f"temperature and stress together, in order of increasing {order_name}."
+            f"{where}: data row {row + 1}: found the {order_name} {order[row]:g} twice at "
+            f"{conditions.temperature[row]:g} K, expected each {order_name} once in the rows of one "
+            "temperature and stress."
         )
     _check_apart(conditions, where)
 
 
-def _check_sign(
+def check_sign(
     good: npt.NDArray[np.bool_], values: FloatArray, where: str, name: str, expected: str
 ) -> None:
+    """Refuse a column with a bad value; the message names the first such row."""
     bad = np.flatnonzero(~good)
     if bad.size:
         raise InputError(

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from pyburgers.common.cells import DECIMAL_COMMA, ODD_MINUS
 from pyburgers.common.errors import InputError
-from pyburgers.common.text_tables import DECIMAL_COMMA, ODD_MINUS, TextTable, look_at
+from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.model.priors import shipped_prior_files
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.new_file import new_files

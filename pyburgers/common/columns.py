@@ -1,10 +1,9 @@
 """Columns of numbers in text files, as a TOML file beside them describes them; in SI units."""
 
-import csv
 import math
 import os
 import re
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
@@ -15,11 +14,17 @@ from pydantic import Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
 from pyburgers.common.atomic_files import write_text
+from pyburgers.common.cells import number_in
 from pyburgers.common.errors import InputError, all_of
-from pyburgers.common.toml_files import Table, factor_to_si, read_text
+from pyburgers.common.text_tables import TextTable, look_at
+from pyburgers.common.toml_files import Table, factor_to_si
+from pyburgers.common.units import counted
 
 FloatArray = npt.NDArray[np.float64]
-Separator = Literal[",", "tab", "whitespace"]
+Separator = Literal[",", ";", "tab", "whitespace"]
+
+SEPARATORS = {"tab": "\t", "whitespace": " "}
+"""What separators are that files name by words."""
 
 DATA_ROOT_VARIABLE = "PYBURGERS_DATA"
 """Environment variable that takes the place of the key `data_root`."""
@@ -27,11 +32,11 @@ DATA_ROOT_VARIABLE = "PYBURGERS_DATA"
 LARGEST = 1e100
 """Size of a number in SI from which on squares and products of readings may not be numbers."""
 
+INFINITE = re.compile(r"[+-]?(?:inf(?:inity)?|[0-9.]+e[+-]?[0-9]+|nan)", re.IGNORECASE)
+"""Cells that are numbers to Python, but not finite ones."""
+
 NAMED_CELLS = 3
 """Cells of a column that are named where they hold no numbers."""
-
-COMMENT = "#"
-"""Lines that start with this are skipped, like blank ones."""
 
 
 def _checked_column(found: object) -> str | int:
@@ -66,8 +71,15 @@ class TextFilesTable(Table):
     data_root: str | None = Field(
         None, description="the folder, relative to this file, in which data files lie"
     )
-    separator: Separator = Field(",", description="what stands between the columns")
-    header: bool = Field(True, description="whether the first row of a data file holds names")
+    separator: Separator | None = Field(
+        None, description="what stands between the columns; default as the file looks"
+    )
+    header: bool | None = Field(
+        None, description="whether a data file has names above its rows; default as it looks"
+    )
+    missing: list[Cell] | None = Field(
+        None, description="cells that stand for no reading; default such as NaN and -9999"
+    )
     rows: dict[str, Cell] = Field(
         default_factory=dict, description="the rows to take: what they hold in columns of this name"
     )
@@ -95,13 +107,16 @@ def read_columns(
     where: Path,
     file_key: str,
     may_be_empty: Container[str] = (),
-) -> list[FloatArray]:
-    """Read columns of a delimited text file.
+) -> tuple[list[FloatArray], tuple[str, ...]]:
+    """Read columns of a text file, or of a workbook.
+
+    Where a cell stands for no reading in a column that may not be empty, its row is left out with
+    a note.
 
     Parameters
     ----------
     source : Path
-        Text file, one row a line.
+        The file, one row a line.
     data : TextFilesTable
         The table [data] that describes it and says which of its rows are wanted.
     columns : mapping
@@ -116,17 +131,20 @@ def read_columns(
 
     Returns
     -------
-    list of array, shape (n_rows,)
-        The columns in the order asked for, in SI, finite but for NaN in empty cells.
+    columns : list of array, shape (n_rows,)
+        In the order asked for, in SI, finite but for NaN in empty cells.
+    notes : tuple of str
+        Sentences about what was done to read them.
 
     Raises
     ------
     InputError
-        If a unit is not one of its quantity, the file is missing or has no data rows, a column is
-        missing, no row is one of those wanted, or a cell is empty, not a number, not finite or
-        larger than `LARGEST`; the message names file, line and column.
+        If a unit is not one of its quantity, the file is missing or has no data rows, its rows do
+        not go with its names, a column is missing, no row is one of those wanted, or a cell is
+        empty, not a number, not finite or larger than `LARGEST`; the message names file, line and
+        column.
     """
-    factors, found = all_of(
+    factors, (found, notes) = all_of(
         lambda: all_of(*(partial(_factor, data, unit, where) for unit in columns.values())),
         lambda: _numbers(source, data, columns, where, file_key, may_be_empty),
     )
@@ -138,33 +156,73 @@ def read_columns(
                 f"{source}: column {getattr(data, key)!r} holds a number that is too large, "
                 f"expected at most {LARGEST:g} in SI."
             )
-    return scaled
+    return scaled, notes
 
 
 def _numbers(
     source: Path,
     data: TextFilesTable,
-    columns: Iterable[str],
+    columns: Mapping[str, tuple[str, str] | None],
     where: Path,
     file_key: str,
     may_be_empty: Container[str],
-) -> list[FloatArray]:
+) -> tuple[list[FloatArray], tuple[str, ...]]:
     """Read columns of the rows that are wanted, in the units of the file."""
-    rows = _rows(source, read_text(source, f"{where}: key {file_key}"), data.separator)
-    names = rows.pop(0)[1] if data.header and rows else None
-    if not rows:
+    table = look_at(
+        source,
+        None if data.separator is None else SEPARATORS.get(data.separator, data.separator),
+        header=data.header,
+        missing=data.missing,
+        where=f"{where}: key {file_key}",
+    )
+    if table.problems:
+        raise InputError(*table.problems)
+    if not table.rows:
         raise InputError(f"{source}: no data rows; expected at least one row of numbers.")
-    if names is not None and data.separator == "whitespace":
-        names = names_between_blanks(" ".join(names), len(rows[0][1]))
+    wanted = np.ones(len(table.rows), dtype=np.bool_)
     for name, value in data.rows.items():
-        rows = _selected(rows, names, name, value, f"{where}: key 'rows'", source)
+        wanted &= _selected(table, wanted, name, value, f"{where}: key 'rows'")
+    chosen = np.flatnonzero(wanted)
 
     def numbers(key: str) -> FloatArray:
         column = getattr(data, key)
-        index = _index(column, names, len(rows[0][1]), f"{where}: key {key!r} in [data]", source)
-        return _column(source, rows, index, column, key in may_be_empty)
+        place = f"{where}: key {key!r} in [data]"
+        index = _index(column, table, place)
+        unit = columns[key]
+        if unit is not None and table.is_time_stamps(table.columns[index]):
+            _check_seconds(table, column, unit, getattr(data, unit[0]), where)
+        return _column(table, index, chosen, column, key in may_be_empty)
 
-    return all_of(*(partial(numbers, key) for key in columns))
+    found = all_of(*(partial(numbers, key) for key in columns))
+    needed = [values for key, values in zip(columns, found, strict=True) if key not in may_be_empty]
+    without = np.isnan(needed).any(axis=0) if needed else np.zeros(chosen.size, dtype=np.bool_)
+    if without.all():
+        raise InputError(
+            f"{source}: found no row with a number in each of the columns "
+            f"{', '.join(repr(getattr(data, key)) for key in columns)}, expected at least one."
+        )
+    notes = table.notes_on({_index(getattr(data, key), table, "") for key in columns})
+    if without.any():
+        lines = [str(table.rows[k][0]) for k in chosen[without]]
+        more = f" and {len(lines) - NAMED_CELLS} more" if len(lines) > NAMED_CELLS else ""
+        notes = (
+            *notes,
+            f"{source.name}: {counted(len(lines), 'row')} without a number in a column that is "
+            f"read left out (line {', '.join(lines[:NAMED_CELLS])}{more}).",
+        )
+    return [values[~without] for values in found], notes
+
+
+def _check_seconds(
+    table: TextTable, column: Column, unit: tuple[str, str], stated: str, where: Path
+) -> None:
+    """Refuse another unit than s of time stamps."""
+    key, quantity = unit
+    if quantity != "time" or stated != "s":
+        raise InputError(
+            f"{where}: key {key!r} in [data]: found {stated!r} for column {column!r}, which holds "
+            f"time stamps, expected 's' of a time: they are read as seconds ({table.path})."
+        )
 
 
 def _factor(data: TextFilesTable, unit: tuple[str, str] | None, where: Path) -> float:
@@ -189,70 +247,31 @@ def _written(number: float) -> str:
     return "" if math.isnan(number) else repr(number)
 
 
-def _rows(path: Path, text: str, separator: Separator) -> list[tuple[int, list[str]]]:
-    """Line number (from 1) and cells of every row that is neither blank nor a comment."""
-    found = []
-    for number, line in enumerate(text.splitlines(), start=1):
-        if line.strip() and not line.lstrip().startswith(COMMENT):
-            try:
-                found.append((number, _cells(line, separator)))
-            except csv.Error as error:
-                raise InputError(f"{path}: line {number}: is no row of cells ({error}).") from None
-    return found
-
-
-def _cells(line: str, separator: Separator) -> list[str]:
-    if separator == "whitespace":
-        return line.split()
-    delimiter = "\t" if separator == "tab" else separator
-    row = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
-    return [cell.strip() for cell in row]
-
-
-def names_between_blanks(line: str, n_columns: int) -> list[str]:
-    """Return the names in a line with white space between them.
-
-    A unit in brackets belongs to the name before it where there are as many columns only then:
-    ``Strain (%)  Stress (MPa)`` are two names.
-
-    Parameters
-    ----------
-    line : str
-        The line.
-    n_columns : int
-        How many columns the rows below have.
-    """
-    words = line.split()
-    if len(words) == n_columns:
-        return words
-    names = re.findall(r"\S+(?: [(\[][^)\]]*[)\]])?", " ".join(words))
-    return names if len(names) == n_columns else words
-
-
 def _selected(
-    rows: list[tuple[int, list[str]]],
-    names: list[str] | None,
-    name: str,
-    value: str,
-    where: str,
-    path: Path,
-) -> list[tuple[int, list[str]]]:
-    """Rows whose cell in the column `name` is `value`."""
-    if names is None:
-        raise InputError(f"{where}: found column {name!r}, expected none: {path} has no header.")
-    index = _index(name, names, len(names), where, path)
-    found = [row[index] if index < len(row) else "" for _, row in rows]
-    chosen = [row for row, cell in zip(rows, found, strict=True) if cell == value]
-    if not chosen:
+    table: TextTable, wanted: npt.NDArray[np.bool_], name: str, value: str, where: str
+) -> npt.NDArray[np.bool_]:
+    """Return which rows hold `value` in the column `name`; one of those that are wanted has to."""
+    if table.names is None:
         raise InputError(
-            f"{where}: found {value!r} for column {name!r}, expected one that {path} holds: "
-            f"{', '.join(dict.fromkeys(found))}."
+            f"{where}: found column {name!r}, expected none: {table.path} has no header."
+        )
+    index = _index(name, table, where)
+    found = [row[index] if index < len(row) else "" for _, row in table.rows]
+    chosen = np.array([cell == value for cell in found])
+    if not (chosen & wanted).any():
+        there = dict.fromkeys(
+            cell for cell, is_wanted in zip(found, wanted, strict=True) if is_wanted
+        )
+        raise InputError(
+            f"{where}: found {value!r} for column {name!r}, expected one that {table.path} holds: "
+            f"{', '.join(there)}."
         )
     return chosen
 
 
-def _index(column: str | int, names: list[str] | None, n_cells: int, where: str, path: Path) -> int:
+def _index(column: str | int, table: TextTable, where: str) -> int:
     """Position of a column, from 0."""
+    names, path = table.names, table.path
     if names is not None:
         if names.count(str(column)) == 1:
             return names.index(str(column))
@@ -260,6 +279,7 @@ def _index(column: str | int, names: list[str] | None, n_cells: int, where: str,
         raise InputError(
             f"{where}: column {column!r} {problem} {path}, whose columns are {', '.join(names)}."
         )
+    n_cells = len(table.columns)
     if isinstance(column, str) or not 1 <= column <= n_cells:
         raise InputError(
             f"{where}: found {column!r}, expected a column number from 1 to {n_cells}, "
@@ -269,44 +289,38 @@ def _index(column: str | int, names: list[str] | None, n_cells: int, where: str,
 
 
 def _column(
-    path: Path,
-    rows: Sequence[tuple[int, list[str]]],
+    table: TextTable,
     index: int,
+    chosen: npt.NDArray[np.intp],
     column: str | int,
     may_be_empty: bool,
 ) -> FloatArray:
-    """Return the numbers in one column; of many bad cells the first ones are named."""
+    """Return the numbers in one column, NaN for no reading; of many bad cells the first are named.
+
+    An empty cell is no reading where it may be empty, or where something else stood in it.
+    """
+    cells = table.cleaned(index)
     values, sentences = [], list[str]()
-    for line, row in rows:
-        try:
-            values.append(_cell(path, line, row, index, column, may_be_empty))
-        except InputError as error:
-            sentences += error.sentences
+    for k in chosen:
+        line, row = table.rows[k]
+        value = math.nan if not cells[k] else number_in(cells[k])
+        fault = None
+        if index >= len(row):
+            fault = "the row ends before this column"
+        elif not row[index] and not may_be_empty:
+            fault = "found an empty cell, expected a number"
+        elif value is None:
+            finite = "finite " if INFINITE.fullmatch(cells[k]) else ""
+            fault = f"found {cells[k]!r}, expected a {finite}number"
+        if fault is not None:
+            sentences.append(f"{table.path}: line {line}, column {column!r}: {fault}.")
+        values.append(math.nan if value is None else value)
     if len(sentences) > NAMED_CELLS:
         more = len(sentences) - NAMED_CELLS
         sentences = [
             *sentences[:NAMED_CELLS],
-            f"{path}: column {column!r}: {more} more cells are not numbers either.",
+            f"{table.path}: column {column!r}: {more} more cells are not numbers either.",
         ]
     if sentences:
         raise InputError(*sentences)
     return np.array(values)
-
-
-def _cell(
-    path: Path, line: int, row: list[str], index: int, column: str | int, may_be_empty: bool
-) -> float:
-    """Return the number in one cell, NaN for one that is empty and may be."""
-    place = f"{path}: line {line}, column {column!r}"
-    if index >= len(row):
-        raise InputError(f"{place}: the row ends before this column.")
-    if may_be_empty and not row[index]:
-        return math.nan
-    try:
-        value = float(row[index])
-    except ValueError:
-        found = repr(row[index]) if row[index] else "an empty cell"
-        raise InputError(f"{place}: found {found}, expected a number.") from None
-    if not math.isfinite(value):
-        raise InputError(f"{place}: found {row[index]!r}, expected a finite number.")
-    return value

@@ -1,48 +1,75 @@
-"""What a text file of columns looks like, before anything is known of it: a guess, never an error.
+"""How a file of cells is laid out: where its table is, what separates cells, names and units.
 
-`pyburgers.common.columns` reads such files as an experiment file describes them; this module looks
-at a file that nobody has described yet, or that was described wrongly.
+One reader serves whoever describes a file (`pyburgers new`, hints) and whoever reads its numbers
+(`pyburgers.common.columns`). It tells what it did in notes, and doubts as problems.
 """
 
 import csv
-import math
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
-from pyburgers.common.columns import COMMENT, names_between_blanks
-from pyburgers.common.toml_files import read_text
+from pyburgers.common.cells import (
+    DECIMAL_COMMA,
+    THOUSANDS,
+    Row,
+    as_number,
+    kind_of,
+    missing_numbers,
+    names_between_blanks,
+)
+from pyburgers.common.table_layout import (
+    COMMENT,
+    SMALL_TABLE,
+    cells_of,
+    is_comment,
+    layout_of,
+    separator_of,
+)
+from pyburgers.common.text_files import Sheet, read_sheets
+from pyburgers.common.time_stamps import has_clock, has_date, seconds_of
 
-MINUS_SIGNS = "\u2212\u2013\u2012\ufe63\uff0d"
-"""Characters that look like a minus sign and are none to a reader of numbers."""
-
-DECIMAL_COMMA = re.compile(r"^[+-]?\d+,\d+(?:[eE][+-]?\d+)?$")
+FROM_ZERO = re.compile(r"elaps|durat|since|run(?:ning)?.?time|test.?time", re.IGNORECASE)
+"""What the name of a clock has that counts from the start of a test."""
 
 
 @dataclass(frozen=True)
 class TextTable:
-    """A text file as it looks.
+    """The table in a file.
 
     Attributes
     ----------
     path : Path
         The file.
     separator : str
-        Semicolon, tab or comma, or a blank for white space.
+        Semicolon, tab or comma, or a blank for white space; a comma of a workbook.
     names : tuple of str or None
-        First row, where it holds no numbers.
+        Names above the columns, where there are some.
     hidden_names : tuple of str or None
         Names in the last line ahead of the rows that is a comment, as many as there are columns.
     rows : tuple of (int, tuple of str)
-        Number of the line from 1, and cells, of the rows of numbers.
+        Number of the line from 1, and cells as they stand in the file, of the rows of numbers.
+    units : tuple of str or None
+        Cells of a row of units under the names.
+    missing : tuple of str or None
+        Cells that are said to stand for no reading; None where they are to be found.
+    layout_notes : tuple of str
+        Sentences about what was done to find the table.
+    problems : tuple of str
+        Sentences about what keeps the rows from being read.
     """
 
     path: Path
     separator: str
     names: tuple[str, ...] | None
     hidden_names: tuple[str, ...] | None
-    rows: tuple[tuple[int, tuple[str, ...]], ...]
+    rows: tuple[Row, ...]
+    units: tuple[str, ...] | None = None
+    missing: tuple[str, ...] | None = None
+    layout_notes: tuple[str, ...] = ()
+    problems: tuple[str, ...] = ()
 
     @property
     def columns(self) -> tuple[str | int, ...]:
@@ -60,103 +87,272 @@ class TextTable:
             and tuple(names_between_blanks(" ".join(names), len(names))) == names
         )
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences about what was done to read the file, each with its name."""
+        return self.notes_on(range(len(self.columns)))
+
+    def notes_on(self, indices: Iterable[int]) -> tuple[str, ...]:
+        """Return the notes on the file as a whole and on some columns, from 0."""
+        own = [note for index in sorted(indices) for note in self._notes_on(index)]
+        if self.has_decimal_commas:
+            own.append("numbers have decimal commas")
+        return tuple(f"{self.path.name}: {note}." for note in (*self.layout_notes, *own))
+
+    def described(self, column: str | int) -> str:
+        """Return the name of a column, followed by the unit under it: ``Time [min]``."""
+        index = self.columns.index(column)
+        names = self.names or self.hidden_names
+        name = str(column) if names is None else names[index]
+        unit = "" if self.units is None or index >= len(self.units) else self.units[index]
+        if not unit:
+            return name
+        return f"{name} {unit}" if unit[0] in "([" else f"{name} [{unit}]"
+
+    def is_time_stamps(self, column: str | int) -> bool:
+        """Whether a column holds time stamps, of which `numbers` are seconds."""
+        return self.columns.index(column) in self._stamps
+
     def numbers(self, column: str | int) -> list[float]:
         """Return the numbers in a column, as a person reads them; without cells that hold none."""
-        index = self.columns.index(column)
-        cells = (cells[index] for _, cells in self.rows if index < len(cells))
+        cells = self.cleaned(self.columns.index(column))
         return [value for value in map(as_number, cells) if value is not None]
+
+    def cleaned(self, index: int) -> list[str]:
+        """Return the cells of a column in the form of numbers; those that hold none as they are.
+
+        Time stamps become seconds, decimal commas points, and what stands for no reading is empty.
+        Cells that a row lacks are empty.
+        """
+        if index in self._stamps:
+            return self._stamps[index]
+        missing = self._missing[index]
+        cells = ["" if cell in missing else cell for cell in self._column(index)]
+        if self.has_decimal_commas:
+            return [
+                cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell for cell in cells
+            ]
+        return cells
 
     def cells_like(self, looks: re.Pattern[str]) -> list[tuple[int, str]]:
         """Return lines and cells that look like something."""
         return [(line, cell) for line, cells in self.rows for cell in cells if looks.search(cell)]
 
+    def _column(self, index: int) -> list[str]:
+        return [cells[index] if index < len(cells) else "" for _, cells in self.rows]
 
-ODD_MINUS = re.compile(rf"^[{MINUS_SIGNS}]\s*[\d.]")
+    @cached_property
+    def has_decimal_commas(self) -> bool:
+        """Whether commas stand for points: they separate no cells, and no number has a point."""
+        if self.separator == ",":
+            return False
+        cells = [cell for _, row in self.rows for cell in row if kind_of(cell) == "number"]
+        commas = [cell for cell in cells if DECIMAL_COMMA.fullmatch(cell)]
+        return bool(commas) and not any("." in cell and ":" not in cell for cell in cells)
+
+    @cached_property
+    def _missing(self) -> list[set[str]]:
+        """Cells of each column that stand for no reading."""
+        return [
+            missing_numbers(self._column(index), self.missing) for index in range(len(self.columns))
+        ]
+
+    @cached_property
+    def _clocks(self) -> tuple[dict[int, str], int | None]:
+        """Columns of time stamps with their kinds, and that of dates that goes with a clock."""
+        kinds: dict[int, str] = {}
+        for index in range(len(self.columns)):
+            cells = [cell for cell in self._column(index) if kind_of(cell)]
+            if cells and all(has_clock(cell) or has_date(cell) for cell in cells):
+                dated, timed = has_date(cells[0]), has_clock(cells[0])
+                kinds[index] = "both" if dated and timed else "date" if dated else "clock"
+        dates = [index for index, kind in kinds.items() if kind == "date"]
+        clocks = [index for index, kind in kinds.items() if kind == "clock"]
+        return kinds, dates[0] if len(dates) == 1 and len(clocks) == 1 else None
+
+    @cached_property
+    def _stamps(self) -> dict[int, list[str]]:
+        """Seconds, as text, of the columns of time stamps that can be read in one way."""
+        kinds, date = self._clocks
+        found = {}
+        for index in kinds:
+            if index == date:
+                continue
+            cells = self._column(index)
+            if date is not None and kinds[index] == "clock":
+                cells = [
+                    f"{day} {clock}" for day, clock in zip(self._column(date), cells, strict=True)
+                ]
+            times = seconds_of(cells)
+            if times is not None:
+                counts_from_zero = kinds[index] == "clock" and self._is_from_zero(index)
+                start = 0.0 if counts_from_zero else next(t for t in times if t == t)
+                found[index] = [repr(round(t - start, 9)) if t == t else "" for t in times]
+        return found
+
+    def _is_from_zero(self, index: int) -> bool:
+        """Whether a clock shows the time since the start of the test."""
+        return FROM_ZERO.search(str(self.columns[index])) is not None
+
+    def _notes_on(self, index: int) -> list[str]:
+        """Say how the cells of a column were read."""
+        (kinds, date), name = self._clocks, self.columns[index]
+        kind, missing, notes = kinds.get(index), self._missing[index], []
+        if index in self._stamps:
+            dates = "" if date is None or kind != "clock" else f" with {self.columns[date]!r}"
+            from_zero = kind == "clock" and not dates and self._is_from_zero(index)
+            start = "its zero" if from_zero else "the first row"
+            notes.append(f"column {name!r}{dates} holds time stamps, read as seconds since {start}")
+        elif kind is not None and index != date:
+            cell = next(cell for cell in self._column(index) if cell)
+            notes.append(
+                f"column {name!r} holds time stamps such as {cell!r}, which can be read in more "
+                "than one way: write them as 2024-03-01 09:00:00, or hh:mm:ss"
+            )
+        if missing:
+            many = sum(cell in missing for cell in self._column(index))
+            notes.append(
+                f"column {name!r}: {', '.join(sorted(missing))} (in {many} of {len(self.rows)} "
+                "rows) stands for no reading, as an empty cell does"
+            )
+        return notes
 
 
-def look_at(path: Path) -> TextTable:
-    """Look at a text file.
+def look_at(
+    path: Path,
+    separator: str | None = None,
+    *,
+    header: bool | None = None,
+    missing: Sequence[str] | None = None,
+    where: str | None = None,
+) -> TextTable:
+    """Find the table in a file.
 
     Parameters
     ----------
     path : Path
         The file.
+    separator : str, optional
+        What stands between cells, one of `SEPARATORS`; default as the file looks.
+    header : bool, optional
+        Whether names stand above the rows; default as the file looks.
+    missing : sequence of str, optional
+        Cells that stand for no reading; default such as NaN and -9999.
+    where : str, optional
+        File and key that name `path`, for messages.
 
     Raises
     ------
     InputError
         If it cannot be read at all.
     """
-    lines = list(enumerate(read_text(path).splitlines(), start=1))
-    content = [(n, line) for n, line in lines if line.strip() and not _is_comment(line)]
-    separator = _separator([line for _, line in content])
-    rows = [(number, _cells(line, separator)) for number, line in content]
-    names = None
-    n_columns = len(rows[1 if len(rows) > 1 else 0][1]) if rows else 0
-    if rows and not any(as_number(cell) is not None for cell in rows[0][1]):
-        names = _header(content[0][1], separator, n_columns)
-        rows.pop(0)
-    hidden = None
-    if names is None and rows:
-        before = [line for number, line in lines if number < rows[0][0] and _is_comment(line)]
-        found = _header(before[-1].lstrip().lstrip(COMMENT), separator, n_columns) if before else ()
-        if len(found) == len(rows[0][1]) and not any(as_number(cell) is not None for cell in found):
-            hidden = found
-    return TextTable(path, separator, names, hidden, tuple(rows))
+    sheets, encoding = read_sheets(path, where)
+    tables = [_table_in(path, sheet, separator, header, missing) for sheet in sheets]
+    if not tables:
+        return TextTable(path, ",", None, None, ())
+    table = max(tables, key=lambda one: len(one.rows))
+    notes = [] if encoding is None else [encoding]
+    name = sheets[tables.index(table)].name
+    if name:
+        notes.append(f"the sheet {name!r} of the workbook is read")
+    large = [
+        sheet.name
+        for sheet, one in zip(sheets, tables, strict=True)
+        if len(one.rows) >= max(2, SMALL_TABLE * len(table.rows))
+    ]
+    problems = list(table.problems)
+    if len(large) > 1:
+        problems.append(
+            f"{path}: found readings in {len(large)} sheets ({', '.join(large)}), expected one: "
+            "save the sheet of this test as a file of its own."
+        )
+    return replace(table, layout_notes=(*notes, *table.layout_notes), problems=tuple(problems))
 
 
-def as_number(cell: str) -> float | None:
-    """Return the number that a person reads in a cell: also with a decimal comma, or an odd minus.
-
-    None where there is none, or not a finite one.
-    """
-    text = re.sub(f"[{MINUS_SIGNS}]", "-", cell.strip())
-    if DECIMAL_COMMA.fullmatch(text):
-        text = text.replace(",", ".")
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return value if math.isfinite(value) else None
-
-
-def _header(line: str, separator: str, n_columns: int) -> tuple[str, ...]:
-    """Return the names in a line, as a reader of the file finds them."""
-    if separator == " ":
-        return tuple(names_between_blanks(line, n_columns))
-    return _cells(line, separator)
-
-
-def _is_comment(line: str) -> bool:
-    return line.lstrip().startswith(COMMENT)
-
-
-def _separator(lines: Sequence[str]) -> str:
-    """Return what stands between cells: the first that every line has equally often."""
-    for separator in (";", "\t", ","):
-        counts = {len(_cells(line, separator)) - 1 for line in lines[:50]}
-        if len(counts) == 1 and counts != {0} and not _all_decimal_commas(lines, separator):
-            return separator
-    return " "
-
-
-def _all_decimal_commas(lines: Sequence[str], separator: str) -> bool:
-    """Whether the commas of a file are in its numbers: white space stands between them."""
-    if separator != ",":
-        return False
-    cells = [cell for line in lines[1:50] for cell in line.split()]
-    return (
-        bool(cells)
-        and all(DECIMAL_COMMA.fullmatch(cell) for cell in cells)
-        and len(lines[-1].split()) > 1
+def _table_in(
+    path: Path,
+    sheet: Sheet,
+    separator: str | None,
+    header: bool | None,
+    missing: Sequence[str] | None,
+) -> TextTable:
+    """Find the table in the lines of a text, or in a sheet of a workbook."""
+    lines = list(enumerate(sheet.lines, start=1))
+    content = [(n, line) for n, line in lines if line.strip() and not is_comment(line)]
+    between = separator or separator_of([line for _, line in content])
+    rows = list(enumerate(sheet.rows, start=1))
+    broken = []
+    for number, line in content:
+        try:
+            rows.append((number, cells_of(line, between)))
+        except csv.Error:
+            rows.append((number, (line.strip(),)))
+            broken.append(number)
+    comments = [(n, line.lstrip().lstrip(COMMENT)) for n, line in lines if is_comment(line)]
+    filled = [(number, cells) for number, cells in rows if any(cells)]
+    layout = layout_of(path, "," if sheet.rows else between, filled, header, comments)
+    table = TextTable(
+        path=path,
+        separator="," if sheet.rows else between,
+        names=layout.names,
+        hidden_names=layout.hidden_names,
+        rows=layout.rows,
+        units=layout.units,
+        missing=None if missing is None else tuple(missing),
+        layout_notes=layout.notes,
     )
+    problems = (
+        *layout.problems,
+        *_open_quotes(path, [n for n in broken if n >= layout.first_line]),
+        *(() if layout.problems else _long_rows(table, layout.width)),
+        *_doubtful_commas(table),
+    )
+    return replace(table, problems=problems)
 
 
-def _cells(line: str, separator: str) -> tuple[str, ...]:
-    if separator == " ":
-        return tuple(line.split())
-    try:
-        found = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
-    except csv.Error:
-        return (line.strip(),)
-    return tuple(cell.strip() for cell in found)
+def _open_quotes(path: Path, lines: Sequence[int]) -> Iterator[str]:
+    """Name the lines of the table whose quotation marks are not closed."""
+    if lines:
+        yield (
+            f"{path}: line {lines[0]}: found a quotation mark that is not closed"
+            f"{_and_more(len(lines) - 1)}, expected pairs of them."
+        )
+
+
+def _long_rows(table: TextTable, width: int) -> Iterator[str]:
+    """Name rows that are longer than the names, or than most rows, or names that are too many."""
+    names, path = table.names, table.path
+    n_cells = width if names is None else len(names)
+    if names is not None and table.separator == " " and n_cells != width:
+        yield (
+            f"{path}: found {n_cells} words for names ({' '.join(names)}) above {width} columns, "
+            "expected a name for each: join the words of a name, or start the line with '#'."
+        )
+        return
+    rows = [(number, cells) for number, cells in table.rows if any(cells[n_cells:])]
+    if rows:
+        number, cells = rows[0]
+        hint = ": write numbers without thousands separators and with decimal points"
+        yield (
+            f"{path}: line {number}: found {len(cells)} cells "
+            f"({table.separator.join(cells)[:60]}){_and_more(len(rows) - 1)}, expected at most "
+            f"{n_cells}, as many as there are {'columns' if names is None else 'names'}"
+            f"{hint if table.separator == ',' else ''}."
+        )
+
+
+def _doubtful_commas(table: TextTable) -> Iterator[str]:
+    """Name a comma that may separate thousands or decimals, unless semicolons separate cells."""
+    if not table.has_decimal_commas or table.separator == ";":
+        return
+    commas = table.cells_like(DECIMAL_COMMA)
+    if all(THOUSANDS.fullmatch(cell) for _, cell in commas):
+        line, cell = commas[0]
+        yield (
+            f"{table.path}: line {line}: found {cell!r}{_and_more(len(commas) - 1)}, whose comma "
+            "may separate thousands or decimals, expected numbers without commas."
+        )
+
+
+def _and_more(number: int) -> str:
+    return f" (and in {number} more lines)" if number > 0 else ""

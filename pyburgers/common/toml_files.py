@@ -41,36 +41,48 @@ _PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+"""
 _DEEP_KEY = re.compile(rf"(?<![\w-])(?:{_PART}){{{DEEPEST}}}")
 
 
-def read_text(path: Path, where: str | None = None) -> str:
-    """Return the text of an input file.
+def read_bytes(path: Path, where: str | None = None) -> bytes:
+    """Return the bytes of an input file.
 
     Parameters
     ----------
     path : Path
-        File to read, UTF-8 with or without byte order mark.
+        File to read.
     where : str, optional
         File and key that name `path`, for the message.
 
     Raises
     ------
     InputError
-        If the file is missing, unreadable or not text.
+        If the file is missing or unreadable.
     """
     prefix = f"{where}: " if where else ""
     try:
         if path.exists() and not (path.is_file() or path.is_dir()):
             raise InputError(f"{prefix}{path} is a device or a pipe; expected a file.")
-        return path.read_text(encoding="utf-8-sig")
+        return path.read_bytes()
     except FileNotFoundError:
         raise InputError(f"{prefix}file {path} does not exist.") from None
     except IsADirectoryError:
         raise InputError(f"{prefix}{path} is a folder; expected a file.") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{prefix}file {path} is not UTF-8 text.") from None
     except OSError as error:
         raise InputError(f"{prefix}file {path} cannot be read: {error.strerror}.") from None
     except ValueError as error:  # a name that no file can have
         raise InputError(f"{prefix}file {str(path)!r} cannot be read: {error}.") from None
+
+
+def read_text(path: Path) -> str:
+    """Return the text of an input file: UTF-8 with or without byte order mark.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, unreadable or not text.
+    """
+    try:
+        return read_bytes(path).decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError:
+        raise InputError(f"file {path} is not UTF-8 text.") from None
 
 
 def read_toml(path: Path, structure: type[TableT]) -> TableT:

@@ -86,6 +86,8 @@ class PeakStressData:
         Where the numbers come from.
     peak_strain : PeakStrain or None
         Where the peaks are, if it is stated.
+    notices : tuple of str
+        What was done to read them: sentences.
     """
 
     id: str
@@ -97,6 +99,7 @@ class PeakStressData:
     relative_stress_uncertainty: FloatArray
     provenance: Provenance
     peak_strain: PeakStrain | None = None
+    notices: tuple[str, ...] = ()
 
     @property
     def n_points(self) -> int:
@@ -210,7 +213,7 @@ def load_peak_stress(path: str | Path) -> PeakStressData:
         for name, quantity in wanted.items()
     }
     source = data.folder(path) / data.file
-    read = read_columns(source, data, columns, where=path, file_key="'file' in [data]")
+    read, notes = read_columns(source, data, columns, where=path, file_key="'file' in [data]")
     values = dict(zip(wanted, read, strict=True))
     if data.temperature_unit == "degC":
         values["temperature"] = values["temperature"] + ZERO_CELSIUS
@@ -222,6 +225,7 @@ def load_peak_stress(path: str | Path) -> PeakStressData:
         **{UNCERTAINTY: np.zeros(read[0].size), **values},
         provenance=Provenance(**file.provenance.model_dump()),
         peak_strain=None if peak is None else PeakStrain(peak.mean, peak.sd),
+        notices=notes,
     )
 
 

@@ -140,7 +140,7 @@ def load_attenuation(path: str | Path) -> AttenuationExperiment:
                 f"{path}: key {key!r}: found {getattr(file, key):g}, expected none, because tables "
                 "of attenuation are fitted at their stated conditions."
             )
-    values, elasticity, (conditions, readings) = all_of(
+    values, elasticity, (conditions, readings, notes) = all_of(
         lambda: shared_values(path, file),
         lambda: _elasticity(path, file.attenuation),
         lambda: _table(path, file),
@@ -151,7 +151,7 @@ def load_attenuation(path: str | Path) -> AttenuationExperiment:
         conditions=conditions.ordered(by_period),
         readings=readings.ordered(by_period),
         elasticity=elasticity,
-        notices=tuple(dict.fromkeys([*file.notices, *_notices(conditions, readings)])),
+        notices=tuple(dict.fromkeys([*file.notices, *notes, *_notices(conditions, readings)])),
     )
 
 
@@ -194,6 +194,7 @@ def save_attenuation(experiment: AttenuationExperiment, directory: Path) -> Path
         "file": "experiment.csv",
         "separator": ",",
         "header": True,
+        "missing": [],
         "period_column": "period_s",
         "period_unit": "s",
         "temperature_column": "temperature_K",
@@ -219,8 +220,8 @@ def save_attenuation(experiment: AttenuationExperiment, directory: Path) -> Path
     return write_experiment(experiment, directory, {"attenuation": attenuation, "data": data})
 
 
-def _table(path: Path, file: _AttenuationFile) -> tuple[Conditions, Readings]:
-    """Return the rows, measured or imagined."""
+def _table(path: Path, file: _AttenuationFile) -> tuple[Conditions, Readings, tuple[str, ...]]:
+    """Return the rows, measured or imagined, and notes on their file."""
     if (file.data is None) == (not file.spectra):
         found = "neither" if file.data is None else "both"
         raise InputError(
@@ -233,22 +234,19 @@ def _table(path: Path, file: _AttenuationFile) -> tuple[Conditions, Readings]:
             file.attenuation.median_stress_Pa,
             file.attenuation.amplitude_Pa,
         )
-        return conditions_of(file.spectra, *common, where=f"{path}: [[spectra]]"), NO_READINGS
+        return conditions_of(file.spectra, *common, where=f"{path}: [[spectra]]"), NO_READINGS, ()
     return _measured(path, file, file.data)
 
 
-def _measured(path: Path, file: _AttenuationFile, data: _DataTable) -> tuple[Conditions, Readings]:
-    """Read and check the rows, in the order of the data file."""
+def _measured(
+    path: Path, file: _AttenuationFile, data: _DataTable
+) -> tuple[Conditions, Readings, tuple[str, ...]]:
+    """Read and check the rows, in the order of the data file; return notes on it with them."""
     source = data.folder(path) / data.file
     periods = _one_of(path, data, "period_column", "frequency_column")
     columns = _columns(path, data, periods)
-    found = dict(
-        zip(
-            columns,
-            read_columns(source, data, columns, where=path, file_key="'file' in [data]"),
-            strict=True,
-        )
-    )
+    read, notes = read_columns(source, data, columns, where=path, file_key="'file' in [data]")
+    found = dict(zip(columns, read, strict=True))
     if data.least_temperature is not None:
         found = _from_temperature(path, found, data.least_temperature)
     order = found[periods]
@@ -265,9 +263,9 @@ def _measured(path: Path, file: _AttenuationFile, data: _DataTable) -> tuple[Con
         amplitude=_stress(path, file.attenuation, data, found, "amplitude", n_rows),
     )
     readings = _readings(path, data, found, str(source))
-    ordered_by = "period" if periods == "period_column" else "frequency"
-    check_table(conditions, readings, order, str(source), ordered_by)
-    return conditions, readings
+    order_name = "period" if periods == "period_column" else "frequency"
+    check_table(conditions, readings, order, str(source), order_name)
+    return conditions, readings, notes
 
 
 def _one_of(path: Path, data: _DataTable, first: str, second: str) -> str:

@@ -46,6 +46,8 @@ class Curve:
         Strain (fraction) and stress (Pa) in the order of the file.
     lower, upper : float
         Strains between which the points have to lie.
+    notes : tuple of str
+        Sentences about what was done to read them.
     """
 
     path: Path
@@ -54,6 +56,7 @@ class Curve:
     stress: FloatArray
     lower: float
     upper: float
+    notes: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -100,7 +103,7 @@ def join_curves(
         loaded = order[strain[order] > 0]
         strains.append(strain[loaded])
         stresses.append(curve.stress[loaded])
-        notices += [*moved, *sorted_, *_dropped(curve, len(strain) - len(loaded))]
+        notices += [*curve.notes, *moved, *sorted_, *_dropped(curve, len(strain) - len(loaded))]
     strain, stress = np.concatenate(strains), np.concatenate(stresses)
     if curves and strain.size == 0:
         raise InputError(f"{curves[0].place}: every point is at zero strain, expected a curve.")

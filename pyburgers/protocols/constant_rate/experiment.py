@@ -271,6 +271,7 @@ def save_constant_rate(experiment: ConstantRateExperiment, directory: Path) -> P
             "file": "experiment.csv",
             "separator": ",",
             "header": True,
+            "missing": [],
             "strain_column": "strain",
             "strain_unit": "fraction",
             "stress_column": "stress_Pa",
@@ -361,25 +362,27 @@ def _read_curves(
     root = data.folder(path)
     end = np.inf if file.final_strain is None else file.final_strain
     if data.file is not None and file.segments[0].rows is None:
-        strain, stress = _read_points(path, root / data.file, data, segments, "'file' in [data]")
-        return [Curve(root / data.file, data.selection, strain, stress, 0.0, end)]
+        strain, stress, notes = _read_points(
+            path, root / data.file, data, segments, "'file' in [data]"
+        )
+        return [Curve(root / data.file, data.selection, strain, stress, 0.0, end, notes)]
     bounds = [*(segment.start_strain for segment in segments), end]
     curves = []
     for k, segment in enumerate(file.segments):
         source = root / str(segment.file or data.file)
         key = "'file' in [data]" if data.file else f"'file' in [[segments]] number {k + 1}"
         own = data.model_copy(update={"rows": {**data.rows, **(segment.rows or {})}})
-        strain, stress = _read_points(path, source, own, segments, key)
-        curves.append(Curve(source, own.selection, strain, stress, bounds[k], bounds[k + 1]))
+        strain, stress, notes = _read_points(path, source, own, segments, key)
+        curves.append(Curve(source, own.selection, strain, stress, bounds[k], bounds[k + 1], notes))
     return curves
 
 
 def _read_points(
     path: Path, source: Path, data: _DataTable, segments: Sequence[RateSegment], file_key: str
-) -> tuple[FloatArray, FloatArray]:
-    """Strain (fraction) and stress (Pa) of one file, each of shape (n_rows,)."""
+) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
+    """Strain (fraction) and stress (Pa) of one file, each of shape (n_rows,), and notes."""
     abscissa = "strain" if data.strain_column is not None else "time"
-    position, stress = read_columns(
+    (position, stress), notes = read_columns(
         source,
         data,
         {
@@ -390,7 +393,7 @@ def _read_points(
         file_key=file_key,
     )
     strain = position if abscissa == "strain" else _strain_at(position, segments)
-    return strain, stress
+    return strain, stress, notes
 
 
 def _stress_uncertainty(path: Path, data: _DataTable | None) -> float | None:

@@ -208,12 +208,13 @@ def load_forced_oscillation(path: str | Path) -> OscillationExperiment:
             "are imposed where there is no record of them."
         )
     data = file.data
-    values, (strain_time, strain, strain_uncertainty), series = all_of(
+    values, (strain_columns, strain_notes), (stress_columns, stress_notes) = all_of(
         lambda: shared_values(path, file),
         lambda: _read_series(path, data, "strain"),
         lambda: _read_series(path, data, "stress"),
     )
-    stress_time, stress, stress_uncertainty = series
+    strain_time, strain, strain_uncertainty = strain_columns
+    stress_time, stress, stress_uncertainty = stress_columns
     record = OscillationRecord(
         strain_time=strain_time,
         strain=strain,
@@ -236,7 +237,9 @@ def load_forced_oscillation(path: str | Path) -> OscillationExperiment:
         settings=prepared.settings,
         prepared=prepared,
         spin_up_cycles=file.oscillation.spin_up_cycles,
-        notices=tuple(dict.fromkeys([*file.notices, *prepared.notices])),
+        notices=tuple(
+            dict.fromkeys([*file.notices, *strain_notes, *stress_notes, *prepared.notices])
+        ),
     )
 
 
@@ -266,7 +269,7 @@ def save_forced_oscillation(experiment: OscillationExperiment, directory: Path) 
         "strain": ("fraction", record.strain_time, record.strain, record.strain_uncertainty),
         "stress": ("Pa", record.stress_time, record.stress, record.stress_uncertainty),
     }
-    data: dict[str, Any] = {"separator": ",", "header": True}
+    data: dict[str, Any] = {"separator": ",", "header": True, "missing": []}
     for name, (unit, *columns) in series.items():
         names = ("time_s", name, "uncertainty")
         table = dict(zip(names, columns, strict=True))
@@ -377,8 +380,10 @@ def _save_imagined(
     )
 
 
-def _read_series(path: Path, data: _DataTable, name: str) -> tuple[FloatArray, ...]:
-    """Return times (s), readings and standard deviations (SI) of one series."""
+def _read_series(
+    path: Path, data: _DataTable, name: str
+) -> tuple[tuple[FloatArray, ...], tuple[str, ...]]:
+    """Return times (s), readings and standard deviations (SI) of one series, and notes on them."""
     column, number = f"{name}_uncertainty_column", f"{name}_uncertainty"
     uncertainty = getattr(data, number)
     if (getattr(data, column) is None) == (uncertainty is None):
@@ -393,9 +398,9 @@ def _read_series(path: Path, data: _DataTable, name: str) -> tuple[FloatArray, .
     source = data.folder(path) / getattr(data, file_key)
     if uncertainty is None:
         columns[column] = unit
-    time, value, *spread = read_columns(
+    (time, value, *spread), notes = read_columns(
         source, data, columns, where=path, file_key=f"{file_key!r} in [data]"
     )
     if not spread:
         spread = [np.full_like(value, uncertainty * UNITS[name][getattr(data, f"{name}_unit")])]
-    return time, value, *spread
+    return (time, value, *spread), notes

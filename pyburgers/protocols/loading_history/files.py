@@ -98,7 +98,12 @@ def load_loading_history(path: str | Path) -> LoadingHistory:
     file = read_toml(path, _LoadingHistoryFile)
     values, (test, offset) = all_of(lambda: shared_values(path, file), lambda: _test(path, file))
     stages, changes = read_stages(test, file.stages)
-    changes = [*_turned(file), *changes, *unlike_imposed(test.readings, stages)]
+    changes = [
+        *test.readings.notes,
+        *_turned(file),
+        *changes,
+        *unlike_imposed(test.readings, stages),
+    ]
     response: list[Literal["stress", "strain"]] = [
         "strain" if stage.driven == "stress" else "stress" for stage in stages
     ]
@@ -300,6 +305,7 @@ def _write_readings(experiment: LoadingHistory, directory: Path) -> dict[str, An
         "file": "experiment.csv",
         "separator": ",",
         "header": True,
+        "missing": [],
         "time_column": "time_s",
         "time_unit": "s",
         "stage_column": "stage",

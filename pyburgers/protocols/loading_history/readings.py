@@ -1,7 +1,7 @@
 """Readings of a loading history as true strains and stresses, compression positive, by stage."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -68,6 +68,8 @@ class Readings:
         From 0.
     stress, strain : array, shape (n_rows,)
         Pa, fraction; compression positive.
+    notes : tuple of str
+        Sentences about what was done to read them.
     """
 
     source: Path | None
@@ -75,6 +77,7 @@ class Readings:
     stage: IntArray
     stress: FloatArray
     strain: FloatArray
+    notes: tuple[str, ...] = ()
 
     def of(
         self, quantity: Literal["stress", "strain"], stage: int | None = None
@@ -131,7 +134,7 @@ def read_readings(path: Path, data: HistoryDataTable, bounds: FloatArray, sign: 
     if data.stage_column is not None:
         columns["stage_column"] = None
     source = data.folder(path) / data.file
-    found = read_columns(
+    found, notes = read_columns(
         source,
         data,
         columns,
@@ -152,6 +155,7 @@ def read_readings(path: Path, data: HistoryDataTable, bounds: FloatArray, sign: 
         stage=stage,
         stress=sign * table.get("stress_column", nothing),
         strain=sign * table.get("strain_column", nothing),
+        notes=notes,
     )
 
 
@@ -197,7 +201,7 @@ def true_readings(
                 f"in {readings.source}, expected the strain of every reading, which tells the area."
             )
         true_stress = readings.stress * np.exp(-true_strain)
-    return Readings(readings.source, readings.time, readings.stage, true_stress, true_strain + zero)
+    return replace(readings, stress=true_stress, strain=true_strain + zero)
 
 
 def responses(

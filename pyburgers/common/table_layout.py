@@ -1,0 +1,267 @@
+"""Where in a file of cells its table is: the separator, names, units and the rows of numbers."""
+
+import csv
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pyburgers.common.cells import Kind, Row, is_unit, kind_of, names_between_blanks
+
+COMMENT = "#"
+"""Lines that start with this are skipped, like blank ones."""
+
+SEPARATORS = (";", "\t", ",", " ")
+"""What may stand between cells; the first of several that suit a file equally well is taken."""
+
+SAMPLE_LINES = 300
+"""Lines from either end of a file that tell its separator."""
+
+SMALL_TABLE = 0.1
+"""Share of the rows of the largest table of a file below which another one is passed over."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What the rows of a file are.
+
+    Attributes
+    ----------
+    width : int
+        How many cells most rows of numbers have.
+    names, hidden_names, units, rows
+        As of `pyburgers.common.text_tables.TextTable`.
+    notes : tuple of str
+        What was done to find the table.
+    problems : tuple of str
+        What keeps it from being found.
+    first_line : int
+        Line of the names, or else of the first row.
+    """
+
+    width: int
+    names: tuple[str, ...] | None
+    rows: tuple[Row, ...]
+    hidden_names: tuple[str, ...] | None = None
+    units: tuple[str, ...] | None = None
+    notes: tuple[str, ...] = ()
+    problems: tuple[str, ...] = ()
+    first_line: int = 1
+
+
+def layout_of(
+    path: Path,
+    separator: str,
+    rows: Sequence[Row],
+    header: bool | None,
+    comments: Sequence[tuple[int, str]],
+) -> Layout:
+    """Find names, units and the rows of numbers among all rows."""
+    _, width, numeric = best_run(cells for _, cells in rows)
+    if header is False or not rows:
+        return Layout(width, None, tuple(rows))
+    if not width:
+        first = _names(rows[0][1], separator, len(rows[-1][1])) or rows[0][1]
+        return Layout(len(first), first, tuple(rows[1:]))
+    blocks = _blocks(rows, numeric)
+    start, end = max(blocks, key=lambda block: block[1] - block[0])
+    before = next((last for first, last in reversed(blocks) if first < start), 0)
+    above = list(rows[before:start])
+    bad: list[Row] = []
+    while above and any(kind_of(cell) == "number" for cell in above[-1][1]):
+        bad.insert(0, above.pop())
+    names, units, used = _head(above, separator, width)
+    if names is None and header:
+        names, used, bad = rows[0][1], 1, list(rows[1:start])
+        above = list(rows[:1])
+    own = [*(bad if names is not None else ()), *rows[start:end]]
+    notes = _layout_notes(rows, above[: len(above) - used], blocks, (start, end), before)
+    if units is not None:
+        notes.append(f"line {above[-1][0]} is a row of units ({', '.join(units)})")
+    if names is not None and len(names) == width - 1 and _are_numbered(own, separator):
+        names, units = ("", *names), None if units is None else ("", *units)
+        notes.append("rows have numbers of their own ahead of the first column")
+    hidden = None
+    if names is None:
+        earlier = [line for number, line in comments if number < own[0][0]]
+        found = _names(cells_of(earlier[-1], separator), separator, width) if earlier else None
+        hidden = found if found is not None and len(found) == len(own[0][1]) else None
+    problems = _other_tables(path, rows, blocks, (start, end))
+    top, _ = own[0] if names is None else above[len(above) - used]
+    return Layout(width, names, tuple(own), hidden, units, tuple(notes), problems, top)
+
+
+def _blocks(rows: Sequence[Row], numeric: frozenset[int]) -> list[tuple[int, int]]:
+    """Return first row and end of each run of rows of numbers, between which there is text."""
+    blocks: list[tuple[int, int]] = []
+    starts_anew = True
+    for k, (_, cells) in enumerate(rows):
+        kinds = [kind_of(cell) for cell in cells]
+        present = [kinds[index] for index in numeric if index < len(kinds)]
+        is_row = "number" in present and "text" not in present and 2 * len(present) > len(numeric)
+        if starts_anew and is_row:
+            blocks.append((k, k + 1))
+            starts_anew = False
+        elif not starts_anew and ("number" in kinds or "text" not in present):
+            blocks[-1] = (blocks[-1][0], k + 1)
+        else:
+            starts_anew = True
+    return blocks or [(0, len(rows))]
+
+
+def _head(
+    above: Sequence[Row], separator: str, width: int
+) -> tuple[tuple[str, ...] | None, tuple[str, ...] | None, int]:
+    """Return the names and units in the rows above the numbers, and how many rows they are."""
+    if not above:
+        return None, None, 0
+    last = above[-1][1]
+    if len(above) > 1 and all(map(is_unit, last)) and not all(map(is_unit, above[-2][1])):
+        names = _names(above[-2][1], separator, width)
+        if names is not None:
+            return names, last, 2
+    names = _names(last, separator, width)
+    return names, None, int(names is not None)
+
+
+def _names(cells: Sequence[str], separator: str, width: int) -> tuple[str, ...] | None:
+    """Return the names in a row; None where it is a title or the like, of a single cell."""
+    if separator == " ":
+        return tuple(names_between_blanks(" ".join(cells), width))
+    named = list(cells)
+    while named and not named[-1]:
+        named.pop()
+    return tuple(named) if len(named) >= min(2, width) else None
+
+
+def _are_numbered(rows: Sequence[Row], separator: str) -> bool:
+    """Whether the first cells count the rows, as those of a table that R wrote.
+
+    Between commas they may be thousands, or have been cut off by decimal commas.
+    """
+    return separator != "," and all(
+        cells[0] == str(number) for number, (_, cells) in enumerate(rows, start=1)
+    )
+
+
+def _layout_notes(
+    rows: Sequence[Row],
+    passed: Sequence[Row],
+    blocks: Sequence[tuple[int, int]],
+    block: tuple[int, int],
+    before: int,
+) -> list[str]:
+    """Say which lines were passed over ahead of the names and behind the numbers."""
+    notes = []
+    first = rows[0] if before else (passed[0] if passed else None)
+    if first is not None:
+        last = passed[-1] if passed else rows[before - 1]
+        notes.append(f"{_lines(first[0], last[0])} ahead of the table {_were(first, last)}")
+    if block[1] < len(rows):
+        first, last = rows[block[1]], rows[-1]
+        notes.append(f"{_lines(first[0], last[0])} behind the table {_were(first, last)}")
+    return notes
+
+
+def _were(first: Row, last: Row) -> str:
+    return "was passed over" if first == last else "were passed over"
+
+
+def _lines(first: int, last: int) -> str:
+    return f"line {first}" if first == last else f"lines {first} to {last}"
+
+
+def _other_tables(
+    path: Path,
+    rows: Sequence[Row],
+    blocks: Sequence[tuple[int, int]],
+    block: tuple[int, int],
+) -> tuple[str, ...]:
+    """Say which other tables a file holds that are not much smaller, or may go on with this one."""
+    width, size = len(rows[block[0]][1]), block[1] - block[0]
+
+    def is_rival(one: tuple[int, int]) -> bool:
+        alike, n_rows = len(rows[one[0]][1]) == width, one[1] - one[0]
+        if one[0] > block[0] and alike:
+            return True
+        return n_rows > 1 and (alike or n_rows >= SMALL_TABLE * size)
+
+    large = [one for one in blocks if one == block or is_rival(one)]
+    if len(large) < 2:
+        return ()
+    listed = ", ".join(_lines(rows[first][0], rows[end - 1][0]) for first, end in large)
+    number, cells = rows[large[0][1]]
+    return (
+        f"{path}: found {len(large)} tables ({listed}) with text between them, such as "
+        f"{' '.join(cells)[:60]!r} in line {number}, expected one: keep that of this test, or "
+        "remove the text if the readings go on.",
+    )
+
+
+def is_comment(line: str) -> bool:
+    """Whether a line is skipped."""
+    return line.lstrip().startswith(COMMENT)
+
+
+def separator_of(lines: Sequence[str]) -> str:
+    """Return what stands between cells: that which leaves most numbers in rows that are alike."""
+    sample = lines
+    if len(lines) > 2 * SAMPLE_LINES:
+        sample = [*lines[:SAMPLE_LINES], *lines[-SAMPLE_LINES:]]
+
+    def score(separator: str) -> tuple[int, bool]:
+        rows = [_cells_or_line(line, separator) for line in sample]
+        n_numbers, width, _ = best_run(rows)
+        return (n_numbers if width > 1 or separator == " " else 0), width > 1
+
+    best = max(SEPARATORS, key=score)
+    if score(best)[0] > 0:
+        return best
+    return next(
+        (one for one in SEPARATORS if lines and len(_cells_or_line(lines[0], one)) > 1), ","
+    )
+
+
+def best_run(rows: Iterable[Sequence[str]]) -> tuple[int, int, frozenset[int]]:
+    """Return the longest run of rows that are alike.
+
+    Returns
+    -------
+    score : int
+        How many more numbers than texts it holds.
+    width : int
+        How many cells a row has.
+    numeric : frozenset of int
+        Which of these are numbers, from 0.
+    """
+    best: tuple[int, int, frozenset[int]] = (0, 0, frozenset())
+    merged: list[Kind] = []
+    score = 0
+    for cells in rows:
+        kinds = [kind_of(cell) for cell in cells]
+        if "number" not in kinds:
+            merged = []
+            continue
+        alike = len(kinds) == len(merged) and all(
+            a == b or not a or not b for a, b in zip(kinds, merged, strict=True)
+        )
+        merged = [a or b for a, b in zip(kinds, merged, strict=True)] if alike else kinds
+        score = (score if alike else 0) + kinds.count("number") - kinds.count("text")
+        if score >= best[0]:
+            numeric = frozenset(k for k, kind in enumerate(merged) if kind == "number")
+            best = (score, len(merged), numeric)
+    return best
+
+
+def _cells_or_line(line: str, separator: str) -> tuple[str, ...]:
+    try:
+        return cells_of(line, separator)
+    except csv.Error:
+        return (line.strip(),)
+
+
+def cells_of(line: str, separator: str) -> tuple[str, ...]:
+    """Return the cells of a line; raise csv.Error of an open quotation mark."""
+    if separator == " ":
+        return tuple(line.split())
+    found = next(csv.reader([line], delimiter=separator, skipinitialspace=True, strict=True))
+    return tuple(cell.strip() for cell in found)

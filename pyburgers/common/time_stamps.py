@@ -1,0 +1,132 @@
+"""Time stamps in the cells of a table (hours of a clock, dates, or both) as seconds."""
+
+import re
+from collections.abc import Sequence
+from datetime import date
+
+_CLOCK = (
+    r"(?P<first>\d{1,5}):(?P<second>\d\d?)(?::(?P<third>\d\d?(?:[.,]\d+)?))?(?: ?(?P<half>[AP])M)?"
+)
+_DATE = (
+    r"(?P<year>\d{4})[-/.](?P<month>\d\d?)[-/.](?P<day>\d\d?)"
+    r"|(?P<a>\d\d?)(?P<mark>[-/.])(?P<b>\d\d?)[-/.](?P<late_year>\d{4}|\d\d)"
+    r"|(?P<named_day>\d\d?)[- ](?P<name>[A-Z]{3})[A-Z]*[- ](?P<named_year>\d{4})"
+)
+_STAMP = re.compile(
+    rf"(?:(?P<date>{_DATE})(?:(?:T| +|, *)(?={_CLOCK.replace('?P<', '?P<_')}))?)?"
+    rf"(?P<clock>{_CLOCK})?(?P<zone>Z|[+-]\d\d:?\d\d)?",
+    re.ASCII | re.IGNORECASE,
+)
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+
+DAY = 86400.0
+
+HALF_A_DAY = DAY / 2
+"""A clock that goes back by more than this has passed midnight."""
+
+
+def has_clock(cell: str) -> bool:
+    """Whether a cell holds a time of a clock, with or without a date."""
+    found = _matched(cell)
+    return found is not None and found["clock"] is not None
+
+
+def has_date(cell: str) -> bool:
+    """Whether a cell holds a date, with or without a time of a clock."""
+    found = _matched(cell)
+    return found is not None and found["date"] is not None
+
+
+def seconds_of(cells: Sequence[str]) -> list[float] | None:
+    """Return the times of cells (s), each a time stamp or without one (NaN).
+
+    Dates with the day or the month first are read in the order that all of them allow. A clock
+    without dates that passes midnight goes on.
+
+    Parameters
+    ----------
+    cells : sequence of str
+        A column, in the order of its rows.
+
+    Returns
+    -------
+    list of float or None
+        None where several readings are possible: of ``03/04/2024`` or, of a clock, of ``01:30``.
+    """
+    found = [_matched(cell) for cell in cells]
+    stamps = [stamp for stamp in found if stamp is not None]
+    dated = any(stamp["date"] is not None for stamp in stamps)
+    clocks = [stamp for stamp in stamps if stamp["clock"] is not None]
+    if not dated and not any(stamp["third"] or stamp["half"] for stamp in clocks):
+        return None
+    readings = []
+    for day_first in (True, False):
+        try:
+            readings.append([_seconds(stamp, day_first=day_first) for stamp in found])
+        except ValueError:  # no date is in the order that is tried
+            continue
+    relative = [_from_first(times) for times in readings]
+    growing = [times for times in relative if _grow(times)]
+    possible = relative[:1] if relative[1:] == relative[:1] else growing or relative
+    if len(possible) != 1:
+        return None
+    times = readings[relative.index(possible[0])]
+    return times if dated else _past_midnight(times)
+
+
+def _matched(cell: str) -> re.Match[str] | None:
+    found = _STAMP.fullmatch(cell)
+    return found if found is not None and (found["date"] or found["clock"]) else None
+
+
+def _seconds(stamp: re.Match[str] | None, *, day_first: bool) -> float:
+    """Return a time in s; raise ValueError where it has no such date."""
+    if stamp is None:
+        return float("nan")
+    seconds = 0.0
+    if stamp["date"] is not None:
+        seconds += DAY * _day(stamp, day_first=day_first)
+    if stamp["clock"] is not None:
+        hours = int(stamp["first"])
+        if stamp["half"] is not None:
+            hours = hours % 12 + 12 * (stamp["half"].upper() == "P")
+        third = (stamp["third"] or "0").replace(",", ".")
+        seconds += 3600.0 * hours + 60.0 * int(stamp["second"]) + float(third)
+    zone = stamp["zone"]
+    if zone is not None and zone not in "Zz":
+        ahead = 3600.0 * int(zone[1:3]) + 60.0 * int(zone[-2:])
+        seconds += ahead if zone[0] == "-" else -ahead
+    return seconds
+
+
+def _day(stamp: re.Match[str], *, day_first: bool) -> int:
+    """Return the number of a day."""
+    if stamp["year"] is not None:
+        return date(int(stamp["year"]), int(stamp["month"]), int(stamp["day"])).toordinal()
+    if stamp["name"] is not None:
+        month = _MONTHS.index(stamp["name"].lower()) + 1
+        return date(int(stamp["named_year"]), month, int(stamp["named_day"])).toordinal()
+    year, a, b = int(stamp["late_year"]), int(stamp["a"]), int(stamp["b"])
+    day, month = (a, b) if day_first or stamp["mark"] == "." else (b, a)
+    return date(year + 2000 * (year < 100), month, day).toordinal()
+
+
+def _from_first(times: Sequence[float]) -> list[str]:
+    """Return times since the first one, as text that compares NaN to NaN."""
+    known = [time for time in times if time == time]
+    return [repr(time - known[0]) for time in times] if known else []
+
+
+def _grow(times: Sequence[str]) -> bool:
+    known = [time for time in map(float, times) if time == time]
+    return known == sorted(known)
+
+
+def _past_midnight(times: Sequence[float]) -> list[float]:
+    """Return times of a clock that goes on where it starts again at midnight."""
+    days, last, going_on = 0, float("-inf"), []
+    for time in times:
+        days += last - time > HALF_A_DAY
+        last = time if time == time else last
+        going_on.append(time + DAY * days)
+    return going_on

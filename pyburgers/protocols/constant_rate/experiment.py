@@ -18,7 +18,12 @@ from pyburgers.common.columns import (
 )
 from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.toml_files import Table, factor_to_si, read_toml
-from pyburgers.protocols.constant_rate.curves import Curve, join_curves, remarks_on
+from pyburgers.protocols.constant_rate.curves import (
+    Curve,
+    join_curves,
+    remarks_on,
+    unlike_rates,
+)
 from pyburgers.protocols.experiment import (
     Experiment,
     ExperimentFile,
@@ -134,10 +139,7 @@ class ConstantRateExperiment(Experiment):
         strain : array, shape (n,)
             Axial strain (fraction), not negative.
         """
-        starts, rates = _steps(self.segments)
-        segment = np.searchsorted(starts, strain, side="right") - 1
-        times: FloatArray = _step_times(starts, rates)[segment]
-        return times + (strain - starts[segment]) / rates[segment]
+        return _time_at(strain, self.segments)
 
 
 def strain_grid(experiment: ConstantRateExperiment, shape: FloatArray) -> FloatArray:
@@ -183,7 +185,10 @@ class _DataTable(TextFilesTable):
     file: str | None = Field(None, description="the data file of the whole test")
     strain_column: Column | None = None
     strain_unit: str | None = Field(None, description="fraction or percent")
-    time_column: Column | None = None
+    time_column: Column | None = Field(
+        None,
+        description="the time, in place of the strain; beside it, to compare with the stated rates",
+    )
     time_unit: str | None = Field(None, description="s, min or h")
     stress_column: Column
     stress_unit: str = Field(description="Pa, MPa or GPa")
@@ -210,7 +215,8 @@ def load_constant_rate(path: str | Path) -> ConstantRateExperiment:
     Strains that are out of order or outside their segment by a reading error (see
     `pyburgers.protocols.constant_rate.curves`) are put right with a notice. Points at zero strain
     are dropped with one: the model starts at rest, with no stress whatever the parameters. Where
-    data files hold time, it counts from the start, and strain follows from the imposed rates.
+    data files hold time alone, it counts from the start, and strain follows from the imposed rates.
+    Beside a strain, time is compared with the rates: a notice says where they contradict each other.
 
     Parameters
     ----------
@@ -337,10 +343,8 @@ def _check_data_keys(path: Path, file: _ConstantRateFile) -> None:
         raise InputError(
             f"{path}: key 'file' is missing, expected it in [data] or in every one of [[segments]]."
         )
-    if (data.strain_column is None) == (data.time_column is None):
-        raise InputError(
-            f"{path}: [data] needs exactly one of the keys 'strain_column' and 'time_column'."
-        )
+    if data.strain_column is None and data.time_column is None:
+        raise InputError(f"{path}: [data] needs a key 'strain_column' or 'time_column'.")
     for quantity in ("strain", "time"):
         column = getattr(data, f"{quantity}_column")
         unit = getattr(data, f"{quantity}_unit")
@@ -381,18 +385,20 @@ def _read_points(
     path: Path, source: Path, data: _DataTable, segments: Sequence[RateSegment], file_key: str
 ) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
     """Strain (fraction) and stress (Pa) of one file, each of shape (n_rows,), and notes."""
-    abscissa = "strain" if data.strain_column is not None else "time"
-    (position, stress), notes = read_columns(
-        source,
-        data,
-        {
-            f"{abscissa}_column": (f"{abscissa}_unit", abscissa),
-            "stress_column": ("stress_unit", "stress"),
-        },
-        where=path,
-        file_key=file_key,
-    )
-    strain = position if abscissa == "strain" else _strain_at(position, segments)
+    read = [name for name in ("strain", "time") if getattr(data, f"{name}_column") is not None]
+    names = (*read, "stress")
+    columns = {f"{name}_column": (f"{name}_unit", name) for name in names}
+    values, notes = read_columns(source, data, columns, where=path, file_key=file_key)
+    found = dict(zip(names, values, strict=True))
+    stress, time = found["stress"], found.get("time")
+    if "strain" not in found:
+        strain = _strain_at(found["time"], segments)
+    else:
+        strain = found["strain"]
+        if time is not None:
+            start = _time_at(strain[:1], segments)
+            imposed = _strain_at(time - time[0] + start, segments)
+            notes += unlike_rates(source.name, time, strain, imposed)
     return strain, stress, notes
 
 
@@ -415,6 +421,14 @@ def _steps(segments: Sequence[RateSegment]) -> tuple[FloatArray, FloatArray]:
 def _step_times(starts: FloatArray, rates: FloatArray) -> FloatArray:
     """Return the times (s) at which the segments start."""
     return np.concatenate([[0.0], np.cumsum(np.diff(starts) / rates[:-1])])
+
+
+def _time_at(strain: FloatArray, segments: Sequence[RateSegment]) -> FloatArray:
+    """Return the times (s since the start) at which strains are reached."""
+    starts, rates = _steps(segments)
+    segment = np.clip(np.searchsorted(starts, strain, side="right") - 1, 0, None)
+    times: FloatArray = _step_times(starts, rates)[segment]
+    return times + (strain - starts[segment]) / rates[segment]
 
 
 def _strain_at(time: FloatArray, segments: Sequence[RateSegment]) -> FloatArray:

@@ -41,7 +41,7 @@ UNIT_NAMES: Mapping[str, Mapping[str, str]] = MappingProxyType(
         "time": {
             "min": r"(?<![a-z])min",
             "h": r"hour|(?<![a-z])(?:hr?s?|std)(?![a-z])",
-            "s": r"(?<![a-z/])s(?:ec|ek)?(?:onds?)?(?![a-z])",
+            "s": r"(?<![a-zμ/])s(?:ec|ek)?(?:onds?)?(?![a-z])",
         },
         "temperature": {
             "C": r"celsius|°c|(?<![a-z])deg_?c|(?<![a-z])c(?![a-z])",
@@ -49,11 +49,11 @@ UNIT_NAMES: Mapping[str, Mapping[str, str]] = MappingProxyType(
         },
         "frequency": {
             "rad/s": r"rad|omega|ω|angular|(?:kreis|winkel)freq|pulsation|^w(?![a-z])",
-            "Hz": r"(?<![a-z])hz",
+            "Hz": r"(?<![a-zμ])hz",
         },
         "angle": {
             "mrad": r"mrad",
-            "rad": r"(?<![a-z])rad",
+            "rad": r"(?<![a-zμ])rad",
             "deg": r"°|(?<![a-z])(?:deg|grad)",
         },
     }
@@ -65,11 +65,11 @@ FOREIGN_UNIT_NAMES: Mapping[str, str] = MappingProxyType(
         "strain": r"[mμ](?:icro|illi)?_?(?:strain|ε)|ppm|‰|10\^?-\d|1e-\d"
         r"|[mμu]m/m(?!m)|(?<![a-z/])(?:mm|cm|μm|um|in|inch|inches)(?![a-z/])",
         "stress": r"[khm]bar|(?<![a-z])(?:[kh]pa|psi|ksi|bar|atm|[km]n|kgf?|lb[fs]?|lbsf|pounds?"
-        r"|kips?|t|tons?)(?![a-z])|[(\[]n[)\]]|load_?n$",
+        r"|kips?|tons?)(?![a-z])|[(\[]n[)\]]|load_?n$",
         "time": r"day|week|month|year|(?<![a-z])(?:d|yrs?|[mμun]s(?:ec)?)(?![a-z])",
         "temperature": r"fahrenheit|°f|(?<![a-z])f(?![a-z])",
         "frequency": r"(?<![a-z])[kmμun]hz|rpm|rev|(?:angular|omega|ω|kreis|winkel).*hz",
-        "attenuation": r"(?<![a-z])(?:ln|db)(?![a-z])|%|percent|10\^?-[2-9]|1e-\d",
+        "attenuation": r"(?<![a-z])(?:ln|db)(?![a-z])|^q$|quality|gute|%|percent|10\^?-[2-9]|1e-\d",
         "angle": r"[μun]rad",
     }
 )

@@ -209,7 +209,7 @@ def check_table(
         row = int(by_period[twice[0] + 1])
         raise InputError(
             f"{where}: data row {row + 1}: found the {order_name} {order[row]:g} twice at "
-            f"{conditions.temperature[row]:g} K, expected each {order_name} once in the rows of one "
+            f"{conditions.temperature[row]:g} K, expected each {order_name} once in rows of one "
             "temperature and stress."
         )
     _check_apart(conditions, where)

@@ -170,9 +170,9 @@ def unlike_rates(
     slope = slope_of(time, strain)
     by_slope = "" if slope is None else f" (its slope is {slope:.3g} 1/s)"
     return (
-        f"{name}: the strain over time{by_slope} lies up to {far.largest:.3g} from the strain that "
-        f"the stated rates impose, which it leaves at data row {far.first + 1}; check the rates and "
-        "the units.",
+        f"{name}: the strain over time{by_slope} lies up to {far.largest:.3g} from the strain "
+        f"that the stated rates impose, which it leaves at data row {far.first + 1}; check the "
+        "rates and the units.",
     )
 
 

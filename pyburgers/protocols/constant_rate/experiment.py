@@ -215,8 +215,8 @@ def load_constant_rate(path: str | Path) -> ConstantRateExperiment:
     Strains that are out of order or outside their segment by a reading error (see
     `pyburgers.protocols.constant_rate.curves`) are put right with a notice. Points at zero strain
     are dropped with one: the model starts at rest, with no stress whatever the parameters. Where
-    data files hold time alone, it counts from the start, and strain follows from the imposed rates.
-    Beside a strain, time is compared with the rates: a notice says where they contradict each other.
+    data files hold time alone, it counts from the start, and strain follows from the imposed
+    rates. Times beside strains are compared with the rates, and a notice says where they differ.
 
     Parameters
     ----------

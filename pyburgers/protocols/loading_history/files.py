@@ -218,7 +218,8 @@ def _uncertainty(path: Path, data: HistoryDataTable | None, quantity: str) -> fl
         return None
     key = f"{quantity}_unit"
     factor = factor_to_si(getattr(data, key), quantity, f"{path}: key {key!r} in [data]")
-    return float(stated) * factor
+    over = data.relaxation_strain if quantity == "stress" else None
+    return float(stated) * factor * (over or 1.0)
 
 
 def _turned(file: _LoadingHistoryFile) -> list[str]:

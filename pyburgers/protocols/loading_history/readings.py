@@ -35,6 +35,12 @@ class HistoryDataTable(TextFilesTable):
     stress_uncertainty: float | None = Field(
         None, gt=0, description="the standard deviation of a reading in the unit of the stress"
     )
+    relaxation_strain: float | None = Field(
+        None,
+        gt=0,
+        description="the strain (fraction) over which the stresses of the column are divided: it "
+        "holds a modulus of relaxation",
+    )
     strain_column: Column | None = None
     strain_unit: str | None = Field(None, description="fraction or percent")
     strain_uncertainty: float | None = Field(
@@ -153,7 +159,7 @@ def read_readings(path: Path, data: HistoryDataTable, bounds: FloatArray, sign: 
         source=source,
         time=time - bounds[0],
         stage=stage,
-        stress=sign * table.get("stress_column", nothing),
+        stress=sign * (data.relaxation_strain or 1.0) * table.get("stress_column", nothing),
         strain=sign * table.get("strain_column", nothing),
         notes=notes,
     )

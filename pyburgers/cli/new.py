@@ -57,7 +57,7 @@ LAST = (
 )
 """What is asked about every kind of test, before and after its own questions."""
 
-TEMPERATURE = {"temperature": "its highest value is the temperature that is proposed"}
+TEMPERATURE = {"temperature": "its highest value alone is used, as the temperature of the test"}
 TAN_DELTA = "tan(delta), 1/Q, log10 of them, or an angle in mrad or rad or deg"
 """Words about columns."""
 
@@ -129,7 +129,10 @@ def run(options: argparse.Namespace) -> int:
     file = _named_in_text(os.path.relpath(options.csv, out.parent))
     proposed = {"id": _identifier(table), "temperature_K": _temperature(columns)}
     draft = _Draft(name, new_file, Description(file, table, read, given), proposed)
-    text = draft.text(_answers(draft))
+    answers = _answers(draft)
+    for sentence in new_file.decided(replace(draft.test, values=answers)):
+        print(f"decided: {sentence}")
+    text = draft.text(answers)
     with writing(out):
         write_atomically(out, lambda draft: _write_checked(draft, out, text))
     print(f"written: {out}")

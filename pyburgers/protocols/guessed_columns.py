@@ -140,7 +140,9 @@ FORCES = re.compile(r"load|force|pressure|kraft|druck(?!spann)|charge")
 ANGLES = re.compile(r"^(?!.*tan).*(?:angle|winkel|phase|^delta|^δ)")
 """What the name of a column of loss angles has, whose unit has to be said."""
 
-ERRORS = re.compile(r"err|(?<![a-z])unc|std(?:ev|dev|_|$)|(?:^|[_ ])sd|±|(?:^|[_ ])se(?:$|[_ (\[])")
+ERRORS = re.compile(
+    r"err|(?<![a-z])unc|std(?:ev|dev|_|$)|(?:^|[_ ])sd(?![a-z])|±|(?:^|[_ ])se(?:$|[_ (\[])"
+)
 """What the name of a column of standard deviations looks like."""
 
 LOGARITHM = re.compile(r"(?<![a-z])(?:log|ln)(?![a-z])|(?<![a-z])log_?10")
@@ -279,19 +281,22 @@ def left_out(
     taken = {guessed.column for guessed in read.values()}
     reasons: dict[str | int, str] = {}
     for guessed in columns.values():
-        if guessed.column not in taken:
-            reasons[guessed.column] = used.get(guessed.quantity, "such a file does not name it")
+        beside = f"such a file names no {guessed.says} beside the columns that are taken"
+        reasons.setdefault(guessed.column, used.get(guessed.quantity, beside))
         for rival in guessed.rivals:
             reasons[rival.column] = f"{guessed.column!r} is taken as the {guessed.says}"
     for column in table.columns:
-        if column in taken:
-            continue
-        kinds = _kinds_in(_plain(table.described(column)))
-        unit = f"; it has a unit of {' or '.join(sorted(kinds))}" if kinds else ""
-        unknown = (
-            f"no quantity has such a name{unit}" if table.numbers(column) else "it holds no numbers"
-        )
-        yield f"column {column!r}: {reasons.get(column, unknown)}"
+        if column not in taken:
+            name = _plain(table.described(column))
+            unit = " or ".join(sorted(_kinds_in(name)))
+            by_itself = (
+                f"no quantity has such a name{f'; its unit is one of {unit}' if unit else ''}"
+            )
+            if OTHER_QUANTITIES.search(name):
+                by_itself = "its name is that of a rate, or of what acts beside the axis"
+            if not table.numbers(column):
+                by_itself = "it holds no numbers"
+            yield f"column {column!r}, because {reasons.get(column, by_itself)}"
 
 
 def _plain(name: str) -> str:

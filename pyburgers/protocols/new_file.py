@@ -148,6 +148,10 @@ class NewFile(ABC):
         """Return the names of those of its questions whose answers the file can hold."""
         return {question.name for question in self.questions}
 
+    def decided(self, test: Description) -> Sequence[str]:
+        """Return sentences about what the lines say that neither columns nor answers say."""
+        return ()
+
     @abstractmethod
     def lines(self, test: Description) -> Sequence[str]:
         """Return the lines about what drives the test, and about its text file."""

@@ -3,7 +3,7 @@
 import itertools
 import math
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -159,6 +159,21 @@ class LoadingHistoryFile(NewFile):
             return (STRAIN_RATE.name, HOLD_START.name)
         driven = given[STRAIN_RATE.name] is not None or "stress" in columns
         return () if driven else (STRESS.name,)
+
+    def decided(self, test: Description) -> Sequence[str]:
+        """Say where the strain turns, and how loading in no time is written."""
+        values, unit = test.values, test.columns["time"].unit
+        if values[STRESS.name] is not None:
+            return ()
+        if _is_held(values):
+            is_jump = values[LOADING_TIME.name] == 0
+            lasted = f"loading in no time is written as a stage of {_loading(test)[1]:.3g} {unit}"
+            return (lasted,) if is_jump else ()
+        turns = ", ".join(f"{time:g}" for time in _turning_times(test.columns))
+        stages = "the readings of the strain drive the test"
+        if values[STRAIN_RATE.name] is not None:
+            stages = "stages end there, and the rate changes its sign"
+        return (f"the strain turns back at {turns} {unit}: {stages}",) if turns else ()
 
     def lines(self, test: Description) -> list[str]:
         """Return the stages and the columns."""

@@ -9,12 +9,13 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from pyburgers.cli.file_hints import doubts, hints, text_files
+from pyburgers.cli.file_hints import doubts, hints, looks, text_files
 from pyburgers.common.errors import InputError, StructureError
 from pyburgers.common.toml_files import read_tables, write_toml
 from pyburgers.common.units import count_points, counted
 from pyburgers.flow_law_tables.inputs import PROTOCOL as PEAK_STRESS
 from pyburgers.flow_law_tables.inputs import (
+    PeakStressData,
     load_peak_stress,
     load_peak_stress_priors,
 )
@@ -64,10 +65,14 @@ def check(path: Path) -> int:
         content, errors, loaded = {}, list(error.sentences), None
     else:
         errors, loaded = all_errors(path, content)
+    notes = {note for look in looks(path, content) for note in look.notes}
+    notices = loaded.notices if isinstance(loaded, Experiment | PeakStressData) else ()
     lines = [f"error: {sentence}" for sentence in errors]
+    lines += [f"note: {note}" for note in sorted(notes) if errors]
     lines += [f"hint: {sentence}" for sentence in hints(path, content)]
+    lines += [f"{'note' if one in notes else 'warning'}: {one}" for one in notices]
     if isinstance(loaded, Experiment):
-        lines += [f"warning: {sentence}" for sentence in (*loaded.notices, *doubts(loaded))]
+        lines += [f"warning: {sentence}" for sentence in doubts(loaded)]
     for line in lines:
         print(line)
     if errors:

@@ -1,6 +1,7 @@
 """What may lie behind the errors of an experiment file, and numbers in it that are unlikely."""
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.model.priors import shipped_prior_files
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.new_file import new_files
+from pyburgers.protocols.new_file import NAMED_SEPARATORS, new_files
 
 COARSE_GRAINS = 0.05
 """Grain size (m) beyond which a unit may be wrong."""
@@ -63,6 +64,16 @@ def text_files(content: Mapping[str, Any]) -> Iterator[tuple[dict[str, Any], str
                     yield table, key
 
 
+def looks(path: Path, content: Mapping[str, Any]) -> Iterator[TextTable]:
+    """Return how the text files that an experiment file names look."""
+    data = content.get("data")
+    if not isinstance(data, dict):
+        return
+    for table, key in text_files(content):
+        with suppress(InputError):  # the error itself is told
+            yield look_at(path.parent / str(data.get("data_root", "")) / table[key])
+
+
 def hints(path: Path, content: Mapping[str, Any]) -> list[str]:
     """Say what may be behind errors: how the text files look beside what the file says of them.
 
@@ -78,50 +89,51 @@ def hints(path: Path, content: Mapping[str, Any]) -> list[str]:
         return []
     kind = new_files().get(str(content.get("protocol")))
     small_strain = (Experiment if kind is None else kind.experiment).small_strain
-    found: list[str] = []
-    for table, key in text_files(content):
-        try:
-            look = look_at(path.parent / str(data.get("data_root", "")) / table[key])
-        except InputError:
-            continue  # the error itself is told
-        found += [f"{look.path}: {hint}" for hint in _hints_of(look, data, small_strain)]
-        if content.get("compression") != "negative":
-            found += [f"{look.path}: {hint}" for hint in _hints_of_signs(look, data)]
+    found = [
+        f"{look.path}: {hint}"
+        for look in looks(path, content)
+        for hint in _hints_of(look, data, small_strain)
+    ]
+    if content.get("compression") != "negative":
+        found += [
+            f"{look.path}: {hint}"
+            for look in looks(path, content)
+            for hint in _hints_of_signs(look, data)
+        ]
     return list(dict.fromkeys(found))
 
 
 def _hints_of(look: TextTable, data: Mapping[str, Any], small_strain: float) -> Iterator[str]:
-    header = data.get("header", True)
-    if look.hidden_names is not None and header:
+    named = any(key.endswith("_column") and isinstance(data[key], str) for key in data)
+    header = data.get("header")
+    if look.hidden_names is not None and named:
         names = ", ".join(look.hidden_names)
         yield (
-            f"the names ({names}) stand in a line that starts with '#', which is passed over, and "
-            "the first row of numbers is taken for them: remove that '#', or write header = false "
-            "in [data] and the numbers of the columns from 1."
+            f"the names ({names}) stand in a line that starts with '#', which is passed over: "
+            "remove that '#', or write the numbers of the columns from 1."
         )
-    elif look.names is None and header and look.rows:
+    elif look.names is None and look.rows and (named or header):
         yield (
-            "the first row holds numbers: write header = false in [data] and the numbers of the "
-            "columns from 1, such as strain_column = 1."
+            "there are no names above the numbers: write the numbers of the columns from 1, such "
+            "as strain_column = 1, and no header = true."
         )
-    elif look.names is not None and not header:
+    elif look.names is not None and header is False:
         yield f"the first row holds names ({', '.join(look.names)}): remove header = false."
-    said = data.get("separator", ",")
-    fits = {",": [","], " ": ["whitespace"], "\t": ["tab"]}.get(look.separator, [])
+    said = data.get("separator")
+    fits = [NAMED_SEPARATORS.get(look.separator, look.separator)]
     if look.separator == "\t" and look.is_alike_by_blanks:
         fits.append("whitespace")
-    if len(look.columns) > 1 and said not in fits:
-        remedy = {
-            ",": "remove the key separator from [data]",
-            ";": "write commas in their place, and points in numbers",
-            "\t": 'write separator = "tab" in [data]',
-        }.get(look.separator, 'write separator = "whitespace" in [data]')
-        yield f"columns look as if {SEPARATORS[look.separator]} stood between them: {remedy}."
-    for looks, what, remedy in (
-        (ODD_MINUS, "starts with a character that is no minus sign", "write '-'"),
-        (DECIMAL_COMMA, "looks like a number with a decimal comma", "write a point"),
-    ):
-        cells = look.cells_like(looks)
+    if len(look.columns) > 1 and said is not None and said not in fits:
+        yield (
+            f"columns look as if {SEPARATORS[look.separator]} stood between them: remove the key "
+            "separator from [data]."
+        )
+    found = [(ODD_MINUS, "starts with a character that is no minus sign", "write '-'")]
+    if not look.has_decimal_commas:
+        what = "has a comma that separates thousands or decimals"
+        found.append((DECIMAL_COMMA, what, "write a decimal point and no other mark"))
+    for looks_like, what, remedy in found:
+        cells = look.cells_like(looks_like)
         if cells:
             line, cell = cells[0]
             more = f" (and {len(cells) - 1} more)" if len(cells) > 1 else ""
@@ -150,6 +162,6 @@ def _hints_of_signs(look: TextTable, data: Mapping[str, Any]) -> Iterator[str]:
     strain = look.numbers(column) if column in look.columns else []
     if sum(value < 0 for value in strain) > len(strain) / 2:
         yield (
-            f"strains in {column!r} are negative, but compression is positive in this model: turn "
-            'the signs (in loading histories compression = "negative" says so).'
+            f"strains in {column!r} are negative, but compression is positive in this model: if it "
+            'is negative in this file, write compression = "negative".'
         )

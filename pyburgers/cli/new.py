@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from pyburgers.cli.check_file import all_errors, check
-from pyburgers.cli.file_hints import hints
 from pyburgers.cli.parser import is_text
 from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_atomically
@@ -107,11 +106,8 @@ def run(options: argparse.Namespace) -> int:
     out: Path = options.out or options.csv.with_suffix(".toml")
     if out.exists():
         raise InputError(f"{out}: exists already, expected a new file; choose another --out.")
-    if table.separator == ";":
-        raise InputError(
-            f"{table.path}: found semicolons between its columns, expected commas or white space; "
-            "write commas in their place, and points in numbers."
-        )
+    for note in table.notes:
+        print(f"note: {note}")
     given = {question.name: vars(options)[question.name] for question in _every_question()}
     name, reason, columns = _decided(table, options)
     new_file = new_files()[name]
@@ -134,10 +130,13 @@ def run(options: argparse.Namespace) -> int:
         print(f"decided: {sentence}")
     text = draft.text(answers)
     with writing(out):
-        write_atomically(out, lambda draft: _write_checked(draft, out, text))
+        write_atomically(out, lambda draft: _write_checked(draft, out, text, file))
     print(f"written: {out}")
     code = check(out)
-    print(f"next: {shlex.join(['pyburgers', 'fit', str(out)])}")
+    if code == 0:
+        print(f"next: {shlex.join(['pyburgers', 'fit', str(out)])}")
+    else:
+        print(f"next: mend the rows, then {shlex.join(['pyburgers', 'check-file', str(out)])}")
     return code
 
 
@@ -151,28 +150,28 @@ def _named_in_text(file: str) -> str:
     return file
 
 
-def _write_checked(draft: Path, out: Path, text: str) -> None:
-    """Write an experiment file that can be read; `draft` lies beside `out`, whose name it gets.
+def _write_checked(draft: Path, out: Path, text: str, file: str) -> None:
+    """Write an experiment file; `draft` lies beside `out`, whose name it gets.
 
-    Where it cannot, hints say what may be behind.
+    Where the text file `file` alone is at fault, comments at the top of the draft say so.
 
     Raises
     ------
     InputError
-        If it cannot be read.
+        If the experiment file would be wrong.
     """
     draft.write_text(text, encoding="utf-8")
-    content: Mapping[str, Any] = {}
     try:
-        content = read_tables(draft)
-        errors, _ = all_errors(draft, content)
+        errors, _ = all_errors(draft, read_tables(draft))
     except InputError as error:  # such as of a control character
         errors = list(error.sentences)
-    if errors:
-        for hint in hints(draft, content):
-            print(f"hint: {hint}")
-        said = "; ".join(error.replace(f"{draft}: ", "").rstrip(".") for error in errors)
+    told = [error.replace(f"{draft}: ", "").replace(str(draft), str(out)) for error in errors]
+    if not all(error.startswith(str(draft.parent / file)) for error in errors):
+        said = "; ".join(error.rstrip(".") for error in told)
         raise InputError(f"{out}: not written, because it would be wrong: {said}.")
+    if told:
+        head = ["# This draft cannot be used yet:", *(f"# - {error}" for error in told), ""]
+        draft.write_text("\n".join([*head, text]), encoding="utf-8")
 
 
 def _decided(table: TextTable, options: argparse.Namespace) -> tuple[str, str, Columns]:

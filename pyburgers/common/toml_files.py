@@ -6,6 +6,7 @@ its field's description, which the messages quote.
 
 import json
 import re
+import shlex
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -103,8 +104,22 @@ def read_tables(path: Path) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If the file cannot be read or is not TOML.
+        If the file cannot be read or is not TOML; of a file with another ending, which command
+        writes an experiment file for its readings.
     """
+    try:
+        return _tables(path)
+    except InputError:
+        if path.is_file() and path.suffix.lower() not in ("", ".toml"):
+            command = shlex.join(["pyburgers", "new", str(path)])
+            raise InputError(
+                f"{path}: found no TOML, expected an experiment file or the like; if it holds "
+                f"readings, write an experiment file for them: {command}."
+            ) from None
+        raise
+
+
+def _tables(path: Path) -> dict[str, Any]:
     text = read_text(path)
     if _DEEP_KEY.search(text):
         raise InputError(f"{path}: a key has more than {DEEPEST} parts, expected a few.")

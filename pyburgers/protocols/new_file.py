@@ -13,11 +13,17 @@ from importlib import import_module
 from types import MappingProxyType
 from typing import Any, ClassVar
 
+import numpy as np
+
+from pyburgers.common.columns import SEPARATORS
 from pyburgers.common.text_tables import TextTable
 from pyburgers.common.units import UNITS
 from pyburgers.protocols.experiment import CONDITION_KEYS, Experiment
 from pyburgers.protocols.guessed_columns import GuessedColumn
 from pyburgers.protocols.protocol import NAMES
+from pyburgers.protocols.signs import Compression
+
+NAMED_SEPARATORS = {sign: name for name, sign in SEPARATORS.items()}
 
 COMMENTS_AT = 36
 """Column at which comments start."""
@@ -217,10 +223,21 @@ def _toml(value: object) -> str:
 def layout_lines(test: Description) -> Iterator[str]:
     """Return how the text file is laid out, where it is not as by default."""
     if test.table.separator != ",":
-        separator = {"\t": "tab"}.get(test.table.separator, "whitespace")
-        yield line("separator", separator, 'or ",", or "tab"' if separator != "tab" else 'or ","')
+        separator = NAMED_SEPARATORS.get(test.table.separator, test.table.separator)
+        yield line("separator", separator, "what stands between columns")
     if test.table.names is None:
         yield line("header", False, "columns are named by their numbers from 1")
+
+
+def compression_of(test: Description, *imposed: float | None) -> Compression:
+    """Return the sign of a compression: negative where all that was read and imposed is so."""
+    medians = [
+        float(np.median(test.table.numbers(test.columns[name].column)))
+        for name in ("strain", "stress")
+        if name in test.columns
+    ]
+    known = [*medians, *(value for value in imposed if value is not None)]
+    return "negative" if len(known) > 1 and max(known) < 0 else "positive"
 
 
 def column_lines(

@@ -95,22 +95,25 @@ def test_of_many_bad_cells_some_are_named_and_the_others_counted(checked: Checke
 
 HINTS = {
     "commented header": ((), "# strain,stress\n0.01,2\n0.02,3\n", "remove that '#'"),
-    "no header": ((), "0.01,2\n0.02,3\n", "write header = false"),
+    "no header": ((), "0.01,2\n0.02,3\n", "numbers of the columns from 1"),
     "header said to be none": (
         (("[data]\n", "[data]\nheader = false\n"),),
         CURVE,
         "remove header = false",
     ),
-    "semicolons": ((), "strain;stress\n0.01;2\n0.02;3\n", "semicolons"),
-    "tabs": ((), "strain\tstress\n0.01\t2\n0.02\t3\n", 'separator = "tab"'),
+    "another separator": (
+        (("[data]\n", '[data]\nseparator = ","\n'),),
+        "strain;stress\n0.01;2\n0.02;3\n",
+        "as if semicolons stood between them: remove the key separator",
+    ),
     "empty cells between tabs": (
         (("[data]\n", '[data]\nseparator = "whitespace"\n'),),
         "strain\tnote\tstress\n0.01\t\t2\n0.02\t\t3\n",
-        'separator = "tab"',
+        "as if tabs stood between them",
     ),
-    "decimal commas": ((), "strain;stress\n0,01;2\n0,02;3\n", "'0,01' (and 1 more)"),
+    "decimal commas": ((), "strain\tstress\n0,01\t2.5\n0,02\t3.1\n", "'0,01' (and 1 more)"),
     "minus signs": ((), "strain,stress\n0.01,\u22122\n0.02,3\n", "no minus sign"),
-    "negative strain": ((), "strain,stress\n-0.01,2\n-0.02,3\n", "turn the signs"),
+    "negative strain": ((), "strain,stress\n-0.01,2\n-0.02,3\n", 'write compression = "negative"'),
     "percent as fraction": ((), "strain,stress\n1,2\n20,3\n", "percent rather than a fraction"),
     "fraction as percent": (
         (('"fraction"', '"percent"'),),
@@ -224,11 +227,11 @@ def test_negative_strains_need_no_hint_where_compression_is_negative(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     strain = (-0.2, -0.3, -0.4)
-    assert "turn the signs" in checked_creep(tmp_path, capsys, strain, -1.0)
+    assert "write compression" in checked_creep(tmp_path, capsys, strain, -1.0)
     negative = ("stage_stress_unit", 'compression = "negative"\nstage_stress_unit')
     said = checked_creep(tmp_path, capsys, strain, -1.0, negative)
     assert "signs were turned" in said
-    assert "turn the signs" not in said
+    assert "write compression" not in said
     assert "extension" not in said
 
 

@@ -83,7 +83,7 @@ BAD_INPUT = {
     "missing column": ("test.toml", '"stress"', '"sigma"', "sigma"),
     "unknown material": ("test.toml", 'material = "ice"', 'material = ""', "material"),
     "non-numeric cell": ("curve.csv", "3.0", "three", "line 3"),
-    "NaN": ("curve.csv", "3.0", "nan", "finite"),
+    "empty cell": ("curve.csv", "3.0", "", "an empty cell"),
     "infinity": ("curve.csv", "0.02", "inf", "finite"),
     "strain running backwards": ("curve.csv", "0.03,", "0.005,", "backwards"),
     "empty CSV": ("curve.csv", CURVE, "", "no data rows"),

@@ -371,6 +371,20 @@ class TestTurning:
         np.testing.assert_allclose([leg.rate for leg in test.legs], [2e-4, 1e-4], rtol=1e-6)
         np.testing.assert_allclose([leg.start_value for leg in test.legs], 0)
 
+    @pytest.mark.parametrize(
+        "control", ['control = "stress"\nstress = 1.0', 'control = "stress_series"']
+    )
+    def test_several_readings_of_a_moment_are_kept_under_a_constant_stress(
+        self, control: str, write: Write
+    ) -> None:
+        rows = [f"{k // 3 + 1},1,{0.1 * (k // 3 + 1) + 0.01 * (k % 3 - 1)}\n" for k in range(900)]
+        path = write(one_stage(control, 300.0), "time,stress,strain\n0,1,0\n" + "".join(rows))
+        test = load_loading_history(path)
+        assert test.n_readings_in_file == 901
+        assert 350 < test.n_points <= 402
+        assert (np.diff(test.time) == 0).any()
+        assert np.isfinite(test.reading).all()
+
     def test_long_records_are_thinned(self, write: Write) -> None:
         time = np.linspace(1.0, 10000.0, 5000)
         rows = table(("time", time), ("strain", 0.1 * time**0.3))
@@ -432,10 +446,11 @@ class TestRefusals:
         )
         assert "stage 2 imposes a strain but" in text
 
-    def test_repeated_times(self, write: Write) -> None:
-        rows = "time,stress,strain\n0,1,0\n1,1,0.1\n1,1,0.1\n2,1,0.2\n"
-        text = refusal(write(one_stage('control = "stress_series"', 2.0), rows), load)
-        assert "table.csv: data row 3: the time 1 s occurs twice" in text
+    def test_moments_with_several_readings_that_drive_a_stage_are_named(self, write: Write) -> None:
+        rows = "time,stress,strain\n0,1,0\n1,1,0.1\n1,2,0.1\n1,1,0\n2,1,0.2\n2,3,0.2\n3,1,0.3\n"
+        text = refusal(write(one_stage('control = "stress_series"', 3.0), rows), load)
+        assert "1 s (3 readings), 2 s (2 readings); expected one reading of a moment" in text
+        assert 'control = "stress"' in text
 
     def test_times_that_go_back(self, write: Write) -> None:
         text = refusal(write(MIXED, ROWS.replace("5,1.5", "25,1.5")), load)

@@ -1,43 +1,40 @@
 """Tests at piecewise constant strain rate: the imposed rates, the measured curve, their files."""
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
-from pydantic import Field
 
-from pyburgers.common.columns import (
-    Cell,
-    Column,
-    TextFilesTable,
-    read_columns,
-    write_columns,
-)
+from pyburgers.common.columns import read_columns, write_columns
 from pyburgers.common.errors import InputError, all_of
-from pyburgers.common.toml_files import Table, factor_to_si, read_toml
+from pyburgers.common.toml_files import factor_to_si, read_toml
 from pyburgers.protocols.constant_rate.curves import (
     Curve,
     join_curves,
     remarks_on,
     unlike_rates,
 )
+from pyburgers.protocols.constant_rate.file_tables import (
+    ConstantRateFile,
+    DataTable,
+    check_data_keys,
+    check_segments,
+)
 from pyburgers.protocols.experiment import (
     Experiment,
-    ExperimentFile,
     FloatArray,
     shared_values,
     write_experiment,
 )
 from pyburgers.protocols.microstructure import (
     MeasuredMicrostructure,
-    MicrostructureTable,
     measured_microstructure,
     microstructure_tables,
     strains_of,
 )
+from pyburgers.protocols.signs import SIGNS_WERE_TURNED, sign_of
 
 LEAST_STRAIN = 1e-12
 """Strain from which on there is a solution: the solver cannot stop at rest."""
@@ -172,43 +169,6 @@ def rate_text(rate: float) -> str:
     return rf"${mantissa}\times10^{{{int(exponent)}}}$ s$^{{-1}}$"
 
 
-class _SegmentTable(Table):
-    strain_rate_per_s: float = Field(gt=0, description="the imposed strain rate in 1/s")
-    start_strain: float = Field(ge=0, description="the strain (fraction) at which the rate starts")
-    file: str | None = Field(None, description="the data file of this segment")
-    rows: dict[str, Cell] | None = Field(
-        None, description="the rows of the data file of the whole test that are of this segment"
-    )
-
-
-class _DataTable(TextFilesTable):
-    file: str | None = Field(None, description="the data file of the whole test")
-    strain_column: Column | None = None
-    strain_unit: str | None = Field(None, description="fraction or percent")
-    time_column: Column | None = Field(
-        None,
-        description="the time, in place of the strain; beside it, to compare with the stated rates",
-    )
-    time_unit: str | None = Field(None, description="s, min or h")
-    stress_column: Column
-    stress_unit: str = Field(description="Pa, MPa or GPa")
-    stress_uncertainty: float | None = Field(
-        None, gt=0, description="the standard deviation of a reading in the unit of the stress"
-    )
-
-
-class _ConstantRateFile(ExperimentFile):
-    protocol: Literal["constant_rate"] = Field(description="the kind of test")
-    final_strain: float | None = Field(
-        None, gt=0, description="the strain (fraction) at the end of the test"
-    )
-    segments: list[_SegmentTable] = Field(min_length=1, description="one table for each rate")
-    data: _DataTable | None = Field(None, description="the table that names the data files")
-    microstructure: list[MicrostructureTable] = Field(
-        default_factory=list, description="one table for each strain; in the unit of [data]"
-    )
-
-
 def load_constant_rate(path: str | Path) -> ConstantRateExperiment:
     """Read and check the file of a test at constant rate and the data files that it names.
 
@@ -229,17 +189,19 @@ def load_constant_rate(path: str | Path) -> ConstantRateExperiment:
         If a file, key, unit or number is not what it has to be.
     """
     path = Path(path)
-    file = read_toml(path, _ConstantRateFile)
+    file = read_toml(path, ConstantRateFile)
     segments = tuple(RateSegment(s.start_strain, s.strain_rate_per_s) for s in file.segments)
     values, _, curves = all_of(
         lambda: shared_values(path, file),
-        lambda: _check_segments(path, file.segments),
+        lambda: check_segments(path, file.segments),
         lambda: _read_curves(path, file, segments),
     )
     unit = None if file.data is None else file.data.strain_unit
     microstructure = measured_microstructure(path, file.microstructure, unit, file.final_strain)
     final_strain = _final_strain(path, file, segments, curves, microstructure)
     strain, stress, changes = join_curves(curves, final_strain)
+    if file.compression == "negative":
+        changes = [SIGNS_WERE_TURNED, *changes]
     return ConstantRateExperiment(
         **values,
         segments=segments,
@@ -299,75 +261,19 @@ def save_constant_rate(experiment: ConstantRateExperiment, directory: Path) -> P
     )
 
 
-def _check_segments(path: Path, segments: Sequence[_SegmentTable]) -> None:
-    starts = [segment.start_strain for segment in segments]
-    if starts[0] != 0:
-        raise InputError(
-            f"{path}: key 'start_strain' in [[segments]] number 1: found {starts[0]:g}, expected "
-            "0, the start of the test."
-        )
-    for number, (before, after) in enumerate(itertools.pairwise(starts), start=2):
-        if after <= before:
-            raise InputError(
-                f"{path}: key 'start_strain' in [[segments]] number {number}: found {after:g}, "
-                f"expected more than {before:g}, where the segment before starts."
-            )
-
-
-def _check_data_keys(path: Path, file: _ConstantRateFile) -> None:
-    """Check that keys about data files fit together."""
-    with_file = [segment.file is not None for segment in file.segments]
-    data = file.data
-    if data is None:
-        if any(with_file) or any(segment.rows for segment in file.segments):
-            raise InputError(
-                f"{path}: table [data] is missing, expected it because a segment names its data."
-            )
-        if file.final_strain is None:
-            raise InputError(
-                f"{path}: key 'final_strain' is missing, expected the strain (fraction) at the "
-                "end of the test because there is no [data]."
-            )
-        return
-    if data.file is not None and any(with_file):
-        raise InputError(
-            f"{path}: key 'file': found it in [data] and in [[segments]], expected one of the two."
-        )
-    with_rows = [segment.rows is not None for segment in file.segments]
-    if any(with_rows) and (data.file is None or not all(with_rows)):
-        raise InputError(
-            f"{path}: key 'rows' in [[segments]]: expected it in every one of them or in none, and "
-            "with it one 'file' in [data]."
-        )
-    if data.file is None and not all(with_file):
-        raise InputError(
-            f"{path}: key 'file' is missing, expected it in [data] or in every one of [[segments]]."
-        )
-    if data.strain_column is None and data.time_column is None:
-        raise InputError(f"{path}: [data] needs a key 'strain_column' or 'time_column'.")
-    for quantity in ("strain", "time"):
-        column = getattr(data, f"{quantity}_column")
-        unit = getattr(data, f"{quantity}_unit")
-        if (column is None) != (unit is None):
-            raise InputError(
-                f"{path}: [data] needs both or neither of the keys '{quantity}_column' and "
-                f"'{quantity}_unit'."
-            )
-
-
 def _read_curves(
-    path: Path, file: _ConstantRateFile, segments: Sequence[RateSegment]
+    path: Path, file: ConstantRateFile, segments: Sequence[RateSegment]
 ) -> list[Curve]:
     """Read the data files, in SI units but otherwise as they are."""
-    _check_data_keys(path, file)
+    check_data_keys(path, file)
     data = file.data
     if data is None:
         return []
-    root = data.folder(path)
+    root, sign = data.folder(path), sign_of(file.compression)
     end = np.inf if file.final_strain is None else file.final_strain
     if data.file is not None and file.segments[0].rows is None:
         strain, stress, notes = _read_points(
-            path, root / data.file, data, segments, "'file' in [data]"
+            path, root / data.file, data, segments, "'file' in [data]", sign
         )
         return [Curve(root / data.file, data.selection, strain, stress, 0.0, end, notes)]
     bounds = [*(segment.start_strain for segment in segments), end]
@@ -376,13 +282,18 @@ def _read_curves(
         source = root / str(segment.file or data.file)
         key = "'file' in [data]" if data.file else f"'file' in [[segments]] number {k + 1}"
         own = data.model_copy(update={"rows": {**data.rows, **(segment.rows or {})}})
-        strain, stress, notes = _read_points(path, source, own, segments, key)
+        strain, stress, notes = _read_points(path, source, own, segments, key, sign)
         curves.append(Curve(source, own.selection, strain, stress, bounds[k], bounds[k + 1], notes))
     return curves
 
 
 def _read_points(
-    path: Path, source: Path, data: _DataTable, segments: Sequence[RateSegment], file_key: str
+    path: Path,
+    source: Path,
+    data: DataTable,
+    segments: Sequence[RateSegment],
+    file_key: str,
+    sign: int,
 ) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
     """Strain (fraction) and stress (Pa) of one file, each of shape (n_rows,), and notes."""
     read = [name for name in ("strain", "time") if getattr(data, f"{name}_column") is not None]
@@ -390,19 +301,25 @@ def _read_points(
     columns = {f"{name}_column": (f"{name}_unit", name) for name in names}
     values, notes = read_columns(source, data, columns, where=path, file_key=file_key)
     found = dict(zip(names, values, strict=True))
-    stress, time = found["stress"], found.get("time")
+    stress, time = sign * found["stress"], found.get("time")
     if "strain" not in found:
-        strain = _strain_at(found["time"], segments)
-    else:
-        strain = found["strain"]
-        if time is not None:
-            start = _time_at(strain[:1], segments)
-            imposed = _strain_at(time - time[0] + start, segments)
-            notes += unlike_rates(source.name, time, strain, imposed)
+        return _strain_at(found["time"], segments), stress, notes
+    strain = sign * found["strain"]
+    if np.mean(strain < 0) > 0.5:
+        expected, other = ("positive", "negative") if sign > 0 else ("negative", "positive")
+        raise InputError(
+            f"{source}: column {data.strain_column!r}: found strains down to "
+            f"{sign * np.min(strain):g} whose sign is {other}, expected {expected} ones: "
+            f'if compression is {other} in this file, write compression = "{other}" in {path}.'
+        )
+    if time is not None:
+        start = _time_at(strain[:1], segments)
+        imposed = _strain_at(time - time[0] + start, segments)
+        notes += unlike_rates(source.name, time, strain, imposed)
     return strain, stress, notes
 
 
-def _stress_uncertainty(path: Path, data: _DataTable | None) -> float | None:
+def _stress_uncertainty(path: Path, data: DataTable | None) -> float | None:
     """Return the standard deviation of a reading in Pa, where it is stated."""
     if data is None or data.stress_uncertainty is None:
         return None
@@ -442,7 +359,7 @@ def _strain_at(time: FloatArray, segments: Sequence[RateSegment]) -> FloatArray:
 
 def _final_strain(
     path: Path,
-    file: _ConstantRateFile,
+    file: ConstantRateFile,
     segments: Sequence[RateSegment],
     curves: Sequence[Curve],
     microstructure: Sequence[MeasuredMicrostructure],

@@ -13,6 +13,7 @@ from pyburgers.protocols.new_file import (
     Description,
     NewFile,
     column_lines,
+    compression_of,
     layout_lines,
     line,
     optional,
@@ -47,7 +48,7 @@ class ConstantRateFile(NewFile):
         if not {"strain", "time"} <= columns.keys():
             return {}
         slope = slope_of(*read_together(columns["time"].si, columns["strain"].si))
-        return {STRAIN_RATE.name: float(f"{slope:.3g}")} if slope else {}
+        return {STRAIN_RATE.name: float(f"{abs(slope):.3g}")} if slope else {}
 
     def asked(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return the rate: a fit infers the error of a stress where none is stated."""
@@ -58,7 +59,13 @@ class ConstantRateFile(NewFile):
         position = "strain" if "strain" in test.columns else "time"
         late_strain = 20.0 if test.columns[position].unit == "percent" else 0.2
         error, of_what = test.values[STRESS_ERROR.name], "of a reading, in the unit of the stress"
+        compression = compression_of(test)
         return [
+            *(
+                [line("compression", compression, "as in the text file; else positive"), ""]
+                if compression == "negative"
+                else []
+            ),
             with_comment("[[segments]]", "one for each imposed strain rate"),
             line("start_strain", 0.0, "a fraction, where this rate starts"),
             line("strain_rate_per_s", test.values["strain_rate_per_s"]),
@@ -68,7 +75,7 @@ class ConstantRateFile(NewFile):
             *layout_lines(test),
             *column_lines(test, position),
             *(column_lines(test, "time", comment=BESIDE) if position == "strain" else ()),
-            *column_lines(test, "stress", comment="differential stress, compression positive"),
+            *column_lines(test, "stress", comment="differential stress"),
             optional("stress_uncertainty = 0.05", of_what)
             if error is None
             else line("stress_uncertainty", error, of_what),

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from pyburgers.common.toml_files import factor_to_si
 from pyburgers.protocols.loading_history.readings import Measure
+from pyburgers.protocols.signs import Compression, sign_of
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Conventions:
         *,
         time_unit: str,
         stress_unit: str,
-        compression: Literal["positive", "negative"],
+        compression: Compression,
         measures: tuple[Measure, Measure],
     ) -> "Conventions":
         """Check the units of a file."""
@@ -46,7 +46,7 @@ class Conventions:
             factor_to_si(time_unit, "time", f"{path}: key 'stage_time_unit'"),
             factor_to_si(stress_unit, "stress", f"{path}: key 'stage_stress_unit'"),
             time_unit,
-            1 if compression == "positive" else -1,
+            sign_of(compression),
             *measures,
         )
 

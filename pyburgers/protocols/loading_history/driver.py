@@ -40,11 +40,13 @@ def scatter(time: FloatArray, value: FloatArray) -> float:
     Parameters
     ----------
     time, value : array, shape (n,)
-        The series, times increasing.
+        The series, times not decreasing.
     """
     if time.size < 3:
         return 0.0
-    share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
+    between = time[2:] - time[:-2]
+    moved = np.where(between > 0, time[1:-1] - time[:-2], 0.5)
+    share = moved / np.where(between > 0, between, 1.0)
     distance = value[1:-1] - (1 - share) * value[:-2] - share * value[2:]
     scaled = distance / np.sqrt(1 + share**2 + (1 - share) ** 2)
     return float(np.median(np.abs(scaled)) / stats.norm.ppf(0.75))
@@ -59,7 +61,7 @@ def reading_error(time: FloatArray, value: FloatArray) -> float:
     Parameters
     ----------
     time, value : array, shape (n,)
-        The series, times increasing.
+        The series, times not decreasing.
     """
     if time.size < FEWEST_READINGS:
         return 0.0

@@ -47,7 +47,7 @@ class LoadingHistory(Experiment):
     stages : tuple of Stage
         One after the other without gaps; the first starts at 0 s, where the sample is at rest.
     time : array, shape (n_points,)
-        Of the readings (s since the start), not decreasing, and increasing within a stage.
+        Of the readings (s since the start), not decreasing.
     reading_stage : array of int, shape (n_points,)
         Stage of each reading, from 0.
     reading : array, shape (n_points,)

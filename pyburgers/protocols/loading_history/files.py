@@ -42,6 +42,7 @@ from pyburgers.protocols.loading_history.stage_tables import (
 )
 from pyburgers.protocols.loading_history.stages import Stage, legs_of
 from pyburgers.protocols.microstructure import microstructure_tables
+from pyburgers.protocols.signs import SIGNS_WERE_TURNED, Compression
 
 
 class _ApparatusTable(Table):
@@ -61,9 +62,7 @@ class _LoadingHistoryFile(ExperimentFile):
     protocol: Literal["loading_history"] = Field(description="the kind of test")
     stage_time_unit: str = Field("s", description="s, min or h")
     stage_stress_unit: str = Field("Pa", description="Pa, MPa or GPa")
-    compression: Literal["positive", "negative"] = Field(
-        "positive", description="the sign of a compression, of stages and data"
-    )
+    compression: Compression = Field("positive", description="its sign in stages and data")
     stress_measure: Measure = Field("true", description="of the stress, of stages and data")
     strain_measure: Measure = Field("true", description="of the strain, of stages and data")
     stages: list[StageTable] = Field(min_length=1, description="one table for each stage")
@@ -226,7 +225,7 @@ def _turned(file: _LoadingHistoryFile) -> list[str]:
     """Sentences about measures and signs."""
     notices = []
     if file.compression == "negative":
-        notices.append("Compression is negative in the file: the signs were turned.")
+        notices.append(SIGNS_WERE_TURNED)
     measures = {"stress": file.stress_measure, "strain": file.strain_measure}
     turned = [name for name, measure in measures.items() if measure == "engineering"]
     if turned:

@@ -20,6 +20,7 @@ from pyburgers.protocols.new_file import (
     NewFile,
     Question,
     column_lines,
+    compression_of,
     layout_lines,
     line,
     optional,
@@ -116,7 +117,7 @@ class LoadingHistoryFile(NewFile):
         }
         if "strain" in columns:
             before = strain[0][0] if first else 0.0
-            held = abs(float(f"{strain[0][-1] - before:.4g}"))
+            held = float(f"{strain[0][-1] - before:.4g}")
             known[HELD_STRAIN.name] = held
             rate = given[STRAIN_RATE.name]
             if rate and not first:
@@ -177,10 +178,11 @@ class LoadingHistoryFile(NewFile):
 
     def lines(self, test: Description) -> list[str]:
         """Return the stages and the columns."""
+        compression = compression_of(test, test.values[STRESS.name])
         return [
             line("stage_time_unit", test.columns["time"].unit, "of the stages; s, min or h"),
             line("stage_stress_unit", "MPa", "of the stages; Pa, MPa or GPa"),
-            line("compression", "positive", "or negative: of stages and data"),
+            line("compression", compression, "positive or negative: of stages and data"),
             *(
                 line(f"{name}_measure", _measure(test.columns, name), "true or engineering")
                 for name in ("strain", "stress")

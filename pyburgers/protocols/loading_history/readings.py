@@ -124,7 +124,7 @@ def read_readings(path: Path, data: HistoryDataTable, bounds: FloatArray, sign: 
     Raises
     ------
     InputError
-        If columns or units are missing or wrong, times do not increase within a stage, or a reading
+        If columns or units are missing or wrong, times go back within a stage, or a reading
         is outside its stage or every stage.
     """
     columns: dict[str, tuple[str, str] | None] = {"time_column": ("time_unit", "time")}
@@ -368,12 +368,46 @@ def _stages(
 
 
 def _check_order(rows: _Rows, time: FloatArray, stage: IntArray) -> None:
-    step, same = np.diff(time), np.diff(stage) == 0
-    wrong = (np.diff(stage) < 0) | (step < 0) | (same & (step == 0))
-    if wrong.any():
-        k = int(np.flatnonzero(wrong)[0])
-        found = "occurs twice" if step[k] == 0 else f"comes after {rows.time(time[k])}"
+    """Refuse rows that go back; several readings of one moment go with what is constant."""
+    wrong = np.flatnonzero((np.diff(stage) < 0) | (np.diff(time) < 0))
+    if wrong.size:
+        k = int(wrong[0])
         raise InputError(
-            f"{rows.source}: data row {k + 2}: the time {rows.time(time[k + 1])} {found}, expected "
-            "times that increase within a stage."
+            f"{rows.source}: data row {k + 2}: the time {rows.time(time[k + 1])} comes after "
+            f"{rows.time(time[k])}, expected times that do not go back within a stage."
         )
+
+
+def one_reading_each(
+    source: Path | None, time: FloatArray, value: FloatArray, text: Callable[[float], str]
+) -> tuple[FloatArray, FloatArray]:
+    """Return readings that drive a stage, of equal ones of one moment the first.
+
+    Parameters
+    ----------
+    source : Path or None
+        Their file, for the message.
+    time, value : array, shape (n,)
+        In the order of time.
+    text : callable
+        Returns a time with its unit.
+
+    Raises
+    ------
+    InputError
+        If readings of one moment differ; the message names all such moments.
+    """
+    again = np.diff(time, prepend=-np.inf) == 0
+    if np.any(again[1:] & (np.diff(value) != 0)):
+        moments, counts = np.unique(time[again], return_counts=True)
+        listed = ", ".join(
+            f"{text(moment)} ({count + 1} readings)"
+            for moment, count in zip(moments, counts, strict=True)
+        )
+        raise InputError(
+            f"{source}: found times that occur more than once with different readings, {listed}; "
+            "expected one reading of a moment, because these drive the stage: if the times were "
+            "rounded, write them in full; if one moment was read several times, write the mean; if "
+            'the stress is constant, impose it (control = "stress"), and all readings are kept.'
+        )
+    return time[~again], value[~again]

@@ -129,9 +129,11 @@ def _state_at(now: float, time: FloatArray, strain: FloatArray) -> tuple[float, 
     if time.size == 0:
         return np.inf, -np.inf
     last = float(strain[-1])
-    if time.size == 1:
+    earlier = np.flatnonzero(time < time[-1])
+    if earlier.size == 0:
         return last, last
-    drawn = last + (strain[-1] - strain[-2]) * (now - time[-1]) / (time[-1] - time[-2])
+    k = earlier[-1]
+    drawn = last + (strain[-1] - strain[k]) * (now - time[-1]) / (time[-1] - time[k])
     return min(last, float(drawn)), max(last, float(drawn))
 
 

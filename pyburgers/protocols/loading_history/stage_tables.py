@@ -22,7 +22,7 @@ from pyburgers.protocols.loading_history.driver import (
     scatter,
     tolerance_of,
 )
-from pyburgers.protocols.loading_history.readings import Readings
+from pyburgers.protocols.loading_history.readings import Readings, one_reading_each
 from pyburgers.protocols.loading_history.series import (
     Series,
     own_readings,
@@ -412,7 +412,11 @@ class _StageReader:
         """Return what was read over the stage."""
         span, test, number = (self.start, self.end), self.test, self.number
         shared = (DRIVEN[self.table.control] == "strain", self.strain_follows)
-        own = own_readings(test.readings, quantity, number - 1, span, shared)
+        own = one_reading_each(
+            test.readings.source,
+            *own_readings(test.readings, quantity, number - 1, span, shared),
+            lambda time: test.conventions.time_text(time + test.bounds[0]),
+        )
         if own[0].size < 2:
             raise InputError(
                 f"{self.where}: found fewer than two readings of the {quantity} in it, expected "

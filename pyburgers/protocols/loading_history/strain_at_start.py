@@ -55,10 +55,12 @@ def strain_at_start(
     if time.size == 0:
         return None
     value = float(strain[-1]) + _imposed(before[last + 1 :], float(time[-1]))
-    if time.size == 1:
+    earlier = np.flatnonzero(time < time[-1])
+    if earlier.size == 0:
         return StartStrain(value, abs(float(strain[0])))
-    longer = (before[last].end_time - time[-1]) / (time[-1] - time[-2])
-    return StartStrain(value, float(abs(strain[-1] - strain[-2]) * max(1.0, longer)))
+    k = earlier[-1]
+    longer = (before[last].end_time - time[-1]) / (time[-1] - time[k])
+    return StartStrain(value, float(abs(strain[-1] - strain[k]) * max(1.0, longer)))
 
 
 def _imposed(stages: Sequence[Stage], since: float) -> float:

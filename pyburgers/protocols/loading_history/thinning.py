@@ -25,7 +25,7 @@ def kept_readings(
     Parameters
     ----------
     time, response : array, shape (n,)
-        Readings of one quantity, times (s) increasing.
+        Readings of one quantity, times (s) not decreasing, two different ones at least.
     changes : array, shape (n_changes,)
         Times (s) at which what is imposed changes its value or rate, the first not after the first
         reading.
@@ -45,7 +45,7 @@ def kept_readings(
 def _log_time(time: FloatArray, changes: FloatArray) -> FloatArray:
     """Logarithm of the time since the last change, added up over the changes."""
     last = np.searchsorted(changes, time, side="right") - 1
-    scale = float(np.median(np.diff(time)))
+    scale = float(np.median(np.diff(np.unique(time))))
     within = np.log1p((time - changes[last]) / scale)
     spans = np.log1p(np.diff(changes) / scale)
     before = np.concatenate([[0.0], np.cumsum(spans)])
@@ -56,7 +56,8 @@ def _log_time(time: FloatArray, changes: FloatArray) -> FloatArray:
 def _way(time: FloatArray, response: FloatArray) -> FloatArray:
     """Sum of all rises and falls of the response up to each reading."""
     tolerance = tolerance_of(response, reading_error(time, response))
-    corners, values = line_through(time, response, tolerance)
+    moment, place, count = np.unique(time, return_inverse=True, return_counts=True)
+    corners, values = line_through(moment, np.bincount(place, response) / count, tolerance)
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values)))])
     up_to: FloatArray = np.interp(time, corners, way)
     return up_to

@@ -57,7 +57,10 @@ LAST = (
 """What is asked about every kind of test, before and after its own questions."""
 
 TEMPERATURE = {"temperature": "its highest value alone is used, as the temperature of the test"}
-TAN_DELTA = "tan(delta), 1/Q, log10 of them, or an angle in mrad or rad or deg"
+EXPECTED = {
+    "attenuation": "tan(delta), 1/Q, log10 of them, or an angle in mrad or rad or deg",
+    "relaxation_modulus": "a modulus along the axis, E(t),",
+}
 """Words about columns."""
 
 
@@ -247,10 +250,17 @@ def _require_units(path: Path, columns: Mapping[str, GuessedColumn]) -> None:
         where = f"{path}: column {guessed.column!r}"
         if guessed.is_foreign:
             units = " or ".join(UNIT_NAMES.get(guessed.kind, ()))
-            expected = f"{guessed.kind} in {units}" if units else TAN_DELTA
+            what = EXPECTED.get(guessed.quantity, guessed.kind)
+            expected = f"{what} in {units}" if units else what
             raise InputError(
                 f"{where}: found a name of other units, of none or of logarithms, expected "
                 f"{expected}; turn its numbers and name it so."
+            )
+        if guessed.confined_by is not None:
+            raise InputError(
+                f"{where}: found a stress that is never below column {guessed.confined_by!r}, "
+                "expected the differential stress; write the difference as a column, or give "
+                f"{shlex.join([_column_question('stress').option, str(guessed.column)])} if it is."
             )
         of = columns.get(guessed.shares_unit_with or "")
         if of is not None and of.unit != guessed.unit:

@@ -16,7 +16,7 @@ from pyburgers.common.units import FOREIGN_UNIT_NAMES, UNIT_NAMES, UNITS
 FloatArray = npt.NDArray[np.float64]
 
 OTHER_QUANTITIES = re.compile(
-    r"(?<![a-z])(?:strain|stress|def\w*)?.?rate(?![a-z])|confin|cell.?p|pore|radial|lateral|volum"
+    r"(?<![a-z])(?:strain|stress|def\w*)?.?rate(?![a-z])|confin|cell.?p|pore|radial|lateral|quer|(?<![a-z])vol"
     r"|(?:gas|oil|fluid|water|ambient).{0,2}press|hydrostat|compliance|viscos|strain.?ampl|manteldruck|vitesse|geschwindigkeit"
     r"|^(?:sigma|sig|σ|s)_?[23](?![0-9a-z])|^p(?:c|conf)?(?![a-z])"
 )
@@ -103,7 +103,7 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
         "stress": Quantity(
             "stress",
             (
-                r"stress|sigma|(?<![a-z])sig(?![a-z])|σ|tau|τ|deviator|spannung|contrainte|s_?diff"
+                r"stress|sigma|(?<![a-z])sig(?![a-z])|σ|(?<![a-z])tau|τ|deviator|spannung|contrainte|s_?diff"
                 r"|^q ?[(\[_].*pa",
                 r"^s_?1(?![0-9a-z])",
                 r"load|force|pressure|kraft|druck|charge",
@@ -111,7 +111,7 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
             (
                 (rf"{ENGINEERING}|(?<![a-z])raw(?![a-z])|uncorr", 3),
                 (r"diff|deviat|^q|(?:sigma|sig|σ|s)_?1 ?- ?(?:sigma|sig|σ|s)_?3", 0),
-                (r"true|(?<![a-z])(?:ist|wahr)|axial|sample|actual|corrected", 1),
+                (r"true|(?<![a-z])(?:ist|wahr|ax)|sample|actual|corrected", 1),
                 (r"^(?:sigma|sig|σ|s)_?1(?![0-9a-z])", 4),
             ),
         ),
@@ -122,7 +122,7 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
             ),
             (
                 (rf"{ENGINEERING}|(?<![a-z])raw(?![a-z])|uncorr|machine", 3),
-                (r"true|(?<![a-z])(?:log|ist|wahr)|hencky|axial|sample|actual|corrected", 1),
+                (r"true|(?<![a-z])(?:log|ist|wahr|ax)|hencky|sample|actual|corrected", 1),
             ),
         ),
         "time": Quantity(
@@ -133,6 +133,9 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
     }
 )
 """Quantities; a column holds the first whose names look like its own."""
+
+SHEAR = r"(?<![a-z])g\(t\)|shear|schub"
+"""What the name of a modulus in shear has."""
 
 FORCES = re.compile(r"load|force|pressure|kraft|druck(?!spann)|charge")
 """What the name of a column has that is a stress only where its unit says so."""
@@ -151,6 +154,9 @@ LOGARITHM = re.compile(r"(?<![a-z])(?:log|ln)(?![a-z])|(?<![a-z])log_?10")
 PERCENT_FROM, MEGAPASCAL_UP_TO, CELSIUS_UP_TO = 1.0, 1e5, 200.0
 """Numbers from which strain is taken as percent, and up to which stress as MPa, or temperature as
 degrees Celsius, where names say nothing."""
+
+DIFFERENTIAL, NEGLIGIBLE = 0, 0.05
+"""Place of names of differential stresses; a stress beside the axis below this share is none."""
 
 SAME = 1e-3
 """Relative difference of columns that hold the same numbers in different units."""
@@ -181,6 +187,8 @@ class GuessedColumn:
         Other columns that may hold the quantity, the likeliest first.
     is_decided : bool
         Whether names and units put it before its rivals, or somebody chose it.
+    confined_by : str or int or None
+        Of a stress that may be the total one along the axis, the column of what acts beside it.
     """
 
     quantity: str
@@ -192,6 +200,7 @@ class GuessedColumn:
     is_foreign: bool = False
     rivals: "tuple[GuessedColumn, ...]" = ()
     is_decided: bool = True
+    confined_by: str | int | None = None
 
     @property
     def kind(self) -> str:
@@ -246,7 +255,7 @@ def guess_columns(
             guessed = _with_unit(table, column, quantity)
             candidates.setdefault(quantity, []).append((_place(guessed), guessed))
     found = {
-        quantity: replace(_with_unit(table, column, quantity, is_chosen=True))
+        quantity: _with_unit(table, column, quantity, is_chosen=True)
         for quantity, column in chosen.items()
     }
     for quantity, own in candidates.items():
@@ -254,7 +263,10 @@ def guess_columns(
         (place, first), *others = own
         is_tied = any(other == place and not _are_alike(first, one) for other, one in others)
         rivals = tuple(one for _, one in others)
-        found[quantity] = replace(first, rivals=rivals, is_decided=not is_tied)
+        confined_by = _confined_by(table, first) if quantity == "stress" else None
+        found[quantity] = replace(
+            first, rivals=rivals, is_decided=not is_tied, confined_by=confined_by
+        )
     order = [*QUANTITIES, *(f"{name}_uncertainty" for name in QUANTITIES)]
     return {name: _with_shared_unit(found[name], found) for name in order if name in found}
 
@@ -364,6 +376,29 @@ def _are_alike(one: GuessedColumn, other: GuessedColumn) -> bool:
     return bool(np.allclose(mine, yours, rtol=SAME, atol=SAME * scale, equal_nan=True))
 
 
+def _confined_by(table: TextTable, stress: GuessedColumn) -> str | int | None:
+    """Return the column of the stress beside the axis that a column of stress may contain.
+
+    One that its name calls differential does not; else it may where it never is below the other.
+    """
+    if _place(stress)[2] == DIFFERENTIAL:
+        return None
+    for column in table.columns:
+        name = _plain(table.described(column))
+        if column == stress.column or not OTHER_QUANTITIES.search(name) or "rate" in name:
+            continue
+        unit = _unit_in(name, "stress", is_chosen=True)
+        if unit and table.numbers(column):
+            beside = float(np.median(table.numbers(column))) * UNITS["stress"][unit]
+            if (
+                NEGLIGIBLE * np.nanmax(stress.si)
+                < beside
+                <= np.nanmin(stress.si) * (1 + NEGLIGIBLE)
+            ):
+                return column
+    return None
+
+
 def _with_unit(
     table: TextTable, column: str | int, quantity: str, *, is_chosen: bool = False
 ) -> GuessedColumn:
@@ -376,6 +411,8 @@ def _with_unit(
     if table.is_time_stamps(column):
         return replace(found, unit="s", told_by="its time stamps")
     unit = _unit_in(_plain(name), kind, is_chosen=is_chosen)
+    if quantity == "relaxation_modulus" and re.search(SHEAR, _plain(name)):
+        unit = ""
     if unit is None:
         by_numbers, told_by = _unit_of_numbers(kind, numbers[np.isfinite(numbers)])
         return replace(found, unit=by_numbers, told_by=told_by)

@@ -171,8 +171,8 @@ def unlike_rates(
     by_slope = "" if slope is None else f" (its slope is {slope:.3g} 1/s)"
     return (
         f"{name}: the strain over time{by_slope} lies up to {far.largest:.3g} from the strain "
-        f"that the stated rates impose, which it leaves at data row {far.first + 1}; check the "
-        "rates and the units.",
+        f"that the stated rates impose, which it leaves at data row {far.first + 1}; check "
+        "units and rates, of which each change starts a segment.",
     )
 
 

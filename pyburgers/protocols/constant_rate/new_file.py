@@ -1,11 +1,13 @@
 """What `pyburgers new` writes for a test at constant strain rate."""
 
-from collections.abc import Collection, Mapping
+import re
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from pyburgers.protocols.column_facts import read_together
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.departures import slope_of
+from pyburgers.protocols.guessed_columns import ENGINEERING
 from pyburgers.protocols.new_file import (
     STRAIN_RATE,
     STRESS_ERROR,
@@ -53,6 +55,15 @@ class ConstantRateFile(NewFile):
     def asked(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return the rate: a fit infers the error of a stress where none is stated."""
         return {STRAIN_RATE.name}
+
+    def decided(self, test: Description) -> Sequence[str]:
+        """Say that columns of engineering measures are taken as they are."""
+        return [
+            f"column {one.column!r} is taken as true {one.quantity}, though its name says "
+            "engineering; --protocol loading_history turns it"
+            for one in test.columns.values()
+            if re.search(ENGINEERING, one.name.lower())
+        ]
 
     def lines(self, test: Description) -> list[str]:
         """Return the segment and the columns of the curve."""

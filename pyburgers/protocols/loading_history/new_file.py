@@ -10,6 +10,7 @@ import numpy as np
 
 from pyburgers.common.units import UNITS
 from pyburgers.protocols.column_facts import Facts, facts_of, read_together
+from pyburgers.protocols.departures import slope_of
 from pyburgers.protocols.experiment import FloatArray
 from pyburgers.protocols.guessed_columns import ENGINEERING
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
@@ -109,21 +110,21 @@ class LoadingHistoryFile(NewFile):
         first = _hold_of(columns)
         if first is None:
             return {}
-        time, *strain = _rows(columns, "time", "strain" if "strain" in columns else "time")
         second = UNITS["time"][columns["time"].unit or "s"]
-        start, end = float(time[first]), float(time[-1])
-        known = {
-            HOLD_START.name: 0.0 if 0 <= start <= EARLY * end and not first else start / second
-        }
+        time, strain = _rows(columns, "time", "strain" if "strain" in columns else "time")
+        if first:
+            start = _end_of_loading(time, strain, first)
+        else:
+            start = 0.0 if 0 <= time[0] <= EARLY * time[-1] else float(time[0])
+        known = {HOLD_START.name: start / second}
         if "strain" in columns:
-            before = strain[0][0] if first else 0.0
-            held = float(f"{strain[0][-1] - before:.4g}")
+            held = float(f"{strain[-1] - (strain[0] if first else 0.0):.4g}")
             known[HELD_STRAIN.name] = held
             rate = given[STRAIN_RATE.name]
             if rate and not first:
                 known[LOADING_TIME.name] = float(f"{abs(held / rate) / second:.4g}")
         if first:
-            known[LOADING_TIME.name] = float(time[first] - time[0]) / second
+            known[LOADING_TIME.name] = (start - float(time[0])) / second
         return known
 
     def taken(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
@@ -135,7 +136,7 @@ class LoadingHistoryFile(NewFile):
         by_stress = {STRESS.name} if "strain" in columns else set()
         has_stress = "stress" in columns or "relaxation_modulus" in columns
         by_rate = {STRAIN_RATE.name, HOLD_START.name} if has_stress else set()
-        if by_rate and _is_held(given):
+        if by_rate and _is_held(columns, given):
             loading = (STRAIN_RATE.name, HELD_STRAIN.name, LOADING_TIME.name)
             stated = [name for name in loading if given[name] is not None]
             by_rate |= set(stated[:2] if len(stated) > 1 else loading)
@@ -151,9 +152,9 @@ class LoadingHistoryFile(NewFile):
         falls at a strain that is held, the hold is asked for, and its loading.
         """
         by_rate = given[STRESS.name] is None and HOLD_START.name in self.taken(columns, given)
-        if by_rate and given[HOLD_START.name] is None and _hold_of(columns) is not None:
-            return (HOLD_START.name,)
-        if by_rate and _is_held(given):
+        if by_rate and _is_held(columns, given):
+            if given[HOLD_START.name] is None:
+                return (HOLD_START.name,)
             other = HELD_STRAIN.name if given[STRAIN_RATE.name] is None else STRAIN_RATE.name
             return (other, LOADING_TIME.name) if given[LOADING_TIME.name] is None else (other,)
         if "strain" not in columns:
@@ -163,15 +164,15 @@ class LoadingHistoryFile(NewFile):
 
     def decided(self, test: Description) -> Sequence[str]:
         """Say where the strain turns, and how loading in no time is written."""
-        values, unit = test.values, test.columns["time"].unit
+        values, columns, unit = test.values, test.columns, test.columns["time"].unit
         if values[STRESS.name] is not None:
             return ()
-        if _is_held(values):
+        if _is_held(columns, values):
             is_jump = values[LOADING_TIME.name] == 0
             lasted = f"loading in no time is written as a stage of {_loading(test)[1]:.3g} {unit}"
             return (lasted,) if is_jump else ()
         turns = ", ".join(f"{time:g}" for time in _turning_times(test.columns))
-        stages = "the readings of the strain drive the test"
+        stages = "the readings of the strain drive the test, from rest at time 0"
         if values[STRAIN_RATE.name] is not None:
             stages = "stages end there, and the rate changes its sign"
         return (f"the strain turns back at {turns} {unit}: {stages}",) if turns else ()
@@ -240,6 +241,8 @@ def _hold_of(columns: Columns) -> int | None:
     time, strain, falling = _rows(columns, "time", "strain", stress)
     first = Facts(strain).held_from
     stress_then, strain_then = Facts(falling[first:]), Facts(strain[first:])
+    if Facts(falling).is_in_levels:
+        return None
     is_long = time[-1] - time[first] >= LEAST_HELD * (time[-1] - time[0]) > 0
     falls = stress_then.only_falls and (
         stress_then.relative_range > FALL * strain_then.relative_range
@@ -247,9 +250,17 @@ def _hold_of(columns: Columns) -> int | None:
     return first if is_long and falls and np.any(strain_then.values) else None
 
 
-def _is_held(given: Mapping[str, Any]) -> bool:
-    """Whether answers say that the strain is held from some time on."""
-    return given[HOLD_START.name] not in (None, math.inf)
+def _end_of_loading(time: FloatArray, strain: FloatArray, first: int) -> float:
+    """Return when (s) a strain reached the one that is held from a reading on, by its rate."""
+    rate = slope_of(time[:first], strain[:first])
+    left = (strain[-1] - strain[first - 1]) / rate if rate else math.inf
+    return float(f"{min(time[first - 1] + max(left, 0.0), time[first]):.6g}")
+
+
+def _is_held(columns: Columns, given: Mapping[str, Any]) -> bool:
+    """Whether the strain is held from some time on, by answers or else by what was read."""
+    start = given[HOLD_START.name]
+    return _hold_of(columns) is not None if start is None else bool(start != math.inf)
 
 
 def _stage_lines(test: Description) -> list[str]:
@@ -260,20 +271,36 @@ def _stage_lines(test: Description) -> list[str]:
     stress, rate = values[STRESS.name], values[STRAIN_RATE.name]
     if stress is not None:
         return _stage("stress", start, end, line("stress", stress, "in stage_stress_unit"))
-    if _is_held(values):
+    if _is_held(columns, values):
         hold_start, (rate, lasted) = values[HOLD_START.name], _loading(test)
         return [
             *_stage("strain_rate", hold_start - lasted, hold_start, line(STRAIN_RATE.name, rate)),
             *_stage("hold_strain", hold_start, end),
         ]
     turns = _turning_times(columns)
+    if rate is None and not turns:
+        return _stage("stress_series", start, end)
     if rate is None:
-        return _stage("strain_series" if turns else "stress_series", start, end)
+        return [*_unread_loading(columns), *_stage("strain_series", float(times.min()), end)]
     return [
         text
         for k, (first, last) in enumerate(itertools.pairwise([start, *turns, end]))
         for text in _stage("strain_rate", first, last, line(STRAIN_RATE.name, rate * (-1) ** k))
     ]
+
+
+def _unread_loading(columns: Columns) -> list[str]:
+    """Return the stage that leads from rest to a first reading of the strain behind time zero."""
+    time, strain = _rows(columns, "time", "strain")
+    if not (time[0] > 0 and strain[0]):
+        return []
+    rate = float(f"{strain[0] / time[0]:.6g}")
+    return _stage("strain_rate", 0.0, _in_file(columns, time[0]), line(STRAIN_RATE.name, rate))
+
+
+def _in_file(columns: Columns, time: float) -> float:
+    """Return a time (s) in the unit of the column of times."""
+    return float(time) / UNITS["time"][columns["time"].unit or "s"]
 
 
 def _turning_times(columns: Columns) -> list[float]:
@@ -284,8 +311,7 @@ def _turning_times(columns: Columns) -> list[float]:
     loads, facts = Facts(stress), Facts(strain)
     if loads.is_steady or loads.is_in_levels:
         return []
-    second = UNITS["time"][columns["time"].unit or "s"]
-    return [float(time[k]) / second for k in facts.turns]
+    return [_in_file(columns, time[k]) for k in facts.turns]
 
 
 def _loading(test: Description) -> tuple[float, float]:

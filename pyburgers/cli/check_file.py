@@ -9,7 +9,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from pyburgers.cli.file_hints import doubts, hints, looks, text_files
+from pyburgers.cli.file_hints import hints, looks, text_files
 from pyburgers.common.errors import InputError, StructureError
 from pyburgers.common.toml_files import read_tables, write_toml
 from pyburgers.common.units import count_points, counted
@@ -21,6 +21,7 @@ from pyburgers.flow_law_tables.inputs import (
 )
 from pyburgers.model.parameters import STRESS_SCATTER
 from pyburgers.model.priors import load_priors
+from pyburgers.protocols.doubts import doubts
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import load_experiment
 

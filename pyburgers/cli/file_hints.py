@@ -1,4 +1,4 @@
-"""What may lie behind the errors of an experiment file, and numbers in it that are unlikely."""
+"""What may lie behind the errors of an experiment file."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -10,48 +10,11 @@ import numpy as np
 from pyburgers.common.cells import DECIMAL_COMMA, ODD_MINUS
 from pyburgers.common.errors import InputError
 from pyburgers.common.text_tables import TextTable, look_at
-from pyburgers.model.priors import shipped_prior_files
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.new_file import NAMED_SEPARATORS, new_files
 
-COARSE_GRAINS = 0.05
-"""Grain size (m) beyond which a unit may be wrong."""
-
-LARGE_STRESS, SMALL_STRESS = 2e10, 1e3
-"""Largest stresses (Pa) of a test beyond which a unit may be wrong."""
-
-MELTING_POINTS = {"ice": 273.16}
-"""Temperature (K) above which a material is not solid at any pressure of such tests."""
-
 SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "white space", ",": "commas"}
 FILE_KEYS = ("file", "strain_file", "stress_file")
-
-
-def doubts(experiment: Experiment) -> list[str]:
-    """Say which numbers of an experiment are unlikely."""
-    found = []
-    size, name = experiment.initial_grain_size, experiment.id
-    if size > COARSE_GRAINS:
-        found.append(f"{name}: grains of {size:g} m are unlikely; 230 um is 230e-6.")
-    hottest, melting = float(experiment.temperatures.max()), MELTING_POINTS.get(experiment.material)
-    if melting is not None and hottest > melting:
-        found.append(
-            f"{name}: {experiment.material} at {hottest:g} K is molten (from {melting:g} K); check "
-            "the temperature."
-        )
-    if experiment.n_points:
-        stress = experiment.largest_stress
-        if stress > LARGE_STRESS:
-            found.append(f"{name}: a stress of {stress / 1e9:g} GPa is unlikely; check its unit.")
-        elif 0 < stress < SMALL_STRESS:
-            found.append(f"{name}: a largest stress of {stress:g} Pa is unlikely; check its unit.")
-    found += [f"{name}: {sentence}" for sentence in experiment.doubts]
-    if experiment.material not in shipped_prior_files():
-        found.append(
-            f"{name}: there are no default priors of {experiment.material!r}, so that a fit needs "
-            "--priors."
-        )
-    return found
 
 
 def text_files(content: Mapping[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:

@@ -1,12 +1,10 @@
 """`pyburgers fit`: one test, or several in a joint fit."""
 
 import argparse
-import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pyburgers.cli.file_hints import doubts
 from pyburgers.cli.shared import (
     add_model_options,
     add_sampler_options,
@@ -30,8 +28,6 @@ from pyburgers.protocols.together import default_priors_for
 from pyburgers.report.joint_section import pooling_table, shown_pooling_table
 from pyburgers.report.tables import parameter_table
 from pyburgers.sampling.run_directory import RunDirectory
-
-logger = logging.getLogger(__name__)
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -89,9 +85,6 @@ def run(options: argparse.Namespace) -> int:
         if (run := RunDirectory(source)).manifest_file.is_file():
             run.require_unchanged()
         priors = with_flow_law(priors, load_flow_law_of_run(source), f"--priors-from {source}")
-    for experiment in experiments:
-        for notice in (*experiment.notices, *doubts(experiment)):
-            logger.info(f"note: {notice}")
     settings: dict[str, Any] = {
         "out": options.out or Path("runs") / "+".join(experiment.id for experiment in experiments),
         "options": sampler_options(options),

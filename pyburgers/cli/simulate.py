@@ -10,6 +10,7 @@ from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.new_test import of_any_test
+from pyburgers.protocols.doubts import doubts
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import load_parameters, simulate
 from pyburgers.protocols.protocol import load_experiment
@@ -44,6 +45,8 @@ def add_options(command: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
     experiment = load_experiment(options.experiment)
+    for sentence in doubts(experiment):
+        logger.info(f"note: {sentence}")
     check_output(options.out, options.experiment, options.parameters, options.run_of)
     if options.run_of is None:
         _check_without_run(options)

@@ -27,6 +27,8 @@ THOUSANDS = re.compile(r"^[+-]?[1-9][0-9]{0,2},[0-9]{3}$")
 NOTHING = re.compile(r"nan|n/?a|#n/?a|null|none|n\.a\.|-+", re.IGNORECASE)
 """Words that stand for no reading."""
 
+_MAY_BE_MISSING = re.compile(rf"(?:{NOTHING.pattern})|-99[0-9.,]*(?:[eE].*)?|-9\..*", re.IGNORECASE)
+
 SENTINELS = frozenset((-999.0, -999.25, -9999.0, -99999.0, -999999.0))
 """Numbers that stand for no reading where all others lie far above them."""
 
@@ -45,9 +47,11 @@ _IN_BRACKETS = re.compile(r"[(\[][^)\]]*[)\]]")
 
 def kind_of(cell: str) -> Kind:
     """Return whether a cell holds a number or a time stamp, text, or nothing."""
+    if NUMBER.fullmatch(cell):  # most cells
+        return "number"
     if not cell or NOTHING.fullmatch(cell):
         return ""
-    if NUMBER.fullmatch(cell) or as_number(cell) is not None or has_clock(cell) or has_date(cell):
+    if as_number(cell) is not None or has_clock(cell) or has_date(cell):
         return "number"
     return "text"
 
@@ -88,6 +92,8 @@ def missing_numbers(cells: Sequence[str], stated: Sequence[str] | None = None) -
     """
     if stated is not None:
         return set(stated) & set(cells)
+    if not any(_MAY_BE_MISSING.fullmatch(cell) for cell in cells):
+        return set()
     values = {cell: as_number(cell) for cell in set(cells)}
     numbers = {cell: value for cell, value in values.items() if value is not None}
     sentinels = {cell for cell, value in numbers.items() if value in SENTINELS}

@@ -35,6 +35,9 @@ LARGEST = 1e100
 INFINITE = re.compile(r"[+-]?(?:inf(?:inity)?|[0-9.]+e[+-]?[0-9]+|nan)", re.IGNORECASE)
 """Cells that are numbers to Python, but not finite ones."""
 
+MARKED = re.compile(r"[+-]?[0-9]+(?:[.,'_ \u00a0\u202f][0-9]+)+")
+"""Cells of digits with more marks between them than a decimal point."""
+
 NAMED_CELLS = 3
 """Cells of a column that are named where they hold no numbers."""
 
@@ -311,7 +314,8 @@ def _column(
             fault = "found an empty cell, expected a number"
         elif value is None:
             finite = "finite " if INFINITE.fullmatch(cells[k]) else ""
-            fault = f"found {cells[k]!r}, expected a {finite}number"
+            marks = " without thousands separators" if MARKED.fullmatch(cells[k]) else ""
+            fault = f"found {cells[k]!r}, expected a {finite}number{marks}"
         if fault is not None:
             sentences.append(f"{table.path}: line {line}, column {column!r}: {fault}.")
         values.append(math.nan if value is None else value)

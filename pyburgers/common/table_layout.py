@@ -1,11 +1,15 @@
 """Where in a file of cells its table is: the separator, names, units and the rows of numbers."""
 
 import csv
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from pyburgers.common.cells import Kind, Row, is_unit, kind_of, names_between_blanks
+
+T = TypeVar("T")
 
 COMMENT = "#"
 """Lines that start with this are skipped, like blank ones."""
@@ -56,7 +60,7 @@ def layout_of(
     comments: Sequence[tuple[int, str]],
 ) -> Layout:
     """Find names, units and the rows of numbers among all rows."""
-    _, width, numeric = best_run(cells for _, cells in rows)
+    _, width, numeric = best_run(cells for _, cells in _sample(rows))
     if header is False or not rows:
         return Layout(width, None, tuple(rows))
     if not width:
@@ -73,10 +77,14 @@ def layout_of(
     if names is None and header:
         names, used, bad = rows[0][1], 1, list(rows[1:start])
         above = list(rows[:1])
-    own = [*(bad if names is not None else ()), *rows[start:end]]
+    if names is None:
+        above, bad = [*above, *bad], []
+    own = [*bad, *rows[start:end]]
     notes = _layout_notes(rows, above[: len(above) - used], blocks, (start, end), before)
     if units is not None:
-        notes.append(f"line {above[-1][0]} is a row of units ({', '.join(units)})")
+        notes.append(
+            f"line {above[-1][0]} is a row of units ({', '.join(unit or '-' for unit in units)})"
+        )
     if names is not None and len(names) == width - 1 and _are_numbered(own, separator):
         names, units = ("", *names), None if units is None else ("", *units)
         notes.append("rows have numbers of their own ahead of the first column")
@@ -95,13 +103,16 @@ def _blocks(rows: Sequence[Row], numeric: frozenset[int]) -> list[tuple[int, int
     blocks: list[tuple[int, int]] = []
     starts_anew = True
     for k, (_, cells) in enumerate(rows):
-        kinds = [kind_of(cell) for cell in cells]
-        present = [kinds[index] for index in numeric if index < len(kinds)]
+        present = [kind_of(cells[index]) for index in numeric if index < len(cells)]
         is_row = "number" in present and "text" not in present and 2 * len(present) > len(numeric)
         if starts_anew and is_row:
             blocks.append((k, k + 1))
             starts_anew = False
-        elif not starts_anew and ("number" in kinds or "text" not in present):
+        elif not starts_anew and (
+            "number" in present
+            or "text" not in present
+            or any(kind_of(cell) == "number" for cell in cells)
+        ):
             blocks[-1] = (blocks[-1][0], k + 1)
         else:
             starts_anew = True
@@ -126,7 +137,8 @@ def _head(
 def _names(cells: Sequence[str], separator: str, width: int) -> tuple[str, ...] | None:
     """Return the names in a row; None where it is a title or the like, of a single cell."""
     if separator == " ":
-        return tuple(names_between_blanks(" ".join(cells), width))
+        between = names_between_blanks(" ".join(cells), width)
+        return tuple(cells if len(cells) == width or len(between) != width else between)
     named = list(cells)
     while named and not named[-1]:
         named.pop()
@@ -197,6 +209,13 @@ def _other_tables(
     )
 
 
+def _sample(lines: Sequence[T]) -> Sequence[T]:
+    """Return lines from both ends of a file."""
+    if len(lines) <= 2 * SAMPLE_LINES:
+        return lines
+    return [*lines[:SAMPLE_LINES], *lines[-SAMPLE_LINES:]]
+
+
 def is_comment(line: str) -> bool:
     """Whether a line is skipped."""
     return line.lstrip().startswith(COMMENT)
@@ -204,9 +223,7 @@ def is_comment(line: str) -> bool:
 
 def separator_of(lines: Sequence[str]) -> str:
     """Return what stands between cells: that which leaves most numbers in rows that are alike."""
-    sample = lines
-    if len(lines) > 2 * SAMPLE_LINES:
-        sample = [*lines[:SAMPLE_LINES], *lines[-SAMPLE_LINES:]]
+    sample = _sample(lines)
 
     def score(separator: str) -> tuple[int, bool]:
         rows = [_cells_or_line(line, separator) for line in sample]
@@ -262,6 +279,6 @@ def _cells_or_line(line: str, separator: str) -> tuple[str, ...]:
 def cells_of(line: str, separator: str) -> tuple[str, ...]:
     """Return the cells of a line; raise csv.Error of an open quotation mark."""
     if separator == " ":
-        return tuple(line.split())
+        return tuple(cell.strip('"') for cell in re.findall(r'"[^"]*"|\S+', line))
     found = next(csv.reader([line], delimiter=separator, skipinitialspace=True, strict=True))
     return tuple(cell.strip() for cell in found)

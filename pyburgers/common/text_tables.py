@@ -13,10 +13,11 @@ from pathlib import Path
 
 from pyburgers.common.cells import (
     DECIMAL_COMMA,
+    NOTHING,
+    NUMBER,
     THOUSANDS,
     Row,
     as_number,
-    kind_of,
     missing_numbers,
     names_between_blanks,
 )
@@ -71,11 +72,12 @@ class TextTable:
     layout_notes: tuple[str, ...] = ()
     problems: tuple[str, ...] = ()
 
-    @property
+    @cached_property
     def columns(self) -> tuple[str | int, ...]:
         """Names of the columns, or their numbers from 1."""
-        n_cells = max((len(cells) for _, cells in self.rows), default=0)
-        return self.names or tuple(range(1, n_cells + 1))
+        if self.names is not None:
+            return self.names
+        return tuple(range(1, max((len(cells) for _, cells in self.rows), default=0) + 1))
 
     @property
     def is_alike_by_blanks(self) -> bool:
@@ -146,9 +148,10 @@ class TextTable:
         """Whether commas stand for points: they separate no cells, and no number has a point."""
         if self.separator == ",":
             return False
-        cells = [cell for _, row in self.rows for cell in row if kind_of(cell) == "number"]
-        commas = [cell for cell in cells if DECIMAL_COMMA.fullmatch(cell)]
-        return bool(commas) and not any("." in cell and ":" not in cell for cell in cells)
+        cells = [cell for _, row in self.rows for cell in row]
+        if not any("," in cell and DECIMAL_COMMA.fullmatch(cell) for cell in cells):
+            return False
+        return not any("." in cell and NUMBER.fullmatch(cell) for cell in cells)
 
     @cached_property
     def _missing(self) -> list[set[str]]:
@@ -162,7 +165,7 @@ class TextTable:
         """Columns of time stamps with their kinds, and that of dates that goes with a clock."""
         kinds: dict[int, str] = {}
         for index in range(len(self.columns)):
-            cells = [cell for cell in self._column(index) if kind_of(cell)]
+            cells = [cell for cell in self._column(index) if cell and not NOTHING.fullmatch(cell)]
             if cells and all(has_clock(cell) or has_date(cell) for cell in cells):
                 dated, timed = has_date(cells[0]), has_clock(cells[0])
                 kinds[index] = "both" if dated and timed else "date" if dated else "clock"
@@ -201,7 +204,7 @@ class TextTable:
         if index in self._stamps:
             dates = "" if date is None or kind != "clock" else f" with {self.columns[date]!r}"
             from_zero = kind == "clock" and not dates and self._is_from_zero(index)
-            start = "its zero" if from_zero else "the first row"
+            start = "0:00" if from_zero else "the first row"
             notes.append(f"column {name!r}{dates} holds time stamps, read as seconds since {start}")
         elif kind is not None and index != date:
             cell = next(cell for cell in self._column(index) if cell)

@@ -24,7 +24,7 @@ from pyburgers.common.units import counted
 from pyburgers.comparison.doubts import sampling_doubts
 from pyburgers.comparison.results import Comparison, LeaveOneOut
 from pyburgers.comparison.same_data import check_same_data, stacking_weights, tests_of
-from pyburgers.fitting.fit import Fit, fit
+from pyburgers.fitting.fit import Fit, fit_problem
 from pyburgers.posterior.groups import GIVEN_OTHERS
 from pyburgers.posterior.labelled_draws import (
     pointwise_log_density,
@@ -32,7 +32,7 @@ from pyburgers.posterior.labelled_draws import (
     smooth_weights,
 )
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.problem import one_test
+from pyburgers.protocols.problem import one_test, problem_of
 from pyburgers.protocols.program_data import tests_block
 from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_SOLVER, SolverOptions, solver_block
@@ -185,9 +185,9 @@ def leave_out_exactly(
 def _without_point(one: Fit, point: int, out: Path) -> Fit:
     """Repeat a fit without one of its points."""
     solver = one.manifest["solver"]
-    return fit(
-        protocol_of(one.experiment).without_point(one.experiment, point),
-        one.priors,
+    left = protocol_of(one.experiment).without_point(one.experiment, point)
+    return fit_problem(
+        problem_of([left], one.priors),
         out=out,
         options=SamplerOptions(**one.manifest["sampler"]),
         solver=SolverOptions(solver["tolerance"], solver["max_num_steps"]),

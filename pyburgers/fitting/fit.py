@@ -22,6 +22,7 @@ from pyburgers.model.priors import PriorSet, load_priors, note_other_material
 from pyburgers.model.variants import ModelVariant, variant_of
 from pyburgers.posterior.build import build_posterior
 from pyburgers.posterior.labelled_draws import TESTS, draws_table, load_posterior, summary_table
+from pyburgers.protocols.doubts import doubts
 from pyburgers.protocols.experiment import Experiment, Provenance
 from pyburgers.protocols.problem import Problem, one_test, problem_of
 from pyburgers.protocols.protocol import load_experiment
@@ -298,6 +299,9 @@ def fit(
     tests = [experiments] if isinstance(experiments, Experiment) else list(experiments)
     for test in tests[:1]:
         note_other_material(priors, test.material)
+    for test in tests:
+        for sentence in (*test.notices, *doubts(test)):
+            logger.info(f"note: {sentence}")
     return fit_problem(
         problem_of(tests, priors, pooling_for(tests, pool)),
         out=out,

@@ -25,6 +25,7 @@ from pyburgers.model.parameters import (
     STANDARD_VALUES,
     Parameter,
 )
+from pyburgers.model.plausible import PlausibleRanges
 from pyburgers.model.prior_families import (
     MAX_STRESS,
     UNSIGNED,
@@ -169,6 +170,10 @@ class PriorFile(Table):
     material: str = Field(min_length=1, description="the material, such as ice")
     title: str = Field(min_length=1, description="a title for tables and figures")
     notes: str | None = Field(None, description="remarks for the reader")
+    plausible: PlausibleRanges = Field(
+        default_factory=lambda: PlausibleRanges.model_validate({}),
+        description="numbers that tests of the material are likely to have",
+    )
 
     def prior_set(
         self, path: Path, priors: Mapping[str, Prior], flow_law: FlowLawPrior | None = None

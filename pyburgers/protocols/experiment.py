@@ -22,6 +22,7 @@ from pyburgers.common.errors import InputError, all_of, nearest
 from pyburgers.common.toml_files import NAME, Table, write_toml
 from pyburgers.common.units import span_text
 from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME
+from pyburgers.protocols.limits import impossible_conditions, refuse_impossible
 from pyburgers.protocols.microstructure import MeasuredMicrostructure
 
 FloatArray = npt.NDArray[np.float64]
@@ -143,6 +144,16 @@ class Experiment(ABC):
     uncertain: tuple[UncertainCondition, ...] = ()
     microstructure: tuple[MeasuredMicrostructure, ...] = ()
 
+    def __post_init__(self) -> None:
+        """Refuse numbers that no test has, wherever they come from."""
+        refuse_impossible(
+            self.id,
+            np.array([self.temperature, *self.temperatures]),
+            self.initial_grain_size,
+            self.response,
+            None if self.provenance.kind == "synthetic" else self.largest_strain,
+        )
+
     @property
     @abstractmethod
     def position(self) -> FloatArray:
@@ -182,6 +193,11 @@ class Experiment(ABC):
     def largest_strain_read(self) -> float | None:
         """Largest |ε| that was read as response, None where the response is no strain."""
         return None
+
+    @property
+    def largest_strain(self) -> float | None:
+        """Largest |ε| that was imposed or read, as far as it is known."""
+        return self.largest_strain_read
 
     @property
     @abstractmethod
@@ -229,16 +245,7 @@ E = TypeVar("E", bound=Experiment)
 
 
 def of_kind(experiment: Experiment, kind: type[E], expected: str) -> E:
-    """Return the experiment of a fit, which has to be of a kind.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        Of the fit.
-    kind : type
-        What it has to be.
-    expected : str
-        The kind in words.
+    """Return the experiment of a fit, which has to be of a kind that is `expected` in words.
 
     Raises
     ------
@@ -385,17 +392,9 @@ def _check_conditions(path: Path, file: ExperimentFile) -> None:
             f"{path}: key 'id': found {file.id!r}, expected at most 100 letters, digits, '.', '_' "
             "or '-', the first a letter, digit or '_', because it names files."
         )
-    if not 50 <= file.temperature_K <= 3000:
-        hint = "; it looks like degrees Celsius, add 273.15" if file.temperature_K < 50 else ""
-        sentences.append(
-            f"{path}: key 'temperature_K': found {file.temperature_K:g}, expected kelvin between "
-            f"50 and 3000{hint}."
-        )
-    if not 0 < file.initial_grain_size_m < 1:
-        sentences.append(
-            f"{path}: key 'initial_grain_size_m': found {file.initial_grain_size_m:g}, expected "
-            "metres between 0 and 1 (230 um is 230e-6)."
-        )
+    names = ("key 'temperature_K'", "key 'initial_grain_size_m'")
+    faults = impossible_conditions(file.temperature_K, file.initial_grain_size_m, names)
+    sentences += [f"{path}: {fault}" for fault in faults]
     for key, value in file.metadata.items():
         if not isinstance(value, str | bool | int | float):
             kind = "a date" if isinstance(value, date | datetime | time) else "a table or list"

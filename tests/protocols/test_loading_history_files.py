@@ -822,7 +822,7 @@ class TestRoundTrip:
     def test_readings_on_both_sides_of_a_jump(self, write: Write, tmp_path: Path) -> None:
         test = load_loading_history(write(MIXED, ROWS))
         moved = replace(
-            test, reading_stage=np.array([0, 0, 1, 1, 2, 3, 3]), reading=test.reading * 1e6
+            test, reading_stage=np.array([0, 0, 1, 1, 2, 3, 3]), reading=test.reading * 1e3
         )
         folder = tmp_path / "copy"
         folder.mkdir()

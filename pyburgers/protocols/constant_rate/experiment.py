@@ -28,6 +28,7 @@ from pyburgers.protocols.experiment import (
     shared_values,
     write_experiment,
 )
+from pyburgers.protocols.limits import far_reading
 from pyburgers.protocols.microstructure import (
     MeasuredMicrostructure,
     measured_microstructure,
@@ -126,7 +127,12 @@ class ConstantRateExperiment(Experiment):
                 f"readings end at a strain of {self.strain[-1]:g}, a small part of the final "
                 f"{self.final_strain:g}; check the unit of the strains."
             )
-        return tuple(found)
+        return (*found, *far_reading(self.stress / 1e6, "stress (MPa)"))
+
+    @property
+    def largest_strain(self) -> float | None:
+        """Final strain."""
+        return self.final_strain
 
     def time_at(self, strain: FloatArray) -> FloatArray:
         """Return the times (s since the start) at which strains are reached.

@@ -105,6 +105,11 @@ class OscillationExperiment(Experiment):
         return float(np.max(np.abs(self.stress)))
 
     @property
+    def largest_strain(self) -> float | None:
+        """Largest |ε| of the record; None of imposed cycles."""
+        return float(np.max(np.abs(self.record.strain))) if self.record.strain.size else None
+
+    @property
     def title(self) -> str:
         """Sample, material and kind of data; below them period, amplitude and background."""
         prepared = self.prepared

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from pyburgers.model.display import time_unit
 from pyburgers.protocols.experiment import Experiment, FloatArray
+from pyburgers.protocols.limits import far_reading
 from pyburgers.protocols.loading_history.stages import (
     Leg,
     Stage,
@@ -147,6 +148,8 @@ class LoadingHistory(Experiment):
             *self._doubts_about_times(),
             *self._doubts_about_compliance(),
             *self._doubts_about_path_strains(),
+            *far_reading(self._strains_read, "strain"),
+            *far_reading(self.reading[~self.response_is_strain] / 1e6, "stress (MPa)"),
         )
 
     def _doubts_about_signs(self) -> tuple[str, ...]:

@@ -1,0 +1,31 @@
+"""Numbers that tests of a material are likely to have, as its shipped prior file states them."""
+
+from functools import cache
+
+from pydantic import Field
+
+from pyburgers.common.shipped_files import shipped_folder
+from pyburgers.common.toml_files import Table, checked, read_tables
+
+
+class PlausibleRanges(Table):
+    """The table [plausible] of a material: beyond it numbers of tests are doubted, not refused."""
+
+    least_temperature_K: float | None = Field(  # noqa: N815 - a key with its unit
+        None, gt=0, description="the temperature in kelvin below which tests are unlikely"
+    )
+    melting_temperature_K: float | None = Field(  # noqa: N815
+        None, gt=0, description="the temperature in kelvin from which the material is molten"
+    )
+    largest_stress_MPa: float = Field(  # noqa: N815
+        2e4, gt=0, description="the stress in MPa beyond which tests are unlikely"
+    )
+
+
+@cache
+def plausible_ranges(material: str) -> PlausibleRanges | None:
+    """Return what the shipped priors of a material say of its tests; None where there are none."""
+    path = shipped_folder("data") / "priors" / f"{material}.toml"
+    if not path.is_file():
+        return None
+    return checked(path, read_tables(path).get("plausible", {}), PlausibleRanges)

@@ -1,0 +1,82 @@
+"""Numbers that no test has, which are refused wherever a test is made; and readings far off."""
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.common.errors import InputError
+
+FloatArray = npt.NDArray[np.float64]
+
+TEMPERATURES = (50.0, 3000.0)
+"""Kelvin between which materials creep in a laboratory."""
+
+LARGEST_GRAIN = 1.0
+"""Grain size (m) that no sample of a laboratory has."""
+
+LARGEST_STRAIN = 20.0
+"""Strain (fraction) that no test reaches."""
+
+FAR, FEWEST_READINGS = 10.0, 5
+"""How many times larger than all others a reading is that may be none; of so many at least."""
+
+
+def impossible_conditions(
+    temperature: float, grain_size: float, names: tuple[str, str]
+) -> list[str]:
+    """Say which conditions no test has, under the names of both; NaN is one."""
+    found = []
+    low, high = TEMPERATURES
+    if not low <= temperature <= high:
+        hint = "; it looks like degrees Celsius, add 273.15" if temperature < low else ""
+        between = f"between {low:g} and {high:g}"
+        found.append(f"{names[0]}: found {temperature:g}, expected kelvin {between}{hint}.")
+    if not 0 < grain_size < LARGEST_GRAIN:
+        found.append(
+            f"{names[1]}: found {grain_size:g}, expected metres between 0 and {LARGEST_GRAIN:g} "
+            "(230 um is 230e-6)."
+        )
+    return found
+
+
+def refuse_impossible(
+    name: str,
+    temperatures: FloatArray,
+    grain_size: float,
+    response: FloatArray,
+    largest_strain: float | None,
+) -> None:
+    """Refuse a test with numbers that no test has.
+
+    Raises
+    ------
+    InputError
+        If it has; a sentence for each.
+    """
+    worst = temperatures[np.argmax(np.abs(temperatures - np.mean(TEMPERATURES)))]
+    keys = ("temperature", "initial_grain_size")
+    faults = impossible_conditions(float(worst), grain_size, keys)
+    finite = np.isfinite(response)
+    if not finite.all():
+        faults.append(
+            f"reading {np.argmin(finite) + 1}: found {response[np.argmin(finite)]:g}, expected a "
+            "finite number."
+        )
+    if largest_strain is not None and not largest_strain <= LARGEST_STRAIN:
+        faults.append(
+            f"strain: found {largest_strain:g} as a fraction, expected at most {LARGEST_STRAIN:g}; "
+            "check its unit, and whether the number stands for no reading."
+        )
+    if faults:
+        raise InputError(*(f"{name}: {fault}" for fault in faults))
+
+
+def far_reading(values: FloatArray, what: str) -> list[str]:
+    """Say where one reading is many times larger than all others: it may stand for none."""
+    size = np.sort(np.abs(values))
+    if size.size < FEWEST_READINGS or size[-1] <= FAR * size[-2]:
+        return []
+    far = values[np.argmax(np.abs(values))]
+    return [
+        f"one {what} of {far:g} is more than {FAR:g} times as large as all others; if it stands "
+        "for no reading, remove its row or name it in the key missing of [data]."
+    ]

@@ -23,7 +23,7 @@ from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.common.toml_files import read_tables
 from pyburgers.common.units import UNIT_NAMES
 from pyburgers.model.priors import shipped_prior_files
-from pyburgers.protocols.guessed_columns import QUANTITIES, GuessedColumn, guess_columns, left_out
+from pyburgers.protocols.guessed_columns import GuessedColumn, guess_columns, left_out
 from pyburgers.protocols.new_file import (
     Columns,
     Description,
@@ -33,6 +33,7 @@ from pyburgers.protocols.new_file import (
     new_files,
 )
 from pyburgers.protocols.protocol import NAMES
+from pyburgers.protocols.quantities import QUANTITIES
 
 MATERIAL = Question("material", "material", example="ice")
 

@@ -1,5 +1,6 @@
 """What the readings of a column do along its rows, by which kinds of test are told apart."""
 
+import itertools
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,9 +21,9 @@ whole range."""
 LEAST_CYCLES = 2
 """Cycles from which readings count as oscillating."""
 
-GAP, WIDEST, LEAST_READINGS, MOST = 0.1, 0.2, 3, 0.8
-"""Of levels, shares of the range or the largest value: apart by more, wide by less; readings of
-each, and the share of all readings that they are together."""
+GAP, APART, LEAST_READINGS, MOST = 0.1, 2.0, 3, 0.8
+"""Of levels: the least distance to the next in shares of the range, and in widths of the widest;
+readings of each, and the share of all readings that they are together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,13 +76,13 @@ class Facts:
     def is_in_levels(self) -> bool:
         """Whether most readings lie at two or more levels with few between."""
         ordered = np.sort(self.values)
-        largest = float(np.abs(ordered).max())
         gaps = np.flatnonzero(np.diff(ordered) > GAP * self._range())
-        groups = [one for one in np.split(ordered, gaps + 1) if one.size >= LEAST_READINGS]
+        levels = [one for one in np.split(ordered, gaps + 1) if one.size >= LEAST_READINGS]
+        widest = max((float(np.ptp(one)) for one in levels), default=0.0)
         return (
-            len(groups) > 1
-            and all(np.ptp(one) <= WIDEST * largest for one in groups)
-            and sum(one.size for one in groups) >= MOST * ordered.size
+            len(levels) > 1
+            and all(low[-1] + APART * widest < high[0] for low, high in itertools.pairwise(levels))
+            and sum(one.size for one in levels) >= MOST * ordered.size
         )
 
     @cached_property

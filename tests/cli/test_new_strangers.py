@@ -186,6 +186,12 @@ KINDS = {
     "creep read at growing intervals": (LONG, TRANSIENT, 1.0, "stays the same while strain grows"),
     "noisy creep": (LONG, TRANSIENT, 1 + 1e-3 * np.sin(LONG), "stays the same while strain grows"),
     "several loads": (TIME, np.cumsum(LOADS**3) / 1e3, LOADS, "goes in steps and stays the same"),
+    "held, at levels by chance": (
+        LATE[:9],
+        0.1,
+        np.array([37.3, 37.3, 37.2, 29.4, 29.3, 29.2, 15, 14.9, 14.8]),
+        "falls while the strain is held",
+    ),
     "strain held": (LATE, 0.1, 0.4 * LATE**-0.05, "falls while the strain is held"),
     "strain held, not read": (LATE, None, 0.4 * LATE**-0.05, "falls while the strain is held"),
     "held in tension": (LATE, -0.1, -0.4 * LATE**-0.05, "falls while the strain is held"),

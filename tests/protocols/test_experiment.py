@@ -100,7 +100,7 @@ class TestReading:
             (0, 1.0, None),
             (1e4, 1.03, None),
             (1e4, 1.5, "its slope is 1.4e-05 1/s) lies up to 0.01 from"),
-            (0, 10.0, "which it leaves at data row 4; check the rates"),
+            (0, 10.0, "which it leaves at data row 4; check units"),
         ],
     )
     def test_times_beside_strains_are_compared_with_the_rates(

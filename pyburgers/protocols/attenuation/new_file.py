@@ -4,7 +4,6 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
-from pyburgers.protocols.guessed_columns import LOGARITHM
 from pyburgers.protocols.new_file import (
     Columns,
     Description,
@@ -15,6 +14,7 @@ from pyburgers.protocols.new_file import (
     line,
     optional,
 )
+from pyburgers.protocols.quantities import LOGARITHM
 
 DEFORMATION = Question("deformation", "deformation", choices=("axial", "shear"), example="shear")
 POISSON_RATIO = Question("poisson_ratio", "Poisson's ratio", float, default=0.25)

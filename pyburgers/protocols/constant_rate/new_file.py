@@ -7,7 +7,6 @@ from typing import Any
 from pyburgers.protocols.column_facts import read_together
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.departures import slope_of
-from pyburgers.protocols.guessed_columns import ENGINEERING
 from pyburgers.protocols.new_file import (
     STRAIN_RATE,
     STRESS_ERROR,
@@ -21,6 +20,7 @@ from pyburgers.protocols.new_file import (
     optional,
     with_comment,
 )
+from pyburgers.protocols.quantities import ENGINEERING
 
 BESIDE = "compared with the rates"
 

@@ -12,7 +12,6 @@ from pyburgers.common.units import UNITS
 from pyburgers.protocols.column_facts import Facts, facts_of, read_together
 from pyburgers.protocols.departures import slope_of
 from pyburgers.protocols.experiment import FloatArray
-from pyburgers.protocols.guessed_columns import ENGINEERING
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.new_file import (
     STRAIN_RATE,
@@ -27,6 +26,7 @@ from pyburgers.protocols.new_file import (
     optional,
     with_comment,
 )
+from pyburgers.protocols.quantities import ENGINEERING
 
 NO_TIME = 1e-3
 """Time that loading in no time is given, in shares of the time until the first reading."""
@@ -34,9 +34,9 @@ NO_TIME = 1e-3
 EARLY = 0.05
 """Share of a relaxation before its first reading up to which time counts from the hold."""
 
-LEAST_HELD, FALL = 0.2, 3.0
-"""Share of the test over which a strain has to be held, and by how much more the stress falls then
-than the strain changes, relatively."""
+LEAST_HELD, FALL, AT_ONCE = 0.2, 3.0, 0.8
+"""Of a strain that is held: the least share of the test, and by how much more the stress falls then
+than the strain changes, relatively. A load that goes down does more than this share at once."""
 
 STRESS = Question("stress_MPa", "imposed stress in MPa", float, example=1.0, key="stress")
 HOLD_START = Question(
@@ -241,11 +241,14 @@ def _hold_of(columns: Columns) -> int | None:
     time, strain, falling = _rows(columns, "time", "strain", stress)
     first = Facts(strain).held_from
     stress_then, strain_then = Facts(falling[first:]), Facts(strain[first:])
-    if Facts(falling).is_in_levels:
-        return None
     is_long = time[-1] - time[first] >= LEAST_HELD * (time[-1] - time[0]) > 0
-    falls = stress_then.only_falls and (
-        stress_then.relative_range > FALL * strain_then.relative_range
+    at_once = np.abs(np.diff(stress_then.values)).max(initial=0.0) > AT_ONCE * np.ptp(
+        stress_then.values
+    )
+    falls = (
+        stress_then.only_falls
+        and stress_then.relative_range > FALL * strain_then.relative_range
+        and not (first and at_once)
     )
     return first if is_long and falls and np.any(strain_then.values) else None
 

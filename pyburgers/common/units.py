@@ -41,14 +41,15 @@ UNIT_NAMES: Mapping[str, Mapping[str, str]] = MappingProxyType(
         "time": {
             "min": r"(?<![a-z])min",
             "h": r"hour|(?<![a-z])(?:hr?s?|std)(?![a-z])",
-            "s": r"(?<![a-zμ/])s(?:ec|ek)?(?:onds?)?(?![a-z])",
+            "s": r"(?<![a-zμ])s(?:ec|ek)?(?:onds?)?(?![a-z])",
         },
         "temperature": {
             "C": r"celsius|°c|(?<![a-z])deg_?c|(?<![a-z])c(?![a-z])",
             "K": r"kelvin|(?<![a-z])k(?![a-z])",
         },
         "frequency": {
-            "rad/s": r"rad|omega|ω|angular|(?:kreis|winkel)freq|pulsation|^w(?![a-z])",
+            "rad/s": r"rad|omega|ω|(?<![a-z])ang|circular|(?:kreis|winkel)freq|pulsation"
+            r"|^w(?![a-z])",
             "Hz": r"(?<![a-zμ])hz",
         },
         "angle": {
@@ -68,8 +69,9 @@ FOREIGN_UNIT_NAMES: Mapping[str, str] = MappingProxyType(
         r"|kips?|tons?)(?![a-z])|[(\[]n[)\]]|load_?n$",
         "time": r"day|week|month|year|(?<![a-z])(?:d|yrs?|[mμun]s(?:ec)?)(?![a-z])",
         "temperature": r"fahrenheit|°f|(?<![a-z])f(?![a-z])",
-        "frequency": r"(?<![a-z])[kmμun]hz|rpm|rev|(?:angular|omega|ω|kreis|winkel).*hz",
-        "attenuation": r"(?<![a-z])(?:ln|db)(?![a-z])|^q$|quality|gute|%|percent|10\^?-[2-9]|1e-\d",
+        "frequency": r"(?<![a-z])[kmμun]hz|rpm|rev|cpm",
+        "attenuation": r"(?<![a-z])(?:ln|db)(?![a-z])|^q$|quality|gute|%|percent|10\^?-?[2-9]"
+        r"|1e-?\d|1000",
         "angle": r"[μun]rad",
     }
 )

@@ -40,9 +40,9 @@ class Facts:
 
     @property
     def is_steady(self) -> bool:
-        """Whether they stay the same, but for the first tenth."""
+        """Whether they stay the same, but for the first tenth and the first reading."""
         level = abs(float(np.median(self.values)))
-        return level > 0 and self._range(self.values.size // 10) < STEADY * level
+        return level > 0 and self._range(max(1, self.values.size // 10)) < STEADY * level
 
     @property
     def relative_range(self) -> float:

@@ -16,7 +16,9 @@ OTHER_QUANTITIES = re.compile(
 """What the name of a column has that is none of these, though it may look like one: strain rates,
 pressures and strains beside the axis, compliances."""
 
-SET_POINT = r"set.?point|target|command|demand|(?<![a-z])(?:sp|soll)|sollwert|consigne"
+SET_POINT = (
+    r"(?<![a-z])set(?![a-z])|setpoint|target|command|demand|(?<![a-z])(?:sp|soll)|sollwert|consigne"
+)
 """What the name of a column has that was asked for, not read."""
 
 
@@ -77,13 +79,13 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
         "frequency": Quantity(
             "frequency",
             (
-                r"^(?!.*(?:angular|omega|ω|kreis|winkel|rad)).*(?:freq|^f(?![a-z]))",
+                r"^(?!.*(?:ang|circular|omega|ω|kreis|winkel|rad)).*(?:freq|^f(?![a-z]))",
                 r"freq|omega|ω|^w(?![a-z])|pulsation",
             ),
         ),
         "temperature": Quantity(
             "temperature",
-            (r"temp(?!s(?![a-z]))|temps? ?[(\[]°?[cfk]|^t_?[kc](?![a-z])|^t ?[(\[]°?[kc]",),
+            (r"temp(?!s(?![a-z]))|temps? ?[(\[]°?[cfk]|^t ?[(\[/_]? ?°?[kcf](?![a-z])",),
             (
                 (r"room|ambient|(?<![a-z])(?:lab|air|box)|junction|raum", 4),
                 (r"furnace|oven|ofen|heater|bath|four", 3),
@@ -99,12 +101,16 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
                 r"stress|sigma|(?<![a-z])sig(?![a-z])|σ|(?<![a-z])tau|τ|deviator|spannung|contrainte|s_?diff"
                 r"|^q ?[(\[_].*pa",
                 r"^s_?1(?![0-9a-z])",
-                r"load|force|pressure|kraft|druck|charge",
+                r"load|force|pressure|pression|kraft|druck|charge",
             ),
             (
                 (rf"{ENGINEERING}|(?<![a-z])raw(?![a-z])|uncorr", 3),
-                (r"diff|deviat|^q|(?:sigma|sig|σ|s)_?1 ?- ?(?:sigma|sig|σ|s)_?3", 0),
-                (r"true|(?<![a-z])(?:ist|wahr|ax)|sample|actual|corrected", 1),
+                (
+                    r"diff|deviat|^q|^(?:δ|delta|d) ?_?(?:sigma|σ)|(?:sigma|σ)_?d(?![a-z])"
+                    r"|(?:sigma|sig|σ|s)_?1 ?- ?(?:sigma|sig|σ|s)_?3",
+                    0,
+                ),
+                (r"true|(?<![a-z])(?:ist|wahr|ax)|sample|actual|corr", 1),
                 (r"^(?:sigma|sig|σ|s)_?1(?![0-9a-z])", 4),
             ),
         ),
@@ -115,7 +121,7 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
             ),
             (
                 (rf"{ENGINEERING}|(?<![a-z])raw(?![a-z])|uncorr|machine", 3),
-                (r"true|(?<![a-z])(?:log|ist|wahr|ax)|hencky|sample|actual|corrected", 1),
+                (r"true|(?<![a-z])(?:log|ist|wahr|ax)|hencky|sample|actual|corr", 1),
             ),
         ),
         "time": Quantity(
@@ -130,7 +136,7 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
 SHEAR = r"(?<![a-z])g\(t\)|shear|schub"
 """What the name of a modulus in shear has."""
 
-FORCES = re.compile(r"load|force|pressure|kraft|druck(?!spann)|charge")
+FORCES = re.compile(r"load|force|pressure|pression|kraft|druck(?!spann)|charge")
 """What the name of a column has that is a stress only where its unit says so."""
 
 ANGLES = re.compile(r"^(?!.*tan).*(?:angle|winkel|phase|^delta|^δ)")

@@ -100,6 +100,10 @@ def test_the_stress_is_decided_by_name_and_unit(
         ("strain", "eps_ax", ("steps", "eps_vol")),
         ("time", "Elapsed time (s)", ("Step time (s)", "Cycle time (s)")),
         ("time", "Temps (s)", ("Température (°C)",)),
+        ("time", "t/s", ("T/K", "T / °C", "date of the test")),
+        ("temperature", "T/K", ("t/s", "sigma/MPa")),
+        ("stress", "Δσ (MPa)", ("σ1 (MPa)", "σ3 (MPa)", "Pression (MPa)")),
+        ("strain", "Strain_corr (%)", ("Strain_raw (%)", "Strain set (%)")),
         ("modulus", "|E*| (MPa)", ("E (MPa)", "Modulus (MPa)")),
         ("storage_modulus", "G' (MPa)", ("G'' (MPa)", "|G*| (MPa)")),
         ("storage_modulus", "Speichermodul E′ [MPa]", ("Verlustmodul E″ [MPa]",)),
@@ -184,6 +188,12 @@ RAMP = np.concatenate([np.arange(1.0, 10), 10 + LATE[LATE > 1]])
 LOADS = np.repeat([2.0, 4.0, 1.0], 10)
 KINDS = {
     "creep read at growing intervals": (LONG, TRANSIENT, 1.0, "stays the same while strain grows"),
+    "few readings, the first before the load": (
+        LONG[:8],
+        TRANSIENT[:8],
+        np.array([0.0, *[1.0] * 7]),
+        "stays the same while strain grows",
+    ),
     "noisy creep": (LONG, TRANSIENT, 1 + 1e-3 * np.sin(LONG), "stays the same while strain grows"),
     "several loads": (TIME, np.cumsum(LOADS**3) / 1e3, LOADS, "goes in steps and stays the same"),
     "held, at levels by chance": (
@@ -302,6 +312,7 @@ def test_a_modulus_in_shear_is_no_modulus_along_the_axis(
 
 SPECTRA = {
     "angular frequency": ({"Angular Frequency": 2 * math.pi * FREQUENCY, "tan delta": 0.1}, None),
+    "short": ({"ang. frequency (1/s)": 2 * math.pi * FREQUENCY, "tan delta": 0.1}, None),
     "omega": ({"omega [rad/s]": 2 * math.pi * FREQUENCY, "tan delta": 0.1}, None),
     "degrees": ({"f (Hz)": FREQUENCY, "Loss angle (deg)": math.degrees(math.atan(0.1))}, None),
     "phase": ({"f (Hz)": FREQUENCY, "Raw phase (°)": math.degrees(math.atan(0.1))}, None),
@@ -335,7 +346,15 @@ def test_spectra_are_turned_into_tan_delta_and_the_absolute_modulus(
 
 @pytest.mark.parametrize(
     "name",
-    ["Attenuation (dB/m)", "Loss angle", "Phase angle", "Q", "Quality factor", "phase (µrad)"],
+    [
+        "Attenuation (dB/m)",
+        "Loss angle",
+        "Phase angle",
+        "Q",
+        "Quality factor",
+        "phase (µrad)",
+        "1/Q x 1000",
+    ],
 )
 def test_other_forms_of_attenuation_are_refused(
     name: str, table: Table, capsys: pytest.CaptureFixture[str]

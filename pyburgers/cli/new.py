@@ -110,7 +110,7 @@ def run(options: argparse.Namespace) -> int:
     out: Path = options.out or options.csv.with_suffix(".toml")
     if out.exists():
         raise InputError(f"{out}: exists already, expected a new file; choose another --out.")
-    for note in table.notes:
+    for note in (*table.notes, *table.problems):
         print(f"note: {note}")
     given = {question.name: vars(options)[question.name] for question in _every_question()}
     name, reason, columns = _decided(table, options)

@@ -74,6 +74,8 @@ def layout_of(
     while above and any(kind_of(cell) == "number" for cell in above[-1][1]):
         bad.insert(0, above.pop())
     names, units, used = _head(above, separator, width)
+    if names is None and bad and len(bad[-1][1]) == width > 2:  # names such as 263 among others
+        above, bad, names, used = [*above, *bad], [], bad[-1][1], 1
     if names is None and header:
         names, used, bad = rows[0][1], 1, list(rows[1:start])
         above = list(rows[:1])

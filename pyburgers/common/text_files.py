@@ -6,6 +6,7 @@ import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from unicodedata import category
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_bytes
@@ -78,7 +79,7 @@ def read_sheets(path: Path, where: str | None = None) -> tuple[list[Sheet], str 
             f"{SAVE_AS_CSV}."
         )
     text, encoding = _decoded(path, content)
-    return [Sheet("", lines=text.splitlines())], encoding
+    return [Sheet("", lines=text.lstrip("\ufeff").rstrip("\x1a").splitlines())], encoding
 
 
 def _decoded(path: Path, content: bytes) -> tuple[str, str | None]:
@@ -96,7 +97,7 @@ def _decoded(path: Path, content: bytes) -> tuple[str, str | None]:
                 "expected text; save it as CSV UTF-8."
             ) from None
         text, encoding = content.decode(WESTERN, errors="replace"), WESTERN
-    if any(not (sign.isprintable() or sign.isspace()) for sign in text[:1000].lstrip("\ufeff")):
+    if any(category(sign) == "Cc" and not sign.isspace() for sign in text[:1000].rstrip("\x1a")):
         raise InputError(f"file {path} is not UTF-8 text: found control characters; expected text.")
     if encoding in ("utf-8", "utf-8-sig"):
         return text, None

@@ -127,7 +127,7 @@ class TextTable:
         Cells that a row lacks are empty.
         """
         if index in self._stamps:
-            return self._stamps[index]
+            return self._stamps[index][0]
         missing = self._missing[index]
         cells = ["" if cell in missing else cell for cell in self._column(index)]
         if self.has_decimal_commas:
@@ -174,8 +174,11 @@ class TextTable:
         return kinds, dates[0] if len(dates) == 1 and len(clocks) == 1 else None
 
     @cached_property
-    def _stamps(self) -> dict[int, list[str]]:
-        """Seconds, as text, of the columns of time stamps that can be read in one way."""
+    def _stamps(self) -> dict[int, tuple[list[str], bool]]:
+        """Seconds, as text, of the columns of time stamps that can be read in one way.
+
+        And whether 12 AM was read as noon.
+        """
         kinds, date = self._clocks
         found = {}
         for index in kinds:
@@ -186,11 +189,13 @@ class TextTable:
                 cells = [
                     f"{day} {clock}" for day, clock in zip(self._column(date), cells, strict=True)
                 ]
-            times = seconds_of(cells)
-            if times is not None:
+            read = seconds_of(cells)
+            if read is not None:
+                times, is_noon_am = read
                 counts_from_zero = kinds[index] == "clock" and self._is_from_zero(index)
                 start = 0.0 if counts_from_zero else next(t for t in times if t == t)
-                found[index] = [repr(round(t - start, 9)) if t == t else "" for t in times]
+                text = [repr(round(t - start, 9)) if t == t else "" for t in times]
+                found[index] = (text, is_noon_am)
         return found
 
     def _is_from_zero(self, index: int) -> bool:
@@ -206,6 +211,8 @@ class TextTable:
             from_zero = kind == "clock" and not dates and self._is_from_zero(index)
             start = "0:00" if from_zero else "the first row"
             notes.append(f"column {name!r}{dates} holds time stamps, read as seconds since {start}")
+            if self._stamps[index][1]:
+                notes.append(f"column {name!r}: 12 AM was read as noon, because times go back else")
         elif kind is not None and index != date:
             cell = next(cell for cell in self._column(index) if cell)
             notes.append(

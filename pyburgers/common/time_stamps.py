@@ -37,11 +37,12 @@ def has_date(cell: str) -> bool:
     return found is not None and found["date"] is not None
 
 
-def seconds_of(cells: Sequence[str]) -> list[float] | None:
+def seconds_of(cells: Sequence[str]) -> tuple[list[float], bool] | None:
     """Return the times of cells (s), each a time stamp or without one (NaN).
 
-    Dates with the day or the month first are read in the order that all of them allow. A clock
-    without dates that passes midnight goes on.
+    Dates with the day or the month first are read in the order in which times grow. A clock without
+    dates that passes midnight goes on. Some programs write noon as 12 AM: so it is read where times
+    grow only then.
 
     Parameters
     ----------
@@ -50,8 +51,12 @@ def seconds_of(cells: Sequence[str]) -> list[float] | None:
 
     Returns
     -------
-    list of float or None
-        None where several readings are possible: of ``03/04/2024`` or, of a clock, of ``01:30``.
+    times : list of float
+        In s, from any origin.
+    is_noon_am : bool
+        Whether 12 AM was read as noon.
+
+    None where several readings are possible: of ``03/04/2024`` or, of a clock, of ``01:30``.
     """
     found = [_matched(cell) for cell in cells]
     stamps = [stamp for stamp in found if stamp is not None]
@@ -59,19 +64,34 @@ def seconds_of(cells: Sequence[str]) -> list[float] | None:
     clocks = [stamp for stamp in stamps if stamp["clock"] is not None]
     if not dated and not any(stamp["third"] or stamp["half"] for stamp in clocks):
         return None
+    usual = _readings(found, dated=dated, noon=0)
+    growing = [times for times in usual if _grow(times)]
+    if growing or not any(stamp["half"] for stamp in clocks):
+        times = _the_only(growing or usual)
+        return None if times is None else (times, False)
+    unusual = [times for times in _readings(found, dated=dated, noon=12) if _grow(times)]
+    times = _the_only(unusual or usual)
+    return None if times is None else (times, bool(unusual))
+
+
+def _readings(
+    found: Sequence[re.Match[str] | None], *, dated: bool, noon: int
+) -> list[list[float]]:
+    """Return the times (s) in each order of day and month that gives dates."""
     readings = []
     for day_first in (True, False):
         try:
-            readings.append([_seconds(stamp, day_first=day_first) for stamp in found])
+            times = [_seconds(stamp, day_first=day_first, noon=noon) for stamp in found]
         except ValueError:  # no date is in the order that is tried
             continue
-    relative = [_from_first(times) for times in readings]
-    growing = [times for times in relative if _grow(times)]
-    possible = relative[:1] if relative[1:] == relative[:1] else growing or relative
-    if len(possible) != 1:
-        return None
-    times = readings[relative.index(possible[0])]
-    return times if dated else _past_midnight(times)
+        readings.append(times if dated else _past_midnight(times))
+    return readings
+
+
+def _the_only(readings: Sequence[list[float]]) -> list[float] | None:
+    """Return one of several readings if all have the same times since the first one."""
+    different = {tuple(_from_first(times)) for times in readings}
+    return readings[0] if len(different) == 1 else None
 
 
 def _matched(cell: str) -> re.Match[str] | None:
@@ -79,8 +99,8 @@ def _matched(cell: str) -> re.Match[str] | None:
     return found if found is not None and (found["date"] or found["clock"]) else None
 
 
-def _seconds(stamp: re.Match[str] | None, *, day_first: bool) -> float:
-    """Return a time in s; raise ValueError where it has no such date."""
+def _seconds(stamp: re.Match[str] | None, *, day_first: bool, noon: int) -> float:
+    """Return a time in s, `noon` the hour of 12 AM; raise ValueError where it has no such date."""
     if stamp is None:
         return float("nan")
     seconds = 0.0
@@ -89,7 +109,8 @@ def _seconds(stamp: re.Match[str] | None, *, day_first: bool) -> float:
     if stamp["clock"] is not None:
         hours = int(stamp["first"])
         if stamp["half"] is not None:
-            hours = hours % 12 + 12 * (stamp["half"].upper() == "P")
+            is_afternoon = stamp["half"].upper() == "P"
+            hours = hours % 12 + 12 * is_afternoon if hours != 12 or is_afternoon else noon
         third = (stamp["third"] or "0").replace(",", ".")
         seconds += 3600.0 * hours + 60.0 * int(stamp["second"]) + float(third)
     zone = stamp["zone"]
@@ -117,8 +138,8 @@ def _from_first(times: Sequence[float]) -> list[str]:
     return [repr(time - known[0]) for time in times] if known else []
 
 
-def _grow(times: Sequence[str]) -> bool:
-    known = [time for time in map(float, times) if time == time]
+def _grow(times: Sequence[float]) -> bool:
+    known = [time for time in times if time == time]
     return known == sorted(known)
 
 

@@ -21,7 +21,9 @@ from pyburgers.model.flow_law_prior import Conditions, PeakTest
 from pyburgers.model.parameters import PARAMETER_BY_NAME, STRESS_SCATTER, Parameter
 from pyburgers.model.prior_families import PriorTable, check_beta, load_prior
 from pyburgers.model.priors import FLOW_LAW, PriorFile, PriorSet, save_priors, shipped_prior_file
+from pyburgers.protocols.doubts import unlikely_stress
 from pyburgers.protocols.experiment import Experiment, Provenance, ProvenanceTable
+from pyburgers.protocols.limits import TEMPERATURES, impossible_conditions, refuse_impossible
 from pyburgers.protocols.protocol import protocol_of
 
 FloatArray = npt.NDArray[np.float64]
@@ -100,6 +102,10 @@ class PeakStressData:
     provenance: Provenance
     peak_strain: PeakStrain | None = None
     notices: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that no test has, wherever they come from."""
+        refuse_impossible(self.id, self.temperature, self.grain_size, self.stress)
 
     @property
     def n_points(self) -> int:
@@ -225,7 +231,7 @@ def load_peak_stress(path: str | Path) -> PeakStressData:
         **{UNCERTAINTY: np.zeros(read[0].size), **values},
         provenance=Provenance(**file.provenance.model_dump()),
         peak_strain=None if peak is None else PeakStrain(peak.mean, peak.sd),
-        notices=notes,
+        notices=(*notes, *unlikely_stress(file.material, float(values["stress"].max()))),
     )
 
 
@@ -324,12 +330,13 @@ def _check_values(source: Path, values: Mapping[str, FloatArray]) -> None:
             "below 1."
         )
     coldest, warmest = values["temperature"].min(), values["temperature"].max()
-    if not (coldest >= 50 and warmest <= 3000):
-        wrong_one = coldest if coldest < 50 else warmest
-        raise InputError(
-            f"{source}: found a temperature of {wrong_one:g} K, expected kelvin between 50 and "
-            "3000 (key 'temperature_unit' in [data] may be K or degC)."
-        )
+    faults = impossible_conditions(
+        coldest if coldest < TEMPERATURES[0] else warmest,
+        values["grain_size"].max(),
+        ("temperature (key 'temperature_unit' in [data] may be K or degC)", "grain size"),
+    )
+    if faults:
+        raise InputError(*(f"{source}: {fault}" for fault in faults))
     if np.ptp(np.log(values["stress"])) == 0:
         raise InputError(
             f"{source}: all stresses are {values['stress'][0]:g} Pa, expected different ones."

@@ -14,21 +14,18 @@ SMALL_STRESS = 1e3
 
 def doubts(experiment: Experiment) -> list[str]:
     """Say which numbers of a test are unlikely; each sentence starts with its name."""
-    ranges = plausible_ranges(experiment.material)
-    found = [
-        *_of_conditions(experiment, ranges or PlausibleRanges.model_validate({})),
-        *experiment.doubts,
-    ]
-    if ranges is None:
+    found = [*_of_conditions(experiment), *experiment.doubts]
+    if plausible_ranges(experiment.material) is None:
         found.append(
             f"there are no default priors of {experiment.material!r}, so that a fit needs --priors."
         )
     return [f"{experiment.id}: {sentence}" for sentence in found]
 
 
-def _of_conditions(experiment: Experiment, ranges: PlausibleRanges) -> Iterator[str]:
+def _of_conditions(experiment: Experiment) -> Iterator[str]:
     """Say which grain size, temperatures and stresses are unlikely."""
     material, grain = experiment.material, experiment.initial_grain_size
+    ranges = _ranges(material)
     if grain > COARSE_GRAINS:
         yield f"grains of {grain:g} m are unlikely; 230 um is 230e-6."
     hottest, coldest = float(experiment.temperatures.max()), float(experiment.temperatures.min())
@@ -37,11 +34,21 @@ def _of_conditions(experiment: Experiment, ranges: PlausibleRanges) -> Iterator[
         yield f"{material} at {hottest:g} K is molten (from {melting:g} K); check the temperature."
     if least is not None and coldest < least:
         yield f"{material} at {coldest:g} K is unlikely (from {least:g} K); check the temperature."
-    stress = experiment.largest_stress if experiment.n_points else 0.0
-    if stress > ranges.largest_stress_MPa * 1e6:
+    if experiment.n_points:
+        yield from unlikely_stress(material, experiment.largest_stress)
+
+
+def unlikely_stress(material: str, largest: float) -> Iterator[str]:
+    """Say where the largest stress (Pa) of tests is unlikely in a material."""
+    limit = _ranges(material).largest_stress_MPa
+    if largest > limit * 1e6:
         yield (
-            f"a stress of {stress / 1e9:g} GPa is unlikely in {material} (up to "
-            f"{ranges.largest_stress_MPa:g} MPa is plausible); check its unit."
+            f"a stress of {largest / 1e9:g} GPa is unlikely in {material} (up to {limit:g} MPa is "
+            "plausible); check its unit."
         )
-    elif 0 < stress < SMALL_STRESS:
-        yield f"a largest stress of {stress:g} Pa is unlikely; check its unit."
+    elif 0 < largest < SMALL_STRESS:
+        yield f"a largest stress of {largest:g} Pa is unlikely; check its unit."
+
+
+def _ranges(material: str) -> PlausibleRanges:
+    return plausible_ranges(material) or PlausibleRanges.model_validate({})

@@ -149,7 +149,7 @@ class Experiment(ABC):
         refuse_impossible(
             self.id,
             np.array([self.temperature, *self.temperatures]),
-            self.initial_grain_size,
+            np.array([self.initial_grain_size, *(m.grain_size for m in self.microstructure)]),
             self.response,
             None if self.provenance.kind == "synthetic" else self.largest_strain,
         )

@@ -41,9 +41,9 @@ def impossible_conditions(
 def refuse_impossible(
     name: str,
     temperatures: FloatArray,
-    grain_size: float,
+    grain_sizes: FloatArray,
     response: FloatArray,
-    largest_strain: float | None,
+    largest_strain: float | None = None,
 ) -> None:
     """Refuse a test with numbers that no test has.
 
@@ -52,9 +52,9 @@ def refuse_impossible(
     InputError
         If it has; a sentence for each.
     """
-    worst = temperatures[np.argmax(np.abs(temperatures - np.mean(TEMPERATURES)))]
-    keys = ("temperature", "initial_grain_size")
-    faults = impossible_conditions(float(worst), grain_size, keys)
+    hottest = temperatures[np.argmax(np.abs(temperatures - np.mean(TEMPERATURES)))]
+    coarsest = grain_sizes[np.argmax(np.abs(grain_sizes - LARGEST_GRAIN / 2))]
+    faults = impossible_conditions(float(hottest), float(coarsest), ("temperature", "grain size"))
     finite = np.isfinite(response)
     if not finite.all():
         faults.append(

@@ -338,6 +338,31 @@ def test_other_commands_tell_the_first_error_and_how_many_there_are(
     assert error.endswith("`pyburgers check-file` tells 1 more.\n")
 
 
+@pytest.mark.parametrize("command", ["fit", "check-file", "simulate"])
+@pytest.mark.parametrize("content", [CURVE.encode(), CURVE.encode("utf-16"), b"PK\x03\x04\xff"])
+def test_a_table_in_the_place_of_an_experiment_file(
+    command: str, content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "my curve.csv"
+    path.write_bytes(content)
+    more = ("--parameters", "p.toml", "--out", "o.csv") if command == "simulate" else ()
+    assert main([command, str(path), *more]) == 2
+    out, error = capsys.readouterr()
+    assert f"write an experiment file for them: pyburgers new '{path}'." in out + error
+
+
+def test_what_was_done_to_read_a_table_is_noted(checked: Checked) -> None:
+    text = "a line\nstrain;stress\n%;MPa\n0,01;2\n0,02;3\n"
+    code, lines = checked(curve=text)
+    assert code == 0
+    notes = of_kind("note", lines)
+    assert len(notes) == 3
+    assert "note: curve.csv: line 1 ahead of the table was passed over." in notes
+    code, lines = checked(curve=text + "0,03;x\n")
+    assert code == 2
+    assert of_kind("note", lines) == sorted(notes)
+
+
 def test_what_stands_in_for_missing_keys_gives_no_errors_of_its_own(checked: Checked) -> None:
     code, lines = checked(("temperature_K = 263.0\n", ""), ('strain_unit = "fraction"\n', ""))
     assert code == 2

@@ -303,7 +303,7 @@ def test_a_file_that_could_not_be_read_is_not_written(
     ("text", "error", "hint"),
     [
         ("0.001,2\n\u22120.02,3\n", "found '\u22120.02'", "write '-'"),
-        ("-0.001,2\n-0.02,3\n", "found strains down to -0.02", "write compression"),
+        ("-0.001,2\n-0.02,3\n", "found strains to -0.02", "write compression"),
         ("0.015,1,020\n0.02,1,100\n", "line 2: found 3 cells", None),
         ("0.015,1\n0.02,1_000\n", "found '1_000'", None),
         ("0.015,1\n0.02,\u0661\n", "found '\u0661'", None),
@@ -323,6 +323,15 @@ def test_a_draft_is_written_of_a_table_with_bad_rows(
     assert draft.read_text(encoding="utf-8").startswith("# This draft cannot be used yet:\n# - ")
     path.write_text("strain,stress\n0.001,1\n0.02,2\n", encoding="utf-8")
     assert load_experiment(draft).n_points == 2
+
+
+def test_what_is_wrong_with_a_table_is_told_though_no_column_is_known(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "curve.txt"
+    path.write_text("Wert a b\n0.1 2\n0.2 3\n", encoding="utf-8")
+    assert main(["new", str(path), *KNOWN, *RATE]) == 2
+    assert "found 3 words for names (Wert a b) above 2 columns" in capsys.readouterr().out
 
 
 REFUSED = {

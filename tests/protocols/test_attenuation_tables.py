@@ -170,7 +170,7 @@ def test_places_lead_back_to_periods_and_spectra(edit: Edit) -> None:
         ),
         ([('attenuation_column = "Q"', 'loss_modulus_column = "Q"')], ROWS, "'storage_modulus_col"),
         ([('"G"', '"G"\nstorage_modulus_column = "Q"')], ROWS, "found both of the keys"),
-        ([], ROWS + "20,1200,0.1,40\n", "found 1473.15 K again"),
+        ([], ROWS + "10,1200,0.1,40\n", "data row 5: found the period 10 twice at 1473.15 K"),
         ([('"G"', '"G"\nlimit = 0.01\nlimit_column = "G"')], ROWS, "found both of the keys"),
         (
             [('"shear"', '"shear"\namplitude_Pa = 1.0'), ('"Q"', '"Q"\namplitude_column = "G"')],
@@ -339,7 +339,13 @@ def test_angular_frequencies_from_high_to_low_and_angles_say_the_same(edit: Edit
     np.testing.assert_array_equal(down.conditions.period, [1, 10])
     np.testing.assert_allclose(down.readings.tan_delta, [0.05, 0.1])
     mixed = load_attenuation(edit(rows="period,T,Q,G\n5,1200,0.07,47\n" + reverse))
-    assert any("sorted by their period" in notice for notice in mixed.notices)
+    assert any("were sorted by temperature" in notice for notice in mixed.notices)
+    by_temperature = load_attenuation(edit())
+    nested = load_attenuation(
+        edit(rows="period,T,Q,G\n" + "\n".join(ROWS.splitlines()[k] for k in (1, 3, 2, 4)) + "\n")
+    )
+    np.testing.assert_array_equal(nested.response, by_temperature.response)
+    assert any("were sorted by temperature" in notice for notice in nested.notices)
     assert not any("sorted" in notice for notice in down.notices)
 
 

@@ -1,7 +1,9 @@
 """Experiment files: what is read, what is put right with a notice, what is refused."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from same_contents import assert_equal
 
 from pyburgers.common.errors import InputError
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.protocols.doubts import doubts
 from pyburgers.protocols.protocol import load_experiment, protocol_of, save_experiment
 
 CHECKOUT = Path(__file__).parents[2]
@@ -222,6 +225,91 @@ def test_a_file_without_a_curve_is_refused(write: Write, content: str, words: st
 )
 def test_doubtful_data_are_announced(write: Write, content: str, notice: str) -> None:
     assert notice in " ".join(load_constant_rate(write(curve=content)).notices)
+
+
+class TestTablesOfStrangers:
+    """Layouts that need no key, and what is told of them."""
+
+    def test_semicolons_units_and_decimal_commas(self, write: Write) -> None:
+        path = write(curve="Probe 1\nstrain;stress\n%;MPa\n1,0;1,5\n6,0;2,5\n")
+        experiment = load_constant_rate(path)
+        np.testing.assert_allclose(experiment.stress, [1.5e6, 2.5e6])
+        assert experiment.notices[:3] == (
+            "curve.csv: line 1 ahead of the table was passed over.",
+            "curve.csv: line 3 is a row of units (%, MPa).",
+            "curve.csv: numbers have decimal commas.",
+        )
+
+    def test_a_row_whose_cell_stands_for_no_reading_is_left_out(self, write: Write) -> None:
+        path = write(curve="strain,stress\n1,2\n2,-9999\n3,NaN\n6,4\n")
+        experiment = load_constant_rate(path)
+        np.testing.assert_allclose(experiment.strain, [0.01, 0.06])
+        assert "-9999, NaN (in 2 of 4 rows) stands for no reading" in experiment.notices[0]
+        assert "2 rows without a number in a column that is read left out" in experiment.notices[1]
+
+    def test_which_cells_stand_for_no_reading_may_be_said(self, write: Write) -> None:
+        path = write(("[data]", "[data]\nmissing = [-7]"), curve="strain,stress\n1,2\n2,-7\n6,4\n")
+        np.testing.assert_allclose(load_constant_rate(path).strain, [0.01, 0.06])
+        path = write(("[data]", "[data]\nmissing = []"), curve="strain,stress\n1,2\n2,NaN\n6,4\n")
+        assert "found 'NaN', expected a finite number" in refusal(path)
+
+    def test_time_stamps_are_read_in_seconds(self, write: Write) -> None:
+        by_time = (
+            ('strain_column = "strain"', 'time_column = "strain"'),
+            ('strain_unit = "percent"', 'time_unit = "s"'),
+        )
+        content = "strain,stress\n09:00:00,0\n09:05:00,2\n09:10:00,3\n10:00:00,4\n"
+        experiment = load_constant_rate(write(*by_time, curve=content))
+        np.testing.assert_allclose(experiment.strain, [0.03, 0.051, 0.081])
+        assert "read as seconds since the first row" in experiment.notices[0]
+        in_hours = (by_time[0], (by_time[1][0], 'time_unit = "h"'))
+        assert "holds time stamps, expected 's'" in refusal(write(*in_hours, curve=content))
+
+    def test_compression_may_be_negative(self, write: Write) -> None:
+        content = curve([-strain for strain in STRAINS_PERCENT]).replace(",", ",-")
+        content = content.replace("-stress", "stress")
+        positive = load_constant_rate(write())
+        path = write(curve=content)
+        assert "found strains to -0.11 (fraction), which are negative" in refusal(path)
+        assert 'write compression = "negative"' in refusal(path)
+        path = write(("[[segments]]", 'compression = "negative"\n[[segments]]'), curve=content)
+        negative = load_constant_rate(path)
+        np.testing.assert_array_equal(negative.strain, positive.strain)
+        np.testing.assert_array_equal(negative.stress, positive.stress)
+        assert "the signs were turned" in negative.notices[0]
+
+
+class TestNumbersThatNoTestHas:
+    """Constructors refuse them as files do."""
+
+    @pytest.mark.parametrize(
+        ("changed", "words"),
+        [
+            ({"temperature": -10.0}, "temperature: found -10, expected kelvin"),
+            ({"temperature": float("nan")}, "temperature: found nan"),
+            ({"initial_grain_size": 230.0}, "grain size: found 230, expected metres"),
+            ({"initial_grain_size": float("nan")}, "grain size: found nan"),
+            ({"final_strain": 99.0}, "strain: found 99 as a fraction"),
+            ({"stress": np.full(12, np.nan)}, "reading 1: found nan, expected a finite number"),
+        ],
+    )
+    def test_they_are_refused(self, write: Write, changed: dict[str, Any], words: str) -> None:
+        experiment = load_constant_rate(write())
+        with pytest.raises(InputError, match=f"sample-1: {words}"):
+            replace(experiment, **changed)
+
+    def test_a_stress_that_a_material_does_not_bear_is_doubted(self, write: Write) -> None:
+        experiment = load_constant_rate(write())
+        assert doubts(experiment) == []
+        (doubt,) = doubts(replace(experiment, stress=1e3 * experiment.stress))
+        assert "GPa is unlikely in ice (up to 200 MPa is plausible)" in doubt
+
+    def test_a_reading_that_is_far_from_all_others_is_doubted(self, write: Write) -> None:
+        experiment = load_constant_rate(write())
+        stress = experiment.stress.copy()
+        stress[3] = -99e6
+        (doubt,) = doubts(replace(experiment, stress=stress))
+        assert "one stress (MPa) of -99 is more than 10 times as large as all others" in doubt
 
 
 class TestBadInput:

@@ -145,11 +145,10 @@ def load_attenuation(path: str | Path) -> AttenuationExperiment:
         lambda: _elasticity(path, file.attenuation),
         lambda: _table(path, file),
     )
-    by_period = np.lexsort((conditions.period, conditions.spectrum))
     return AttenuationExperiment(
         **values,
-        conditions=conditions.ordered(by_period),
-        readings=readings.ordered(by_period),
+        conditions=conditions.ordered(conditions.rows_in_order),
+        readings=readings.ordered(conditions.rows_in_order),
         elasticity=elasticity,
         notices=tuple(dict.fromkeys([*file.notices, *notes, *_notices(conditions, readings)])),
     )
@@ -434,8 +433,9 @@ def _notices(conditions: Conditions, readings: Readings) -> list[str]:
     """Say what the table leaves open, and what was turned."""
     notices = []
     steps = np.diff(conditions.period)[np.diff(conditions.spectrum) == 0]
-    if (steps > 0).any() and (steps < 0).any():
-        notices.append("Rows of one temperature were sorted by their period.")
+    n_spectra = conditions.ordered(conditions.rows_in_order).n_spectra
+    if ((steps > 0).any() and (steps < 0).any()) or n_spectra < conditions.n_spectra:
+        notices.append("Rows were sorted by temperature and stress, and then by period.")
     if not np.all(conditions.amplitude > 0):
         notices.append(
             "The amplitude of the stress is not stated: cycles are taken as so small that the "

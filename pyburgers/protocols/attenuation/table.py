@@ -44,6 +44,13 @@ class Conditions:
         return Conditions(*(getattr(self, column.name)[rows] for column in fields(self)))
 
     @property
+    def rows_in_order(self) -> IntArray:
+        """Rows of one temperature and stress together, as these come first, by their periods."""
+        others = np.stack([self.temperature, self.median_stress, self.amplitude])
+        _, first, group = np.unique(others, axis=1, return_index=True, return_inverse=True)
+        return np.lexsort((self.period, first[group.ravel()]))
+
+    @property
     def n_rows(self) -> int:
         """Number of rows."""
         return self.period.size
@@ -202,17 +209,16 @@ def check_table(
         "attenuation",
         "a positive number, or a limit that says what such a reading means",
     )
-    by_period = np.lexsort((conditions.period, conditions.spectrum))
-    same = np.diff(conditions.spectrum[by_period]) == 0
-    twice = np.flatnonzero(same & (np.diff(conditions.period[by_period]) <= 0))
+    rows = conditions.rows_in_order
+    ordered = conditions.ordered(rows)
+    twice = np.flatnonzero((np.diff(ordered.spectrum) == 0) & (np.diff(ordered.period) <= 0))
     if twice.size:
-        row = int(by_period[twice[0] + 1])
+        row = int(rows[twice[0] + 1])
         raise InputError(
             f"{where}: data row {row + 1}: found the {order_name} {order[row]:g} twice at "
             f"{conditions.temperature[row]:g} K, expected each {order_name} once in rows of one "
             "temperature and stress."
         )
-    _check_apart(conditions, where)
 
 
 def check_sign(
@@ -225,20 +231,3 @@ def check_sign(
             f"{where}: data row {bad[0] + 1}: found {values[bad[0]]:g} (SI) as {name}, expected "
             f"{expected}."
         )
-
-
-def _check_apart(conditions: Conditions, where: str) -> None:
-    """Refuse a spectrum whose rows stand apart."""
-    seen: set[tuple[float, float, float]] = set()
-    for row in conditions.first_rows:
-        own = (
-            float(conditions.temperature[row]),
-            float(conditions.median_stress[row]),
-            float(conditions.amplitude[row]),
-        )
-        if own in seen:
-            raise InputError(
-                f"{where}: data row {row + 1}: found {own[0]:g} K again after other rows, expected "
-                "rows of one temperature and stress together."
-            )
-        seen.add(own)

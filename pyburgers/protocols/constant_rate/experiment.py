@@ -312,11 +312,11 @@ def _read_points(
         return _strain_at(found["time"], segments), stress, notes
     strain = sign * found["strain"]
     if np.mean(strain < 0) > 0.5:
-        expected, other = ("positive", "negative") if sign > 0 else ("negative", "positive")
+        expected, other = ("positive", "negative")[::sign]
         raise InputError(
-            f"{source}: column {data.strain_column!r}: found strains down to "
-            f"{sign * np.min(strain):g} whose sign is {other}, expected {expected} ones: "
-            f'if compression is {other} in this file, write compression = "{other}" in {path}.'
+            f"{source}: column {data.strain_column!r}: found strains to {sign * np.min(strain):g} "
+            f"(fraction), which are {other}, expected {expected} ones: if compression is {other} "
+            f'in this file, write compression = "{other}" in {path}.'
         )
     if time is not None:
         start = _time_at(strain[:1], segments)

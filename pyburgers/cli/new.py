@@ -33,7 +33,7 @@ from pyburgers.protocols.new_file import (
     new_files,
 )
 from pyburgers.protocols.protocol import NAMES
-from pyburgers.protocols.quantities import QUANTITIES
+from pyburgers.protocols.quantities import ALONG_AXIS, QUANTITIES
 
 MATERIAL = Question("material", "material", example="ice")
 
@@ -60,7 +60,7 @@ LAST = (
 TEMPERATURE = {"temperature": "its highest value alone is used, as the temperature of the test"}
 EXPECTED = {
     "attenuation": "tan(delta), 1/Q, log10 of them, or an angle in mrad or rad or deg",
-    "relaxation_modulus": "a modulus along the axis, E(t),",
+    "relaxation_modulus": "a modulus E(t)",
 }
 """Words about columns."""
 
@@ -252,10 +252,11 @@ def _require_units(path: Path, columns: Mapping[str, GuessedColumn]) -> None:
         if guessed.is_foreign:
             units = " or ".join(UNIT_NAMES.get(guessed.kind, ()))
             what = EXPECTED.get(guessed.quantity, guessed.kind)
-            expected = f"{what} in {units}" if units else what
+            along = " along the axis" if guessed.quantity in ALONG_AXIS else ""
+            expected = f"{what}{along} in {units}" if units else what
             raise InputError(
-                f"{where}: found a name of other units, of none or of logarithms, expected "
-                f"{expected}; turn its numbers and name it so."
+                f"{where}: found a name of other units, of none, of logarithms or of shear, "
+                f"expected {expected}; turn its numbers and name it so."
             )
         if guessed.confined_by is not None:
             raise InputError(

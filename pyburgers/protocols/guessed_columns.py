@@ -13,6 +13,7 @@ from pyburgers.common.cells import as_number
 from pyburgers.common.text_tables import TextTable
 from pyburgers.common.units import FOREIGN_UNIT_NAMES, UNIT_NAMES, UNITS
 from pyburgers.protocols.quantities import (
+    ALONG_AXIS,
     ANGLES,
     ERRORS,
     FORCES,
@@ -285,12 +286,25 @@ def _with_unit(
     if table.is_time_stamps(column):
         return replace(found, unit="s", told_by="its time stamps")
     unit = _unit_in(_plain(name), kind, is_chosen=is_chosen)
-    if quantity == "relaxation_modulus" and re.search(SHEAR, _plain(name)):
+    if quantity in ALONG_AXIS and not is_chosen and re.search(SHEAR, _plain(name)):
         unit = ""
     if unit is None:
         by_numbers, told_by = _unit_of_numbers(kind, numbers[np.isfinite(numbers)])
         return replace(found, unit=by_numbers, told_by=told_by)
     return replace(found, unit=unit or None, is_foreign=not unit)
+
+
+def unit_in_name(name: str, kind: str) -> str | None:
+    """Return the unit in a name, a key of `UNIT_NAMES`; empty for another one, None for none.
+
+    Parameters
+    ----------
+    name : str
+        Of a column.
+    kind : str
+        What the unit is one of.
+    """
+    return _unit_in(_plain(name), kind, is_chosen=True)
 
 
 def _unit_in(name: str, kind: str, *, is_chosen: bool) -> str | None:

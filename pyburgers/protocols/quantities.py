@@ -75,7 +75,7 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
             (r"modul|\|[egm]\*?\||(?<![a-z])[egm]\*", r"^[ge](?![a-z])"),
             ((r"\||\*|complex|dynami|absol", 0),),
         ),
-        "period": Quantity("time", (r"period",)),
+        "period": Quantity("time", (r"period|^t_?[o0](?![a-z0-9])",)),
         "frequency": Quantity(
             "frequency",
             (
@@ -133,8 +133,11 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
 )
 """Quantities; a column holds the first whose names look like its own."""
 
-SHEAR = r"(?<![a-z])g\(t\)|shear|schub"
-"""What the name of a modulus in shear has."""
+SHEAR = r"(?<![a-z])(?:g\(t\)|tau|gamma)|shear|schub|octahedral|τ|γ"
+"""What the name of a column of shear has, which is no stress, strain or modulus along the axis."""
+
+ALONG_AXIS = frozenset({"stress", "strain", "relaxation_modulus"})
+"""Quantities that files take along the axis alone."""
 
 FORCES = re.compile(r"load|force|pressure|pression|kraft|druck(?!spann)|charge")
 """What the name of a column has that is a stress only where its unit says so."""

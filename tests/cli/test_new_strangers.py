@@ -171,14 +171,17 @@ def test_the_total_stress_along_the_axis_is_no_differential_stress(
 
 FOREIGN = ("Load (lbs)", "Load (lbf)", "Force (kN)", "pounds force", "Stress (ksi)", "Kraft [N]")
 FORCES = ("Stress (kN/m2)", "Pressure (bar)", "Load", "Druck [bar]")
+SHEAR = ("Shear stress (MPa)", "tau [MPa]", "octahedral shear stress / MPa")
 
 
-@pytest.mark.parametrize("name", [*FOREIGN, *FORCES])
+@pytest.mark.parametrize("name", [*FOREIGN, *FORCES, *SHEAR])
 def test_forces_and_foreign_units_are_no_stress(
     name: str, table: Table, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = table(**{"strain (%)": PERCENT, name: CURVE})
-    assert_refused(["new", str(path), *KNOWN, *RATE], capsys, "expected stress in GPa or MPa")
+    assert_refused(
+        ["new", str(path), *KNOWN, *RATE], capsys, "expected stress along the axis in GPa"
+    )
 
 
 LONG = np.array([0, 30, 60, 120, 240, 480, 900, 1800, 2700, 3600, 5400, 7200, 10800.0])
@@ -307,7 +310,7 @@ def test_a_modulus_in_shear_is_no_modulus_along_the_axis(
     table: Table, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = table(**{"time (s)": LATE, "G(t) (MPa)": 9 * LATE**-0.1})
-    assert_refused(["new", str(path), *KNOWN], capsys, "expected a modulus along the axis")
+    assert_refused(["new", str(path), *KNOWN], capsys, "expected a modulus E(t) along the axis")
 
 
 SPECTRA = {
@@ -316,6 +319,7 @@ SPECTRA = {
     "omega": ({"omega [rad/s]": 2 * math.pi * FREQUENCY, "tan delta": 0.1}, None),
     "degrees": ({"f (Hz)": FREQUENCY, "Loss angle (deg)": math.degrees(math.atan(0.1))}, None),
     "phase": ({"f (Hz)": FREQUENCY, "Raw phase (°)": math.degrees(math.atan(0.1))}, None),
+    "To": ({"To (s)": 1 / FREQUENCY, "log10 Q-1": -1.0, "T(C)": 900.0}, None),
     "mrad": ({"f (Hz)": FREQUENCY, "delta (mrad)": 1e3 * math.atan(0.1)}, None),
     "two moduli": ({"f (Hz)": FREQUENCY, "G' (MPa)": 500.0, "G'' (MPa)": 50.0}, 5e8 * 1.01**0.5),
     "storage modulus": ({"f (Hz)": FREQUENCY, "E' (MPa)": 500.0, "tan d": 0.1}, 5e8 * 1.01**0.5),
@@ -361,6 +365,43 @@ def test_other_forms_of_attenuation_are_refused(
 ) -> None:
     path = table(**{"period (s)": FREQUENCY, name: 0.5})
     assert_refused(["new", str(path), *KNOWN, *AXIAL], capsys, "expected tan(delta), 1/Q")
+
+
+def test_a_spectrum_without_periods_asks_for_them(
+    table: Table, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = table(**{"X (s)": FREQUENCY, "1/Q": 0.02})
+    assert_refused(["new", str(path), *KNOWN, *AXIAL], capsys, "give --period-column")
+    assert main(["new", str(path), *KNOWN, *AXIAL, "--period-column", "X (s)"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("stress", "unit", "words"),
+    [
+        ("Stress (MPa)", "MPa", None),
+        ("sigma", "MPa", None),
+        ("Load (MPa)", "GPa", "whose name says the unit 'MPa'"),
+        ("Load (lbs)", "MPa", "whose name says another unit"),
+    ],
+)
+def test_a_stated_unit_that_contradicts_the_name_of_its_column_is_told(
+    stress: str,
+    unit: str,
+    words: str | None,
+    table: Table,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = table(strain=PERCENT / 100, sigma=CURVE)
+    assert main(["new", str(path), *KNOWN, *RATE]) == 0
+    file = path.with_suffix(".toml")
+    text = file.read_text("utf-8").replace('"sigma"', f'"{stress}"')
+    file.write_text(text.replace('stress_unit = "MPa"', f'stress_unit = "{unit}"'), "utf-8")
+    path.write_text(path.read_text("utf-8").replace("sigma", stress), "utf-8")
+    capsys.readouterr()
+    main(["check-file", str(file)])
+    told = [line for line in capsys.readouterr().out.splitlines() if "whose name says" in line]
+    assert bool(told) == (words is not None)
+    assert (words or "") in "".join(told)
 
 
 def test_an_answer_that_the_file_cannot_hold_is_asked_for_again_with_the_reason(

@@ -33,13 +33,15 @@ class AttenuationFile(NewFile):
     questions = (DEFORMATION, POISSON_RATIO)
 
     def suits(self, columns: Columns) -> str | None:
-        """Return that attenuation is read at periods or frequencies."""
-        if not {"period", "frequency"} & columns.keys():
-            return None
-        if "attenuation" in columns:
+        """Return that attenuation is read, of a table that is no stress or strain."""
+        is_table = {"period", "frequency"} & columns.keys() or not {
+            "strain",
+            "stress",
+        } & columns.keys()
+        if is_table and "attenuation" in columns:
             return "there is a column of attenuation"
         both = {"storage_modulus", "loss_modulus"} <= columns.keys()
-        return "there are a storage and a loss modulus" if both else None
+        return "there are a storage and a loss modulus" if is_table and both else None
 
     def read(self, columns: Columns) -> Columns:
         """Return what there is of a table, each quantity once.

@@ -16,6 +16,9 @@ from pyburgers.protocols.new_file import NAMED_SEPARATORS, new_files
 from pyburgers.protocols.quantities import QUANTITIES
 
 SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "white space", ",": "commas"}
+DEFAULT_UNITS = {"temperature": "K", "stress": "MPa"}
+"""Units of columns whose unit need not be stated."""
+
 FILE_KEYS = ("file", "strain_file", "stress_file")
 
 
@@ -114,8 +117,9 @@ def _hints_of_units(look: TextTable, data: Mapping[str, Any]) -> Iterator[str]:
         looks_like = QUANTITIES.get(stem.removeprefix("strain_").removeprefix("stress_"))
         if stem == key or looks_like is None or column not in look.columns:
             continue
-        shared = data.get("modulus_unit" if "modulus" in stem else f"{looks_like.kind}_unit")
-        stated = data.get(f"{stem}_unit", shared)
+        default = DEFAULT_UNITS.get(looks_like.kind)
+        shared = "modulus_unit" if "modulus" in stem else f"{looks_like.kind}_unit"
+        stated = data.get(f"{stem}_unit", data.get(shared, default))
         named = unit_in_name(look.described(column), looks_like.kind)
         if named is not None and named != str(stated).removeprefix("deg" * (named == "C")):
             said = f"unit {stated!r} is stated" if stated else "no unit is stated"

@@ -11,9 +11,14 @@ from pyburgers.common.cells import DECIMAL_COMMA, ODD_MINUS
 from pyburgers.common.errors import InputError
 from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.guessed_columns import unit_in_name
 from pyburgers.protocols.new_file import NAMED_SEPARATORS, new_files
+from pyburgers.protocols.quantities import QUANTITIES
 
 SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "white space", ",": "commas"}
+DEFAULT_UNITS = {"temperature": "K", "stress": "MPa"}
+"""Units of columns whose unit need not be stated."""
+
 FILE_KEYS = ("file", "strain_file", "stress_file")
 
 
@@ -102,6 +107,24 @@ def _hints_of(look: TextTable, data: Mapping[str, Any], small_strain: float) -> 
             more = f" (and {len(cells) - 1} more)" if len(cells) > 1 else ""
             yield f"line {line}: {cell!r}{more} {what}: {remedy}."
     yield from _hints_of_strain(look, data, small_strain)
+    yield from _hints_of_units(look, data)
+
+
+def _hints_of_units(look: TextTable, data: Mapping[str, Any]) -> Iterator[str]:
+    """Name columns whose names have another unit than the file states."""
+    for key, column in data.items():
+        stem = key.removesuffix("_column")
+        looks_like = QUANTITIES.get(stem.removeprefix("strain_").removeprefix("stress_"))
+        if stem == key or looks_like is None or column not in look.columns:
+            continue
+        default = DEFAULT_UNITS.get(looks_like.kind)
+        shared = "modulus_unit" if "modulus" in stem else f"{looks_like.kind}_unit"
+        stated = data.get(f"{stem}_unit", data.get(shared, default))
+        named = unit_in_name(look.described(column), looks_like.kind)
+        if named is not None and named != str(stated).removeprefix("deg" * (named == "C")):
+            said = f"unit {stated!r} is stated" if stated else "no unit is stated"
+            other = f"the unit {named!r}" if named else "another unit, or a logarithm"
+            yield f"{said} for column {column!r}, whose name says {other}: check it."
 
 
 def _hints_of_strain(

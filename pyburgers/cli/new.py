@@ -5,10 +5,14 @@ import os
 import re
 import shlex
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from pyburgers.cli.check_file import all_errors, check
 from pyburgers.cli.parser import is_text
@@ -18,9 +22,11 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
 from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.common.toml_files import read_tables
+from pyburgers.common.units import UNIT_NAMES
 from pyburgers.model.priors import shipped_prior_files
-from pyburgers.protocols.guessed_columns import UNITS, GuessedColumn, guess_columns
+from pyburgers.protocols.guessed_columns import GuessedColumn, guess_columns, left_out
 from pyburgers.protocols.new_file import (
+    Columns,
     Description,
     NewFile,
     Question,
@@ -28,14 +34,21 @@ from pyburgers.protocols.new_file import (
     new_files,
 )
 from pyburgers.protocols.protocol import NAMES
+from pyburgers.protocols.quantities import ALONG_AXIS, QUANTITIES
 
-MATERIAL = Question("material", "material")
+MATERIAL = Question("material", "material", example="ice")
 
 FIRST = (
-    Question("id", "name of the test"),
+    Question("id", "name of the test", example="test"),
     MATERIAL,
-    Question("temperature_K", "temperature in kelvin", float),
-    Question("grain_size_m", "mean grain size at the start in m (230 um: 230e-6)", float),
+    Question("temperature_K", "temperature in kelvin", float, example=263.0),
+    Question(
+        "grain_size_m",
+        "mean grain size at the start in m (230 um: 230e-6)",
+        float,
+        example=1e-3,
+        key="initial_grain_size_m",
+    ),
 )
 LAST = (
     Question(
@@ -45,6 +58,13 @@ LAST = (
 )
 """What is asked about every kind of test, before and after its own questions."""
 
+TEMPERATURE = {"temperature": "its highest value alone is used, as the temperature of the test"}
+EXPECTED = {
+    "attenuation": "tan(delta), 1/Q, log10 of them, or an angle in mrad or rad or deg",
+    "relaxation_modulus": "a modulus E(t)",
+}
+"""Words about columns."""
+
 
 def _every_question() -> tuple[Question, ...]:
     """Return the questions of all kinds of test, in the order in which they are asked."""
@@ -52,6 +72,18 @@ def _every_question() -> tuple[Question, ...]:
         question for new_file in new_files().values() for question in new_file.questions
     )
     return (*FIRST, *own, *LAST)
+
+
+def _column_question(quantity: str) -> Question:
+    """Return the question which column holds a quantity."""
+    return Question(f"{quantity}_column", f"column of the {quantity.replace('_', ' ')}")
+
+
+def _column_questions() -> dict[str, Question]:
+    """Return the questions which column holds what, by the quantities that files can name."""
+    named = {quantity for new_file in new_files().values() for quantity in new_file.quantities}
+    errors = (f"{quantity}_uncertainty" for quantity in QUANTITIES)
+    return {name: _column_question(name) for name in (*QUANTITIES, *errors) if name in named}
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -63,6 +95,10 @@ def add_options(command: argparse.ArgumentParser) -> None:
     for question in _every_question():
         command.add_argument(
             question.option, type=question.kind, choices=question.choices, help=question.text
+        )
+    for question in _column_questions().values():
+        command.add_argument(
+            question.option, metavar="NAME", help=f"{question.text}: its name, or number from 1"
         )
     command.add_argument(
         "--out", type=Path, metavar="FILE.toml", help="default CSV with the ending .toml"
@@ -77,25 +113,27 @@ def run(options: argparse.Namespace) -> int:
         raise InputError(f"{out}: exists already, expected a new file; choose another --out.")
     for note in (*table.notes, *table.problems):
         print(f"note: {note}")
-    columns = guess_columns(table)
-    for guessed in columns.values():
-        print(f"guessed: {guessed.sentence}")
-    guessed_name, reason = _guess_protocol(table, columns)
-    name = options.protocol or guessed_name
+    given = {question.name: vars(options)[question.name] for question in _every_question()}
+    name, reason, columns = _decided(table, options)
     new_file = new_files()[name]
     _require_columns(options.csv, name, new_file, columns)
+    read = new_file.read(columns)
+    for guessed in read.values():
+        print(f"guessed: {guessed.sentence}")
     if options.protocol is None:
         print(f"guessed: protocol {name}, because {reason}")
-    read = new_file.read(columns)
-    for quantity in columns:
-        if quantity not in read:
-            print(f"left out: column {columns[quantity].column!r}, which such a file does not name")
+    suggested = {} if given["temperature_K"] or _temperature(columns) is None else TEMPERATURE
+    for sentence in left_out(table, columns, read, suggested):
+        print(f"left out: {sentence}")
     _require_units(options.csv, read)
-    _refuse_what_is_not_taken(name, new_file, columns, options)
+    _refuse_what_is_not_taken(name, new_file, read, given)
     file = _named_in_text(os.path.relpath(options.csv, out.parent))
-    answers = _answers(new_file, table, columns, options)
-    description = Description(file, table, columns, answers)
-    text = experiment_text(name, new_file, description)
+    proposed = {"id": _identifier(table), "temperature_K": _temperature(columns)}
+    draft = _Draft(name, new_file, Description(file, table, read, given), proposed)
+    answers = _answers(draft)
+    for sentence in new_file.decided(replace(draft.test, values=answers)):
+        print(f"decided: {sentence}")
+    text = draft.text(answers)
     with writing(out):
         write_atomically(out, lambda draft: _write_checked(draft, out, text, file))
     print(shown(f"written: {out}"))
@@ -141,7 +179,50 @@ def _write_checked(draft: Path, out: Path, text: str, file: str) -> None:
         draft.write_text("\n".join([*head, text]), encoding="utf-8")
 
 
-def _guess_protocol(table: TextTable, columns: Mapping[str, GuessedColumn]) -> tuple[str, str]:
+def _decided(table: TextTable, options: argparse.Namespace) -> tuple[str, str, Columns]:
+    """Return the protocol, why it was guessed, and what columns hold: what ties is asked."""
+    chosen = {
+        quantity: _column_named(table, question, vars(options)[question.name])
+        for quantity, question in _column_questions().items()
+        if vars(options)[question.name] is not None
+    }
+    while True:
+        columns = guess_columns(table, chosen)
+        guessed, reason = _guess_protocol(columns)
+        name = options.protocol or guessed
+        tied = [one for one in new_files()[name].read(columns).values() if not one.is_decided]
+        if not tied:
+            return name, reason, columns
+        chosen[tied[0].quantity] = _chosen_column(table, tied[0])
+
+
+def _column_named(table: TextTable, question: Question, name: str) -> str | int:
+    """Return the column that an option names."""
+    found = next((column for column in table.columns if str(column) == name), None)
+    if found is None or not table.numbers(found):
+        names = ", ".join(repr(str(column)) for column in table.columns)
+        raise InputError(
+            f"{question.option} {name}: expected a column of {table.path} that holds numbers, of "
+            f"{names}."
+        )
+    return found
+
+
+def _chosen_column(table: TextTable, tied: GuessedColumn) -> str | int:
+    """Return the column of a quantity of which there are several, after asking."""
+    question = _column_question(tied.quantity)
+    names = [str(one.column) for one in (tied, *tied.rivals)]
+    if not sys.stdin.isatty():
+        ways = " or ".join(shlex.join([question.option, name]) for name in names)
+        raise InputError(
+            f"{table.path}: found {len(names)} columns that may be the {tied.says}, expected one; "
+            f"give {ways}."
+        )
+    answer = _ask(replace(question, choices=names), lambda _: ())
+    return _column_named(table, question, answer)
+
+
+def _guess_protocol(columns: Columns) -> tuple[str, str]:
     """Return the protocol that a text file looks like, and why: of several that it suits the last.
 
     Any curve suits the first one.
@@ -149,7 +230,7 @@ def _guess_protocol(table: TextTable, columns: Mapping[str, GuessedColumn]) -> t
     return next(
         (name, reason)
         for name in reversed(NAMES)
-        if (reason := new_files()[name].suits(table, columns)) is not None
+        if (reason := new_files()[name].suits(columns)) is not None
     )
 
 
@@ -160,7 +241,8 @@ def _require_columns(
         if not any(name in columns for name in quantities):
             raise InputError(
                 f"{path}: found no column that looks like {' or '.join(quantities)}, expected one "
-                f"for the protocol {protocol}; name it so in the first row, or give --protocol."
+                f"for the protocol {protocol}; name it so in the first row, give "
+                f"{_column_question(quantities[0]).option}, or give --protocol."
             )
 
 
@@ -169,11 +251,19 @@ def _require_units(path: Path, columns: Mapping[str, GuessedColumn]) -> None:
     for guessed in columns.values():
         where = f"{path}: column {guessed.column!r}"
         if guessed.is_foreign:
-            units = " or ".join(unit for unit, _ in UNITS.get(guessed.kind, ()))
+            units = " or ".join(UNIT_NAMES.get(guessed.kind, ()))
+            what = EXPECTED.get(guessed.quantity, guessed.kind)
+            along = " along the axis" if guessed.quantity in ALONG_AXIS else ""
+            expected = f"{what}{along} in {units}" if units else what
             raise InputError(
-                f"{where}: found a name of other units or of logarithms, expected "
-                f"{f'{guessed.kind} in {units}' if units else 'tan(delta), 1/Q or log10 of them'}; "
-                "turn its numbers and name it so."
+                f"{where}: found a name of other units, of none, of logarithms or of shear, "
+                f"expected {expected}; turn its numbers and name it so."
+            )
+        if guessed.confined_by is not None:
+            raise InputError(
+                f"{where}: found a stress that is never below column {guessed.confined_by!r}, "
+                "expected the differential stress; write the difference as a column, or give "
+                f"{shlex.join([_column_question('stress').option, str(guessed.column)])} if it is."
             )
         of = columns.get(guessed.shares_unit_with or "")
         if of is not None and of.unit != guessed.unit:
@@ -184,15 +274,11 @@ def _require_units(path: Path, columns: Mapping[str, GuessedColumn]) -> None:
 
 
 def _refuse_what_is_not_taken(
-    protocol: str,
-    new_file: NewFile,
-    columns: Mapping[str, GuessedColumn],
-    options: argparse.Namespace,
+    protocol: str, new_file: NewFile, columns: Columns, given: Mapping[str, Any]
 ) -> None:
     """Refuse options that the file would not hold."""
-    given = vars(options)
     taken = {question.name for question in (*FIRST, *LAST)}
-    taken |= set(new_file.taken(columns.keys(), given))
+    taken |= set(new_file.taken(columns, given))
     own = [question for question in new_file.questions if given[question.name] is not None]
     others = ", ".join(question.option for question in own if question.name in taken)
     for question in _every_question():
@@ -207,58 +293,94 @@ def _refuse_what_is_not_taken(
             raise InputError(f"{question.option} {value}: expected no such option, because {why}.")
 
 
-def _questions(
-    new_file: NewFile,
-    table: TextTable,
-    columns: Mapping[str, GuessedColumn],
-    given: Mapping[str, Any],
-) -> Iterator[Question]:
-    """Return what is still to be asked about a kind of test, with what the file suggests.
-
-    Parameters
-    ----------
-    new_file, table, columns
-        The kind of test, and the text file.
-    given : mapping
-        Answers that are there already, None where there is none.
-    """
+def _identifier(table: TextTable) -> str:
+    """Return a name of the test that its text file suggests."""
     name = re.sub(r"[^A-Za-z0-9._-]", "_", table.path.stem)[:100]
-    known = {
-        "id": name if re.match(r"[A-Za-z0-9_]", name) else f"_{name}",
-        "temperature_K": _temperature(table, columns),
-    }
-    asked = {question.name for question in (*FIRST, *LAST)}
-    asked |= set(new_file.asked(columns.keys(), given))
-    for question in _every_question():
-        if question.name in asked and given[question.name] is None:
-            yield replace(question, default=known.get(question.name, question.default))
+    return name if re.match(r"[A-Za-z0-9_]", name) else f"_{name}"
 
 
-def _temperature(table: TextTable, columns: Mapping[str, GuessedColumn]) -> float | None:
+def _temperature(columns: Columns) -> float | None:
     """Highest temperature (K) of the table."""
     column = columns.get("temperature")
-    if column is None:
+    if column is None or column.is_foreign or not column.is_decided:
         return None
-    highest = max(table.numbers(column.column))
+    highest = float(np.nanmax(column.numbers))
     return round(highest + (273.15 if column.unit == "C" else 0.0), 6)
 
 
-def _answers(
-    new_file: NewFile,
-    table: TextTable,
-    columns: Mapping[str, GuessedColumn],
-    options: argparse.Namespace,
-) -> dict[str, Any]:
+@dataclass(frozen=True)
+class _Draft:
+    """A file that is being asked about.
+
+    Attributes
+    ----------
+    protocol, new_file
+        The kind of test.
+    test : Description
+        What is known of it, with the answers that options give.
+    proposed : mapping
+        Answers that the text file suggests, whatever the kind of test.
+    """
+
+    protocol: str
+    new_file: NewFile
+    test: Description
+    proposed: Mapping[str, Any]
+
+    def text(self, answers: Mapping[str, Any]) -> str:
+        """Return the text of the file with some answers."""
+        return experiment_text(self.protocol, self.new_file, replace(self.test, values=answers))
+
+    def questions(self, given: Mapping[str, Any]) -> list[Question]:
+        """Return what is still to be asked, with what the file suggests."""
+        columns = self.test.columns
+        known = {**self.proposed, **self.new_file.proposed(columns, given)}
+        asked = {question.name for question in (*FIRST, *LAST)}
+        asked |= set(self.new_file.asked(columns, given))
+        return [
+            replace(question, default=known.get(question.name, question.default))
+            for question in _every_question()
+            if question.name in asked and given[question.name] is None
+        ]
+
+    def completed(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Return answers with what stands in for those that are still missing."""
+        answers = dict(given)
+        while questions := self.questions(answers):
+            first = questions[0]
+            answers[first.name] = first.example if first.default is None else first.default
+        return answers
+
+    def objections(self, question: Question, given: Mapping[str, Any], answer: Any) -> list[str]:
+        """Return errors of the file that the answer to a question makes."""
+        answers = {**given, question.name: answer}
+        file = str(self.test.table.path.absolute())
+        whole = replace(self, test=replace(self.test, file=file))
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "draft.toml"
+            path.write_text(whole.text(self.completed(answers)), encoding="utf-8")
+            try:
+                errors, _ = all_errors(path, read_tables(path))
+            except InputError as error:
+                errors = list(error.sentences)
+        key = f"key {question.key or question.name!r}"
+        mine = [error for error in errors if key in error or "not a valid TOML" in error]
+        return [error.removeprefix(f"{path}: ") for error in mine]
+
+
+def _answers(draft: _Draft) -> dict[str, Any]:
     """Return the answers: options, what is typed in a terminal, or defaults."""
-    given = {question.name: vars(options)[question.name] for question in _every_question()}
+    given = dict(draft.test.values)
     asking = sys.stdin.isatty()
     # What is asked next may depend on the answer before.
-    while questions := list(_questions(new_file, table, columns, given)):
+    while questions := draft.questions(given):
         question = questions[0]
-        if not asking:
-            _require_defaults(questions)
-            print(f"taken: {question.option} {question.default}")
-        given[question.name] = _ask(question) if asking else question.default
+        if asking:
+            given[question.name] = _ask(question, partial(draft.objections, question, given))
+            continue
+        _require_defaults(questions)
+        print(f"taken: {question.option} {question.default}")
+        given[question.name] = question.default
     return given
 
 
@@ -273,8 +395,8 @@ def _require_defaults(questions: Sequence[Question]) -> None:
         )
 
 
-def _ask(question: Question) -> Any:
-    """Ask until there is an answer."""
+def _ask(question: Question, objections: Callable[[Any], Sequence[str]]) -> Any:
+    """Ask until there is an answer to which there are no objections."""
     choices = question.choices
     if question.name == MATERIAL.name:
         choices = sorted(shipped_prior_files())
@@ -290,12 +412,14 @@ def _ask(question: Question) -> Any:
         if typed is None or not is_text(typed):
             print("found bytes that are no text, expected text")
             continue
-        if not typed and question.default is not None:
-            return question.default
         try:
-            answer = question.kind(typed)
+            answer = question.kind(typed) if typed else question.default
         except ValueError:
             print(f"found {typed!r}, expected a number")
             continue
-        if typed and (question.choices is None or answer in question.choices):
+        if answer is None or (question.choices is not None and answer not in question.choices):
+            continue
+        reasons = objections(answer)
+        if not reasons:
             return answer
+        print("\n".join(reasons))

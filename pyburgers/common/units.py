@@ -17,7 +17,8 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
         "strain": {"fraction": 1.0, "percent": 1e-2},
         "strain rate": {"1/s": 1.0, "1e-6/s": 1e-6},
         "time": {"s": 1.0, "min": 60.0, "h": 3600.0},
-        "frequency": {"Hz": 1.0},
+        "frequency": {"Hz": 1.0, "rad/s": 1 / (2 * math.pi)},
+        "angle": {"deg": math.pi / 180, "mrad": 1e-3, "rad": 1.0},
         "length": {"m": 1.0, "mm": 1e-3, "um": 1e-6},
         "molar energy": {"J/mol": 1.0, "kJ/mol": 1e3},
         "inverse molar energy": {"mol/J": 1.0, "mol/kJ": 1e-3},
@@ -28,6 +29,53 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
     }
 )
 """Factor to SI of each unit, by physical quantity."""
+
+UNIT_NAMES: Mapping[str, Mapping[str, str]] = MappingProxyType(
+    {
+        "strain": {"percent": r"percent|%|pct", "fraction": r"fraction|m/m|\(-\)|\[-\]"},
+        "stress": {
+            "GPa": r"gpa|(?<![a-z])kn/mm\^?2",
+            "MPa": r"mpa|(?<![a-z])(?:n/mm|mn/m)\^?2",
+            "Pa": r"(?<![a-z])(?:pa(?![a-z])|n/m\^?2)",
+        },
+        "time": {
+            "min": r"(?<![a-z])min",
+            "h": r"hour|(?<![a-z])(?:hr?s?|std)(?![a-z])",
+            "s": r"(?<![a-zμ])s(?:ec|ek)?(?:onds?)?(?![a-z])",
+        },
+        "temperature": {
+            "C": r"celsius|°c|(?<![a-z])deg_?c|(?<![a-z])c(?![a-z])",
+            "K": r"kelvin|(?<![a-z])k(?![a-z])",
+        },
+        "frequency": {
+            "rad/s": r"rad|omega|ω|(?<![a-z])ang|circular|(?:kreis|winkel)freq|pulsation"
+            r"|^w(?![a-z])",
+            "Hz": r"(?<![a-zμ])hz",
+        },
+        "angle": {
+            "mrad": r"mrad",
+            "rad": r"(?<![a-zμ])rad",
+            "deg": r"°|(?<![a-z])(?:deg|grad)",
+        },
+    }
+)
+"""Units as the names of columns have them, in lower case; the first that is found is taken."""
+
+FOREIGN_UNIT_NAMES: Mapping[str, str] = MappingProxyType(
+    {
+        "strain": r"[mμ](?:icro|illi)?_?(?:strain|ε)|ppm|‰|10\^?-\d|1e-\d"
+        r"|[mμu]m/m(?!m)|(?<![a-z/])(?:mm|cm|μm|um|in|inch|inches)(?![a-z/])",
+        "stress": r"[khm]bar|(?<![a-z])(?:[kh]pa|psi|ksi|bar|atm|[km]n|kgf?|lb[fs]?|lbsf|pounds?"
+        r"|kips?|tons?)(?![a-z])|[(\[]n[)\]]|load_?n$",
+        "time": r"day|week|month|year|(?<![a-z])(?:d|yrs?|[mμun]s(?:ec)?)(?![a-z])",
+        "temperature": r"fahrenheit|°f|(?<![a-z])f(?![a-z])",
+        "frequency": r"(?<![a-z])[kmμun]hz|rpm|rev|cpm",
+        "attenuation": r"(?<![a-z])(?:ln|db)(?![a-z])|^q$|quality|gute|%|percent|10\^?-?[2-9]"
+        r"|1e-?\d|1000",
+        "angle": r"[μun]rad",
+    }
+)
+"""Units as the names of columns have them, in lower case, that experiment files do not know."""
 
 
 def rounded(value: float, sd: float) -> str:

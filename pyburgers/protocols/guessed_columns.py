@@ -1,129 +1,104 @@
-"""What the columns of a text file are, and their units: guessed from names and numbers."""
+"""What the columns of a text file are, and their units: decided by names, units and numbers."""
 
 import re
-from collections.abc import Mapping, Sequence
+import unicodedata
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.common.cells import as_number
 from pyburgers.common.text_tables import TextTable
-
-OTHER_QUANTITIES = re.compile(
-    r"rate(?![a-z])|confin|pore|radial|lateral|volum|loss.?modul|strain.?ampl"
+from pyburgers.common.units import FOREIGN_UNIT_NAMES, UNIT_NAMES, UNITS
+from pyburgers.protocols.quantities import (
+    ALONG_AXIS,
+    ANGLES,
+    ERRORS,
+    FORCES,
+    LOGARITHM,
+    OTHER_QUANTITIES,
+    QUANTITIES,
+    SET_POINT,
+    SHEAR,
 )
-"""What the name of a column has that is none of these, though it may look like one: strain rates,
-pressures and strains beside the axis, loss moduli, which are no tan(delta)."""
 
-QUANTITIES: Mapping[str, str] = MappingProxyType(
-    {
-        "attenuation": r"tan|1/q|q\^?[({]?-?1|q⁻¹|inverse_?q|q_?inv|attenuation|loss",
-        "modulus": r"modulus|^[ge](?![a-z])",
-        "period": r"period",
-        "frequency": r"freq|^f(?![a-z])|omega",
-        "temperature": r"temp|^t_?[kc](?![a-z])|^t ?[(\[]°?[kc]",
-        "median_stress": r"median|mean_?stress|bias",
-        "amplitude": r"(?<![a-z])ampl",
-        "limit": r"limit",
-        "stress": r"stress|sigma|σ|tau|τ|load|pressure",
-        "strain": r"strain|eps|ε|gamma|γ|shorten|deformation",
-        "time": r"time|^t(?![a-z])|^(?:s|sec|h|hours?|min)$",
-    }
-)
-"""What the name of a column of each quantity looks like, in lower case; the first that fits."""
-
-ERRORS = re.compile(r"err|unc|std|(?:^|[_ ])sd|±|(?:^|[_ ])se(?:$|[_ (\[])")
-"""What the name of a column of standard deviations looks like."""
-
-UNITS: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
-    {
-        "strain": (("percent", r"percent|%|pct"), ("fraction", r"fraction|m/m|\(-\)|\[-\]")),
-        "stress": (("GPa", "gpa"), ("MPa", "mpa"), ("Pa", r"(?<![a-z])pa(?![a-z])")),
-        "time": (
-            ("min", r"(?<![a-z])min"),
-            ("h", r"hour|(?<![a-z])hr?s?(?![a-z])"),
-            ("s", r"(?<![a-z])s(?:ec)?(?:onds?)?(?![a-z])"),
-        ),
-        "temperature": (
-            ("C", r"celsius|°c|(?<![a-z])deg_?c|(?<![a-z])c(?![a-z])"),
-            ("K", r"kelvin|(?<![a-z])k(?![a-z])"),
-        ),
-        "frequency": (("Hz", r"(?<![a-z])hz"),),
-    }
-)
-"""Units as the names of columns have them, in lower case."""
-
-FOREIGN_UNITS: Mapping[str, str] = MappingProxyType(
-    {
-        "strain": r"[mµμ](?:icro|illi)?_?(?:strain|[εϵ])|ppm|‰|10\^?-\d|1e-\d"
-        r"|[mµμu]m/m(?!m)|(?<![a-z/])(?:mm|cm|µm|μm|um)(?![a-z/])",
-        "stress": r"[khm]bar|(?<![a-z])(?:[kh]pa|psi|ksi|bar|atm|kn|kgf?|lbf?)(?![a-z])"
-        r"|[(\[]n[)\]]|load_?n$",
-        "time": r"day|week|month|year|(?<![a-z])(?:d|yrs?|[mµμun]s(?:ec)?)(?![a-z])",
-        "temperature": r"fahrenheit|°f|(?<![a-z])f(?![a-z])",
-        "frequency": r"(?<![a-z])[kmµμun]hz|rad|omega|ω",
-        "attenuation": r"(?<![a-z])ln(?![a-z])|%|percent|10\^?-[2-9]|1e-\d",
-    }
-)
-"""Units as the names of columns have them, in lower case, that experiment files do not know; an
-angular frequency is one."""
-
-LOGARITHM = re.compile(r"(?<![a-z])(?:log|ln)(?![a-z])|(?<![a-z])log_?10")
-"""What the name of a column of logarithms looks like, which are read of attenuation alone."""
-
-SAME_UNIT = {
-    "modulus": "stress",
-    "median_stress": "stress",
-    "amplitude": "stress",
-    "period": "time",
-}
-"""Quantities with the units of another."""
+FloatArray = npt.NDArray[np.float64]
 
 PERCENT_FROM, MEGAPASCAL_UP_TO, CELSIUS_UP_TO = 1.0, 1e5, 200.0
 """Numbers from which strain is taken as percent, and up to which stress as MPa, or temperature as
 degrees Celsius, where names say nothing."""
 
-LEAST_CYCLES = 2
-"""Cycles from which values count as oscillating."""
+DIFFERENTIAL, NEGLIGIBLE = 0, 0.05
+"""Place of names of differential stresses; a stress beside the axis below this share is none."""
+
+SAME = 1e-3
+"""Relative difference of columns that hold the same numbers in different units."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GuessedColumn:
     """A column of a text file.
 
     Attributes
     ----------
     quantity : str
-        What it holds, a key of `QUANTITIES`.
+        What it holds, a key of `QUANTITIES`, or that with ``_uncertainty``.
     column : str or int
         Its name, or its number from 1.
+    name : str
+        Its name with the unit under it.
     unit : str or None
         Its unit; None where it has none.
     told_by : str
         What says so: its name, its numbers, the column that it shares its unit with, or nothing.
+    numbers : array, shape (n_rows,)
+        What it holds in its unit; NaN where there is no number.
     is_foreign : bool
         Whether its name has a unit that experiment files do not know, or says that its numbers are
         logarithms; it has no unit then.
+    rivals : tuple of GuessedColumn
+        Other columns that may hold the quantity, the likeliest first.
+    is_decided : bool
+        Whether names and units put it before its rivals, or somebody chose it.
+    confined_by : str or int or None
+        Of a stress that may be the total one along the axis, the column of what acts beside it.
     """
 
     quantity: str
     column: str | int
+    name: str
     unit: str | None
     told_by: str
+    numbers: FloatArray
     is_foreign: bool = False
+    rivals: "tuple[GuessedColumn, ...]" = ()
+    is_decided: bool = True
+    confined_by: str | int | None = None
 
     @property
     def kind(self) -> str:
-        """What its unit is one of, a key of `UNITS` where it has one."""
-        return _kind_of(self.quantity)
+        """What its unit is one of, a key of `UNIT_NAMES` where it has one."""
+        return QUANTITIES[self.quantity.removesuffix("_uncertainty")].kind
+
+    @property
+    def si(self) -> FloatArray:
+        """Its numbers in SI, where units have factors, shape (n_rows,)."""
+        factors: Mapping[str, float] = UNITS.get(self.kind, {})
+        return self.numbers * factors.get(self.unit or "", 1.0)
 
     @property
     def shares_unit_with(self) -> str | None:
         """Return the other quantity whose unit a file states for both, if there is one."""
         if self.quantity.endswith("_uncertainty"):
             return self.quantity.removesuffix("_uncertainty")
-        return "median_stress" if self.quantity == "amplitude" else None
+        return {"amplitude": "median_stress", "loss_modulus": "storage_modulus"}.get(self.quantity)
+
+    @property
+    def says(self) -> str:
+        """What it holds, in words."""
+        return self.quantity.replace("_", " ")
 
     @property
     def sentence(self) -> str:
@@ -131,58 +106,219 @@ class GuessedColumn:
         unit = "" if self.unit is None else f" in {self.unit} (by {self.told_by})"
         if self.is_foreign:
             unit = " in a unit that experiment files do not know (by its name)"
-        return f"{self.quantity.replace('_', ' ')}: column {self.column!r}{unit}"
+        return f"{self.says}: column {self.column!r}{unit}"
 
 
-def guess_columns(table: TextTable) -> dict[str, GuessedColumn]:
-    """Guess what columns hold, by quantity; their errors are under QUANTITY_uncertainty.
+def guess_columns(
+    table: TextTable, chosen: Mapping[str, str | int] = MappingProxyType({})
+) -> dict[str, GuessedColumn]:
+    """Return what columns hold, by quantity; their errors are under QUANTITY_uncertainty.
 
     Of a file without names of two or three columns the last is taken as stress.
+
+    Parameters
+    ----------
+    table : TextTable
+        The text file.
+    chosen : mapping
+        Columns that somebody named, by quantity.
     """
-    found: dict[str, GuessedColumn] = {}
-    for column, quantity in _named(table).items():
-        if quantity not in found:
-            found[quantity] = _with_unit(table, column, quantity)
-    return {quantity: _with_shared_unit(guessed, found) for quantity, guessed in found.items()}
+    candidates: dict[str, list[tuple[tuple[float, ...], GuessedColumn]]] = {}
+    by_name = {column: q for column, q in _named(table).items() if column not in chosen.values()}
+    for column, quantity in by_name.items():
+        if quantity not in chosen:
+            guessed = _with_unit(table, column, quantity)
+            candidates.setdefault(quantity, []).append((_place(guessed), guessed))
+    found = {
+        quantity: _with_unit(table, column, quantity, is_chosen=True)
+        for quantity, column in chosen.items()
+    }
+    for quantity, own in candidates.items():
+        own.sort(key=lambda one: one[0])
+        (place, first), *others = own
+        is_tied = any(other == place and not _are_alike(first, one) for other, one in others)
+        rivals = tuple(one for _, one in others)
+        confined_by = _confined_by(table, first) if quantity == "stress" else None
+        found[quantity] = replace(
+            first, rivals=rivals, is_decided=not is_tied, confined_by=confined_by
+        )
+    order = [*QUANTITIES, *(f"{name}_uncertainty" for name in QUANTITIES)]
+    return {name: _with_shared_unit(found[name], found) for name in order if name in found}
+
+
+def left_out(
+    table: TextTable,
+    columns: Mapping[str, GuessedColumn],
+    read: Mapping[str, GuessedColumn],
+    used: Mapping[str, str] = MappingProxyType({}),
+) -> Iterator[str]:
+    """Say which columns a file does not name, and why, a sentence each.
+
+    Parameters
+    ----------
+    table : TextTable
+        The text file.
+    columns : mapping
+        What its columns hold.
+    read : mapping
+        Those of them that the file names.
+    used : mapping
+        What others are used for, by quantity.
+    """
+    taken = {guessed.column for guessed in read.values()}
+    reasons: dict[str | int, str] = {}
+    for guessed in columns.values():
+        beside = f"such a file names no {guessed.says} beside the columns that are taken"
+        reasons.setdefault(guessed.column, used.get(guessed.quantity, beside))
+        for rival in guessed.rivals:
+            reasons[rival.column] = f"{guessed.column!r} is taken as the {guessed.says}"
+    for column in table.columns:
+        if column not in taken:
+            name = _plain(table.described(column))
+            unit = " or ".join(sorted(_kinds_in(name)))
+            by_itself = (
+                f"no quantity has such a name{f'; its unit is one of {unit}' if unit else ''}"
+            )
+            if OTHER_QUANTITIES.search(name):
+                by_itself = "its name is that of a rate, or of what acts beside the axis"
+            if not table.numbers(column):
+                by_itself = "it holds no numbers"
+            yield f"column {column!r}, because {reasons.get(column, by_itself)}"
+
+
+def _plain(name: str) -> str:
+    """Return a name in lower case, without accents and with plain signs."""
+    parts = unicodedata.normalize("NFKD", name.lower().replace("º", "°"))
+    plain = "".join(sign for sign in parts if not unicodedata.combining(sign))
+    return plain.replace("\u2212", "-").replace("\u2013", "-")
 
 
 def _named(table: TextTable) -> dict[str | int, str]:
     """Return what each column that is known holds."""
     columns = table.columns
-    names = table.names or table.hidden_names
-    if names is None:
+    if table.names is None and table.hidden_names is None:
         order = {2: ["strain", "stress"], 3: ["time", "strain", "stress"]}
         return dict(zip(columns, order.get(len(columns), ()), strict=False))
     found: dict[str | int, str] = {}
-    for column, name in zip(columns, names, strict=True):
-        plain = name.lower()
-        if OTHER_QUANTITIES.search(plain):
-            continue
-        quantity = next((q for q, looks in QUANTITIES.items() if re.search(looks, plain)), None)
+    for column in columns:
+        name = _plain(table.described(column))
+        quantity = None if OTHER_QUANTITIES.search(name) else _quantity_of(name)
+        if quantity is None and table.is_time_stamps(column):
+            quantity = "time"
         if quantity is not None and table.numbers(column):
-            found[column] = quantity + "_uncertainty" * bool(ERRORS.search(plain))
+            found[column] = quantity + "_uncertainty" * bool(ERRORS.search(name))
     return found
 
 
-def _kind_of(quantity: str) -> str:
-    """Return what the unit of a quantity, or of its error, is one of."""
-    plain = quantity.removesuffix("_uncertainty")
-    return SAME_UNIT.get(plain, plain)
+def _quantity_of(name: str) -> str | None:
+    """Return the quantity that a name looks like, unless its unit is one of another."""
+    kinds = _kinds_in(name)
+    for quantity, looks in QUANTITIES.items():
+        if any(re.search(pattern, name) for pattern in looks.names):
+            if not kinds or looks.kind in kinds:
+                return quantity
+            if re.search(FOREIGN_UNIT_NAMES.get(looks.kind, "$^"), name):
+                return quantity
+    return None
 
 
-def _with_unit(table: TextTable, column: str | int, quantity: str) -> GuessedColumn:
+def _kinds_in(name: str) -> set[str]:
+    """Return what the unit in the brackets of a name is one of."""
+    units = re.findall(r"[(\[] ?([^()\[\]]+?) ?[)\]]", name)
+    return {
+        kind
+        for kind in ("stress", "time", "temperature", "frequency")
+        for looks in UNIT_NAMES[kind].values()
+        if units and re.fullmatch(looks, units[-1])
+    }
+
+
+def _place(guessed: GuessedColumn) -> tuple[float, ...]:
+    """Return the place of a column among rivals, by its name and then its unit."""
+    name = _plain(guessed.name)
+    looks = QUANTITIES[guessed.quantity.removesuffix("_uncertainty")]
+    pattern = next((k for k, one in enumerate(looks.names) if re.search(one, name)), 0)
+    word = next((place for words, place in looks.words if re.search(words, name)), 2)
+    has_unit = guessed.told_by == "its name" and not guessed.is_foreign
+    is_set_point = re.search(SET_POINT, name) is not None
+    return pattern, is_set_point, word, 0 if has_unit else 1 + guessed.is_foreign
+
+
+def _are_alike(one: GuessedColumn, other: GuessedColumn) -> bool:
+    """Whether two columns hold the same numbers, be it in different units."""
+    mine, yours = one.si, other.si
+    scale = float(np.nanmax(np.abs(mine), initial=0.0))
+    return bool(np.allclose(mine, yours, rtol=SAME, atol=SAME * scale, equal_nan=True))
+
+
+def _confined_by(table: TextTable, stress: GuessedColumn) -> str | int | None:
+    """Return the column of the stress beside the axis that a column of stress may contain.
+
+    One that its name calls differential does not; else it may where it never is below the other.
+    """
+    if _place(stress)[2] == DIFFERENTIAL:
+        return None
+    for column in table.columns:
+        name = _plain(table.described(column))
+        if column == stress.column or not OTHER_QUANTITIES.search(name) or "rate" in name:
+            continue
+        unit = _unit_in(name, "stress", is_chosen=True)
+        if unit and table.numbers(column):
+            beside = float(np.median(table.numbers(column))) * UNITS["stress"][unit]
+            if (
+                NEGLIGIBLE * np.nanmax(stress.si)
+                < beside
+                <= np.nanmin(stress.si) * (1 + NEGLIGIBLE)
+            ):
+                return column
+    return None
+
+
+def _with_unit(
+    table: TextTable, column: str | int, quantity: str, *, is_chosen: bool = False
+) -> GuessedColumn:
     """Add the unit of a column, as its name or its numbers have it."""
-    names = table.names or table.hidden_names
-    name = str(column) if names is None else names[table.columns.index(column)]
-    plain, kind = name.lower(), _kind_of(quantity)
-    is_logarithm = kind != "attenuation" and LOGARITHM.search(plain) is not None
-    for named, looks in UNITS.get(kind, ()):
-        if re.search(looks, plain) and not is_logarithm:
-            return GuessedColumn(quantity, column, named, "its name")
-    if is_logarithm or (kind in FOREIGN_UNITS and re.search(FOREIGN_UNITS[kind], plain)):
-        return GuessedColumn(quantity, column, None, "its name", is_foreign=True)
-    unit, told_by = _unit_of_numbers(kind, table.numbers(column))
-    return GuessedColumn(quantity, column, unit, told_by)
+    cells = map(as_number, table.cleaned(table.columns.index(column)))
+    numbers = np.array([np.nan if value is None else value for value in cells])
+    name = table.described(column)
+    kind = QUANTITIES[quantity.removesuffix("_uncertainty")].kind
+    found = GuessedColumn(quantity, column, name, None, "its name", numbers)
+    if table.is_time_stamps(column):
+        return replace(found, unit="s", told_by="its time stamps")
+    unit = _unit_in(_plain(name), kind, is_chosen=is_chosen)
+    if quantity in ALONG_AXIS and not is_chosen and re.search(SHEAR, _plain(name)):
+        unit = ""
+    if unit is None:
+        by_numbers, told_by = _unit_of_numbers(kind, numbers[np.isfinite(numbers)])
+        return replace(found, unit=by_numbers, told_by=told_by)
+    return replace(found, unit=unit or None, is_foreign=not unit)
+
+
+def unit_in_name(name: str, kind: str) -> str | None:
+    """Return the unit in a name, a key of `UNIT_NAMES`; empty for another one, None for none.
+
+    Parameters
+    ----------
+    name : str
+        Of a column.
+    kind : str
+        What the unit is one of.
+    """
+    return _unit_in(_plain(name), kind, is_chosen=True)
+
+
+def _unit_in(name: str, kind: str, *, is_chosen: bool) -> str | None:
+    """Return the unit in the name of a column, empty for one that files do not know, else None."""
+    is_angle = kind == "attenuation" and ANGLES.search(name) is not None
+    looks = "angle" if is_angle else kind
+    units = UNIT_NAMES.get(looks, {})
+    unit = next((unit for unit, own in units.items() if re.search(own, name)), None)
+    if (kind != "attenuation" and LOGARITHM.search(name)) or (unit == "rad/s" and "hz" in name):
+        return ""
+    needs_unit = is_angle or (kind == "stress" and FORCES.search(name) and not is_chosen)
+    if unit is None and (needs_unit or re.search(FOREIGN_UNIT_NAMES.get(looks, "$^"), name)):
+        return ""
+    return unit
 
 
 def _with_shared_unit(guessed: GuessedColumn, found: Mapping[str, GuessedColumn]) -> GuessedColumn:
@@ -193,7 +329,7 @@ def _with_shared_unit(guessed: GuessedColumn, found: Mapping[str, GuessedColumn]
     return replace(guessed, unit=other.unit, told_by=f"that of {other.column!r}")
 
 
-def _unit_of_numbers(kind: str, numbers: Sequence[float]) -> tuple[str | None, str]:
+def _unit_of_numbers(kind: str, numbers: FloatArray) -> tuple[str | None, str]:
     largest = float(np.max(np.abs(numbers)))
     match kind:
         case "strain":
@@ -208,23 +344,3 @@ def _unit_of_numbers(kind: str, numbers: Sequence[float]) -> tuple[str | None, s
             return "Hz", "nothing; check it"
         case _:
             return None, "its name"
-
-
-def numbers_of(
-    table: TextTable, columns: Mapping[str, GuessedColumn], quantity: str
-) -> npt.NDArray[np.float64]:
-    """Return the numbers of the column of a quantity that is there."""
-    return np.array(table.numbers(columns[quantity].column))
-
-
-def goes_back_and_forth(values: npt.NDArray[np.float64]) -> bool:
-    """Whether values oscillate about a straight trend."""
-    return _crossings(values) >= 2 * LEAST_CYCLES
-
-
-def _crossings(values: npt.NDArray[np.float64]) -> int:
-    """How often values cross their straight trend."""
-    place = np.arange(values.size)
-    left = values - np.polyval(np.polyfit(place, values, 1), place)
-    far = left[np.abs(left) > 0.2 * np.max(np.abs(left), initial=0.0)]
-    return int(np.count_nonzero(np.diff(np.sign(far)) != 0))

@@ -53,6 +53,10 @@ class Question:
         What it may be.
     default : object
         Where nothing is answered; None where something has to be.
+    example : object
+        An answer that stands in where others are checked before this one is given.
+    key : str
+        Key of the file that takes the answer, for its check; empty for that of its name.
     """
 
     name: str
@@ -60,6 +64,8 @@ class Question:
     kind: Callable[[str], Any] = str
     choices: Sequence[str] | None = None
     default: Any = None
+    example: Any = None
+    key: str = ""
 
     @property
     def option(self) -> str:
@@ -67,9 +73,15 @@ class Question:
         return f"--{self.name.replace('_', '-')}"
 
 
-STRAIN_RATE = Question("strain_rate_per_s", "imposed strain rate in 1/s", float)
-STRESS_ERROR = Question("stress_uncertainty", "standard deviation of a stress, in its unit", float)
+STRAIN_RATE = Question("strain_rate_per_s", "imposed strain rate in 1/s", float, example=1e-5)
+STRESS_ERROR = Question(
+    "stress_uncertainty", "standard deviation of a stress, in its unit", float, example=1.0
+)
 """Several kinds of test can have one, or the other."""
+
+
+Columns = Mapping[str, GuessedColumn]
+"""Columns of a text file, by quantity."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +102,7 @@ class Description:
 
     file: str
     table: TextTable
-    columns: Mapping[str, GuessedColumn]
+    columns: Columns
     values: Mapping[str, Any]
 
 
@@ -115,34 +127,36 @@ class NewFile(ABC):
     questions: ClassVar[Sequence[Question]] = ()
 
     @abstractmethod
-    def suits(self, table: TextTable, columns: Mapping[str, GuessedColumn]) -> str | None:
+    def suits(self, columns: Columns) -> str | None:
         """Return why a text file looks like such a test, as the end of a sentence, if it does."""
 
-    def read(self, columns: Mapping[str, GuessedColumn]) -> Mapping[str, GuessedColumn]:
+    def read(self, columns: Columns) -> Columns:
         """Return those of the columns of a text file that its files name."""
         return {name: one for name, one in columns.items() if name in self.quantities}
 
-    def asked(self, columns: Collection[str], given: Mapping[str, Any]) -> Collection[str]:
-        """Return the names of those of its questions that are asked.
+    def proposed(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return answers that the columns suggest, by the name of the question.
 
         Parameters
         ----------
-        columns : collection of str
-            Quantities that have one.
+        columns : mapping
+            What is read, by quantity.
         given : mapping
             Answers that are there already, None where there is none.
         """
+        return {}
+
+    def asked(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
+        """Return the names of those of its questions that are asked; as for `proposed`."""
         return self.taken(columns, given)
 
-    def taken(self, columns: Collection[str], given: Mapping[str, Any]) -> Collection[str]:
-        """Return the names of those of its questions whose answers the file can hold.
-
-        Parameters
-        ----------
-        columns, given
-            As for `asked`.
-        """
+    def taken(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
+        """Return the names of those of its questions whose answers the file can hold."""
         return {question.name for question in self.questions}
+
+    def decided(self, test: Description) -> Sequence[str]:
+        """Return sentences about what the lines say that neither columns nor answers say."""
+        return ()
 
     @abstractmethod
     def lines(self, test: Description) -> Sequence[str]:
@@ -234,7 +248,7 @@ def column_lines(
     if guessed is None:
         return []
     lines = [line(f"{key}_column", guessed.column, comment)]
-    units = UNITS.get(quantity.removesuffix("_uncertainty"), ())
+    units = UNITS.get(guessed.kind, ())
     if guessed.unit is not None and not quantity.endswith("_uncertainty"):
         others = ", ".join(unit for unit in units if unit != guessed.unit)
         lines.append(line(f"{key}_unit", guessed.unit, f"or {others}" if others else ""))

@@ -114,9 +114,10 @@ def test_a_relaxation_has_to_have_its_loading(
     command = ["new", str(path), *KNOWN, "--protocol", "loading_history"]
     assert main(command) == 2
     assert capsys.readouterr().err.startswith(
-        "pyburgers: --strain-rate-per-s: missing, expected it"
+        "pyburgers: --held-strain, --loading-time: missing, expected them"
     )
-    assert main([*command, "--strain-rate-per-s", "0"]) == 2
+    loading = ("--hold-start-time", "inf", "--strain-rate-per-s", "0")
+    assert main([*command, *loading]) == 2
     assert "expected the loading as a stage ahead of it" in capsys.readouterr().err
     assert not path.with_suffix(".toml").exists()
 
@@ -381,8 +382,8 @@ def test_a_file_that_is_there_is_left_alone(
         ("strain,load_kN", "constant_rate", ("'load_kN'",)),
         ("time (days),strain,stress", "loading_history", ("'time (days)'", "s; turn")),
         ("log10 time (s),strain,stress", "loading_history", ("'log10 time (s)'",)),
-        ("frequency (mHz),tan_delta", "attenuation", ("'frequency (mHz)'", "in Hz")),
-        ("omega (rad/s),tan_delta", "attenuation", ("'omega (rad/s)'",)),
+        ("frequency (mHz),tan_delta", "attenuation", ("'frequency (mHz)'", "rad/s or Hz")),
+        ("omega (Hz),tan_delta", "attenuation", ("'omega (Hz)'",)),
         ("period_s,ln(1/Q)", "attenuation", ("'ln(1/Q)'", "log10 of them")),
         ("period_s,tan_delta,median_MPa,ampl_Pa", "attenuation", ("found Pa, expected MPa",)),
         ("period_s,tan_delta,G_GPa,G_err_MPa", "attenuation", ("found MPa, expected GPa",)),
@@ -432,20 +433,21 @@ def test_what_looks_like_a_quantity_and_is_another_is_left_alone(tmp_path: Path)
     path.write_text("period_s,loss modulus (GPa),strain_amplitude,1/Q\n1,2,1e-5,0.1\n", "utf-8")
     columns = guess_columns(look_at(path))
     assert {name: one.column for name, one in columns.items()} == {
-        "period": "period_s",
+        "loss_modulus": "loss modulus (GPa)",
         "attenuation": "1/Q",
+        "period": "period_s",
     }
 
 
-def test_an_error_has_the_unit_of_its_quantity_and_what_is_left_out_is_told(
+def test_a_column_of_errors_that_is_left_out_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "curve.csv"
     path.write_text("strain,stress_Pa,stress_sd\n0.001,2e6,5e3\n0.02,3e6,5e3\n", "utf-8")
     made(path, *RATE)
     out = capsys.readouterr().out.splitlines()
-    assert "guessed: stress uncertainty: column 'stress_sd' in Pa (by that of 'stress_Pa')" in out
-    assert "left out: column 'stress_sd', which such a file does not name" in out
+    reason = "such a file names no stress uncertainty beside the columns that are taken"
+    assert f"left out: column 'stress_sd', because {reason}" in out
 
 
 def test_creep_under_several_loads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

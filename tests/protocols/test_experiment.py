@@ -97,6 +97,31 @@ class TestReading:
             experiment.time_at(experiment.strain), [300, 600, 1200], rtol=1e-12
         )
 
+    @pytest.mark.parametrize(
+        ("shift", "late", "words"),
+        [
+            (0, 1.0, None),
+            (1e4, 1.03, None),
+            (1e4, 1.5, "its slope is 1.4e-05 1/s) lies up to 0.01 from"),
+            (0, 10.0, "which it leaves at data row 4; check units"),
+        ],
+    )
+    def test_times_beside_strains_are_compared_with_the_rates(
+        self, shift: float, late: float, words: str | None, write: Write
+    ) -> None:
+        times = [100, 300, 500, *(500 + late * own for own in (500, 1000, 2000))]
+        strains = (1, 3, 5, 5.5, 6, 7)
+        rows = "".join(f"{t + shift},{e},2\n" for t, e in zip(times, strains, strict=True))
+        path = write(
+            ('strain_unit = "percent"', 'strain_unit = "percent"\ntime_column="t"\ntime_unit="s"'),
+            curve=f"t,strain,stress\n{rows}",
+        )
+        experiment = load_constant_rate(path)
+        np.testing.assert_allclose(experiment.strain, np.array(strains) / 100)
+        told = [notice for notice in experiment.notices if "the stated rates impose" in notice]
+        assert bool(told) == (words is not None)
+        assert (words or "") in "".join(told)
+
     def test_columns_by_number_between_spaces(self, write: Write) -> None:
         path = write(
             ('strain_column = "strain"', 'separator = "whitespace"\nheader = false\n'),

@@ -518,9 +518,13 @@ def ends_of_stages(test: LoadingHistory) -> list[tuple[float, float]]:
     ("old", "new", "words"),
     [
         ("", "", None),
-        ("= 1e-5", "= 1e-6", "Stage 1: the strain that was read lies 0.00135 from the one"),
+        ("= 1e-5", "= 1e-6", "Stage 1: the strain that was read lies up to 0.00378"),
         ('control = "hold_strain"', 'control = "strain_rate"\nstrain_rate_per_s = 1e-5', "Stage 2"),
-        ("stress = 2.0", "stress = 0.2", "Stage 3: the stress that was read lies 1.8 MPa from"),
+        (
+            "stress = 2.0",
+            "stress = 0.2",
+            "Stage 3: the stress that was read lies up to 1.8 MPa from",
+        ),
         ("stress_rate = -0.1", "stress_rate = -0.1\nstart_stress = 20", "Stage 4: the stress"),
     ],
 )

@@ -22,6 +22,9 @@ from pyburgers.protocols.experiment import Experiment
 UNSTATED_STRESS = 1e6
 """Axial stress (Pa) at which the flow rate of a linear dashpot is sampled where none is stated."""
 
+LARGEST_TAN_DELTA = 3.0
+"""tan(delta) beyond which its unit may be wrong."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AttenuationExperiment(Experiment):
@@ -155,6 +158,16 @@ class AttenuationExperiment(Experiment):
             return UNSTATED_STRESS
         stress = self.conditions.median_stress + self.conditions.amplitude
         return float(stress.max() * self.elasticity.stress_factor)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Say where tan(delta) is that of no solid."""
+        largest = float(self.readings.tan_delta.max(initial=0.0))
+        if largest <= LARGEST_TAN_DELTA:
+            return ()
+        return (
+            f"a tan delta of {largest:g} is unlikely; check the form and the unit of the column.",
+        )
 
     @property
     def title(self) -> str:

@@ -12,6 +12,7 @@ from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, factor_to_si, read_toml
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
+from pyburgers.protocols.attenuation.forms import Form, loss_of, tan_delta_of
 from pyburgers.protocols.attenuation.imagined_spectra import (
     SpectrumTable,
     conditions_of,
@@ -34,6 +35,9 @@ from pyburgers.protocols.experiment import (
 )
 
 CELSIUS_ZERO = 273.15
+
+MODULI = ("modulus_column", "storage_modulus_column")
+"""Keys of columns of which |M| is one, or follows."""
 
 
 class _AttenuationTable(Table):
@@ -59,7 +63,7 @@ class _DataTable(TextFilesTable):
     period_column: Column | None = None
     period_unit: str | None = Field(None, description="s, min or h")
     frequency_column: Column | None = None
-    frequency_unit: str | None = Field(None, description="Hz")
+    frequency_unit: str | None = Field(None, description="Hz, or rad/s of an angular frequency")
     temperature_column: Column | None = None
     temperature_unit: Literal["K", "C"] = Field("K", description="K or C")
     least_temperature: float | None = Field(
@@ -72,9 +76,13 @@ class _DataTable(TextFilesTable):
     amplitude_column: Column | None = Field(
         None, description="the column of the stress amplitude, in stress_unit"
     )
-    attenuation_column: Column
-    attenuation_form: Literal["tan_delta", "log10_tan_delta"] = Field(
-        description="tan_delta (1/Q is the same) or log10_tan_delta"
+    attenuation_column: Column | None = None
+    attenuation_form: Form | None = Field(
+        None, description="tan_delta (1/Q is the same), log10_tan_delta or loss_angle"
+    )
+    attenuation_unit: str | None = Field(None, description="deg, mrad or rad, of a loss_angle")
+    loss_modulus_column: Column | None = Field(
+        None, description="the column of M'' in modulus_unit, in place of attenuation_column"
     )
     attenuation_uncertainty_column: Column | None = None
     attenuation_uncertainty: float | None = Field(
@@ -84,7 +92,10 @@ class _DataTable(TextFilesTable):
     limit: float | None = Field(
         None, description="a reading at or below which attenuation is only known to be at most it"
     )
-    modulus_column: Column | None = None
+    modulus_column: Column | None = Field(None, description="the column of |M|")
+    storage_modulus_column: Column | None = Field(
+        None, description="the column of M' in place of modulus_column: |M| follows from tan delta"
+    )
     modulus_unit: str | None = Field(None, description="Pa, MPa or GPa")
     modulus_uncertainty_column: Column | None = None
     modulus_uncertainty: float | None = Field(
@@ -135,11 +146,10 @@ def load_attenuation(path: str | Path) -> AttenuationExperiment:
         lambda: _elasticity(path, file.attenuation),
         lambda: _table(path, file),
     )
-    by_period = np.lexsort((conditions.period, conditions.spectrum))
     return AttenuationExperiment(
         **values,
-        conditions=conditions.ordered(by_period),
-        readings=readings.ordered(by_period),
+        conditions=conditions.ordered(conditions.rows_in_order),
+        readings=readings.ordered(conditions.rows_in_order),
         elasticity=elasticity,
         notices=tuple(dict.fromkeys([*file.notices, *notes, *_notices(conditions, readings)])),
     )
@@ -252,9 +262,9 @@ def _measured(
         median_stress=_stress(path, file.attenuation, data, found, "median_stress", n_rows),
         amplitude=_stress(path, file.attenuation, data, found, "amplitude", n_rows),
     )
-    readings = _readings(path, data, found, n_rows)
-    increasing = "period" if periods == "period_column" else "frequency"
-    check_table(conditions, readings, order, str(source), increasing)
+    readings = _readings(path, data, found, str(source))
+    order_name = "period" if periods == "period_column" else "frequency"
+    check_table(conditions, readings, order, str(source), order_name)
     return conditions, readings, notes
 
 
@@ -271,6 +281,7 @@ def _one_of(path: Path, data: _DataTable, first: str, second: str) -> str:
 
 def _columns(path: Path, data: _DataTable, periods: str) -> dict[str, tuple[str, str] | None]:
     """Return the columns to read, with the keys of their units."""
+    _check_forms(path, data)
     units: dict[str, tuple[str, str] | None] = {
         periods: ("period_unit", "time")
         if periods == "period_column"
@@ -279,9 +290,11 @@ def _columns(path: Path, data: _DataTable, periods: str) -> dict[str, tuple[str,
         "median_stress_column": ("stress_unit", "stress"),
         "amplitude_column": ("stress_unit", "stress"),
         "attenuation_column": None,
+        "loss_modulus_column": ("modulus_unit", "stress"),
         "attenuation_uncertainty_column": None,
         "limit_column": None,
         "modulus_column": ("modulus_unit", "stress"),
+        "storage_modulus_column": ("modulus_unit", "stress"),
         "modulus_uncertainty_column": ("modulus_unit", "stress"),
     }
     wanted = {key: unit for key, unit in units.items() if getattr(data, key) is not None}
@@ -290,16 +303,33 @@ def _columns(path: Path, data: _DataTable, periods: str) -> dict[str, tuple[str,
             raise InputError(
                 f"{path}: key {unit[0]!r} in [data] is missing, expected the unit of {key!r}."
             )
-    for name in ("attenuation_uncertainty", "limit", "modulus_uncertainty"):
-        if getattr(data, name) is not None and f"{name}_column" in wanted:
+    stated_once = ("attenuation_uncertainty", "limit", "modulus_uncertainty")
+    for one, other in (*((name, f"{name}_column") for name in stated_once), MODULI):
+        if getattr(data, one) is not None and other in wanted:
             raise InputError(
-                f"{path}: found both of the keys {name!r} and '{name}_column' in [data], expected "
-                "at most one."
+                f"{path}: found both of the keys {one!r} and {other!r} in [data], expected at most "
+                "one."
             )
     for key in ("modulus_uncertainty", "modulus_uncertainty_column"):
-        if getattr(data, key) is not None and "modulus_column" not in wanted:
+        if getattr(data, key) is not None and not wanted.keys() & set(MODULI):
             raise InputError(f"{path}: key {key!r} in [data] needs the key 'modulus_column'.")
     return wanted
+
+
+def _check_forms(path: Path, data: _DataTable) -> None:
+    """Check that the keys that say how attenuation and modulus are written fit together."""
+    if _one_of(path, data, "attenuation_column", "loss_modulus_column") == "loss_modulus_column":
+        needed = {"storage_modulus_column": True, "attenuation_form": False}
+    else:
+        needed = {"attenuation_form": True}
+    needed["attenuation_unit"] = data.attenuation_form == "loss_angle"
+    for key, is_needed in needed.items():
+        if (getattr(data, key) is not None) != is_needed:
+            found, expected = ("no", "it") if is_needed else ("a", "none")
+            raise InputError(
+                f"{path}: found {found} key {key!r} in [data], expected {expected} with that form "
+                "of attenuation."
+            )
 
 
 def _from_temperature(
@@ -345,9 +375,10 @@ def _stress(
 
 
 def _readings(
-    path: Path, data: _DataTable, found: Mapping[str, FloatArray], n_rows: int
+    path: Path, data: _DataTable, found: Mapping[str, FloatArray], source: str
 ) -> Readings:
     """Return what was read, in SI."""
+    n_rows = next(iter(found.values())).size
 
     def every(name: str, factor: float = 1.0) -> FloatArray:
         """Return a column, or one number for all rows."""
@@ -355,29 +386,30 @@ def _readings(
         constant = np.full(n_rows, 0.0 if number is None else factor * number)
         return found.get(f"{name}_column", constant)
 
-    in_logarithms = data.attenuation_form == "log10_tan_delta"
-    tan_delta, limit = found["attenuation_column"], every("limit")
-    if in_logarithms:
-        stated = data.limit is not None or "limit_column" in found
-        with np.errstate(over="ignore"):
-            tan_delta, limit = 10**tan_delta, 10**limit if stated else limit
-        if np.isinf(tan_delta).any() or np.isinf(limit).any():
-            raise InputError(
-                f"{path}: key 'attenuation_form' in [data]: found logarithms beyond 308, expected "
-                "those of tan delta to the base 10."
-            )
+    def factor(key: str, quantity: str) -> float:
+        unit = getattr(data, key)
+        return factor_to_si(unit, quantity, f"{path}: key {key!r} in [data]") if unit else 1.0
+
+    def tan_delta(values: FloatArray) -> FloatArray:
+        radian, where = factor("attenuation_unit", "angle"), f"{path}: key 'attenuation_form'"
+        return tan_delta_of(data.attenuation_form or "tan_delta", values, radian, where)
+
+    has_limit = data.limit is not None or "limit_column" in found
+    storage = found.get("storage_modulus_column")
+    if storage is not None and "loss_modulus_column" in found:
+        loss = loss_of(storage, found["loss_modulus_column"], source)
+    else:
+        loss = tan_delta(found["attenuation_column"])
     modulus = found.get("modulus_column", np.empty(0))
-    factor = (
-        1.0
-        if data.modulus_unit is None
-        else factor_to_si(data.modulus_unit, "stress", f"{path}: key 'modulus_unit' in [data]")
-    )
+    error = every("modulus_uncertainty", factor("modulus_unit", "stress"))
+    if storage is not None:
+        modulus, error = storage * np.hypot(1, loss), error * np.hypot(1, loss)
     return Readings(
-        tan_delta=tan_delta,
+        tan_delta=loss,
         tan_delta_error=every("attenuation_uncertainty"),
-        limit=limit,
+        limit=tan_delta(every("limit")) if has_limit else np.zeros(n_rows),
         modulus=modulus,
-        modulus_error=every("modulus_uncertainty", factor)[: modulus.size],
+        modulus_error=error[: modulus.size],
     )
 
 
@@ -399,8 +431,12 @@ def _elasticity(path: Path, table: _AttenuationTable) -> Elasticity:
 
 
 def _notices(conditions: Conditions, readings: Readings) -> list[str]:
-    """Say what the table leaves open."""
+    """Say what the table leaves open, and what was turned."""
     notices = []
+    steps = np.diff(conditions.period)[np.diff(conditions.spectrum) == 0]
+    n_spectra = conditions.ordered(conditions.rows_in_order).n_spectra
+    if ((steps > 0).any() and (steps < 0).any()) or n_spectra < conditions.n_spectra:
+        notices.append("Rows were sorted by temperature and stress, and then by period.")
     if not np.all(conditions.amplitude > 0):
         notices.append(
             "The amplitude of the stress is not stated: cycles are taken as so small that the "

@@ -44,6 +44,13 @@ class Conditions:
         return Conditions(*(getattr(self, column.name)[rows] for column in fields(self)))
 
     @property
+    def rows_in_order(self) -> IntArray:
+        """Rows of one temperature and stress together, as these come first, by their periods."""
+        others = np.stack([self.temperature, self.median_stress, self.amplitude])
+        _, first, group = np.unique(others, axis=1, return_index=True, return_inverse=True)
+        return np.lexsort((self.period, first[group.ravel()]))
+
+    @property
     def n_rows(self) -> int:
         """Number of rows."""
         return self.period.size
@@ -191,52 +198,36 @@ def check_table(
         ("uncertainty of the modulus", readings.modulus_error),
     )
     for name, values in positive:
-        _check_sign(values > 0, values, where, name, "a positive number")
+        check_sign(values > 0, values, where, name, "a positive number")
     for name, values in not_negative:
-        _check_sign(values >= 0, values, where, name, "a number of at least 0")
+        check_sign(values >= 0, values, where, name, "a number of at least 0")
     readable = (readings.tan_delta > 0) | readings.is_limit
-    _check_sign(
+    check_sign(
         readable,
         readings.tan_delta,
         where,
         "attenuation",
         "a positive number, or a limit that says what such a reading means",
     )
-    same = np.diff(conditions.spectrum) == 0
-    backwards = np.flatnonzero(same & (np.diff(order) <= 0))
-    if backwards.size:
-        row = int(backwards[0]) + 1
+    rows = conditions.rows_in_order
+    ordered = conditions.ordered(rows)
+    twice = np.flatnonzero((np.diff(ordered.spectrum) == 0) & (np.diff(ordered.period) <= 0))
+    if twice.size:
+        row = int(rows[twice[0] + 1])
         raise InputError(
-            f"{where}: data row {row + 1}: found the {order_name} {order[row]:g} after "
-            f"{order[row - 1]:g} at {conditions.temperature[row]:g} K, expected rows of one "
-            f"temperature and stress together, in order of increasing {order_name}."
+            f"{where}: data row {row + 1}: found the {order_name} {order[row]:g} twice at "
+            f"{conditions.temperature[row]:g} K, expected each {order_name} once in rows of one "
+            "temperature and stress."
         )
-    _check_apart(conditions, where)
 
 
-def _check_sign(
+def check_sign(
     good: npt.NDArray[np.bool_], values: FloatArray, where: str, name: str, expected: str
 ) -> None:
+    """Refuse a column with a bad value; the message names the first such row."""
     bad = np.flatnonzero(~good)
     if bad.size:
         raise InputError(
             f"{where}: data row {bad[0] + 1}: found {values[bad[0]]:g} (SI) as {name}, expected "
             f"{expected}."
         )
-
-
-def _check_apart(conditions: Conditions, where: str) -> None:
-    """Refuse a spectrum whose rows stand apart."""
-    seen: set[tuple[float, float, float]] = set()
-    for row in conditions.first_rows:
-        own = (
-            float(conditions.temperature[row]),
-            float(conditions.median_stress[row]),
-            float(conditions.amplitude[row]),
-        )
-        if own in seen:
-            raise InputError(
-                f"{where}: data row {row + 1}: found {own[0]:g} K again after other rows, expected "
-                "rows of one temperature and stress together."
-            )
-        seen.add(own)

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import count_points
 from pyburgers.model.parameters import PARAMETERS
+from pyburgers.protocols.departures import departure, slope_of
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -147,6 +148,32 @@ def remarks_on(strain: FloatArray, stress: FloatArray) -> list[str]:
             f"The largest strain is {strain[-1]:g} as a fraction: check that it is not in percent."
         )
     return remarks
+
+
+def unlike_rates(
+    name: str, time: FloatArray, strain: FloatArray, imposed: FloatArray
+) -> tuple[str, ...]:
+    """Say where strain over time is not that of the stated rates.
+
+    Parameters
+    ----------
+    name : str
+        Of the data file.
+    time, strain : array, shape (n_rows,)
+        As read, s and fraction.
+    imposed : array, shape (n_rows,)
+        Strain at those times by the rates, from the first reading on.
+    """
+    far = departure(strain, imposed, float(np.abs([*strain, *imposed]).max()))
+    if far is None:
+        return ()
+    slope = slope_of(time, strain)
+    by_slope = "" if slope is None else f" (its slope is {slope:.3g} 1/s)"
+    return (
+        f"{name}: the strain over time{by_slope} lies up to {far.largest:.3g} from the strain "
+        f"that the stated rates impose, which it leaves at data row {far.first + 1}; check "
+        "units and rates, of which each change starts a segment.",
+    )
 
 
 def _inside(curve: Curve, tolerance: float) -> tuple[FloatArray, list[str]]:

@@ -11,7 +11,12 @@ from pyburgers.common.columns import read_columns, write_columns
 from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import factor_to_si, read_toml
-from pyburgers.protocols.constant_rate.curves import Curve, join_curves, remarks_on
+from pyburgers.protocols.constant_rate.curves import (
+    Curve,
+    join_curves,
+    remarks_on,
+    unlike_rates,
+)
 from pyburgers.protocols.constant_rate.file_tables import (
     ConstantRateFile,
     DataTable,
@@ -138,10 +143,7 @@ class ConstantRateExperiment(Experiment):
         strain : array, shape (n,)
             Axial strain (fraction), not negative.
         """
-        starts, rates = _steps(self.segments)
-        segment = np.searchsorted(starts, strain, side="right") - 1
-        times: FloatArray = _step_times(starts, rates)[segment]
-        return times + (strain - starts[segment]) / rates[segment]
+        return _time_at(strain, self.segments)
 
 
 def strain_grid(experiment: ConstantRateExperiment, shape: FloatArray) -> FloatArray:
@@ -180,7 +182,8 @@ def load_constant_rate(path: str | Path) -> ConstantRateExperiment:
     Strains that are out of order or outside their segment by a reading error (see
     `pyburgers.protocols.constant_rate.curves`) are put right with a notice. Points at zero strain
     are dropped with one: the model starts at rest, with no stress whatever the parameters. Where
-    data files hold time, it counts from the start, and strain follows from the imposed rates.
+    data files hold time alone, it counts from the start, and strain follows from the imposed
+    rates. Times beside strains are compared with the rates, and a notice says where they differ.
 
     Parameters
     ----------
@@ -300,21 +303,22 @@ def _read_points(
     sign: int,
 ) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
     """Strain (fraction) and stress (Pa) of one file, each of shape (n_rows,), and notes."""
-    abscissa = "strain" if data.strain_column is not None else "time"
-    (position, stress), notes = read_columns(
+    read = [name for name in ("strain", "time") if getattr(data, f"{name}_column") is not None]
+    names = (*read, "stress")
+    columns = {f"{name}_column": (f"{name}_unit", name) for name in names}
+    values, notes = read_columns(
         source,
         data,
-        {
-            f"{abscissa}_column": (f"{abscissa}_unit", abscissa),
-            "stress_column": ("stress_unit", "stress"),
-        },
+        columns,
         where=path,
         file_key=file_key,
         has_own_clock=data.file is not None or len(segments) == 1,
     )
-    if abscissa == "time":
-        return _strain_at(position, segments), sign * stress, notes
-    strain = sign * position
+    found = dict(zip(names, values, strict=True))
+    stress, time = sign * found["stress"], found.get("time")
+    if "strain" not in found:
+        return _strain_at(found["time"], segments), stress, notes
+    strain = sign * found["strain"]
     if np.mean(strain < 0) > 0.5:
         expected, other = ("positive", "negative")[::sign]
         raise InputError(
@@ -322,7 +326,11 @@ def _read_points(
             f"(fraction), which are {other}, expected {expected} ones: if compression is {other} "
             f'in this file, write compression = "{other}" in {path}.'
         )
-    return strain, sign * stress, notes
+    if time is not None:
+        start = _time_at(strain[:1], segments)
+        imposed = _strain_at(time - time[0] + start, segments)
+        notes += unlike_rates(source.name, time, strain, imposed)
+    return strain, stress, notes
 
 
 def _stress_uncertainty(path: Path, data: DataTable | None) -> float | None:
@@ -344,6 +352,14 @@ def _steps(segments: Sequence[RateSegment]) -> tuple[FloatArray, FloatArray]:
 def _step_times(starts: FloatArray, rates: FloatArray) -> FloatArray:
     """Return the times (s) at which the segments start."""
     return np.concatenate([[0.0], np.cumsum(np.diff(starts) / rates[:-1])])
+
+
+def _time_at(strain: FloatArray, segments: Sequence[RateSegment]) -> FloatArray:
+    """Return the times (s since the start) at which strains are reached."""
+    starts, rates = _steps(segments)
+    segment = np.clip(np.searchsorted(starts, strain, side="right") - 1, 0, None)
+    times: FloatArray = _step_times(starts, rates)[segment]
+    return times + (strain - starts[segment]) / rates[segment]
 
 
 def _strain_at(time: FloatArray, segments: Sequence[RateSegment]) -> FloatArray:

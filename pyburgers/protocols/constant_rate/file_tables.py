@@ -32,7 +32,10 @@ class DataTable(TextFilesTable):
     file: str | None = Field(None, description="the data file of the whole test")
     strain_column: Column | None = None
     strain_unit: str | None = Field(None, description="fraction or percent")
-    time_column: Column | None = None
+    time_column: Column | None = Field(
+        None,
+        description="the time, in place of the strain; beside it, to compare with the stated rates",
+    )
     time_unit: str | None = Field(None, description="s, min or h")
     stress_column: Column
     stress_unit: str = Field(description="Pa, MPa or GPa")
@@ -101,10 +104,8 @@ def check_data_keys(path: Path, file: ConstantRateFile) -> None:
         raise InputError(
             f"{path}: key 'file' is missing, expected it in [data] or in every one of [[segments]]."
         )
-    if (data.strain_column is None) == (data.time_column is None):
-        raise InputError(
-            f"{path}: [data] needs exactly one of the keys 'strain_column' and 'time_column'."
-        )
+    if data.strain_column is None and data.time_column is None:
+        raise InputError(f"{path}: [data] needs a key 'strain_column' or 'time_column'.")
     for quantity in ("strain", "time"):
         column = getattr(data, f"{quantity}_column")
         unit = getattr(data, f"{quantity}_unit")

@@ -1,14 +1,16 @@
 """What `pyburgers new` writes for a test at constant strain rate."""
 
-from collections.abc import Collection, Mapping
+import re
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from pyburgers.common.text_tables import TextTable
+from pyburgers.protocols.column_facts import read_together
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.guessed_columns import GuessedColumn
+from pyburgers.protocols.departures import slope_of
 from pyburgers.protocols.new_file import (
     STRAIN_RATE,
     STRESS_ERROR,
+    Columns,
     Description,
     NewFile,
     column_lines,
@@ -18,6 +20,9 @@ from pyburgers.protocols.new_file import (
     optional,
     with_comment,
 )
+from pyburgers.protocols.quantities import ENGINEERING
+
+BESIDE = "compared with the rates"
 
 
 class ConstantRateFile(NewFile):
@@ -28,18 +33,37 @@ class ConstantRateFile(NewFile):
     quantities = frozenset({"strain", "time", "stress"})
     questions = (STRAIN_RATE, STRESS_ERROR)
 
-    def suits(self, table: TextTable, columns: Mapping[str, GuessedColumn]) -> str | None:
+    def suits(self, columns: Columns) -> str | None:
         """Return that there is a curve; one that oscillates or creeps is asked about before."""
         return f"there are {'strain' if 'strain' in columns else 'time'} and stress"
 
-    def read(self, columns: Mapping[str, GuessedColumn]) -> Mapping[str, GuessedColumn]:
-        """Return strain and stress, or time and stress."""
-        found = super().read(columns)
-        return {name: one for name, one in found.items() if name != "time" or "strain" not in found}
+    def read(self, columns: Columns) -> Columns:
+        """Return strain and stress, or time and stress; times beside strains show the rate."""
+        found = dict(super().read(columns))
+        if "strain" in found and "time" in found:
+            is_usable = found["time"].is_decided and not found["time"].is_foreign
+            found = found if is_usable else {k: one for k, one in found.items() if k != "time"}
+        return found
 
-    def asked(self, columns: Collection[str], given: Mapping[str, Any]) -> Collection[str]:
+    def proposed(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the slope of strain over time as the rate."""
+        if not {"strain", "time"} <= columns.keys():
+            return {}
+        slope = slope_of(*read_together(columns["time"].si, columns["strain"].si))
+        return {STRAIN_RATE.name: float(f"{abs(slope):.3g}")} if slope else {}
+
+    def asked(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return the rate: a fit infers the error of a stress where none is stated."""
         return {STRAIN_RATE.name}
+
+    def decided(self, test: Description) -> Sequence[str]:
+        """Say that columns of engineering measures are taken as they are."""
+        return [
+            f"column {one.column!r} is taken as true {one.quantity}, though its name says "
+            "engineering; --protocol loading_history turns it"
+            for one in test.columns.values()
+            if re.search(ENGINEERING, one.name.lower())
+        ]
 
     def lines(self, test: Description) -> list[str]:
         """Return the segment and the columns of the curve."""
@@ -61,6 +85,7 @@ class ConstantRateFile(NewFile):
             line("file", test.file),
             *layout_lines(test),
             *column_lines(test, position),
+            *(column_lines(test, "time", comment=BESIDE) if position == "strain" else ()),
             *column_lines(test, "stress", comment="differential stress"),
             optional("stress_uncertainty = 0.05", of_what)
             if error is None

@@ -3,11 +3,11 @@
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from pyburgers.common.text_tables import TextTable
+from pyburgers.protocols.column_facts import facts_of
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.protocols.guessed_columns import GuessedColumn, goes_back_and_forth, numbers_of
 from pyburgers.protocols.new_file import (
     STRESS_ERROR,
+    Columns,
     Description,
     NewFile,
     Question,
@@ -26,19 +26,21 @@ class ForcedOscillationFile(NewFile):
     needed = (("time",), ("strain",), ("stress",))
     quantities = frozenset({"time", "strain", "strain_uncertainty", "stress", "stress_uncertainty"})
     questions = (
-        Question("strain_uncertainty", "standard deviation of a strain, in its unit", float),
+        Question(
+            "strain_uncertainty", "standard deviation of a strain, in its unit", float, example=1.0
+        ),
         STRESS_ERROR,
     )
 
-    def suits(self, table: TextTable, columns: Mapping[str, GuessedColumn]) -> str | None:
+    def suits(self, columns: Columns) -> str | None:
         """Return that the strain oscillates."""
-        if {"time", "strain", "stress"} <= columns.keys() and goes_back_and_forth(
-            numbers_of(table, columns, "strain")
-        ):
+        if {"time", "strain", "stress"} <= columns.keys() and facts_of(
+            columns["strain"]
+        ).oscillates:
             return "the strain goes back and forth"
         return None
 
-    def taken(self, columns: Collection[str], given: Mapping[str, Any]) -> Collection[str]:
+    def taken(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return the errors that are not read."""
         return {question.name for question in self.questions} - set(columns)
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pyburgers.common.toml_files import factor_to_si
-from pyburgers.protocols.loading_history.readings import Measure
+from pyburgers.protocols.loading_history.true_measures import Measure
 from pyburgers.protocols.signs import Compression, sign_of
 
 

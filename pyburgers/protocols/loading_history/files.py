@@ -23,25 +23,24 @@ from pyburgers.protocols.loading_history.measured_sections import SectionTable, 
 from pyburgers.protocols.loading_history.readings import (
     NO_READINGS,
     HistoryDataTable,
-    Measure,
     Response,
     read_readings,
     responses,
     thinned,
-    true_readings,
 )
 from pyburgers.protocols.loading_history.readings_at_changes import (
     check_loaded,
     without_start,
     without_states_before,
 )
+from pyburgers.protocols.loading_history.stage_keys import StageTable
 from pyburgers.protocols.loading_history.stage_tables import (
-    StageTable,
     Test,
     read_stages,
     stage_bounds,
 )
 from pyburgers.protocols.loading_history.stages import Stage, legs_of
+from pyburgers.protocols.loading_history.true_measures import Measure, true_readings
 from pyburgers.protocols.microstructure import microstructure_tables
 from pyburgers.protocols.signs import SIGNS_WERE_TURNED, Compression
 
@@ -224,7 +223,8 @@ def _uncertainty(path: Path, data: HistoryDataTable | None, quantity: str) -> fl
         return None
     key = f"{quantity}_unit"
     factor = factor_to_si(getattr(data, key), quantity, f"{path}: key {key!r} in [data]")
-    return float(stated) * factor
+    over = data.relaxation_strain if quantity == "stress" else None
+    return float(stated) * factor * (over or 1.0)
 
 
 def _turned(file: _LoadingHistoryFile) -> list[str]:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pyburgers.protocols.departures import departure
 from pyburgers.protocols.experiment import FloatArray
 from pyburgers.protocols.loading_history.readings import Readings
 from pyburgers.protocols.loading_history.stages import (
@@ -16,9 +17,6 @@ from pyburgers.protocols.loading_history.stages import (
 
 LEAST_READINGS = 3
 """Of a stage behind its start, where a reading may still be that of the stage before."""
-
-UNLIKE = 0.1
-"""Median distance from what is imposed that is told, in shares of the largest value."""
 
 
 def unlike_imposed(readings: Readings, stages: Sequence[Stage]) -> list[str]:
@@ -43,14 +41,16 @@ def unlike_imposed(readings: Readings, stages: Sequence[Stage]) -> list[str]:
         imposed = _imposed(legs, number, time)
         if stage.driven == "strain":
             read, imposed = read - read[0], imposed - imposed[0]
-        distance = float(np.median(np.abs(read - imposed)))
         elsewhere = imposed_stresses(legs) if stage.driven == "stress" else imposed_strains(legs)
         largest = float(np.abs([*read, *imposed, *elsewhere]).max())
-        if distance > UNLIKE * largest:
-            size = f"{distance:.3g}" if stage.driven == "strain" else f"{distance / 1e6:.3g} MPa"
+        far = departure(read, imposed, largest)
+        if far is not None:
+            in_mpa = f"{far.largest / 1e6:.3g} MPa"
             found.append(
-                f"Stage {number + 1}: the {stage.driven} that was read lies {size} from the one "
-                "that is imposed (the median); check units, signs and what is imposed."
+                f"Stage {number + 1}: the {stage.driven} that was read lies up to "
+                f"{in_mpa if stage.driven == 'stress' else f'{far.largest:.3g}'} from the one that "
+                f"is imposed, which it leaves at {time[far.first]:.4g} s; check units, signs and "
+                "what is imposed."
             )
     return found
 

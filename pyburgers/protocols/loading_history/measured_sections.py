@@ -14,7 +14,8 @@ from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of
 from pyburgers.protocols.loading_history.conventions import Conventions
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.stage_tables import StageTable, Test
+from pyburgers.protocols.loading_history.stage_keys import StageTable
+from pyburgers.protocols.loading_history.stage_tables import Test
 from pyburgers.protocols.loading_history.stages import Leg
 from pyburgers.protocols.microstructure import (
     MeasuredMicrostructure,

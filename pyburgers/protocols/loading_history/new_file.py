@@ -1,17 +1,21 @@
 """What `pyburgers new` writes for a loading history: creep, or a test driven by its readings."""
 
+import itertools
 import math
-from collections.abc import Collection, Mapping
+import re
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from pyburgers.common.text_tables import TextTable
-from pyburgers.protocols.guessed_columns import GuessedColumn, goes_back_and_forth, numbers_of
+from pyburgers.common.units import UNITS
+from pyburgers.protocols.column_facts import Facts, facts_of, read_together
+from pyburgers.protocols.departures import slope_of
+from pyburgers.protocols.experiment import FloatArray
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.new_file import (
     STRAIN_RATE,
+    Columns,
     Description,
     NewFile,
     Question,
@@ -22,81 +26,156 @@ from pyburgers.protocols.new_file import (
     optional,
     with_comment,
 )
+from pyburgers.protocols.quantities import ENGINEERING
 
-STEADY_STRESS = 0.05
-"""Relative range of a stress that counts as constant."""
+NO_TIME = 1e-3
+"""Time that loading in no time is given, in shares of the time until the first reading."""
 
-LEAST_READINGS = 5
-"""Of a load among several, for most of them."""
+EARLY = 0.05
+"""Share of a relaxation before its first reading up to which time counts from the hold."""
 
-STRESS = Question("stress_MPa", "imposed stress in MPa", float)
+LEAST_HELD, FALL, AT_ONCE = 0.2, 3.0, 0.8
+"""Of a strain that is held: the least share of the test, and by how much more the stress falls then
+than the strain changes, relatively. A load that goes down does more than this share at once."""
+
+STRESS = Question("stress_MPa", "imposed stress in MPa", float, example=1.0, key="stress")
 HOLD_START = Question(
     "hold_start_time",
     "time from which the strain is held, in the unit of times (inf: it never is)",
     float,
     default=math.inf,
+    key="end_time",
+)
+HELD_STRAIN = Question(
+    "held_strain",
+    "strain that is held, a fraction",
+    float,
+    example=1e-3,
+    key="strain_rate_per_s",
 )
 LOADING_TIME = Question(
-    "loading_time", "how long the strain was imposed until then, in the unit of times", float
+    "loading_time",
+    "how long the strain was imposed until then, in the unit of times (0: in no time)",
+    float,
+    example=1.0,
+    key="end_time",
 )
 """Of a relaxation: the loading ahead of it may have been read or not."""
 
 CONTROL_COMMENTS = {
     "stress_series": "the readings of the stress drive the test",
+    "strain_series": "the readings of the strain drive the test",
     "hold_strain": "relaxation: the strain stays",
 }
 
 
 class LoadingHistoryFile(NewFile):
-    """One stage, driven by a stress or a rate that is given, or by the readings of the stress.
+    """Stages of a stress or a rate that is given, or one driven by readings of stress or strain.
 
-    Behind a rate the strain may be held, which is a second stage.
+    Behind a rate the strain may be held, which is a second stage; where the strain turns, so does
+    the rate.
     """
 
     experiment = LoadingHistory
-    needed = (("time",), ("strain", "stress"))
-    quantities = frozenset({"time", "strain", "stress"})
-    questions = (STRAIN_RATE, STRESS, HOLD_START, LOADING_TIME)
+    needed = (("time",), ("strain", "stress", "relaxation_modulus"))
+    quantities = frozenset({"time", "strain", "stress", "relaxation_modulus"})
+    questions = (STRAIN_RATE, STRESS, HOLD_START, HELD_STRAIN, LOADING_TIME)
 
-    def suits(self, table: TextTable, columns: Mapping[str, GuessedColumn]) -> str | None:
-        """Return that strain grows in time under a constant stress, or one that is not read."""
-        if not {"time", "strain"} <= columns.keys():
+    def suits(self, columns: Columns) -> str | None:
+        """Return what the stress and the strain do that is neither at one rate nor a cycle."""
+        if "time" not in columns or not {"strain", "stress", "relaxation_modulus"} & columns.keys():
             return None
+        strain = facts_of(columns["strain"]) if "strain" in columns else None
+        if _hold_of(columns) is not None:
+            return "the stress falls while the strain is held"
         if "stress" not in columns:
             return "there are time and strain but no stress"
-        if goes_back_and_forth(numbers_of(table, columns, "strain")):
+        stress = facts_of(columns["stress"])
+        if strain is None or strain.oscillates:
             return None
-        stress = numbers_of(table, columns, "stress")
-        level = np.median(stress)
-        if level and np.ptp(stress[stress.size // 10 :]) < STEADY_STRESS * abs(level):
+        if stress.is_steady:
             return "the stress stays the same while strain grows"
-        return "the stress goes in steps and stays the same between" if _in_steps(stress) else None
+        if stress.is_in_levels:
+            return "the stress goes in steps and stays the same between"
+        return "the strain turns back" if strain.turns else None
 
-    def taken(self, columns: Collection[str], given: Mapping[str, Any]) -> Collection[str]:
+    def read(self, columns: Columns) -> Columns:
+        """Return time, strain and stress, of which a modulus of relaxation takes the place."""
+        found = super().read(columns)
+        needless = "relaxation_modulus" if "stress" in found else ""
+        return {name: one for name, one in found.items() if name != needless}
+
+    def proposed(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return when a strain is held, and its size and loading as far as they were read."""
+        first = _hold_of(columns)
+        if first is None:
+            return {}
+        second = UNITS["time"][columns["time"].unit or "s"]
+        time, strain = _rows(columns, "time", "strain" if "strain" in columns else "time")
+        if first:
+            start = _end_of_loading(time, strain, first)
+        else:
+            start = 0.0 if 0 <= time[0] <= EARLY * time[-1] else float(time[0])
+        known = {HOLD_START.name: start / second}
+        if "strain" in columns:
+            held = float(f"{strain[-1] - (strain[0] if first else 0.0):.4g}")
+            known[HELD_STRAIN.name] = held
+            rate = given[STRAIN_RATE.name]
+            if rate and not first:
+                known[LOADING_TIME.name] = float(f"{abs(held / rate) / second:.4g}")
+        if first:
+            known[LOADING_TIME.name] = (start - float(time[0])) / second
+        return known
+
+    def taken(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return what belongs to the stress or the rate that drives it, of which there is one.
 
-        A stress needs readings of the strain, a rate those of the stress.
+        A stress needs readings of the strain, a rate those of the stress. Of rate, strain and time
+        of the loading ahead of a hold two say all.
         """
         by_stress = {STRESS.name} if "strain" in columns else set()
-        by_rate = {STRAIN_RATE.name, HOLD_START.name} if "stress" in columns else set()
-        if by_rate and _is_held(given):
-            by_rate.add(LOADING_TIME.name)
+        has_stress = "stress" in columns or "relaxation_modulus" in columns
+        by_rate = {STRAIN_RATE.name, HOLD_START.name} if has_stress else set()
+        if by_rate and _is_held(columns, given):
+            loading = (STRAIN_RATE.name, HELD_STRAIN.name, LOADING_TIME.name)
+            stated = [name for name in loading if given[name] is not None]
+            by_rate |= set(stated[:2] if len(stated) > 1 else loading)
         for names in (by_stress, by_rate):
             if any(given[name] is not None for name in names):
                 return names
         return by_stress | by_rate
 
-    def asked(self, columns: Collection[str], given: Mapping[str, Any]) -> Collection[str]:
+    def asked(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return the stress, unless a rate is given or there are readings to drive the test.
 
-        Without a column of the strain a rate drives it: the stress is what was read.
+        Without a column of the strain a rate drives it: the stress is what was read. Where a stress
+        falls at a strain that is held, the hold is asked for, and its loading.
         """
-        if _is_held(given):
-            return (STRAIN_RATE.name, LOADING_TIME.name)
+        by_rate = given[STRESS.name] is None and HOLD_START.name in self.taken(columns, given)
+        if by_rate and _is_held(columns, given):
+            if given[HOLD_START.name] is None:
+                return (HOLD_START.name,)
+            other = HELD_STRAIN.name if given[STRAIN_RATE.name] is None else STRAIN_RATE.name
+            return (other, LOADING_TIME.name) if given[LOADING_TIME.name] is None else (other,)
         if "strain" not in columns:
             return (STRAIN_RATE.name, HOLD_START.name)
         driven = given[STRAIN_RATE.name] is not None or "stress" in columns
         return () if driven else (STRESS.name,)
+
+    def decided(self, test: Description) -> Sequence[str]:
+        """Say where the strain turns, and how loading in no time is written."""
+        values, columns, unit = test.values, test.columns, test.columns["time"].unit
+        if values[STRESS.name] is not None:
+            return ()
+        if _is_held(columns, values):
+            is_jump = values[LOADING_TIME.name] == 0
+            lasted = f"loading in no time is written as a stage of {_loading(test)[1]:.3g} {unit}"
+            return (lasted,) if is_jump else ()
+        turns = ", ".join(f"{time:g}" for time in _turning_times(test.columns))
+        stages = "the readings of the strain drive the test, from rest at time 0"
+        if values[STRAIN_RATE.name] is not None:
+            stages = "stages end there, and the rate changes its sign"
+        return (f"the strain turns back at {turns} {unit}: {stages}",) if turns else ()
 
     def lines(self, test: Description) -> list[str]:
         """Return the stages and the columns."""
@@ -105,7 +184,10 @@ class LoadingHistoryFile(NewFile):
             line("stage_time_unit", test.columns["time"].unit, "of the stages; s, min or h"),
             line("stage_stress_unit", "MPa", "of the stages; Pa, MPa or GPa"),
             line("compression", compression, "positive or negative: of stages and data"),
-            line("strain_measure", "true", "or engineering; stress_measure likewise"),
+            *(
+                line(f"{name}_measure", _measure(test.columns, name), "true or engineering")
+                for name in ("strain", "stress")
+            ),
             "",
             *_stage_lines(test),
             "[data]",
@@ -114,6 +196,7 @@ class LoadingHistoryFile(NewFile):
             *column_lines(test, "time", comment="on the clock of the stages"),
             *column_lines(test, "strain"),
             *column_lines(test, "stress"),
+            *_modulus_lines(test),
             optional("strain_uncertainty = 0.002", "of a reading, in its unit"),
             optional("[[microstructure]]", "measured in the sample, at one time or more"),
             optional('time = "end"', "of the test; else in stage_time_unit"),
@@ -122,43 +205,133 @@ class LoadingHistoryFile(NewFile):
         ]
 
 
-def _in_steps(stress: npt.NDArray[np.float64]) -> bool:
-    """Whether a stress is several loads, each read a few times or more.
+def _measure(columns: Columns, quantity: str) -> str:
+    """Return the measure that the name of a column says."""
+    name = columns[quantity].name.lower() if quantity in columns else ""
+    return "engineering" if re.search(ENGINEERING, name) else "true"
 
-    A curve that is steep at first has many steps too, but of a reading each.
-    """
-    steady = STEADY_STRESS * np.max(np.abs(stress))
-    loads = np.split(stress, np.flatnonzero(np.abs(np.diff(stress)) > steady) + 1)
-    return (
-        len(loads) > 1
-        and np.median([load.size for load in loads]) >= LEAST_READINGS
-        and all(np.ptp(load) < steady for load in loads)
+
+def _modulus_lines(test: Description) -> list[str]:
+    """Return the keys of a modulus of relaxation: a stress over the strain that is held."""
+    modulus = test.columns.get("relaxation_modulus")
+    if modulus is None:
+        return []
+    rate, lasted = _loading(test)
+    second = UNITS["time"][test.columns["time"].unit or "s"]
+    strain = float(f"{abs(rate) * lasted * second:.6g}")
+    return [
+        line("stress_column", modulus.column),
+        line("stress_unit", modulus.unit),
+        line("relaxation_strain", strain, "the stress column is the stress over this strain"),
+    ]
+
+
+def _rows(columns: Columns, *names: str) -> tuple[FloatArray, ...]:
+    """Return what was read in SI, of the rows in which all of some quantities were."""
+    return read_together(*(columns[name].si for name in names))
+
+
+def _hold_of(columns: Columns) -> int | None:
+    """Return the first reading, from 0, from which strain is held while stress falls, else None."""
+    stress = "stress" if "stress" in columns else "relaxation_modulus"
+    if not {stress, "time"} <= columns.keys():
+        return None
+    if "strain" not in columns:
+        return 0 if Facts(_rows(columns, "time", stress)[1]).only_falls else None
+    time, strain, falling = _rows(columns, "time", "strain", stress)
+    first = Facts(strain).held_from
+    stress_then, strain_then = Facts(falling[first:]), Facts(strain[first:])
+    is_long = time[-1] - time[first] >= LEAST_HELD * (time[-1] - time[0]) > 0
+    at_once = np.abs(np.diff(stress_then.values)).max(initial=0.0) > AT_ONCE * np.ptp(
+        stress_then.values
     )
+    falls = (
+        stress_then.only_falls
+        and stress_then.relative_range > FALL * strain_then.relative_range
+        and not (first and at_once)
+    )
+    return first if is_long and falls and np.any(strain_then.values) else None
 
 
-def _is_held(given: Mapping[str, Any]) -> bool:
-    """Whether answers say that the strain is held from some time on."""
-    return given[HOLD_START.name] not in (None, math.inf)
+def _end_of_loading(time: FloatArray, strain: FloatArray, first: int) -> float:
+    """Return when (s) a strain reached the one that is held from a reading on, by its rate."""
+    rate = slope_of(time[:first], strain[:first])
+    left = (strain[-1] - strain[first - 1]) / rate if rate else math.inf
+    return float(f"{min(time[first - 1] + max(left, 0.0), time[first]):.6g}")
+
+
+def _is_held(columns: Columns, given: Mapping[str, Any]) -> bool:
+    """Whether the strain is held from some time on, by answers or else by what was read."""
+    start = given[HOLD_START.name]
+    return _hold_of(columns) is not None if start is None else bool(start != math.inf)
 
 
 def _stage_lines(test: Description) -> list[str]:
-    """Return the stage of a stress, of a rate with a hold behind it, or of readings."""
-    values = test.values
-    times = numbers_of(test.table, test.columns, "time")
+    """Return the stages of a stress, of a rate with a hold behind it, or of readings."""
+    values, columns = test.values, test.columns
+    times = columns["time"].numbers[np.isfinite(columns["time"].numbers)]
     start, end = min(0.0, float(times.min())), float(times.max())
     stress, rate = values[STRESS.name], values[STRAIN_RATE.name]
     if stress is not None:
         return _stage("stress", start, end, line("stress", stress, "in stage_stress_unit"))
-    if rate is None:
+    if _is_held(columns, values):
+        hold_start, (rate, lasted) = values[HOLD_START.name], _loading(test)
+        return [
+            *_stage("strain_rate", hold_start - lasted, hold_start, line(STRAIN_RATE.name, rate)),
+            *_stage("hold_strain", hold_start, end),
+        ]
+    turns = _turning_times(columns)
+    if rate is None and not turns:
         return _stage("stress_series", start, end)
-    loading = line(STRAIN_RATE.name, rate)
-    if not _is_held(values):
-        return _stage("strain_rate", start, end, loading)
-    hold_start = values[HOLD_START.name]
+    if rate is None:
+        return [*_unread_loading(columns), *_stage("strain_series", float(times.min()), end)]
     return [
-        *_stage("strain_rate", hold_start - values[LOADING_TIME.name], hold_start, loading),
-        *_stage("hold_strain", hold_start, end),
+        text
+        for k, (first, last) in enumerate(itertools.pairwise([start, *turns, end]))
+        for text in _stage("strain_rate", first, last, line(STRAIN_RATE.name, rate * (-1) ** k))
     ]
+
+
+def _unread_loading(columns: Columns) -> list[str]:
+    """Return the stage that leads from rest to a first reading of the strain behind time zero."""
+    time, strain = _rows(columns, "time", "strain")
+    if not (time[0] > 0 and strain[0]):
+        return []
+    rate = float(f"{strain[0] / time[0]:.6g}")
+    return _stage("strain_rate", 0.0, _in_file(columns, time[0]), line(STRAIN_RATE.name, rate))
+
+
+def _in_file(columns: Columns, time: float) -> float:
+    """Return a time (s) in the unit of the column of times."""
+    return float(time) / UNITS["time"][columns["time"].unit or "s"]
+
+
+def _turning_times(columns: Columns) -> list[float]:
+    """Return when the strain turns back, in the unit of times; not under loads or in cycles."""
+    if not {"strain", "stress"} <= columns.keys():
+        return []
+    time, strain, stress = _rows(columns, "time", "strain", "stress")
+    loads, facts = Facts(stress), Facts(strain)
+    if loads.is_steady or loads.is_in_levels:
+        return []
+    return [_in_file(columns, time[k]) for k in facts.turns]
+
+
+def _loading(test: Description) -> tuple[float, float]:
+    """Return rate (1/s) and duration (in the unit of times) of the loading ahead of a hold.
+
+    Loading in no time gets a time that is short beside that to the first reading.
+    """
+    values, times = test.values, test.columns["time"].numbers
+    second = UNITS["time"][test.columns["time"].unit or "s"]
+    rate, strain = values[STRAIN_RATE.name], values[HELD_STRAIN.name]
+    lasted = values[LOADING_TIME.name]
+    if lasted is None:
+        return rate, abs(strain / rate) / second
+    if lasted == 0:
+        behind = times[times > values[HOLD_START.name]]
+        lasted = NO_TIME * float(behind.min() - values[HOLD_START.name])
+    return rate if strain is None else strain / (lasted * second), lasted
 
 
 def _stage(control: str, start: float, end: float, *imposed: str) -> list[str]:

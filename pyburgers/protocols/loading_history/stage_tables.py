@@ -1,16 +1,13 @@
 """What a file says is imposed, as stages: the tables [[stages]]."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import Table
 from pyburgers.common.units import counted, span_text
 from pyburgers.protocols.experiment import FloatArray
 from pyburgers.protocols.loading_history.conventions import Conventions
@@ -23,56 +20,21 @@ from pyburgers.protocols.loading_history.driver import (
     tolerance_of,
     tolerances,
 )
-from pyburgers.protocols.loading_history.readings import Readings, one_reading_each, true_stress
+from pyburgers.protocols.loading_history.readings import Readings, one_reading_each
 from pyburgers.protocols.loading_history.series import (
     Series,
     own_readings,
     too_long_a_gap,
     with_ends,
 )
+from pyburgers.protocols.loading_history.stage_keys import StageTable, check_keys
 from pyburgers.protocols.loading_history.stages import DRIVEN, Control, Stage, legs_of
 from pyburgers.protocols.loading_history.strain_at_start import strain_at_start
+from pyburgers.protocols.loading_history.true_measures import true_stress
 
 DISPLACEMENT_STEP = 0.01
 """At constant displacement rate the true strain rate changes with the length: legs this long in
 true strain follow it to half a percent."""
-
-OWN_KEYS: Mapping[Control, tuple[str, ...]] = MappingProxyType(
-    {
-        "strain_rate": ("strain_rate_per_s",),
-        "stress": ("stress",),
-        "stress_rate": ("stress_rate", "start_stress"),
-        "strain_series": ("knots", "tolerance"),
-        "stress_series": ("knots", "tolerance"),
-        "hold_strain": (),
-    }
-)
-"""Keys of a stage that only some controls have; the first is needed, but for knots."""
-
-
-class StageTable(Table):
-    """One of [[stages]]."""
-
-    control: Control = Field(description="what is imposed")
-    start_time: float = Field(description="the time at the start in the unit stage_time_unit")
-    end_time: float = Field(description="the time at the end in the unit stage_time_unit")
-    temperature_K: float | None = Field(  # noqa: N815 - a key with its unit
-        None, ge=50, le=3000, description="the temperature in kelvin where it is another"
-    )
-    strain_rate_per_s: float | None = Field(None, description="the imposed strain rate in 1/s")
-    stress: float | None = Field(
-        None, description="the imposed stress in the unit stage_stress_unit"
-    )
-    stress_rate: float | None = Field(None, description="stress over time, in the units of stages")
-    start_stress: float | None = Field(
-        None, description="the stress at which the rate starts, in the unit stage_stress_unit"
-    )
-    knots: list[list[float]] | None = Field(
-        None, description="pairs of time and strain (fraction) or stress"
-    )
-    tolerance: float | None = Field(
-        None, gt=0, description="how far legs pass from readings of strain (fraction) or stress"
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,28 +125,12 @@ def read_stages(test: Test, tables: Sequence[StageTable]) -> tuple[tuple[Stage, 
     stages: list[Stage] = []
     notices: list[str] = []
     for number, table in enumerate(tables):
-        _check_keys(test.path, number, table)
+        check_keys(test.path, number, table)
         after = tables[number + 1] if number + 1 < len(tables) else None
         strain_follows = after is not None and DRIVEN[after.control] == "strain"
         reader = _StageReader(test, table, tables[:number], tuple(stages), strain_follows, notices)
         stages.append(reader.read())
     return tuple(stages), notices
-
-
-def _check_keys(path: Path, number: int, table: StageTable) -> None:
-    own = OWN_KEYS[table.control]
-    where = f"in [[stages]] number {number + 1}"
-    for key in sorted({key for keys in OWN_KEYS.values() for key in keys}):
-        if getattr(table, key) is not None and key not in own:
-            raise InputError(
-                f"{path}: key {key!r} {where}: found it with control {table.control!r}, expected "
-                f"{' or '.join(map(repr, own)) if own else 'no such key'}."
-            )
-    if own and own[0] != "knots" and getattr(table, own[0]) is None:
-        raise InputError(
-            f"{path}: key {own[0]!r} {where} is missing, expected it because the control is "
-            f"{table.control!r}."
-        )
 
 
 def _given_end(tables: Sequence[StageTable]) -> float | None:

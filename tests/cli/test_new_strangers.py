@@ -1,0 +1,441 @@
+"""`pyburgers new` of files as others write them: which column is what, which kind of test it is."""
+
+import io
+import math
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pyburgers.cli.main import main
+from pyburgers.common.text_tables import look_at
+from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.protocols.guessed_columns import guess_columns
+from pyburgers.protocols.loading_history.experiment import LoadingHistory
+from pyburgers.protocols.protocol import load_experiment
+
+KNOWN = ("--material", "ice", "--grain-size-m", "1e-3", "--temperature-K", "263")
+AXIAL = ("--deformation", "axial")
+RATE = ("--strain-rate-per-s", "1e-5")
+
+TIME = 100.0 * np.arange(1, 31)
+CURVE = 100 * (1 - np.exp(-TIME / 500))
+PERCENT = 1e-3 * TIME
+FREQUENCY = np.logspace(1, -2, 6)
+
+Column = Sequence[float] | np.ndarray | float
+Table = Callable[..., Path]
+
+
+def assert_refused(command: Sequence[str], capsys: pytest.CaptureFixture[str], words: str) -> None:
+    """Run a command that has to say in one line why it writes nothing."""
+    assert main(list(command)) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert error.count("\n") == 1
+    assert not Path(command[1]).with_suffix(".toml").exists()
+
+
+@pytest.fixture
+def table(tmp_path: Path) -> Table:
+    """Write a text file of columns; one number stands in every row."""
+
+    def write(**columns: Column) -> Path:
+        n_rows = max(np.size(values) for values in columns.values())
+        rows = zip(*(np.broadcast_to(values, n_rows) for values in columns.values()), strict=True)
+        lines = [",".join(columns), *(",".join(f"{cell:.9g}" for cell in row) for row in rows)]
+        path = tmp_path / "table.csv"
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        return path
+
+    return write
+
+
+STRESSES = {
+    "differential before pressure": ("Differential stress (MPa)", ("Pressure (MPa)",)),
+    "differential before axial": ("Axial diff. stress (MPa)", ("Axial stress (MPa)",)),
+    "stress before load": ("Stress (MPa)", ("Load (MPa)",)),
+    "stress before a force": ("Stress (MPa)", ("Axial load (kN)", "Pounds (lbs)")),
+    "a known unit": ("Stress (MPa)", ("Stress (psi)", "Stress")),
+    "q": ("q (MPa)", ("sigma1 (MPa)", "sigma3 (MPa)", "p (MPa)")),
+    "eff": ("sDiff-eff [MPa]", ("s1-eff [MPa]", "s3 [MPa]")),
+    "cell": ("Deviator stress (MPa)", ("Cell pressure (MPa)", "Oil pressure (MPa)")),
+    "actual": ("Actual stress (MPa)", ("Stress set point (MPa)", "Target stress (MPa)")),
+    "true": ("True stress (MPa)", ("Engineering stress (MPa)",)),
+    "German": ("Druckspannung [N/mm²]", ("Manteldruck [MPa]", "Kraft [kN]")),
+    "French": ("Contrainte (MPa)", ("Pression de confinement (MPa)", "Force (kN)")),
+}
+
+
+@pytest.mark.parametrize(("wanted", "others"), STRESSES.values(), ids=STRESSES)
+@pytest.mark.parametrize("others_first", [True, False])
+def test_the_stress_is_decided_by_name_and_unit(
+    wanted: str,
+    others: Sequence[str],
+    others_first: bool,
+    table: Table,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    rivals: dict[str, Column] = {name: 300.0 + k for k, name in enumerate(others)}
+    own: dict[str, Column] = {"Strain (%)": PERCENT, wanted: CURVE}
+    path = table(**{**rivals, **own} if others_first else {**own, **rivals})
+    assert main(["new", str(path), *KNOWN, *RATE]) == 0
+    test = load_experiment(path.with_suffix(".toml"))
+    assert isinstance(test, ConstantRateExperiment)
+    np.testing.assert_allclose(test.stress, 1e6 * CURVE, rtol=1e-8)
+    out = capsys.readouterr().out
+    assert all(f"left out: column {name!r}, because " in out for name in others)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "wanted", "others"),
+    [
+        ("temperature", "Sample temperature (C)", ("Room temperature (C)", "Furnace temp (C)")),
+        ("temperature", "Probentemperatur [°C]", ("Ofentemperatur [°C]",)),
+        ("strain", "True strain (%)", ("Engineering strain (%)", "Radial strain (%)")),
+        ("strain", "Stauchung [%]", ("Querdehnung radial [%]", "strain rate (1/s)")),
+        ("strain", "eps_ax", ("steps", "eps_vol")),
+        ("time", "Elapsed time (s)", ("Step time (s)", "Cycle time (s)")),
+        ("time", "Temps (s)", ("Température (°C)",)),
+        ("time", "t/s", ("T/K", "T / °C", "date of the test")),
+        ("temperature", "T/K", ("t/s", "sigma/MPa")),
+        ("stress", "Δσ (MPa)", ("σ1 (MPa)", "σ3 (MPa)", "Pression (MPa)")),
+        ("strain", "Strain_corr (%)", ("Strain_raw (%)", "Strain set (%)")),
+        ("modulus", "|E*| (MPa)", ("E (MPa)", "Modulus (MPa)")),
+        ("storage_modulus", "G' (MPa)", ("G'' (MPa)", "|G*| (MPa)")),
+        ("storage_modulus", "Speichermodul E′ [MPa]", ("Verlustmodul E″ [MPa]",)),
+        ("attenuation", "tan δ", ("Raw phase (°)", "1/Q", "Loss angle (deg)")),
+        ("frequency", "Freq (Hz)", ("Angular frequency (rad/s)",)),
+    ],
+)
+def test_the_column_of_a_quantity_is_decided_by_its_name(
+    quantity: str, wanted: str, others: Sequence[str], table: Table
+) -> None:
+    for names in ((*others, wanted), (wanted, *others)):
+        guessed = guess_columns(look_at(table(**{name: 0.1 * TIME + len(name) for name in names})))
+        assert (guessed[quantity].column, guessed[quantity].is_decided) == (wanted, True)
+
+
+def test_rivals_that_nothing_decides_are_asked_about(
+    table: Table, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = table(**{"Strain A (%)": PERCENT, "Strain B (%)": 2 * PERCENT, "Stress (MPa)": CURVE})
+    command = ["new", str(path), *KNOWN, *RATE]
+    assert_refused(
+        command,
+        capsys,
+        "give --strain-column 'Strain A (%)' or --strain-column 'Strain B (%)'",
+    )
+    assert main([*command, "--strain-column", "Strain B (%)", "--out", str(path) + "2.toml"]) == 0
+    by_option = load_experiment(Path(f"{path}2.toml"))
+    terminal = io.StringIO()
+    answers = iter(["Strain C", "Strain B (%)", "", "", ""])
+    monkeypatch.setattr(terminal, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stdin", terminal)
+    monkeypatch.setattr("builtins.input", lambda question: next(answers))
+    assert main(command) == 0
+    asked = load_experiment(path.with_suffix(".toml"))
+    np.testing.assert_allclose(asked.position, by_option.position)
+    np.testing.assert_allclose(asked.position, 2 * PERCENT / 100)
+
+
+def test_the_same_numbers_in_two_units_are_no_rivals(table: Table) -> None:
+    columns = guess_columns(
+        look_at(table(time_s=TIME, time_h=TIME / 3600, strain=PERCENT / 100, stress_MPa=CURVE))
+    )
+    assert columns["time"].is_decided
+    assert columns["time"].unit == "s"
+
+
+def test_a_column_that_an_option_names_has_to_be_there(
+    table: Table, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = table(strain=PERCENT, stress=CURVE)
+    command = ["new", str(path), *KNOWN, *RATE, "--stress-column"]
+    assert_refused([*command, "sigma"], capsys, "expected a column of")
+    assert main([*command, "stress"]) == 0
+
+
+@pytest.mark.parametrize("stress", ["sigma1 (MPa)", "Axial stress (MPa)", "Stress (MPa)"])
+def test_the_total_stress_along_the_axis_is_no_differential_stress(
+    stress: str, table: Table, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = table(**{"strain (%)": PERCENT, stress: CURVE + 300, "sigma3 (MPa)": 300.0})
+    command = ["new", str(path), *KNOWN, *RATE]
+    assert_refused(command, capsys, "never below column 'sigma3 (MPa)'")
+    assert main([*command, "--stress-column", stress]) == 0
+
+
+FOREIGN = ("Load (lbs)", "Load (lbf)", "Force (kN)", "pounds force", "Stress (ksi)", "Kraft [N]")
+FORCES = ("Stress (kN/m2)", "Pressure (bar)", "Load", "Druck [bar]")
+SHEAR = ("Shear stress (MPa)", "tau [MPa]", "octahedral shear stress / MPa")
+
+
+@pytest.mark.parametrize("name", [*FOREIGN, *FORCES, *SHEAR])
+def test_forces_and_foreign_units_are_no_stress(
+    name: str, table: Table, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = table(**{"strain (%)": PERCENT, name: CURVE})
+    assert_refused(
+        ["new", str(path), *KNOWN, *RATE], capsys, "expected stress along the axis in GPa"
+    )
+
+
+LONG = np.array([0, 30, 60, 120, 240, 480, 900, 1800, 2700, 3600, 5400, 7200, 10800.0])
+TRANSIENT = 0.01 + 0.02 * (1 - np.exp(-LONG / 600)) + 2e-6 * LONG
+LATE = np.logspace(-2, 4, 24)
+RAMP = np.concatenate([np.arange(1.0, 10), 10 + LATE[LATE > 1]])
+LOADS = np.repeat([2.0, 4.0, 1.0], 10)
+KINDS = {
+    "creep read at growing intervals": (LONG, TRANSIENT, 1.0, "stays the same while strain grows"),
+    "few readings, the first before the load": (
+        LONG[:8],
+        TRANSIENT[:8],
+        np.array([0.0, *[1.0] * 7]),
+        "stays the same while strain grows",
+    ),
+    "noisy creep": (LONG, TRANSIENT, 1 + 1e-3 * np.sin(LONG), "stays the same while strain grows"),
+    "several loads": (TIME, np.cumsum(LOADS**3) / 1e3, LOADS, "goes in steps and stays the same"),
+    "held, at levels by chance": (
+        LATE[:9],
+        0.1,
+        np.array([37.3, 37.3, 37.2, 29.4, 29.3, 29.2, 15, 14.9, 14.8]),
+        "falls while the strain is held",
+    ),
+    "strain held": (LATE, 0.1, 0.4 * LATE**-0.05, "falls while the strain is held"),
+    "strain held, not read": (LATE, None, 0.4 * LATE**-0.05, "falls while the strain is held"),
+    "held in tension": (LATE, -0.1, -0.4 * LATE**-0.05, "falls while the strain is held"),
+    "ramp and hold": (
+        RAMP,
+        np.minimum(RAMP, 10) / 100,
+        np.where(RAMP > 10, 10 * np.maximum(RAMP - 9, 1) ** -0.1, RAMP),
+        "falls while the strain is held",
+    ),
+    "unloading": (TIME, 2 - np.abs(PERCENT - 2), 5 - np.abs(CURVE - 50) / 9, "strain turns back"),
+    "cycles": (TIME, np.sin(TIME / 130), np.sin(TIME / 130 + 0.3), "goes back and forth"),
+    "one rate": (TIME, PERCENT, CURVE, "there are strain and stress"),
+    "one rate, softening": (TIME, PERCENT, CURVE - TIME / 100, "there are strain and stress"),
+    "one rate, with noise": (
+        TIME,
+        PERCENT + 3e-3 * np.sin(7 * TIME),
+        CURVE + np.cos(5 * TIME),
+        "there are strain and stress",
+    ),
+    "times and stresses": (TIME, None, CURVE, "there are time and stress"),
+}
+
+
+@pytest.mark.parametrize(("time", "strain", "stress", "because"), KINDS.values(), ids=KINDS)
+def test_kinds_of_tests_are_told_by_what_readings_do(
+    time: np.ndarray,
+    strain: Column | None,
+    stress: Column,
+    because: str,
+    table: Table,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    columns = {"time (s)": time, "strain (%)": strain, "stress (MPa)": stress}
+    path = table(**{name: values for name, values in columns.items() if values is not None})
+    main(["new", str(path), *KNOWN])
+    assert because in capsys.readouterr().out
+
+
+def test_the_slope_of_the_strain_is_the_rate_that_is_proposed(
+    table: Table, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = table(**{"time (h)": TIME / 3600, "strain (%)": PERCENT, "stress (MPa)": CURVE})
+    assert main(["new", str(path), *KNOWN]) == 0
+    assert "taken: --strain-rate-per-s 1e-05\n" in capsys.readouterr().out
+    file = path.with_suffix(".toml")
+    assert main(["check-file", str(file)]) == 0
+    assert "stated rates" not in capsys.readouterr().out
+    file.write_text(file.read_text("utf-8").replace("per_s = 1e-05", "per_s = 1e-06"), "utf-8")
+    assert main(["check-file", str(file)]) == 0
+    assert "(its slope is 1e-05 1/s) lies up to 0.0261" in capsys.readouterr().out
+
+
+def test_stages_end_where_the_strain_turns(
+    table: Table, capsys: pytest.CaptureFixture[str]
+) -> None:
+    strain = 2 - np.abs(PERCENT - 2)
+    path = table(**{"time (s)": TIME, "strain (%)": strain, "stress (MPa)": 0.5 * strain**0.5})
+    assert main(["new", str(path), *KNOWN, *RATE, "--protocol", "loading_history"]) == 0
+    out = capsys.readouterr().out
+    assert "decided: the strain turns back at 2000 s: stages end there" in out
+    assert "that was read lies" not in out
+    test = load_experiment(path.with_suffix(".toml"))
+    assert isinstance(test, LoadingHistory)
+    assert [(stage.end_time, stage.value) for stage in test.stages] == [(2000, 1e-5), (3000, -1e-5)]
+    assert main(["new", str(path), *KNOWN, "--out", f"{path}2.toml"]) == 0
+    series = load_experiment(Path(f"{path}2.toml"))
+    assert isinstance(series, LoadingHistory)
+    assert [stage.control for stage in series.stages] == ["strain_rate", "strain_series"]
+    assert series.stages[0].value == pytest.approx(1e-5)
+
+
+def test_a_hold_and_its_loading_are_found_where_they_were_read(table: Table) -> None:
+    _, strain, stress, _ = KINDS["ramp and hold"]
+    path = table(**{"time (s)": RAMP, "strain (%)": strain, "stress (MPa)": stress})
+    assert main(["new", str(path), *KNOWN]) == 0
+    test = load_experiment(path.with_suffix(".toml"))
+    assert isinstance(test, LoadingHistory)
+    assert [stage.control for stage in test.stages] == ["strain_rate", "hold_strain"]
+    assert test.stages[0].end_time == pytest.approx(9)
+    assert test.stages[0].value == pytest.approx(1e-4)
+
+
+@pytest.mark.parametrize("lasted", ["0", "0.5"])
+def test_a_modulus_of_relaxation_is_a_stress_at_a_strain_that_is_held(
+    lasted: str, table: Table, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = table(**{"time (s)": LATE, "Relaxation modulus E(t) (GPa)": 9 * LATE**-0.1})
+    loading = ("--held-strain", "2e-4", "--loading-time", lasted)
+    assert main(["new", str(path), *KNOWN, *loading]) == 0
+    assert ("loading in no time is written as a stage of" in capsys.readouterr().out) == (
+        lasted == "0"
+    )
+    test = load_experiment(path.with_suffix(".toml"))
+    assert isinstance(test, LoadingHistory)
+    np.testing.assert_allclose(test.reading, 9e9 * LATE**-0.1 * 2e-4, rtol=1e-8)
+    first = test.stages[0]
+    assert first.value * first.end_time == pytest.approx(2e-4)
+    assert first.end_time == pytest.approx(1e-5 if lasted == "0" else 0.5)
+    assert test.time[0] - first.end_time == pytest.approx(LATE[0])
+
+
+def test_a_modulus_in_shear_is_no_modulus_along_the_axis(
+    table: Table, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = table(**{"time (s)": LATE, "G(t) (MPa)": 9 * LATE**-0.1})
+    assert_refused(["new", str(path), *KNOWN], capsys, "expected a modulus E(t) along the axis")
+
+
+SPECTRA = {
+    "angular frequency": ({"Angular Frequency": 2 * math.pi * FREQUENCY, "tan delta": 0.1}, None),
+    "short": ({"ang. frequency (1/s)": 2 * math.pi * FREQUENCY, "tan delta": 0.1}, None),
+    "omega": ({"omega [rad/s]": 2 * math.pi * FREQUENCY, "tan delta": 0.1}, None),
+    "degrees": ({"f (Hz)": FREQUENCY, "Loss angle (deg)": math.degrees(math.atan(0.1))}, None),
+    "phase": ({"f (Hz)": FREQUENCY, "Raw phase (°)": math.degrees(math.atan(0.1))}, None),
+    "To": ({"To (s)": 1 / FREQUENCY, "log10 Q-1": -1.0, "T(C)": 900.0}, None),
+    "mrad": ({"f (Hz)": FREQUENCY, "delta (mrad)": 1e3 * math.atan(0.1)}, None),
+    "two moduli": ({"f (Hz)": FREQUENCY, "G' (MPa)": 500.0, "G'' (MPa)": 50.0}, 5e8 * 1.01**0.5),
+    "storage modulus": ({"f (Hz)": FREQUENCY, "E' (MPa)": 500.0, "tan d": 0.1}, 5e8 * 1.01**0.5),
+    "the absolute one": (
+        {"f (Hz)": FREQUENCY, "E' (MPa)": 500.0, "|E*| (MPa)": 510.0, "tan d": 0.1},
+        5.1e8,
+    ),
+    "by name a logarithm": ({"f (Hz)": FREQUENCY, "log10(1/Q)": -1.0}, None),
+    "German": (
+        {"Frequenz [Hz]": FREQUENCY, "Speichermodul [MPa]": 500.0, "Verlustfaktor": 0.1},
+        5e8 * 1.01**0.5,
+    ),
+}
+
+
+@pytest.mark.parametrize(("columns", "modulus"), SPECTRA.values(), ids=SPECTRA)
+def test_spectra_are_turned_into_tan_delta_and_the_absolute_modulus(
+    columns: dict[str, Column], modulus: float | None, table: Table
+) -> None:
+    path = table(**columns)
+    assert main(["new", str(path), *KNOWN, *AXIAL]) == 0
+    test = load_experiment(path.with_suffix(".toml"))
+    assert isinstance(test, AttenuationExperiment)
+    np.testing.assert_allclose(test.conditions.period, 1 / FREQUENCY, rtol=1e-7)
+    np.testing.assert_allclose(test.readings.tan_delta, 0.1, rtol=1e-7)
+    np.testing.assert_allclose(test.readings.modulus, [] if modulus is None else modulus)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "Attenuation (dB/m)",
+        "Loss angle",
+        "Phase angle",
+        "Q",
+        "Quality factor",
+        "phase (µrad)",
+        "1/Q x 1000",
+    ],
+)
+def test_other_forms_of_attenuation_are_refused(
+    name: str, table: Table, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = table(**{"period (s)": FREQUENCY, name: 0.5})
+    assert_refused(["new", str(path), *KNOWN, *AXIAL], capsys, "expected tan(delta), 1/Q")
+
+
+def test_a_spectrum_without_periods_asks_for_them(
+    table: Table, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = table(**{"X (s)": FREQUENCY, "1/Q": 0.02})
+    assert_refused(["new", str(path), *KNOWN, *AXIAL], capsys, "give --period-column")
+    assert main(["new", str(path), *KNOWN, *AXIAL, "--period-column", "X (s)"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("stress", "unit", "words"),
+    [
+        ("Stress (MPa)", "MPa", None),
+        ("sigma", "MPa", None),
+        ("Load (MPa)", "GPa", "whose name says the unit 'MPa'"),
+        ("Load (lbs)", "MPa", "whose name says another unit"),
+    ],
+)
+def test_a_stated_unit_that_contradicts_the_name_of_its_column_is_told(
+    stress: str,
+    unit: str,
+    words: str | None,
+    table: Table,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = table(strain=PERCENT / 100, sigma=CURVE)
+    assert main(["new", str(path), *KNOWN, *RATE]) == 0
+    file = path.with_suffix(".toml")
+    text = file.read_text("utf-8").replace('"sigma"', f'"{stress}"')
+    file.write_text(text.replace('stress_unit = "MPa"', f'stress_unit = "{unit}"'), "utf-8")
+    path.write_text(path.read_text("utf-8").replace("sigma", stress), "utf-8")
+    capsys.readouterr()
+    main(["check-file", str(file)])
+    told = [line for line in capsys.readouterr().out.splitlines() if "whose name says" in line]
+    assert bool(told) == (words is not None)
+    assert (words or "") in "".join(told)
+
+
+def test_an_answer_that_the_file_cannot_hold_is_asked_for_again_with_the_reason(
+    table: Table, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = table(strain=PERCENT / 100, stress=CURVE)
+    replies = {
+        "name of the test": ["a b", "one"],
+        "material": ["ice"],
+        "temperature": ["-10", "nan", "263"],
+        "mean grain size": ["7", "230e-6"],
+        "imposed strain rate": ["-1e-5", "0", "1e-5"],
+        "kind of data": [""],
+        "source": ["me\x7f", "me"],
+    }
+    asked: list[str] = []
+
+    def answer(prompt: str) -> str:
+        name = next(name for name in replies if prompt.startswith(name))
+        asked.append(name)
+        return replies[name].pop(0)
+
+    terminal = io.StringIO()
+    monkeypatch.setattr(terminal, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stdin", terminal)
+    monkeypatch.setattr("builtins.input", answer)
+    assert main(["new", str(path)]) == 0
+    out = capsys.readouterr().out
+    for words in (
+        "'id': found 'a b'",
+        "'temperature_K': found -10",
+        "'initial_grain_size_m': found 7",
+    ):
+        assert f"key {words}" in out
+    assert out.count("key 'strain_rate_per_s'") == 2
+    assert not any(replies.values())
+    assert load_experiment(path.with_suffix(".toml")).temperature == 263

@@ -299,6 +299,15 @@ def test_the_page_says_what_prior_and_data_decide(
     assert any("stress exponent" in line and 'class="words bad">prior<' in line for line in told)
 
 
+def test_columns_are_explained_where_a_table_has_them(page: Page, passing_page: Page) -> None:
+    for one, has_truth in ((page, True), (passing_page, False)):
+        assert ("off by (sd)" in one.text) is has_truth
+        assert ("“off by” is truth less mean" in one.text) is has_truth
+    # What decides a number is in files alone, and said to be there.
+    before, _, _ = page.text.partition(THRESHOLDS_TEXT)
+    assert before.rstrip().endswith("_influence.csv , which decide it.")
+
+
 def test_the_page_names_the_laws_of_the_model(page: Page, shown: Page) -> None:
     for text in ("Kelvin part linear", "grain size evolving", "residuals independent"):
         assert text.lower() in page.text.lower()

@@ -405,12 +405,12 @@ def _decisions(influences: Mapping[str, Influence]) -> Iterator[str]:
             continue
         if one.bound is not None:
             yield _bound_sentence(name, one.bound)
-        elif one.origin is Origin.PRIOR and one.priors[0] != name:
+        elif one.origin is Origin.PRIOR and one.priors[0] != one.name:
             other = one.priors[0]
             yield (
-                f"{_label(name)} is decided by the prior of {_label(other)}, not by the data: if "
-                f"that prior moved by one of its standard deviations, {symbol_of(name)} would move "
-                f"by {abs(one.moves[other]):.2f} of its own."
+                f"The prior of {_label(other)} decides {_label(name)}, not the data. If that prior "
+                f"moved by one of its standard deviations, {symbol_of(name)} would move by "
+                f"{abs(one.moves[other]):.2f} of its own."
             )
 
 
@@ -426,16 +426,15 @@ def read_off_sentences(names: Collection[str]) -> tuple[str, ...]:
 
 
 def _label(name: str) -> str:
-    return "the flow law, jointly" if name == JOINT_PRIOR else _shown(name)
-
-
-def _shown(name: str) -> str:
+    """Return the label of a quantity, as `symbol_of` does its symbol."""
+    if name == JOINT_PRIOR:
+        return symbol_of(name)
     base, bracket, owner = name.partition("[")
     return shown_quantity(base).label + bracket + owner
 
 
 def _bound_sentence(name: str, bound: Bound) -> str:
-    quantity = shown_quantity(name)
+    quantity = shown_quantity(name.split("[")[0])
     value = f"{number(bound.value * quantity.display_factor)}{unit_after_number(quantity)}"
     meaning = (
         "The quantity ends there: quote the other end of the interval as a limit, no mean and sd."
@@ -443,6 +442,6 @@ def _bound_sentence(name: str, bound: Bound) -> str:
         else "Widen the prior, or say in its 'source' why it ends there."
     )
     return (
-        f"The {bound.side} bound of the prior, {value}, decides {quantity.label}: "
+        f"The {bound.side} bound of the prior, {value}, decides {_label(name)}: "
         f"{100 * bound.share:.0f} % of the draws lie within {NEAR_BOUND:g} sd of it. {meaning}"
     )

@@ -168,15 +168,20 @@ class Influence:
 
     @property
     def priors(self) -> tuple[str, ...]:
-        """Strongest priors in the decision, which have `PRIOR_SHARE` of what all have in it."""
-        if self.origin in (Origin.CONFLICT, Origin.BOUND):
-            return (self.name,)
-        if self.origin not in (Origin.PRIOR, Origin.BOTH):
+        """Strongest priors in the decision, which have `PRIOR_SHARE` of what all have in it.
+
+        At a bound or in a conflict it is the quantity's own, then those that would decide without.
+        """
+        if self.origin in (Origin.DATA, Origin.CANNOT_TELL):
             return ()
+        own = (self.name,) if self.origin in (Origin.CONFLICT, Origin.BOUND) else ()
+        if own and self.prior_share < PRIOR_SHARE:
+            return own
         shares = {name: move**2 for name, move in self.moves.items()}
         ordered = sorted(shares, key=lambda name: -shares[name])
         reached = np.cumsum([shares[name] for name in ordered])
-        return tuple(ordered[: 1 + int(np.searchsorted(reached, PRIOR_SHARE * reached[-1]))])
+        strongest = ordered[: 1 + int(np.searchsorted(reached, PRIOR_SHARE * reached[-1]))]
+        return (*own, *(name for name in strongest if name not in own))
 
 
 def prior_influence(
@@ -257,9 +262,8 @@ def _moves(
     by_shift = [
         sum(_move(np.roll(standard, shift), score) ** 2 for score in others) for shift in shifts
     ]
-    return {prior: _move(standard, score) for prior, score in columns.items()}, float(
-        np.mean(by_shift)
-    )
+    moves = {prior: _move(standard, score) for prior, score in columns.items()}
+    return moves, float(np.mean(by_shift))
 
 
 def _move(standard: FloatArray, scores: FloatArray) -> float:
@@ -366,8 +370,9 @@ def conflicts(influences: Mapping[str, Influence]) -> list[str]:
 
 
 def conflict_text(label: str, influence: Influence) -> str:
-    """Say how far what a label names is from its prior's median."""
-    return f"{label} ({influence.distance:+.1f} prior sd)"
+    """Say how far what a label names is from its prior's median, and what that was read off."""
+    mark = READ_OFF * influence.was_read_off(influence.name)
+    return f"{label} ({influence.distance:+.1f} prior sd){mark}"
 
 
 CONFLICT_MEANING = (
@@ -379,11 +384,7 @@ CONFLICT_MEANING = (
 def disagreement(influences: Mapping[str, Influence]) -> str | None:
     """Name what prior and data disagree about; None where they do not."""
     names = conflicts(influences)
-    listed = ", ".join(
-        conflict_text(_label(name), influences[name])
-        + READ_OFF * influences[name].was_read_off(name)
-        for name in names
-    )
+    listed = ", ".join(conflict_text(_label(name), influences[name]) for name in names)
     return f"Prior and data disagree about {listed}" if names else None
 
 

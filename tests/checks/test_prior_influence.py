@@ -21,6 +21,7 @@ from linear_priors import (
 from scipy import stats
 
 from pyburgers.checks.prior_influence import (
+    Bound,
     Influence,
     Origin,
     conflict_sentence,
@@ -156,6 +157,13 @@ def test_a_posterior_piled_against_a_bound_is_no_measurement() -> None:
     (sentence,) = decision_sentences({"kelvin_modulus": found})
     assert sentence.endswith("Widen the prior, or say in its 'source' why it ends there.")
     assert influence_numbers({"kelvin_modulus": found})["decided_by"].tolist() == ["bound"]
+
+
+def test_a_bound_does_not_hide_the_prior_that_would_decide_without_it() -> None:
+    exponent = prior_influence(*trade_off())["stress_exponent"]
+    at_bound = replace(exponent, bound=Bound("upper", 4.5, 0.2, is_physical=False))
+    assert at_bound.origin is Origin.BOUND
+    assert at_bound.priors == ("stress_exponent", "activation_enthalpy")
 
 
 def test_sentences_about_a_test_of_a_joint_fit_name_the_test() -> None:

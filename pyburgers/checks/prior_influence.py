@@ -315,7 +315,7 @@ def decision_columns(influence: Influence | None) -> dict[str, object]:
     marked = (f"{name}{READ_OFF * influence.was_read_off(name)}" for name in influence.priors)
     return {
         "decided_by": influence.origin.value,
-        "by_prior_of": ", ".join(marked),
+        "by_prior_of": "; ".join(marked),
         "prior_share": influence.prior_share,
     }
 
@@ -342,7 +342,7 @@ def decision_text(
         return decided_by
     shown = [
         symbol(one.removesuffix(READ_OFF)) + READ_OFF * one.endswith(READ_OFF)
-        for one in by_prior_of.split(", ")
+        for one in by_prior_of.split("; ")
     ]
     return f"{decided_by} (of {', '.join(shown)})"
 

@@ -164,6 +164,9 @@ def test_a_bound_does_not_hide_the_prior_that_would_decide_without_it() -> None:
     at_bound = replace(exponent, bound=Bound("upper", 4.5, 0.2, is_physical=False))
     assert at_bound.origin is Origin.BOUND
     assert at_bound.priors == ("stress_exponent", "activation_enthalpy")
+    by = str(decision_columns(at_bound)["by_prior_of"])
+    assert "," not in by  # it stands in CSV files
+    assert decision_text("stress_exponent", "bound", by) == "bound (of n, Q_M)"
 
 
 def test_sentences_about_a_test_of_a_joint_fit_name_the_test() -> None:

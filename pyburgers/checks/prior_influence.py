@@ -168,15 +168,20 @@ class Influence:
 
     @property
     def priors(self) -> tuple[str, ...]:
-        """Strongest priors in the decision, which have `PRIOR_SHARE` of what all have in it."""
-        if self.origin in (Origin.CONFLICT, Origin.BOUND):
-            return (self.name,)
-        if self.origin not in (Origin.PRIOR, Origin.BOTH):
+        """Strongest priors in the decision, which have `PRIOR_SHARE` of what all have in it.
+
+        At a bound or in a conflict it is the quantity's own, then those that would decide without.
+        """
+        if self.origin in (Origin.DATA, Origin.CANNOT_TELL):
             return ()
+        own = (self.name,) if self.origin in (Origin.CONFLICT, Origin.BOUND) else ()
+        if own and self.prior_share < PRIOR_SHARE:
+            return own
         shares = {name: move**2 for name, move in self.moves.items()}
         ordered = sorted(shares, key=lambda name: -shares[name])
         reached = np.cumsum([shares[name] for name in ordered])
-        return tuple(ordered[: 1 + int(np.searchsorted(reached, PRIOR_SHARE * reached[-1]))])
+        strongest = ordered[: 1 + int(np.searchsorted(reached, PRIOR_SHARE * reached[-1]))]
+        return (*own, *(name for name in strongest if name not in own))
 
 
 def prior_influence(
@@ -257,9 +262,8 @@ def _moves(
     by_shift = [
         sum(_move(np.roll(standard, shift), score) ** 2 for score in others) for shift in shifts
     ]
-    return {prior: _move(standard, score) for prior, score in columns.items()}, float(
-        np.mean(by_shift)
-    )
+    moves = {prior: _move(standard, score) for prior, score in columns.items()}
+    return moves, float(np.mean(by_shift))
 
 
 def _move(standard: FloatArray, scores: FloatArray) -> float:
@@ -311,7 +315,7 @@ def decision_columns(influence: Influence | None) -> dict[str, object]:
     marked = (f"{name}{READ_OFF * influence.was_read_off(name)}" for name in influence.priors)
     return {
         "decided_by": influence.origin.value,
-        "by_prior_of": ", ".join(marked),
+        "by_prior_of": "; ".join(marked),
         "prior_share": influence.prior_share,
     }
 
@@ -338,7 +342,7 @@ def decision_text(
         return decided_by
     shown = [
         symbol(one.removesuffix(READ_OFF)) + READ_OFF * one.endswith(READ_OFF)
-        for one in by_prior_of.split(", ")
+        for one in by_prior_of.split("; ")
     ]
     return f"{decided_by} (of {', '.join(shown)})"
 
@@ -366,8 +370,9 @@ def conflicts(influences: Mapping[str, Influence]) -> list[str]:
 
 
 def conflict_text(label: str, influence: Influence) -> str:
-    """Say how far what a label names is from its prior's median."""
-    return f"{label} ({influence.distance:+.1f} prior sd)"
+    """Say how far what a label names is from its prior's median, and what that was read off."""
+    mark = READ_OFF * influence.was_read_off(influence.name)
+    return f"{label} ({influence.distance:+.1f} prior sd){mark}"
 
 
 CONFLICT_MEANING = (
@@ -379,11 +384,7 @@ CONFLICT_MEANING = (
 def disagreement(influences: Mapping[str, Influence]) -> str | None:
     """Name what prior and data disagree about; None where they do not."""
     names = conflicts(influences)
-    listed = ", ".join(
-        conflict_text(_label(name), influences[name])
-        + READ_OFF * influences[name].was_read_off(name)
-        for name in names
-    )
+    listed = ", ".join(conflict_text(_label(name), influences[name]) for name in names)
     return f"Prior and data disagree about {listed}" if names else None
 
 
@@ -405,12 +406,12 @@ def _decisions(influences: Mapping[str, Influence]) -> Iterator[str]:
             continue
         if one.bound is not None:
             yield _bound_sentence(name, one.bound)
-        elif one.origin is Origin.PRIOR and one.priors[0] != name:
+        elif one.origin is Origin.PRIOR and one.priors[0] != one.name:
             other = one.priors[0]
             yield (
-                f"{_label(name)} is decided by the prior of {_label(other)}, not by the data: if "
-                f"that prior moved by one of its standard deviations, {symbol_of(name)} would move "
-                f"by {abs(one.moves[other]):.2f} of its own."
+                f"The prior of {_label(other)} decides {_label(name)}, not the data. If that prior "
+                f"moved by one of its standard deviations, {symbol_of(name)} would move by "
+                f"{abs(one.moves[other]):.2f} of its own."
             )
 
 
@@ -426,16 +427,15 @@ def read_off_sentences(names: Collection[str]) -> tuple[str, ...]:
 
 
 def _label(name: str) -> str:
-    return "the flow law, jointly" if name == JOINT_PRIOR else _shown(name)
-
-
-def _shown(name: str) -> str:
+    """Return the label of a quantity, as `symbol_of` does its symbol."""
+    if name == JOINT_PRIOR:
+        return symbol_of(name)
     base, bracket, owner = name.partition("[")
     return shown_quantity(base).label + bracket + owner
 
 
 def _bound_sentence(name: str, bound: Bound) -> str:
-    quantity = shown_quantity(name)
+    quantity = shown_quantity(name.split("[")[0])
     value = f"{number(bound.value * quantity.display_factor)}{unit_after_number(quantity)}"
     meaning = (
         "The quantity ends there: quote the other end of the interval as a limit, no mean and sd."
@@ -443,6 +443,6 @@ def _bound_sentence(name: str, bound: Bound) -> str:
         else "Widen the prior, or say in its 'source' why it ends there."
     )
     return (
-        f"The {bound.side} bound of the prior, {value}, decides {quantity.label}: "
+        f"The {bound.side} bound of the prior, {value}, decides {_label(name)}: "
         f"{100 * bound.share:.0f} % of the draws lie within {NEAR_BOUND:g} sd of it. {meaning}"
     )

@@ -171,14 +171,14 @@ def shown_pooled_table(joint: Fit) -> pd.DataFrame:
 
     rows = []
     for name in joint.problem.partial:
-        quantity = shown_quantity(name)
+        quantity, centre = shown_quantity(name), own_name(name, CENTRE)
         rows.append(
             {
                 "symbol": symbol_text(quantity),
                 "quantity": quantity.label,
                 "unit": unit_text(quantity),
                 CENTRE: shown(name, CENTRE, quantity.display_factor),
-                DECISION: decided_cell(name, summary.loc[own_name(name, CENTRE)].to_dict()) or "",
+                DECISION: decided_cell(centre, summary.loc[centre].to_dict()) or "",
                 "spread on the real line": shown(name, SPREAD, 1.0),
                 "scale of its prior": number(joint.problem.pooling.spread_scales[name]),
             }

@@ -88,7 +88,7 @@ PRIOR_POSTERIOR_CAPTION = (
     "Prior density (grey area) and the posterior density of every chain (coloured lines, which "
     "should lie on top of each other). The percentage is the posterior standard deviation as a "
     "share of the prior's: near 100 % the data say nothing; a small one may come from the prior "
-    "of another quantity, see decided by. Where the posterior is much "
+    "of another quantity. Where the posterior is much "
     "narrower, a panel shows only the part around it and states the range of the prior. A "
     "reference stress or flow rate has no prior of its own: the others imply it. What spans "
     "decades is shown by its logarithm. Dashed: true values, of synthetic data."

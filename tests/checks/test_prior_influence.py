@@ -21,6 +21,7 @@ from linear_priors import (
 from scipy import stats
 
 from pyburgers.checks.prior_influence import (
+    Bound,
     Influence,
     Origin,
     conflict_sentence,
@@ -99,7 +100,7 @@ def test_n_on_a_trade_off_is_decided_by_the_prior_of_the_enthalpy() -> None:
     assert decision_text("beta", "data", "") == "data"
     (sentence,) = decision_sentences(found)
     assert sentence.startswith(
-        "stress exponent is decided by the prior of activation enthalpy, not by the data"
+        "The prior of activation enthalpy decides stress exponent, not the data. If that prior"
     )
     assert "n would move by 0.95 of its own" in sentence
 
@@ -156,6 +157,24 @@ def test_a_posterior_piled_against_a_bound_is_no_measurement() -> None:
     (sentence,) = decision_sentences({"kelvin_modulus": found})
     assert sentence.endswith("Widen the prior, or say in its 'source' why it ends there.")
     assert influence_numbers({"kelvin_modulus": found})["decided_by"].tolist() == ["bound"]
+
+
+def test_a_bound_does_not_hide_the_prior_that_would_decide_without_it() -> None:
+    exponent = prior_influence(*trade_off())["stress_exponent"]
+    at_bound = replace(exponent, bound=Bound("upper", 4.5, 0.2, is_physical=False))
+    assert at_bound.origin is Origin.BOUND
+    assert at_bound.priors == ("stress_exponent", "activation_enthalpy")
+    by = str(decision_columns(at_bound)["by_prior_of"])
+    assert "," not in by  # it stands in CSV files
+    assert decision_text("stress_exponent", "bound", by) == "bound (of n, Q_M)"
+
+
+def test_sentences_about_a_test_of_a_joint_fit_name_the_test() -> None:
+    own = prior_influence(*trade_off())["activation_enthalpy"]
+    assert decision_sentences({"activation_enthalpy[A]": own}) == ()
+    draws = 0.5 + 0.016 * np.random.default_rng(1).exponential(size=N_DRAWS)
+    (sentence,) = decision_sentences({"kelvin_modulus[A]": piled(0.5, draws)})
+    assert "decides Kelvin modulus[A]: " in sentence
 
 
 def test_a_bound_of_the_model_is_a_limit() -> None:

@@ -79,7 +79,7 @@ def test_the_exponent_of_a_row_says_who_decides_it(tmp_path: Path) -> None:
     by_enthalpy = Influence("stress_exponent", {"activation_enthalpy": -0.94})
     entry = entry_of("A", "A", good, good.checks(), {"stress_exponent": by_enthalpy})
     assert entry.row["stress exponent n"].endswith(", prior (of Q_M)")
-    assert "is decided by the prior of activation enthalpy" in entry.decisions[0]
+    assert "The prior of activation enthalpy decides stress exponent" in entry.decisions[0]
 
 
 def test_draws_of_no_use_say_nothing_of_prior_and_data(tmp_path: Path) -> None:

@@ -110,6 +110,7 @@ def read_columns(
     where: Path,
     file_key: str,
     may_be_empty: Container[str] = (),
+    has_own_clock: bool = True,
 ) -> tuple[list[FloatArray], tuple[str, ...]]:
     """Read columns of a text file, or of a workbook.
 
@@ -131,6 +132,9 @@ def read_columns(
         The key in it that names `source`, for messages.
     may_be_empty : container of str
         Those of `columns` whose cells may be empty.
+    has_own_clock : bool
+        Whether no other file counts time from the same moment. Time stamps, which count from the
+        first row, are refused else.
 
     Returns
     -------
@@ -149,7 +153,7 @@ def read_columns(
     """
     factors, (found, notes) = all_of(
         lambda: all_of(*(partial(_factor, data, unit, where) for unit in columns.values())),
-        lambda: _numbers(source, data, columns, where, file_key, may_be_empty),
+        lambda: _numbers(source, data, columns, where, file_key, may_be_empty, has_own_clock),
     )
     with np.errstate(over="ignore"):
         scaled = [values * factor for values, factor in zip(found, factors, strict=True)]
@@ -169,6 +173,7 @@ def _numbers(
     where: Path,
     file_key: str,
     may_be_empty: Container[str],
+    has_own_clock: bool,
 ) -> tuple[list[FloatArray], tuple[str, ...]]:
     """Read columns of the rows that are wanted, in the units of the file."""
     table = look_at(
@@ -194,6 +199,11 @@ def _numbers(
         unit = columns[key]
         if unit is not None and table.is_time_stamps(table.columns[index]):
             _check_seconds(table, column, unit, getattr(data, unit[0]), where)
+            if not has_own_clock:
+                raise InputError(
+                    f"{source}: column {column!r} holds time stamps, expected times in seconds, "
+                    "because another file counts from the same moment."
+                )
         return _column(table, index, chosen, column, key in may_be_empty)
 
     found = all_of(*(partial(numbers, key) for key in columns))
@@ -210,8 +220,8 @@ def _numbers(
         more = f" and {len(lines) - NAMED_CELLS} more" if len(lines) > NAMED_CELLS else ""
         notes = (
             *notes,
-            f"{source.name}: {counted(len(lines), 'row')} without a number in a column that is "
-            f"read left out (line {', '.join(lines[:NAMED_CELLS])}{more}).",
+            f"{source.name}: {counted(len(lines), 'row')} left out, where a column that is read "
+            f"holds no reading (line {', '.join(lines[:NAMED_CELLS])}{more}).",
         )
     return [values[~without] for values in found], notes
 

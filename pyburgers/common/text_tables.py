@@ -170,7 +170,7 @@ class TextTable:
                 dated, timed = has_date(cells[0]), has_clock(cells[0])
                 kinds[index] = "both" if dated and timed else "date" if dated else "clock"
         dates = [index for index, kind in kinds.items() if kind == "date"]
-        clocks = [index for index, kind in kinds.items() if kind == "clock"]
+        clocks = [k for k, kind in kinds.items() if kind == "clock" and not self._is_from_zero(k)]
         return kinds, dates[0] if len(dates) == 1 and len(clocks) == 1 else None
 
     @cached_property
@@ -185,15 +185,15 @@ class TextTable:
             if index == date:
                 continue
             cells = self._column(index)
-            if date is not None and kinds[index] == "clock":
+            from_zero = kinds[index] == "clock" and self._is_from_zero(index)
+            if date is not None and kinds[index] == "clock" and not from_zero:
                 cells = [
                     f"{day} {clock}" for day, clock in zip(self._column(date), cells, strict=True)
                 ]
             read = seconds_of(cells)
             if read is not None:
                 times, is_noon_am = read
-                counts_from_zero = kinds[index] == "clock" and self._is_from_zero(index)
-                start = 0.0 if counts_from_zero else next(t for t in times if t == t)
+                start = 0.0 if from_zero else next(t for t in times if t == t)
                 text = [repr(round(t - start, 9)) if t == t else "" for t in times]
                 found[index] = (text, is_noon_am)
         return found
@@ -207,8 +207,9 @@ class TextTable:
         (kinds, date), name = self._clocks, self.columns[index]
         kind, missing, notes = kinds.get(index), self._missing[index], []
         if index in self._stamps:
-            dates = "" if date is None or kind != "clock" else f" with {self.columns[date]!r}"
-            from_zero = kind == "clock" and not dates and self._is_from_zero(index)
+            from_zero = kind == "clock" and self._is_from_zero(index)
+            with_date = date is not None and kind == "clock" and not from_zero
+            dates = f" with {self.columns[date]!r}" if date is not None and with_date else ""
             start = "0:00" if from_zero else "the first row"
             notes.append(f"column {name!r}{dates} holds time stamps, read as seconds since {start}")
             if self._stamps[index][1]:

@@ -150,8 +150,11 @@ def test_time_stamps_are_seconds_since_the_first_row(
 
 
 def test_a_clock_of_the_test_keeps_its_zero(tmp_path: Path) -> None:
-    table = looked_at(tmp_path, "Elapsed time,e\n0:00:30,1\n30:00:30,2\n")
-    assert table.numbers("Elapsed time") == [30, 108030]
+    for dates in (("", "", ""), ("Date,", "3/1/2024,", "3/2/2024,")):
+        rows = "{}Elapsed time,e\n{}0:00:30,1\n{}30:00:30,2\n".format(*dates)
+        table = looked_at(tmp_path, rows)
+        assert table.numbers("Elapsed time") == [30, 108030]
+        assert any("as seconds since 0:00" in note for note in table.notes)
 
 
 def test_a_date_and_a_time_of_day_are_one_time(tmp_path: Path) -> None:

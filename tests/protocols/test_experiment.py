@@ -245,7 +245,10 @@ class TestTablesOfStrangers:
         experiment = load_constant_rate(path)
         np.testing.assert_allclose(experiment.strain, [0.01, 0.06])
         assert "-9999, NaN (in 2 of 4 rows) stands for no reading" in experiment.notices[0]
-        assert "2 rows without a number in a column that is read left out" in experiment.notices[1]
+        assert (
+            "2 rows left out, where a column that is read holds no reading (line 3, 4)"
+            in experiment.notices[1]
+        )
 
     def test_which_cells_stand_for_no_reading_may_be_said(self, write: Write) -> None:
         path = write(("[data]", "[data]\nmissing = [-7]"), curve="strain,stress\n1,2\n2,-7\n6,4\n")

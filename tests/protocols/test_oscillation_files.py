@@ -100,6 +100,20 @@ class TestReading:
         assert experiment.metadata == {"operator": "somebody"}
         assert experiment.notices == ()
 
+    def test_time_stamps_of_two_files_have_no_common_zero(self, write: Write) -> None:
+        def stamped(text: str, minutes: float) -> str:
+            head, *lines = text.splitlines()
+            cells = [line.split(",", 1) for line in lines]
+            seconds = [round(60 * minutes * float(time), 3) for time, _ in cells]
+            clocks = [f"9:{int(t // 60):02}:{t % 60:06.3f}" for t in seconds]
+            rows = [",".join([clock, rest]) for clock, (_, rest) in zip(clocks, cells, strict=True)]
+            return "\n".join([head, *rows]) + "\n"
+
+        strain, stress = stamped(strain_csv(), 1 / 60), stamped(stress_csv(), 1)
+        seconds = ('stress_time_unit = "min"', 'stress_time_unit = "s"')
+        text = refusal(write(seconds, strain=strain, stress=stress))
+        assert "holds time stamps, expected times in seconds, because another file counts" in text
+
     def test_the_stress_is_the_prepared_one(self, write: Write) -> None:
         experiment = load_forced_oscillation(write(REMOVED))
         assert experiment.stress is experiment.prepared.stress

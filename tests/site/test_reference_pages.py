@@ -79,7 +79,7 @@ def test_units_defaults_and_choices_are_told() -> None:
     assert key("constant_rate", "", "temperature_K").unit == "K"
     assert key("constant_rate", "", "temperature_K").default == "needed"
     assert key("constant_rate", "[data]", "stress_uncertainty").unit == "`stress_unit`"
-    assert key("constant_rate", "[data]", "separator").default == '`","`'
+    assert key("constant_rate", "[data]", "separator").default == "none"
     assert key("constant_rate", "[[segments]]", "start_strain").unit == "fraction"
     assert key("loading_history", "[[stages]]", "control").holds.count(" or ") == 5
     assert key("loading_history", "[data]", "max_readings").default == "`400`"

@@ -305,7 +305,14 @@ def _read_points(
     read = [name for name in ("strain", "time") if getattr(data, f"{name}_column") is not None]
     names = (*read, "stress")
     columns = {f"{name}_column": (f"{name}_unit", name) for name in names}
-    values, notes = read_columns(source, data, columns, where=path, file_key=file_key)
+    values, notes = read_columns(
+        source,
+        data,
+        columns,
+        where=path,
+        file_key=file_key,
+        has_own_clock="strain" in read or data.file is not None or len(segments) == 1,
+    )
     found = dict(zip(names, values, strict=True))
     stress, time = sign * found["stress"], found.get("time")
     if "strain" not in found:

@@ -404,7 +404,13 @@ def _read_series(
     if uncertainty is None:
         columns[column] = unit
     (time, value, *spread), notes = read_columns(
-        source, data, columns, where=path, file_key=f"{file_key!r} in [data]"
+        source,
+        data,
+        columns,
+        where=path,
+        file_key=f"{file_key!r} in [data]",
+        has_own_clock=(data.strain_file, data.strain_time_column)
+        == (data.stress_file, data.stress_time_column),
     )
     if not spread:
         spread = [np.full_like(value, uncertainty * UNITS[name][getattr(data, f"{name}_unit")])]

@@ -25,6 +25,9 @@ GAP, APART, LEAST_READINGS, MOST = 0.1, 2.0, 3, 0.8
 """Of levels: the least distance to the next in shares of the range, and in widths of the widest;
 readings of each, and the share of all readings that they are together."""
 
+LEAST_RUN, FLAT = 10, 0.2
+"""Readings of a run that stays, and how little it may rise or fall, in shares of its band."""
+
 
 @dataclass(frozen=True, eq=False)
 class Facts:
@@ -74,7 +77,9 @@ class Facts:
 
     @property
     def is_in_levels(self) -> bool:
-        """Whether most readings lie at two or more levels with few between."""
+        """Whether most readings lie at two or more levels, few between or in flat runs."""
+        if self._is_in_flat_runs:
+            return True
         ordered = np.sort(self.values)
         gaps = np.flatnonzero(np.diff(ordered) > GAP * self._range())
         levels = [one for one in np.split(ordered, gaps + 1) if one.size >= LEAST_READINGS]
@@ -83,6 +88,21 @@ class Facts:
             len(levels) > 1
             and all(low[-1] + APART * widest < high[0] for low, high in itertools.pairwise(levels))
             and sum(one.size for one in levels) >= MOST * ordered.size
+        )
+
+    @property
+    def _is_in_flat_runs(self) -> bool:
+        """Whether most readings are in runs that stay, of several values, with ramps between."""
+        band = STEADY * float(np.abs(self.values).max())
+        starts = [0]
+        for k, value in enumerate(self.values):
+            if abs(value - self.values[starts[-1]]) > band:
+                starts.append(k)
+        runs = [one for one in np.split(self.values, starts[1:]) if one.size >= LEAST_RUN]
+        flat = [one for one in runs if abs(_second_half_over_first(one)) < FLAT * band]
+        return (
+            any(abs(one.mean() - flat[0].mean()) > band for one in flat)
+            and sum(one.size for one in flat) >= MOST * self.values.size
         )
 
     @cached_property
@@ -95,6 +115,12 @@ class Facts:
 
     def _range(self, start: int = 0) -> float:
         return float(np.ptp(self.values[start:]))
+
+
+def _second_half_over_first(values: FloatArray) -> float:
+    """Return by how much the later half of readings is larger than the earlier one."""
+    half = values.size // 2
+    return float(values[half:].mean() - values[:half].mean())
 
 
 def _turning_points(values: FloatArray, way_back: float) -> tuple[int, ...]:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from pyburgers.common.cells import as_number
 from pyburgers.common.text_tables import TextTable
+from pyburgers.common.time_stamps import has_date
 from pyburgers.common.units import FOREIGN_UNIT_NAMES, UNIT_NAMES, UNITS
 from pyburgers.protocols.quantities import (
     ALONG_AXIS,
@@ -183,6 +184,8 @@ def left_out(
                 by_itself = "its name is that of a rate, or of what acts beside the axis"
             if not table.numbers(column):
                 by_itself = "it holds no numbers"
+                if has_date(next(iter(table.cleaned(table.columns.index(column))), "")):
+                    by_itself = "dates are read with the times of day beside them alone"
             yield f"column {column!r}, because {reasons.get(column, by_itself)}"
 
 

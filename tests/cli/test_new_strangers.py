@@ -189,6 +189,7 @@ TRANSIENT = 0.01 + 0.02 * (1 - np.exp(-LONG / 600)) + 2e-6 * LONG
 LATE = np.logspace(-2, 4, 24)
 RAMP = np.concatenate([np.arange(1.0, 10), 10 + LATE[LATE > 1]])
 LOADS = np.repeat([2.0, 4.0, 1.0], 10)
+RAMPED = np.concatenate([np.linspace(0, 3, 20), 3 + 0.01 * np.sin(np.arange(140))])
 KINDS = {
     "creep read at growing intervals": (LONG, TRANSIENT, 1.0, "stays the same while strain grows"),
     "few readings, the first before the load": (
@@ -204,6 +205,18 @@ KINDS = {
         0.1,
         np.array([37.3, 37.3, 37.2, 29.4, 29.3, 29.2, 15, 14.9, 14.8]),
         "falls while the strain is held",
+    ),
+    "several loads with ramps between": (
+        np.arange(1.0, 321),
+        np.cumsum(np.concatenate([RAMPED, RAMPED + 3]) ** 3) / 1e5,
+        np.concatenate([RAMPED, RAMPED + 3]),
+        "goes in steps and stays the same",
+    ),
+    "one rate, read densely": (
+        np.arange(1.0, 1001),
+        np.arange(1.0, 1001) / 100,
+        50 * (1 - np.exp(-np.arange(1000) / 100)) - np.arange(1000) / 100,
+        "there are strain and stress",
     ),
     "strain held": (LATE, 0.1, 0.4 * LATE**-0.05, "falls while the strain is held"),
     "strain held, not read": (LATE, None, 0.4 * LATE**-0.05, "falls while the strain is held"),

@@ -312,7 +312,7 @@ def _read_points(
         columns,
         where=path,
         file_key=file_key,
-        has_own_clock=data.file is not None or len(segments) == 1,
+        has_own_clock="strain" in read or data.file is not None or len(segments) == 1,
     )
     found = dict(zip(names, values, strict=True))
     stress, time = sign * found["stress"], found.get("time")

@@ -7,16 +7,12 @@ from pathlib import Path
 import pandas as pd
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
-from pyburgers.drawing.page_parts import PageTable
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import shown_quantity
 from pyburgers.model.neighbouring_laws import neighbouring_laws
 
 MOVED = " moved"
 """What names of columns with differences end with."""
-
-FAR = 1.645
-"""Standard deviations to either side that hold 90 % of a normal posterior."""
 
 
 def what_a_yes_leaves_open(fit: Fit) -> tuple[str, ...]:
@@ -89,23 +85,21 @@ def parameter_shifts(fits: Mapping[str, Fit]) -> pd.DataFrame:
     return table.rename_axis("parameter")
 
 
-def shifts_table(fits: Mapping[str, Fit]) -> PageTable:
-    """Return how far each parameter moves between fits of the same data, for a page.
+def shift_sentences(fits: Mapping[str, Fit]) -> tuple[str, ...]:
+    """Say how far each parameter moves from the first fit to each other one, the farthest first.
 
     Parameters
     ----------
     fits : mapping of str to Fit
         As for `parameter_shifts`.
     """
-    table = parameter_shifts(fits)
-    moved = table.filter(like=MOVED)
-    shown = pd.DataFrame({name: [f"{by:+.1f}" for by in moved[name]] for name in moved})
-    labels = [shown_quantity(str(name)).label for name in table.index]
-    return PageTable(
-        "shifts",
-        f"How far each parameter moves from {next(iter(fits))}, in its sd there",
-        pd.concat([pd.Series(labels, name="quantity"), shown], axis=1),
-        table.reset_index(),
-        words=("quantity",),
-        bad={str(name): (moved[name].abs() > FAR).tolist() for name in moved},
-    )
+    table = parameter_shifts(fits).filter(like=MOVED)
+    sentences = []
+    for name in table:
+        by = table[name].sort_values(key=abs, ascending=False)
+        moves = ", ".join(f"{shown_quantity(str(k)).label} {one:+.1f}" for k, one in by.items())
+        other = str(name).removesuffix(MOVED)
+        sentences.append(
+            f"From {next(iter(fits))} to {other} parameters move by, in their sd: {moves}."
+        )
+    return tuple(sentences)

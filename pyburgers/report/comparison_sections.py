@@ -24,7 +24,6 @@ from pyburgers.comparison.figures import (
     left_out_tests,
     pointwise_differences,
 )
-from pyburgers.comparison.neighbours import shifts_table
 from pyburgers.comparison.results import (
     BY_TEST_TEXT,
     COMPARISON_TEXT,
@@ -130,7 +129,6 @@ def by_points_section(fits: Mapping[str, Fit]) -> tuple[PageSection, ...]:
                 table.reset_index(),
                 words=("fit",),
             ),
-            shifts_table(fits),
         ),
         figures=(
             PageFigure(

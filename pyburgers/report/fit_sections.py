@@ -10,7 +10,7 @@ import pandas as pd
 from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
 from pyburgers.checks.prior_influence import Influence, Origin, influence_numbers
 from pyburgers.common.atomic_files import write_text
-from pyburgers.comparison.neighbours import what_a_yes_leaves_open
+from pyburgers.comparison.neighbours import shift_sentences, what_a_yes_leaves_open
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.fitting.fit import Fit
@@ -285,6 +285,12 @@ class SameData:
             )
             rows[section.name] = [told.get(symbol, "") for symbol in rows["symbol"]]
         return self._rows(rows, left_to_prior=False)
+
+    @property
+    def shifts(self) -> tuple[str, ...]:
+        """How far parameters move between fits with data of the group."""
+        fits = {one.name: one.fit for one in self.sections if one.fit.manifest["use_likelihood"]}
+        return shift_sentences(fits) if len(fits) > 1 else ()
 
     @property
     def left_to_prior(self) -> list[dict[str, str]]:

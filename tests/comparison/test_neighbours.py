@@ -8,7 +8,11 @@ import pytest
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.checks.verdicts import Verdict
 from pyburgers.cli.main import main
-from pyburgers.comparison.neighbours import parameter_shifts, shifts_table, what_a_yes_leaves_open
+from pyburgers.comparison.neighbours import (
+    parameter_shifts,
+    shift_sentences,
+    what_a_yes_leaves_open,
+)
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.neighbouring_laws import neighbouring_laws
 from pyburgers.model.variants import ModelVariant
@@ -55,8 +59,10 @@ def test_parameters_move_by_their_own_sd(small_fit: Fit, long_fit: Fit) -> None:
     one, other = small_fit.summary("SI"), long_fit.summary("SI")
     expected = (other["mean"] - one["mean"]) / one["sd"]
     assert table["other moved"].to_dict() == pytest.approx(expected[table.index].to_dict())
-    shown = shifts_table({"one": small_fit, "other": long_fit})
-    assert shown.shown["other moved"][0] == f"{table['other moved'].iloc[0]:+.1f}"
+    (sentence,) = shift_sentences({"one": small_fit, "other": long_fit})
+    assert sentence.startswith("From one to other parameters move by, in their sd: ")
+    farthest = table["other moved"].abs().max()
+    assert f"{farthest:.1f}" in sentence.split(",")[1]
 
 
 @pytest.mark.usefixtures("in_this_process")

@@ -117,6 +117,8 @@ def _hints_of_units(look: TextTable, data: Mapping[str, Any]) -> Iterator[str]:
         looks_like = QUANTITIES.get(stem.removeprefix("strain_").removeprefix("stress_"))
         if stem == key or looks_like is None or column not in look.columns:
             continue
+        if look.is_time_stamps(column):
+            continue
         default = DEFAULT_UNITS.get(looks_like.kind)
         shared = "modulus_unit" if "modulus" in stem else f"{looks_like.kind}_unit"
         stated = data.get(f"{stem}_unit", data.get(shared, default))

@@ -112,7 +112,7 @@ def run(options: argparse.Namespace) -> int:
     if out.exists():
         raise InputError(f"{out}: exists already, expected a new file; choose another --out.")
     for note in (*table.notes, *table.problems):
-        print(f"note: {note}")
+        print(shown(f"note: {note}"))
     given = {question.name: vars(options)[question.name] for question in _every_question()}
     name, reason, columns = _decided(table, options)
     new_file = new_files()[name]
@@ -256,8 +256,8 @@ def _require_units(path: Path, columns: Mapping[str, GuessedColumn]) -> None:
             along = " along the axis" if guessed.quantity in ALONG_AXIS else ""
             expected = f"{what}{along} in {units}" if units else what
             raise InputError(
-                f"{where}: found a name of other units, of none, of logarithms or of shear, "
-                f"expected {expected}; turn its numbers and name it so."
+                f"{where}: found a name that states another unit, a logarithm or a shear, or "
+                f"leaves the unit open, expected {expected}; convert the numbers and name the unit."
             )
         if guessed.confined_by is not None:
             raise InputError(
@@ -269,7 +269,7 @@ def _require_units(path: Path, columns: Mapping[str, GuessedColumn]) -> None:
         if of is not None and of.unit != guessed.unit:
             raise InputError(
                 f"{where}: found {guessed.unit}, expected {of.unit}, the unit of column "
-                f"{of.column!r}; turn its numbers and name it so."
+                f"{of.column!r}; convert the numbers and name the unit."
             )
 
 

@@ -44,6 +44,8 @@ class Facts:
     @property
     def is_steady(self) -> bool:
         """Whether they stay the same, but for the first tenth and the first reading."""
+        if self.values.size < 2:
+            return False
         level = abs(float(np.median(self.values)))
         return level > 0 and self._range(max(1, self.values.size // 10)) < STEADY * level
 

@@ -452,3 +452,27 @@ def test_an_answer_that_the_file_cannot_hold_is_asked_for_again_with_the_reason(
     assert out.count("key 'strain_rate_per_s'") == 2
     assert not any(replies.values())
     assert load_experiment(path.with_suffix(".toml")).temperature == 263
+
+
+def test_a_table_that_ends_at_an_open_quotation_mark_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    lines = ("Time (s),Strain (%),Stress (MPa)", "0,0.01,1.0", '30,"0.015,1.0', "60,0.02,1.0")
+    Path("quote.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    assert (
+        main(["new", "quote.csv", "--id", "x", *KNOWN, "--kind", "measured", "--source", "s"]) == 2
+    )
+    said = capsys.readouterr()
+    assert "note: quote.csv: line 3: found a quotation mark that is not closed" in said.out
+    assert "--strain-rate-per-s: missing" in said.err
+
+
+def test_time_stamps_have_no_unit_in_their_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    readings = (f"9:{minute:02d}:00,{0.01 * minute:.2f},1.0" for minute in range(1, 9))
+    path = tmp_path / "stamps.csv"
+    path.write_text("\n".join(("Time of day,Strain (%),Stress (MPa)", *readings)), encoding="utf-8")
+    assert main(["new", str(path), "--id", "x", *KNOWN, "--kind", "measured", "--source", "s"]) == 0
+    assert "whose name says" not in capsys.readouterr().out

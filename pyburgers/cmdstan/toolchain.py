@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pyburgers.common.errors import ToolchainError
-from pyburgers.common.paths import given_path
 from pyburgers.common.shipped_files import shipped_folder
 
 COMPILE_FLAGS: tuple[str, ...] = ()
@@ -147,7 +146,7 @@ def chosen_folder(name: str) -> Path:
         If it begins with the home folder of an unknown user, or is relative to none.
     """
     try:
-        return given_path(name)
+        return Path(name).expanduser().absolute()
     except (RuntimeError, OSError) as error:
         raise ToolchainError(f"There is no folder {name!r} ({error}); use a full path.") from error
 

@@ -4,6 +4,7 @@ import io
 import json
 import math
 import sys
+import tomllib
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 from pathlib import Path
@@ -25,6 +26,7 @@ VALUES = {
     "strain_uncertainty": "0.00234",
     "stress_MPa": "4.321",
     "hold_start_time": "111.5",
+    "held_strain": "0.00217",
     "loading_time": "113.25",
     "deformation": "shear",
     "poisson_ratio": "0.3125",
@@ -36,6 +38,7 @@ CYCLES = [(10.0 * k, 1e-4 * math.sin(k / 6), 20 * math.sin(k / 6 + 0.3)) for k i
 TABLES: dict[str, tuple[str, Sequence[tuple[float, ...]]]] = {
     "all": ("time_s,strain,stress_MPa", CYCLES),
     "no strain": ("time_s,stress_MPa", [(10.0 * k, 9.0 - 0.1 * k) for k in range(40)]),
+    "rising stress": ("time_s,stress_MPa", [(10.0 * k, 1.0 + 0.1 * k) for k in range(40)]),
     "no stress": ("time_s,strain", [(10.0 * k, 1e-3 * k) for k in range(40)]),
     "attenuation": ("period_s,temperature_K,tan_delta", [(10.0 * k, 260.0, 0.1) for k in (1, 2)]),
 }
@@ -69,7 +72,13 @@ def test_every_option_is_in_the_file_or_refused(
             for name in names:
                 value = VALUES[name]
                 if name == "loading_time":  # the time at which it began is written
-                    value = str(float(VALUES["hold_start_time"]) - float(value))
+                    start = VALUES["hold_start_time"] if "hold_start_time" in names else 0.0
+                    value = str(float(start) - float(value))
+                if name == "held_strain":
+                    stage = tomllib.loads(text)["stages"][0]
+                    lasted = stage["end_time"] - stage["start_time"]
+                    assert stage["strain_rate_per_s"] * lasted == pytest.approx(float(value))
+                    continue
                 assert value in text, f"{name} of {names}"
             file.unlink()
         capsys.readouterr()
@@ -123,15 +132,19 @@ ASKED = {
     "shear": ("attenuation", "attenuation", {"deformation": "shear", "Poisson": "0.3"}, None),
     "never held": (
         "loading_history",
-        "no strain",
+        "rising stress",
         {"strain rate": "1e-5", "is held": ""},
         "until then",
     ),
     "held": (
         "loading_history",
         "no strain",
-        {"strain rate": "1e-5", "is held": "0", "until then": "100"},
-        None,
+        {
+            "from which the strain is held": "0",
+            "strain that is held, a": "1e-3",
+            "until then": "100",
+        },
+        "strain rate",
     ),
 }
 """Protocol, table, answers by words of their questions, and words of what is not asked."""
@@ -150,6 +163,7 @@ def test_what_is_asked_next_depends_on_the_answers(
 
     def answer(question: str) -> str:
         asked.append(question)
+        assert len(asked) < 50, question
         return next((text for words, text in answers.items() if words in question), "")
 
     terminal = io.StringIO()
@@ -181,6 +195,14 @@ def test_what_is_typed_has_to_be_text(
     assert load_experiment(path.with_suffix(".toml")).id == "mine"
 
 
+def test_a_loading_without_a_hold_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(tmp_path / "test.csv", "rising stress")
+    assert main(["new", str(path), *KNOWN, *LOADING, "--loading-time", "5"]) == 2
+    assert "takes none beside --strain-rate-per-s" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -188,7 +210,6 @@ def test_what_is_typed_has_to_be_text(
         (("--hold-start-time", "nan", "--loading-time", "5"), "not written"),
         (("--hold-start-time", "20", "--loading-time", "25"), "not written"),
         (("--hold-start-time", "0", "--loading-time", "-5"), "not written"),
-        (("--loading-time", "5"), "takes none beside --strain-rate-per-s"),
     ],
 )
 def test_a_loading_that_cannot_be_is_not_written(

@@ -91,7 +91,12 @@ BAD_TABLES: Mapping[str, Callable[[list[str]], list[str]]] = {
 }
 
 
-@cases("twins", of=lambda protocol: tuple(BAD_TABLES))
+def bad_tables(protocol: str) -> tuple[str, ...]:
+    """Kinds of bad tables of a protocol: rows of tables of attenuation may be in any order."""
+    return tuple(what for what in BAD_TABLES if (protocol, what) != ("attenuation", "backwards"))
+
+
+@cases("twins", of=bad_tables)
 def test_a_bad_table_is_refused_by_name_in_one_sentence(
     protocol: str, name: str, what: str, tmp_path: Path
 ) -> None:

@@ -303,9 +303,9 @@ def test_columns_are_explained_where_a_table_has_them(page: Page, passing_page: 
     for one, has_truth in ((page, True), (passing_page, False)):
         assert ("off by (sd)" in one.text) is has_truth
         assert ("“off by” is truth less mean" in one.text) is has_truth
-    # What decides a number is in files alone, and said to be there.
-    before, _, _ = page.text.partition(THRESHOLDS_TEXT)
-    assert before.rstrip().endswith("_influence.csv , which decide it.")
+    before, found, _ = page.text.partition(THRESHOLDS_TEXT)
+    assert found
+    assert before.rstrip().endswith("Decided by: who decides the number.")
 
 
 def test_the_page_names_the_laws_of_the_model(page: Page, shown: Page) -> None:

@@ -187,6 +187,13 @@ def _state_errors(leftover: Leftover) -> str:
     return "state the errors of its readings and fit again"
 
 
+def expected_text(row: Row, *, digits: int = 1, largest: float = np.inf) -> str:
+    """Return the limit of a number in brackets; `largest` is the largest that it can be at all."""
+    if row["at_most"] >= largest:
+        return "(a correct model may leave any, so that this number tells nothing here)"
+    return f"(at most {row['at_most']:.{digits}f} expected of a correct model)"
+
+
 def _tell_coverage(leftover: Leftover, family: Family, row: Row) -> Told:
     share = inside_text(row, "data")
     return Told(
@@ -201,7 +208,7 @@ def _tell_trend(leftover: Leftover, family: Family, row: Row) -> Told:
     run, where = _run(leftover)
     found = (
         f"signed ranks of neighbouring residuals of {leftover.name} correlate with "
-        f"{row['found']:.2f} (at most {row['at_most']:.2f} expected of a correct model)"
+        f"{row['found']:.2f} {expected_text(row, digits=2, largest=1.0)}"
     )
     return Told(
         f"No more of a trend than a correct model leaves: {found}.",
@@ -216,7 +223,7 @@ def _tell_run(leftover: Leftover, family: Family, row: Row) -> Told:
     run, where = _run(leftover)
     expected = (
         f"longest runs of {leftover.name} have {row['found']:.1f} residuals, a mean over the draws "
-        f"(at most {row['at_most']:.1f} expected of a correct model); of mean residuals {run}"
+        f"{expected_text(row, largest=leftover.residual.size)}; of mean residuals {run}"
     )
     return Told(
         f"No longer a run than a correct model leaves: {expected}.",
@@ -256,8 +263,8 @@ def _tell_offset(leftover: Leftover, row: Row) -> Told:
     where = leftover.place(int(points[0]), int(points[-1]))
     offset = (
         f"residuals of {leftover.name}, {where}, lie on average "
-        f"{beside(leftover, mean, points[0])}, {row['found']:.1f} standard errors (at most "
-        f"{row['at_most']:.1f} expected of a correct model)"
+        f"{beside(leftover, mean, points[0])}, {row['found']:.1f} standard errors "
+        f"{expected_text(row)}"
     )
     return Told(
         f"Nothing is displaced as a whole: {offset}.",
@@ -278,7 +285,7 @@ def _tell_largest(leftover: Leftover, family: Family, row: Row) -> Told:
     far = (
         f"the reading of {leftover.name} at {where} lies "
         f"{beside(leftover, leftover.residual[point], point)}, {row['found']:.1f} times the root "
-        f"mean square of the others (at most {row['at_most']:.1f} expected of a correct model)"
+        f"mean square of the others {expected_text(row)}"
     )
     if beyond > 1:
         bad = f"{beyond} readings lie too far off: {far}"

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 import pytest
 import xarray as xr
 from hypothesis import given, settings
@@ -19,6 +20,7 @@ from pyburgers.checks.description import (
     check_runs,
     check_segments,
     check_size,
+    expected_text,
 )
 from pyburgers.checks.discrepancies import (
     LEVEL,
@@ -619,3 +621,10 @@ def assert_few_fail(fits: Iterator[CheckedDraws], n_fits: int) -> None:
     """Fewer than would be 1 in 100 and the chance of so many data sets, at 1 in 1000."""
     count = sum(bool(failed(draws)) for draws in fits)
     assert count <= 0.01 * n_fits + 3.1 * np.sqrt(0.01 * n_fits), count
+
+
+def test_a_limit_that_no_number_can_pass_is_said_to_tell_nothing() -> None:
+    assert expected_text(pd.Series({"at_most": 0.42}), digits=2, largest=1.0) == (
+        "(at most 0.42 expected of a correct model)"
+    )
+    assert "tells nothing" in expected_text(pd.Series({"at_most": 1.02}), largest=1.0)

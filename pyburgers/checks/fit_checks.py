@@ -184,6 +184,13 @@ EBFMI_LIMIT = 0.3
 PARETO_K_LIMIT = 0.7
 
 
+def beyond(value: float, digits: int, *, above: bool) -> str:
+    """Return a number beyond its limit, rounded away from the limit that stands beside it."""
+    scale = 10.0**digits
+    rounded = np.ceil(value * scale) if above else np.floor(value * scale)
+    return f"{rounded / scale:.{digits}f}"
+
+
 @check("chains", CheckKind.SAMPLING)
 def check_chains(draws: CheckedDraws) -> Finding:
     """All chains finished."""
@@ -217,8 +224,9 @@ def check_rhat(draws: CheckedDraws) -> Finding:
     return Finding(
         Outcome.NO,
         table,
-        f"The chains have not yet found the same distribution (R-hat {value:.3f} for {name}, "
-        f"at most {RHAT_LIMIT} wanted), so means and intervals may still move",
+        "The chains have not yet found the same distribution (R-hat "
+        f"{beyond(value, 3, above=True)} for {name}, at most {RHAT_LIMIT} wanted), so means and "
+        "intervals may still move",
         "run longer (--warmup, --draws) or tighten priors that the data do not inform",
         unusable=not value <= RHAT_USABLE,
     )
@@ -236,8 +244,8 @@ def check_effective_sample_size(draws: CheckedDraws) -> Finding:
     return Finding(
         Outcome.NO,
         table,
-        f"{worst} has only {value:.0f} effectively independent draws, {ESS_LIMIT} are wanted for "
-        "stable intervals",
+        f"{worst} has only {beyond(value, 0, above=False)} effectively independent draws, "
+        f"{ESS_LIMIT} are wanted for stable intervals",
         "add draws in proportion (--more-draws, or --draws from the start)",
         unusable=value < ESS_USABLE,
     )
@@ -301,8 +309,9 @@ def check_energy(draws: CheckedDraws) -> Finding:
     return Finding(
         Outcome.NO,
         table,
-        f"The sampler moves slowly between energy levels (E-BFMI {least:.2f}, at least "
-        f"{EBFMI_LIMIT} wanted), so tails are explored poorly",
+        "The sampler moves slowly between energy levels (E-BFMI "
+        f"{beyond(least, 2, above=False)}, at least {EBFMI_LIMIT} wanted), so tails are explored "
+        "poorly",
         "lengthen the warm-up",
     )
 
@@ -339,8 +348,8 @@ def check_solver(draws: CheckedDraws) -> Finding:
     return Finding(
         Outcome.NO,
         table,
-        f"The solver's tolerance is too loose for this posterior (Pareto k {k:.2f}, below "
-        f"{PARETO_K_LIMIT} wanted)",
+        "The solver's tolerance is too loose for this posterior (Pareto k "
+        f"{beyond(k, 2, above=True)}, below {PARETO_K_LIMIT} wanted)",
         "repeat the fit with a tighter --tolerance",
         unusable=True,
     )

@@ -380,7 +380,11 @@ def test_a_file_that_is_there_is_left_alone(
         ("microstrain,stress", "constant_rate", ("'microstrain'", "percent or fraction")),
         ("shortening (mm),stress", "constant_rate", ("'shortening (mm)'",)),
         ("strain,load_kN", "constant_rate", ("'load_kN'",)),
-        ("time (days),strain,stress", "loading_history", ("'time (days)'", "min or h or s; convert")),
+        (
+            "time (days),strain,stress",
+            "loading_history",
+            ("'time (days)'", "min or h or s; convert"),
+        ),
         ("log10 time (s),strain,stress", "loading_history", ("'log10 time (s)'",)),
         ("frequency (mHz),tan_delta", "attenuation", ("'frequency (mHz)'", "rad/s or Hz")),
         ("omega (Hz),tan_delta", "attenuation", ("'omega (Hz)'",)),

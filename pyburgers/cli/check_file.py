@@ -180,10 +180,5 @@ def _errors_of(
         try:
             load(copy)
         except InputError as error:
-            there = f"{path.parent.absolute()}/"
-            here = "" if path.parent == Path() else f"{path.parent}/"
-            return tuple(
-                sentence.replace(str(copy), str(path)).replace(there, here)
-                for sentence in error.sentences
-            )
+            return tuple(sentence.replace(str(copy), str(path)) for sentence in error.sentences)
     return ()

@@ -146,6 +146,7 @@ def chosen_folder(name: str) -> Path:
         If it begins with the home folder of an unknown user, or is relative to none.
     """
     try:
+        # `given_path` leaves the home of an unknown user as it is; here it is an error.
         return Path(name).expanduser().absolute()
     except (RuntimeError, OSError) as error:
         raise ToolchainError(f"There is no folder {name!r} ({error}); use a full path.") from error

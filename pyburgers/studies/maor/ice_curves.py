@@ -119,7 +119,7 @@ def _time_of_peak(known: Mapping[str, Knowledge]) -> Statement:
     """Whether stress peaks within a few minutes."""
 
     def minutes(fit: FittedTest) -> FloatArray:
-        time: FloatArray = peaks(fit)[0] / constant_rate_test(fit).segments[0].strain_rate / 60
+        time: FloatArray = peaks(fit)[0] / _rate(fit) / 60
         return time
 
     def soon(fit: FittedTest) -> BoolArray:
@@ -140,14 +140,17 @@ def _time_of_peak(known: Mapping[str, Knowledge]) -> Statement:
     )
 
 
-def _rate(one: Knowledge) -> float:
-    return constant_rate_test(one.fit).segments[0].strain_rate
+def _rate(fit: FittedTest) -> float:
+    """Return the first strain rate that is imposed (1/s)."""
+    return constant_rate_test(fit).segments[0].strain_rate
 
 
 def _by_rate(known: Mapping[str, Knowledge]) -> tuple[str, str] | None:
     """Names of the slowest and the fastest test, if there are two rates."""
-    slowest, fastest = (extreme(known, key=lambda key: _rate(known[key])) for extreme in (min, max))
-    return None if _rate(known[slowest]) == _rate(known[fastest]) else (slowest, fastest)
+    slowest, fastest = (
+        extreme(known, key=lambda key: _rate(known[key].fit)) for extreme in (min, max)
+    )
+    return None if _rate(known[slowest].fit) == _rate(known[fastest].fit) else (slowest, fastest)
 
 
 def misfit_at_peak(fit: FittedTest) -> FloatArray:

@@ -5,6 +5,9 @@ standard model. ``fit`` makes run directories, ``judge`` counts verdicts::
 
     python benchmarks/verdict_power.py fit OUT --kinds curve creep --seeds 1 2 3
     python benchmarks/verdict_power.py judge OUT --draws 400 1000
+
+``fit`` with more draws adds them to the chains that are there; ``judge`` leaves out fits that have
+fewer draws than it counts.
 """
 
 import argparse
@@ -48,7 +51,8 @@ AR1 = 0.9
 SINE = 2.7
 """Noise standard deviations of a sine of two periods."""
 
-CHAINS = 2
+CHAINS, FIRST_DRAWS = 2, 500
+"""Draws of each chain before any are added."""
 
 MISFITS: tuple[str, ...] = (
     "correct", "two_elements", "n_K_3", "load_drift_3_percent", "temperature_drift_5_K", "AR1",
@@ -185,27 +189,33 @@ def write_test(kind: str, misfit: str, seed: int, folder: Path) -> Path:
 def fit_all(
     out: Path, kinds: Sequence[str], misfits: Sequence[str], seeds: Sequence[int], draws: int
 ) -> None:
-    """Fit each test that has no fit yet; one that cannot be sampled is named and left out."""
+    """Give each test so many draws a chain; one that cannot be sampled is named and left out."""
     for seed in seeds:
         for kind in kinds:
             for misfit in misfits:
                 folder = out / f"{kind}_{misfit}_{seed}"
-                if (folder / "run" / "posterior.nc").exists():
-                    continue
-                folder.mkdir(parents=True, exist_ok=True)
-                test = pyburgers.load_experiment(write_test(kind, misfit, seed, folder))
-                options = pyburgers.SamplerOptions(
-                    chains=CHAINS, draws=draws, warmup=400, seed=seed
-                )
+                run = folder / "run"
+                if not run.exists():
+                    folder.mkdir(parents=True, exist_ok=True)
+                    write_test(kind, misfit, seed, folder)
                 try:
-                    pyburgers.fit(
-                        test,
-                        pyburgers.default_priors("ice"),
-                        options=options,
-                        out=folder / "run",
-                    )
+                    found = fit_test(folder, seed, None)
+                    lacking = draws - found.checked_draws.posterior["posterior"].sizes["draw"]
+                    if lacking > 0:
+                        fit_test(folder, seed, lacking)
                 except SamplingError as error:
                     print(f"{folder.name}: {error}")
+
+
+def fit_test(folder: Path, seed: int, more_draws: int | None) -> pyburgers.Fit:
+    """Fit the test of a folder, or add draws to each chain of its fit."""
+    return pyburgers.fit(
+        pyburgers.load_experiment(folder / f"{folder.name}.toml"),
+        pyburgers.default_priors("ice"),
+        options=pyburgers.SamplerOptions(chains=CHAINS, draws=FIRST_DRAWS, warmup=400, seed=seed),
+        out=folder / "run",
+        more_draws=more_draws,
+    )
 
 
 def thinned(fit: pyburgers.Fit, count: int) -> CheckedDraws:
@@ -232,7 +242,8 @@ def judge(out: Path, counts: Sequence[int]) -> pd.DataFrame:
         kind, rest = folder.name.split("_", 1)
         misfit, seed = rest.rsplit("_", 1)
         fit = pyburgers.Fit.load(folder / "run")
-        for count in counts:
+        have = fit.checked_draws.posterior["posterior"].sizes
+        for count in (one for one in counts if one <= have["chain"] * have["draw"]):
             results = run_checks(thinned(fit, count), CHECKS)
             said = verdicts(results)
             rows.append(
@@ -270,8 +281,9 @@ def main() -> None:
         return
     found = judge(given.out, given.draws)
     print(found.to_string())
-    counted = found.groupby(["kind", "misfit", "draws"])["describes"].value_counts().unstack()
-    print(counted.fillna(0).astype(int).to_string())
+    for verdict in ("sampled", "describes"):
+        counted = found.groupby(["kind", "misfit", "draws"])[verdict].value_counts().unstack()
+        print(f"\n{verdict}\n{counted.fillna(0).astype(int).to_string()}")
 
 
 if __name__ == "__main__":

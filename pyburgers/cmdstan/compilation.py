@@ -67,10 +67,7 @@ class _Sources:
 def cache_directory() -> Path:
     """Return the folder of compiled programs: ``$PYBURGERS_CACHE``, else in the user's cache.
 
-    Raises
-    ------
-    ToolchainError
-        If there is no such folder.
+    Raises ToolchainError if there is no such folder.
     """
     chosen = os.environ.get("PYBURGERS_CACHE")
     if chosen:
@@ -85,28 +82,10 @@ def cache_directory() -> Path:
 
 
 def program_key(program: Path, include_directory: Path, cmdstan: Path) -> str:
-    """Return the name under which a compiled program is cached.
+    """Return the SHA-256 of a program, of all it includes and of its toolchain: its cache folder.
 
-    Parameters
-    ----------
-    program : Path
-        A Stan program.
-    include_directory : Path
-        The folder that its ``#include`` lines are relative to.
-    cmdstan : Path
-        Folder of the CmdStan that compiles it. Part of the key, since an executable finds
-        CmdStan's libraries by their full path.
-
-    Returns
-    -------
-    str
-        SHA-256, in hexadecimal digits, of the names and texts of the program and of all it
-        includes, and of the toolchain.
-
-    Raises
-    ------
-    ToolchainError
-        If a file cannot be read or a tool is missing.
+    The folder of CmdStan counts, because an executable finds CmdStan's libraries by their full
+    path. Raises ToolchainError if a file cannot be read or a tool is missing.
     """
     return _key(_read_sources(program, include_directory), toolchain(cmdstan))
 
@@ -125,18 +104,9 @@ def shares_work(program: Path) -> bool:
 def compile_program(program: Path, *, threads: bool = False) -> Path:
     """Return the executable of a Stan program; compile it unless it is in the cache.
 
-    Parameters
-    ----------
-    program : Path
-        A Stan program; its ``#include`` lines are relative to `stan_directory`.
-    threads : bool
-        Whether it can run in several threads. Where it cannot, it is a little faster.
-
-    Raises
-    ------
-    ToolchainError
-        If CmdStan cannot be had, the program is wrong or the compiler fails; the message ends
-        with what stanc or the compiler said.
+    Only with `threads` can it run in several threads; without, it is a little faster. Raises
+    ToolchainError if CmdStan cannot be had, the program is wrong or the compiler fails; the message
+    ends with what stanc or the compiler said.
     """
     return _compile(program, ensure_cmdstan(), threads=threads)
 
@@ -226,21 +196,11 @@ def _compile(program: Path, cmdstan: Path, *, threads: bool = False) -> Path:
 
 
 class _Record(Table):
-    """What is noted beside an executable.
-
-    Attributes
-    ----------
-    sha256 : str
-        Hash of the executable.
-    sources : str
-        Hash of all that decides it, but for the compiler.
-    recipe : str
-        Hash of all that decides its results: what decides it, but for the folder of CmdStan.
-    """
+    """Hashes that are noted beside an executable: `sha256` is its own."""
 
     sha256: str
-    sources: str
-    recipe: str
+    sources: str  # of all that decides it, but for the compiler
+    recipe: str  # of all that decides its results: what decides it, but for the folder of CmdStan
 
 
 def _record_file(executable: Path) -> Path:
@@ -323,10 +283,7 @@ def _build(sources: _Sources, tools: Toolchain, executable: Path, *, threads: bo
 def _folder_for_make() -> Path:
     """Return a folder for temporary files whose path make and its shell take as it is.
 
-    Raises
-    ------
-    ToolchainError
-        If there is none.
+    Raises ToolchainError if there is none.
     """
     usual = Path(tempfile.gettempdir())
     for folder in (usual, Path("/tmp"), Path("/var/tmp")):

@@ -52,22 +52,10 @@ class MissingToolError(ToolchainError):
 
 @dataclass(frozen=True)
 class Toolchain:
-    """What turns a Stan program into an executable.
+    """What turns a Stan program into an executable; of tools the first line of ``--version``.
 
-    Attributes
-    ----------
-    cmdstan_path : Path
-        CmdStan's folder.
-    cmdstan_version : str
-        For example ``"2.27.0"``.
-    compiler : str
-        First line of the C++ compiler's ``--version``.
-    make : str
-        First line of ``make --version``.
-    compile_flags : tuple of str
-        `COMPILE_FLAGS`, `THREAD_FLAGS` where there are threads, then compiler variables of the
-        environment, then the settings of CmdStan's ``make/local`` and of the user's
-        ``~/.config/stan/make.local``.
+    Compile flags are `COMPILE_FLAGS`, `THREAD_FLAGS` if there are threads, compiler variables of
+    the environment, and the settings of CmdStan's ``make/local`` and ``~/.config/stan/make.local``.
     """
 
     cmdstan_path: Path
@@ -80,10 +68,7 @@ class Toolchain:
 def stan_directory() -> Path:
     """Return the folder of the Stan programs: in an installed wheel, else in the checkout.
 
-    Raises
-    ------
-    ToolchainError
-        If neither is there.
+    Raises ToolchainError if neither is there.
     """
     folder = shipped_folder("stan")
     if not folder.is_dir():
@@ -102,10 +87,7 @@ def cmdstan_home() -> Path:
 def home_folder() -> Path:
     """Return the user's home folder.
 
-    Raises
-    ------
-    ToolchainError
-        If the system knows none.
+    Raises ToolchainError if the system knows none.
     """
     try:
         return Path.home()
@@ -118,10 +100,7 @@ def home_folder() -> Path:
 def find_cmdstan() -> Path | None:
     """Return the CmdStan to use: ``$CMDSTAN``, else the newest usable one in ``~/.cmdstan``.
 
-    Raises
-    ------
-    ToolchainError
-        If ``$CMDSTAN`` is set to something that is not a built CmdStan.
+    Raises ToolchainError if ``$CMDSTAN`` is set to something that is not a built CmdStan.
     """
     chosen = os.environ.get("CMDSTAN")
     if chosen:
@@ -140,10 +119,8 @@ def find_cmdstan() -> Path | None:
 def chosen_folder(name: str) -> Path:
     """Return the folder that an environment variable names, as a full path.
 
-    Raises
-    ------
-    ToolchainError
-        If it begins with the home folder of an unknown user, or is relative to none.
+    Raises ToolchainError if it begins with the home folder of an unknown user, or is relative to
+    none.
     """
     try:
         # `given_path` leaves the home of an unknown user as it is; here it is an error.
@@ -155,10 +132,7 @@ def chosen_folder(name: str) -> Path:
 def cmdstan_version(cmdstan: Path) -> str:
     """Return the version of the CmdStan in folder `cmdstan`, for example ``"2.27.0"``.
 
-    Raises
-    ------
-    ToolchainError
-        If its makefile does not name one.
+    Raises ToolchainError if its makefile does not name one.
     """
     match = _version_match(cmdstan)
     if match is None:
@@ -192,11 +166,7 @@ def compiler_version() -> str:
     """Return the first line that the C++ compiler says about its version.
 
     The compiler is ``$CXX``, else clang++ on macOS and g++ elsewhere, as in CmdStan's makefile.
-
-    Raises
-    ------
-    MissingToolError
-        If it is missing or does not work.
+    Raises MissingToolError if it is missing or does not work.
     """
     default = "clang++" if platform.system() == "Darwin" else "g++"
     chosen = os.environ.get("CXX", "")
@@ -210,10 +180,7 @@ def compiler_version() -> str:
 def make_version() -> str:
     """Return the first line that make says about its version.
 
-    Raises
-    ------
-    MissingToolError
-        If it is missing or does not work.
+    Raises MissingToolError if it is missing or does not work.
     """
     return _tool_version(["make"], "build tool")
 
@@ -221,12 +188,8 @@ def make_version() -> str:
 def toolchain(cmdstan: Path, *, threads: bool = False) -> Toolchain:
     """Return the tools that compile programs, with threads or without, with a CmdStan.
 
-    Raises
-    ------
-    MissingToolError
-        If the compiler or make is missing.
-    ToolchainError
-        If `cmdstan` is not a built CmdStan.
+    Raises MissingToolError if the compiler or make is missing; ToolchainError if `cmdstan` is not a
+    built CmdStan.
     """
     defect = cmdstan_defect(cmdstan)
     if defect is not None:

@@ -42,15 +42,7 @@ def complete_with(action: argparse.Action, choices: Sequence[str]) -> None:
 
 
 def add_arguments(command: argparse.ArgumentParser, module: str) -> None:
-    """Give a parser the arguments of its command: those that were kept, else the module's.
-
-    Parameters
-    ----------
-    command : ArgumentParser
-        Without arguments yet.
-    module : str
-        Name of the command's module.
-    """
+    """Give a parser the arguments of its command: those that were kept, else the module's."""
     # Only here: every command imports this module.
     from pyburgers.cmdstan.compilation import cache_directory
     from pyburgers.common.atomic_files import write_json

@@ -53,18 +53,7 @@ EXIT_CODES = (
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Default: those of the process.
-
-    Returns
-    -------
-    int
-        What `EXIT_CODES` says.
-    """
+    """Run the command line."""
     _open_streams()
     try:
         try:

@@ -66,10 +66,7 @@ class OneLineParser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Refuse the arguments.
 
-        Raises
-        ------
-        InputError
-            Always; it names the help of the command.
+        Raises InputError always; it names the help of the command.
         """
         if message.startswith(_REQUIRED):
             message = f"missing: {self._with_help(message.removeprefix(_REQUIRED))}"
@@ -110,10 +107,7 @@ class OneLineParser(argparse.ArgumentParser):
     def require_own(self, option: str) -> None:
         """Check that an option ahead of the command is one of the program itself.
 
-        Raises
-        ------
-        InputError
-            If it is not; the message names the option that was meant.
+        Raises InputError if it is not; the message names the option that was meant.
         """
         name = option.split("=")[0]
         own = [text for action in self._actions for text in action.option_strings]
@@ -126,10 +120,7 @@ class OneLineParser(argparse.ArgumentParser):
     def parse_all(self, arguments: Sequence[str]) -> argparse.Namespace:
         """Parse arguments, all of which have to be known.
 
-        Raises
-        ------
-        InputError
-            If one is not; the message names the option that was meant.
+        Raises InputError if one is not; the message names the option that was meant.
         """
         parsed, unknown = self.parse_known_args(arguments)
         if not unknown:

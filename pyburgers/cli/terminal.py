@@ -29,15 +29,7 @@ FOLDED, LEAST_FOLDED = "quantity", 20
 
 
 def print_table(table: pd.DataFrame, keys: Sequence[str]) -> None:
-    """Print a table of text in blocks of columns that fit, each with the columns `keys` first.
-
-    Parameters
-    ----------
-    table : DataFrame
-        Text (`pyburgers.report.tables`).
-    keys : sequence of str
-        Columns that say what a row is about.
-    """
+    """Print a table of text in blocks of columns that fit, each with the columns `keys` first."""
     console = _console()
     named = [name for name in keys if name in table]
     room = console.width + 1 - sum(_width(table, name) for name in named)

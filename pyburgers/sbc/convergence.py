@@ -30,17 +30,7 @@ CHECKS = tuple(
 
 
 def lengthened(options: SamplerOptions, n_refits: int, failed: Sequence[str]) -> SamplerOptions:
-    """Return settings of a repetition: longer, after divergences with steps that diverge less.
-
-    Parameters
-    ----------
-    options : SamplerOptions
-        Of the first fit, with numbers for warm-up and target.
-    n_refits : int
-        Which repetition; 0 is the first fit.
-    failed : sequence of str
-        Names of the checks of convergence that the fit before it failed.
-    """
+    """Return settings of a repetition: longer, after divergences with steps that diverge less."""
     assert options.warmup is not None
     assert options.adapt_delta is not None
     # A stricter target mends nothing else: steps would only be too short.

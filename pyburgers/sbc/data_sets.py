@@ -101,12 +101,7 @@ def calibration_priors(material: str, protocol: str | None = None) -> PriorSet:
     """Return the priors that a material's program is calibrated with.
 
     Those of the protocol where it has its own; those in ``data/priors/calibration``, whose noise is
-    never next to none; or the material's own.
-
-    Raises
-    ------
-    InputError
-        If the material has none.
+    never next to none; or the material's own. Raises InputError if the material has none.
     """
     if protocol is not None and material in shipped_prior_files(protocol):
         return default_priors(material, protocol)
@@ -117,11 +112,8 @@ def calibration_priors(material: str, protocol: str | None = None) -> PriorSet:
 def check_template(problem: Problem, strain_range: Range | None = None) -> None:
     """Check that data of a problem can be simulated as the program assumes them.
 
-    Raises
-    ------
-    InputError
-        If a parameter has a prior that differs between the tests, none is free, or strains that no
-        test reads are to lie in a range.
+    Raises InputError if a parameter has a prior that differs between the tests, none is free, or
+    strains that no test reads are to lie in a range.
     """
     first, tests = problem.priors[0], problem.experiments
     if strain_range is not None and all(one.largest_strain_read is None for one in tests):
@@ -148,22 +140,9 @@ def simulate_from_prior(
     """Draw parameters from the prior and simulate the data of every test of a problem.
 
     A draw without a solution within the limits of the solver that fits use
-    (`pyburgers.protocols.stan_data.SolverOptions`) is replaced by the next one: the sampler
-    rejects such parameters too.
-
-    Parameters
-    ----------
-    template : Problem
-        Protocol, points, resolved priors, shared parameters.
-    seed : int
-        Decides the draw and the noise.
-    stress_range, strain_range : tuple of two floats, optional
-        See `DataSetPlan`.
-
-    Raises
-    ------
-    SamplingError
-        If none of `PRIOR_ATTEMPTS` draws has a solution within the ranges.
+    (`pyburgers.protocols.stan_data.SolverOptions`) is replaced by the next one: the sampler rejects
+    such parameters too. Raises SamplingError if none of `PRIOR_ATTEMPTS` draws has a solution
+    within the ranges.
     """
     rng = np.random.default_rng(seed)
     n_unsolvable = n_outside = 0
@@ -235,21 +214,6 @@ def replicate(
 
     A fit that has not converged after its longest try is not ranked: its draws are not those of the
     posterior.
-
-    Parameters
-    ----------
-    template : Problem
-        Protocol, points, resolved priors, the same for all data sets.
-    out : Path
-        Folder for run directories of fits.
-    seed : int
-        Of the data set and of the fit.
-    options : SamplerOptions
-        Chains, iterations, target of the first fit.
-    plan : DataSetPlan
-        Ranks, repetitions, ranges of the data.
-    failed : sequence of str
-        Names of the checks of convergence that the fit before the plan's first one failed.
     """
     simulated = simulate_from_prior(
         template, seed=seed, stress_range=plan.stress_range, strain_range=plan.strain_range
@@ -312,20 +276,7 @@ def _with_fit(done: Replication, result: Fit) -> Replication:
 def rank_truth(
     result: Fit, simulated: Simulated, template: Problem, n_thinned: int
 ) -> dict[str, int]:
-    """Count the thinned draws of a fit that lie below the truth, for every ranked quantity.
-
-    Parameters
-    ----------
-    result : Fit
-        Fit of the simulated problem.
-    simulated : Simulated
-        With its true parameters.
-    template : Problem
-        What it was simulated from: its tests are driven by what drove the simulation, and give the
-        names.
-    n_thinned : int
-        Draws to keep.
-    """
+    """Count the thinned draws of a fit that lie below the truth, for every ranked quantity."""
     draws = result.posterior["posterior"].to_dataset()
     solver, problem = SolverOptions(**result.manifest["solver"]), simulated.problem
     truths = [

@@ -83,23 +83,8 @@ def simulate_table(
     """Draw materials and solve the peaks of a table's tests until they look like it.
 
     Where the template states the strain of its peaks, the simulated table states its own, with the
-    same relative standard deviation.
-
-    Parameters
-    ----------
-    template : PeakStressData
-        Conditions of the tests.
-    priors : PriorSet
-        Of the fit of a table, for the scatter.
-    curve : PriorSet
-        Of every parameter of a curve, for the material.
-    seed : int
-        Of everything drawn.
-
-    Raises
-    ------
-    SamplingError
-        If no draw has stresses like those of the template.
+    same relative standard deviation. Raises SamplingError if no draw has stresses like those of the
+    template.
     """
     rng = np.random.default_rng([seed, TABLE_STREAM])
     for _ in range(PRIOR_ATTEMPTS):
@@ -177,17 +162,6 @@ def rank_hand_over(
     """Simulate a table, fit it, and rank one more test's flow law in the prior handed on.
 
     A fit that fails a check of the sampling is repeated, longer; one that still does is not ranked.
-
-    Parameters
-    ----------
-    template, priors, curve, seed
-        As for `simulate_table`; the fit has the flow law's priors of the curve.
-    out : Path
-        Folder for run directories of fits.
-    options : SamplerOptions
-        Chains, iterations, target of the first fit.
-    plan : DataSetPlan
-        Ranks and repetitions.
     """
     table = simulate_table(template, priors, curve, seed=seed)
     failed: tuple[str, ...] = ()
@@ -228,25 +202,7 @@ def rank_curve(
     """Simulate the curve of one more test, fit it with the prior handed on, and rank its truth.
 
     The test has the parameters of the table's material; its flow rate scatters as those of the
-    table do.
-
-    Parameters
-    ----------
-    table : SimulatedTable
-        Of the same material, without the curve among its tests.
-    law : FlowLawPrior
-        What the fit of the table hands on.
-    template : Experiment
-        How the curve is taken.
-    curve : PriorSet
-        Of every parameter; the flow law handed on takes its place in it.
-    out, seed, options, plan
-        As for `pyburgers.sbc.data_sets.fit_and_rank`.
-
-    Raises
-    ------
-    SamplingError
-        If the curve has no solution.
+    table do. Raises SamplingError if the curve has no solution.
     """
     rng = np.random.default_rng([seed, CURVE_STREAM])
     truth = table.truth(law)

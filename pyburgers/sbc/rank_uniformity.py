@@ -77,15 +77,7 @@ class RankBands:
 
 
 def rank_bands(n_ranks: int, n_draws: int, n_quantities: int) -> RankBands:
-    """Return the bands of a calibration.
-
-    Parameters
-    ----------
-    n_ranks, n_draws : int
-        Data sets, and ranked draws of each.
-    n_quantities : int
-        Quantities that are judged together, taken as independent.
-    """
+    """Return the bands of a calibration."""
     own, joint = (
         simultaneous_band(n_ranks, n_draws, probability=probability)
         for probability in (PROBABILITY, PROBABILITY ** (1 / n_quantities))
@@ -94,15 +86,7 @@ def rank_bands(n_ranks: int, n_draws: int, n_quantities: int) -> RankBands:
 
 
 def judge_ranks(ranks: Mapping[str, Sequence[int]], bands: RankBands) -> dict[str, RankVerdict]:
-    """Judge every quantity.
-
-    Parameters
-    ----------
-    ranks : mapping of str to sequence of int
-        Ranks of each quantity, one for each data set.
-    bands : RankBands
-        For these data sets.
-    """
+    """Judge every quantity."""
     return {name: _judge(np.asarray(values), bands) for name, values in ranks.items()}
 
 
@@ -151,22 +135,6 @@ def simultaneous_band(
 
     Pointwise binomial intervals whose common level is set by simulation (Säilynoja, Bürkner and
     Vehtari 2022, Statistics and Computing 32, 32).
-
-    Parameters
-    ----------
-    n_ranks : int
-        Number of data sets.
-    n_draws : int
-        Ranks go from 0 to this.
-    probability : float
-        Of the whole band.
-    seed : int
-        Of the simulation.
-
-    Returns
-    -------
-    lower, upper : array, shape (n_draws,)
-        Limits of the number of ranks that are at most 0, 1, ..., n_draws - 1.
     """
     rng = np.random.default_rng(seed)
     law = stats.binom(n_ranks, np.arange(1, n_draws + 1) / (n_draws + 1))

@@ -100,10 +100,7 @@ def scratch_of(file: Path) -> Path:
 def read_replication(file: Path) -> Replication:
     """Return what a file keeps.
 
-    Raises
-    ------
-    InputError
-        If it was damaged.
+    Raises InputError if it was damaged.
     """
     content = read_json_table(file, _ReplicationTable).model_dump()
     return Replication(**{**content, "failed_checks": tuple(content["failed_checks"])})
@@ -117,10 +114,7 @@ def write_replication(file: Path, replication: Replication) -> None:
 def next_fit(file: Path, refits: int) -> int | None:
     """Return which fit of a data set is to be made: 0, a repetition, or None where it is done.
 
-    Raises
-    ------
-    InputError
-        If its file was damaged.
+    Raises InputError if its file was damaged.
     """
     if not file.is_file():
         return 0
@@ -147,22 +141,7 @@ _SEPARATOR = "; "
 
 
 def replication_table(replications: Iterable[Replication], ranked: Sequence[str]) -> pd.DataFrame:
-    """Return every data set: seed, outcome, and its ranks.
-
-    Parameters
-    ----------
-    replications : iterable of Replication
-        The data sets.
-    ranked : sequence of str
-        Quantities.
-
-    Returns
-    -------
-    DataFrame
-        Columns seed, unsolvable_draws, outside_draws, refits, shortened, coordinates, divergences,
-        rhat, least_ess, failed_checks, failure, then the rank of each quantity (missing where no
-        fit has converged).
-    """
+    """Return every data set: seed, outcome, and its ranks."""
     return pd.DataFrame(
         [
             {
@@ -178,17 +157,7 @@ def replication_table(replications: Iterable[Replication], ranked: Sequence[str]
 def read_replication_table(file: Path, n_draws: int) -> tuple[Replication, ...]:
     """Return the data sets of a table that `replication_table` has made.
 
-    Parameters
-    ----------
-    file : Path
-        The table.
-    n_draws : int
-        With which they were ranked.
-
-    Raises
-    ------
-    InputError
-        If it is no such table.
+    Raises InputError if it is no such table.
     """
     try:
         with file.open(encoding="utf-8", newline="") as lines:
@@ -229,19 +198,7 @@ def _of_row(row: Mapping[str, str], n_draws: int) -> Replication:
 def replications(run: RunDirectory, seeds: Iterable[int], n_draws: int) -> tuple[Replication, ...]:
     """Read the data sets that are done, of those without a file what the table of results has.
 
-    Parameters
-    ----------
-    run : RunDirectory
-        Of the calibration.
-    seeds : iterable of int
-        Of its data sets.
-    n_draws : int
-        With which they are ranked.
-
-    Raises
-    ------
-    InputError
-        If a file of one, or the table, was damaged.
+    Raises InputError if a file of one, or the table, was damaged.
     """
     seeds = tuple(seeds)
     done = {one.seed: one for one in _tabled(run, n_draws)}
@@ -253,17 +210,8 @@ def replications(run: RunDirectory, seeds: Iterable[int], n_draws: int) -> tuple
 def take_from_table(run: RunDirectory, seeds: Container[int], n_draws: int) -> None:
     """Write the files of data sets that only the table of results has.
 
-    So a calibration goes on from its results alone, on another machine.
-
-    Parameters
-    ----------
-    run, seeds, n_draws
-        As for `replications`.
-
-    Raises
-    ------
-    InputError
-        If the table was damaged.
+    So a calibration goes on from its results alone, on another machine. Raises InputError if the
+    table was damaged.
     """
     for one in _tabled(run, n_draws):
         file = simulation_file(run, one.seed)

@@ -21,7 +21,7 @@ from pydantic import Field
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.atomic_files import sha256_of_json
 from pyburgers.common.errors import InputError, SystemFailureError
-from pyburgers.common.tasks import ALL_HERE, Workers
+from pyburgers.common.tasks import ALL_HERE, Workers, run_tasks
 from pyburgers.common.toml_files import Table
 from pyburgers.model.pooling import pooling_from
 from pyburgers.model.priors import PriorSet, load_priors, note_other_material, save_priors
@@ -98,10 +98,7 @@ class CalibrationPlan:
     def __post_init__(self) -> None:
         """Check the values.
 
-        Raises
-        ------
-        InputError
-            If one is out of range.
+        Raises InputError if one is out of range.
         """
         draws = self.sampler.chains * self.sampler.draws
         for name, value, least, most in (
@@ -215,35 +212,9 @@ def calibrate(
 ) -> Calibration:
     """Simulate data sets from the prior, fit each, and rank the truths; continue where one stopped.
 
-    Parameters
-    ----------
-    templates : Experiment or sequence of Experiment
-        Protocol and points, of several tests those of a joint fit; stresses serve to resolve a
-        relative noise prior.
-    priors : PriorSet
-        What truths are drawn from and fits use.
-    out : Path
-        Folder of the calibration. An earlier one with the same inputs there is continued, with more
-        repetitions as if there had been so many from the beginning.
-    plan : CalibrationPlan
-        Data sets, seeds, sampler.
-    pool : mapping of str to str, optional
-        How parameters of several tests are pooled where it is not the default
-        (`pyburgers.protocols.together.pooling_for`).
-    workers : Workers
-        Who does the data sets; each process runs one chain at a time. Where this call does a part
-        of them, others may do the other parts at the same time.
-    command : str
-        What regenerates the calibration, for the manifest.
-
-    Raises
-    ------
-    InputError
-        If an input is wrong or `out` holds something else.
-    SamplingError
-        If the priors have no solvable draws.
-    SystemFailureError
-        If a process was killed, or chains again and again.
+    Raises InputError if an input is wrong or `out` holds something else; SamplingError if the
+    priors have no solvable draws; SystemFailureError if a process was killed, or chains again and
+    again.
     """
     tests = [templates] if isinstance(templates, Experiment) else list(templates)
     problem = problem_of(tests, priors, pooling_for(tests, pool))
@@ -296,10 +267,7 @@ def _write_inputs(run: RunDirectory, problem: Problem, plan: CalibrationPlan, co
 def load_calibration(folder: Path) -> Calibration:
     """Return a calibration as far as it has come.
 
-    Raises
-    ------
-    InputError
-        If the folder holds none, or a file of it was damaged or has changed.
+    Raises InputError if the folder holds none, or a file of it was damaged or has changed.
     """
     run = RunDirectory(folder)
     if run.read_manifest().get("kind") != CALIBRATION_KIND:
@@ -375,7 +343,7 @@ def _run_missing(run: RunDirectory, plan: CalibrationPlan, workers: Workers) -> 
         return
     # Elsewhere the working directory may be another one.
     calls = {seed: (run.path.absolute(), seed, plan) for seed in missing}
-    done = workers.completed(_replicate_into, calls, folder=run.path)
+    done = run_tasks(_replicate_into, calls, workers=workers, out=run.path)
     try:
         for n_done, (seed, outcome) in enumerate(done, start=1):
             logger.info(f"Data set {seed}: {outcome}, {n_done} of {len(missing)}.")

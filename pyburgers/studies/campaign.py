@@ -118,10 +118,7 @@ class Campaign:
 def load_campaign(path: Path) -> Campaign:
     """Read a plan and everything that it names; nothing is fitted.
 
-    Raises
-    ------
-    InputError
-        If a file is wrong, or a combination cannot be fitted.
+    Raises InputError if a file is wrong, or a combination cannot be fitted.
     """
     plan = read_toml(path, _PlanFile)
     settings = plan.sampler.model_dump(exclude_unset=True)
@@ -170,26 +167,7 @@ def run_campaign(
 ) -> dict[str, PyburgersError]:
     """Do the fits of a campaign, or a part of them; what is there already is continued.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        From `load_campaign`.
-    out : Path
-        Folder of the campaign.
-    workers : Workers
-        Who does the fits.
-    command : str
-        What regenerates them, for their manifests.
-
-    Returns
-    -------
-    dict of str to PyburgersError
-        Fits that could not be done, by the names of their runs, and why; the others went on.
-
-    Raises
-    ------
-    SystemFailureError
-        If the system killed a process.
+    Raises SystemFailureError if the system killed a process.
     """
     tasks = {_folder(out, one): task for one, task in campaign.tasks.items()}
     failed = run_fits(tasks, workers=workers, command=command, keep_going=True)
@@ -197,20 +175,7 @@ def run_campaign(
 
 
 def status_table(campaign: Campaign, out: Path) -> pd.DataFrame:
-    """Return how far each fit of a campaign is, from what is in its run directory.
-
-    Parameters
-    ----------
-    campaign, out
-        As for `run_campaign`.
-
-    Returns
-    -------
-    DataFrame
-        Index run; columns test, variant, priors, seed, status, chains (finished), of_chains,
-        sampled_well, describes_data (yes, no, cannot tell, or nothing before a fit is complete),
-        chain_seconds (wall time of all finished chains).
-    """
+    """Return how far each fit of a campaign is, from what is in its run directory."""
     rows = {one.name: _status(_folder(out, one), one, task) for one, task in campaign.tasks.items()}
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("run")
 
@@ -270,24 +235,8 @@ def write_page(campaign: Campaign, out: Path, *, command: str) -> Path:
     """Write the page of a campaign, ``report/index.html``, about the fits that are complete.
 
     Fits that differ only in their seed are of the same posterior: the page has the first of them,
-    and a table in which its seeds are held against each other.
-
-    Parameters
-    ----------
-    campaign, out
-        As for `run_campaign`.
-    command : str
-        What makes the page again.
-
-    Returns
-    -------
-    Path
-        The page.
-
-    Raises
-    ------
-    InputError
-        If no fit is complete.
+    and a table in which its seeds are held against each other. Raises InputError if no fit is
+    complete.
     """
     table = status_table(campaign, out)
     complete = [one for one in campaign.tasks if table["status"][one.name] == COMPLETE]

@@ -30,7 +30,11 @@ CHECKS = tuple(
 
 
 def lengthened(options: SamplerOptions, n_refits: int, failed: Sequence[str]) -> SamplerOptions:
-    """Return settings of a repetition: longer, after divergences with steps that diverge less."""
+    """Return settings of a repetition: longer, after divergences with steps that diverge less.
+
+    Repetition 0 is the first fit, whose warm-up and target are known numbers; `failed` names the
+    checks that the fit before the repetition failed.
+    """
     assert options.warmup is not None
     assert options.adapt_delta is not None
     # A stricter target mends nothing else: steps would only be too short.

@@ -28,7 +28,6 @@ from pyburgers.model.priors import PriorSet, with_flow_law
 from pyburgers.protocols.experiment import Experiment, Provenance
 from pyburgers.protocols.forward import simulate_data
 from pyburgers.protocols.problem import one_test
-from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sbc.convergence import lengthened
 from pyburgers.sbc.data_sets import DataSetPlan, Simulated, fit_and_rank
 from pyburgers.sbc.replication import Replication
@@ -54,21 +53,13 @@ their numbers."""
 
 @dataclass(frozen=True, eq=False)
 class SimulatedTable:
-    """A table of peak stresses whose truth is known.
-
-    Attributes
-    ----------
-    data : PeakStressData
-        Conditions of a template, stresses of the model with scatter.
-    values : dict of str to float
-        Parameters (SI) of the material.
-    offset : float
-        ln(flow rate) of one more test less that of the material.
-    """
+    """A table of peak stresses, of the model with scatter, whose truth is known."""
 
     data: PeakStressData
     values: dict[str, float]
+    """Parameters (SI) of the material."""
     offset: float
+    """ln(flow rate) of one more test less that of the material."""
 
     def truth(self, law: FlowLawPrior) -> FloatArray:
         """Quantities of a `FlowLawPrior`, shape (4,), of the one more test."""
@@ -129,24 +120,15 @@ def simulate_table(
 
 @dataclass(frozen=True, eq=False)
 class RankedTable:
-    """What the fit of a simulated table hands on, and where one more test's flow law lies in it.
-
-    Attributes
-    ----------
-    law : FlowLawPrior
-        The prior handed on.
-    ranks : dict of str to int
-        Draws of the prior below the truth, by quantity; empty where the last fit failed a check.
-    n_refits : int
-        Longer fits after the first.
-    failed_checks : tuple of str
-        Names of the checks of the sampling that the last fit failed.
-    """
+    """The prior that the fit of a simulated table hands on, and ranks of one more test in it."""
 
     law: FlowLawPrior
     ranks: dict[str, int]
+    """Draws of the prior below the truth, by quantity; empty if the last fit failed a check."""
     n_refits: int
+    """Longer fits after the first."""
     failed_checks: tuple[str, ...]
+    """Names of the checks of the sampling that the last fit failed."""
 
 
 def rank_hand_over(
@@ -156,7 +138,6 @@ def rank_hand_over(
     out: Path,
     *,
     seed: int,
-    options: SamplerOptions,
     plan: DataSetPlan,
 ) -> RankedTable:
     """Simulate a table, fit it, and rank one more test's flow law in the prior handed on.
@@ -171,7 +152,7 @@ def rank_hand_over(
             with_curve_flow_law(priors, curve),
             out=out / f"table_{n_refits}",
             curve=curve,
-            options=lengthened(replace(options, seed=seed), n_refits, failed),
+            options=lengthened(replace(plan.sampler, seed=seed), n_refits, failed),
         )
         failed = tuple(
             one.name
@@ -196,7 +177,6 @@ def rank_curve(
     out: Path,
     *,
     seed: int,
-    options: SamplerOptions,
     plan: DataSetPlan,
 ) -> Replication:
     """Simulate the curve of one more test, fit it with the prior handed on, and rank its truth.
@@ -220,6 +200,5 @@ def rank_curve(
         one_test(template, curve),
         out,
         seed=seed,
-        options=options,
         plan=plan,
     )

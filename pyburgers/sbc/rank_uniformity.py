@@ -36,38 +36,22 @@ VERDICTS_TEXT = (
 
 @dataclass(frozen=True)
 class RankVerdict:
-    """What the ranks of one quantity say.
-
-    Attributes
-    ----------
-    mean : float
-        Mean rank as a share of all draws; 0.5 if right.
-    spread : float
-        Root mean square distance of the ranks from 0.5 over that of uniform ones; 1 if right.
-    verdict : str
-        See `VERDICTS_TEXT`.
-    sentence : str
-        The same in words.
-    """
+    """What the ranks of one quantity say."""
 
     mean: float
+    """Mean rank as a share of all draws; 0.5 if right."""
     spread: float
+    """Root mean square distance of the ranks from 0.5 over that of uniform ones; 1 if right."""
     verdict: Verdict
     sentence: str
 
 
 @dataclass(frozen=True, eq=False)
 class RankBands:
-    """Limits of the number of ranks that are at most 0, 1, ..., n_draws - 1.
+    """Limits, shape (n_draws,), of the number of ranks that are at most 0, 1, ..., n_draws - 1.
 
-    Attributes
-    ----------
-    n_ranks, n_draws : int
-        Data sets, and ranked draws of each.
-    own : tuple of two arrays, shape (n_draws,)
-        Lower and upper limit for a quantity by itself.
-    joint : tuple of two arrays, shape (n_draws,)
-        The same for all quantities together.
+    There are `n_ranks` data sets. The lower and upper limits are for a quantity by itself, and for
+    all quantities together.
     """
 
     n_ranks: int
@@ -77,7 +61,7 @@ class RankBands:
 
 
 def rank_bands(n_ranks: int, n_draws: int, n_quantities: int) -> RankBands:
-    """Return the bands of a calibration."""
+    """Return the bands of a calibration, whose quantities are taken as independent."""
     own, joint = (
         simultaneous_band(n_ranks, n_draws, probability=probability)
         for probability in (PROBABILITY, PROBABILITY ** (1 / n_quantities))
@@ -133,8 +117,9 @@ def simultaneous_band(
 ) -> tuple[IntArray, IntArray]:
     """Band that holds the whole empirical distribution of uniform ranks with a probability.
 
-    Pointwise binomial intervals whose common level is set by simulation (Säilynoja, Bürkner and
-    Vehtari 2022, Statistics and Computing 32, 32).
+    Returns the lower and upper limits, shape (n_draws,), of a `RankBands`. They are pointwise
+    binomial intervals whose common level is set by simulation (Säilynoja, Bürkner and Vehtari 2022,
+    Statistics and Computing 32, 32).
     """
     rng = np.random.default_rng(seed)
     law = stats.binom(n_ranks, np.arange(1, n_draws + 1) / (n_draws + 1))

@@ -36,12 +36,11 @@ from pyburgers.sampling.manifest import COMPLETE, PoolingRecord, RecordedHashes,
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
 from pyburgers.sampling.run import files_in, origin_record, problem_record
 from pyburgers.sampling.run_directory import RunDirectory
-from pyburgers.sbc.data_sets import DataSetPlan, Range, check_template, replicate
+from pyburgers.sbc.data_sets import DataSetPlan, check_template, replicate
 from pyburgers.sbc.rank_uniformity import RankBands, RankVerdict, judge_ranks, rank_bands
 from pyburgers.sbc.replication import (
     SIMULATIONS,
     Replication,
-    next_fit,
     read_replication,
     replications,
     scratch_of,
@@ -55,45 +54,19 @@ logger = logging.getLogger(__name__)
 CALIBRATION_KIND = "pyburgers sbc"
 """What the manifest of a calibration says."""
 
-SHORT_RUN = SamplerOptions(chains=2, warmup=300, draws=400, parallel_chains=1)
-"""Default of each fit: long enough for `N_RANKED` nearly independent draws."""
-
-N_RANKED = 99
-
-REFITS = 1
-"""Default of the repetitions of a fit that has not converged."""
-
 SYSTEM_ATTEMPTS = 3
 """Tries of a data set whose chains the system ends, after which the calibration stops."""
 
 
 @dataclass(frozen=True)
-class CalibrationPlan:
-    """What a calibration does.
+class CalibrationPlan(DataSetPlan):
+    """What a calibration does: so many data sets, a number fixed with the first one.
 
-    Attributes
-    ----------
-    simulations : int
-        Data sets, fixed with the first one.
-    seed : int
-        Seed of the first data set; the others follow on, by 1.
-    n_ranked : int
-        Draws of each fit among which the truth is ranked.
-    sampler : SamplerOptions
-        Of each first fit; its seed is that of the data set.
-    refits : int
-        How often a fit that has not converged is repeated, each time longer.
-    stress_range, strain_range : tuple of two floats, or None
-        See `pyburgers.sbc.data_sets.DataSetPlan`.
+    The seed is that of the first data set; the others follow on, by 1.
     """
 
     simulations: int = 200
     seed: int = 1
-    n_ranked: int = N_RANKED
-    sampler: SamplerOptions = SHORT_RUN
-    refits: int = REFITS
-    stress_range: Range | None = None
-    strain_range: Range | None = None
 
     def __post_init__(self) -> None:
         """Check the values.
@@ -119,11 +92,6 @@ class CalibrationPlan:
                     f"{name} is {low:g} to {high:g}{unit}, expected two numbers of which the "
                     "second is larger."
                 )
-
-    @property
-    def data_set(self) -> DataSetPlan:
-        """How each data set is made, fitted and ranked."""
-        return DataSetPlan(self.n_ranked, self.refits, self.stress_range, self.strain_range)
 
     @property
     def seeds(self) -> range:
@@ -154,17 +122,8 @@ class _CalibrationManifest(RecordedHashes):
 class Calibration:
     """A calibration, finished or as far as it has come.
 
-    Attributes
-    ----------
-    template : Problem
-        Protocol and points of the data sets, shared parameters, and the priors that truths were
-        drawn from.
-    plan : CalibrationPlan
-        Data sets, seeds, sampler.
-    replications : tuple of Replication
-        One for each data set that is done, by seed.
-    command : str
-        What regenerates or continues it.
+    The template has the conditions and points of the data sets, and the priors of the truths. There
+    is a replication for each data set that is done, by seed. `command` regenerates or continues it.
     """
 
     template: Problem
@@ -212,9 +171,12 @@ def calibrate(
 ) -> Calibration:
     """Simulate data sets from the prior, fit each, and rank the truths; continue where one stopped.
 
-    Raises InputError if an input is wrong or `out` holds something else; SamplingError if the
-    priors have no solvable draws; SystemFailureError if a process was killed, or chains again and
-    again.
+    Data sets are like the templates, fitted jointly if there are several; their stresses serve to
+    resolve a relative noise prior. An earlier calibration with the same inputs in the folder `out`
+    is continued, with more repetitions as if there had been so many from the beginning. If this
+    call does a part of the data sets, others may do the other parts at the same time. Raises
+    InputError if an input is wrong or `out` holds something else; SamplingError if the priors have
+    no solvable draws; SystemFailureError if a process was killed, or chains again and again.
     """
     tests = [templates] if isinstance(templates, Experiment) else list(templates)
     problem = problem_of(tests, priors, pooling_for(tests, pool))
@@ -307,7 +269,13 @@ def _fingerprint(problem: Problem, plan: CalibrationPlan, recipe: str) -> str:
             "seed": plan.seed,
             "simulations": plan.simulations,
             # Repetitions can be added: the first ones stay what they were.
-            "data_set": asdict(replace(plan.data_set, refits=0)),
+            "data_set": {
+                "n_ranked": plan.n_ranked,
+                "refits": 0,
+                "first": 0,
+                "stress_range": plan.stress_range,
+                "strain_range": plan.strain_range,
+            },
             "sampler": sampler,
             "program": recipe,
         }
@@ -334,7 +302,7 @@ def _run_missing(run: RunDirectory, plan: CalibrationPlan, workers: Workers) -> 
     missing = [
         seed
         for seed, file in mine.items()
-        if scratch_of(file).exists() or next_fit(file, plan.refits) is not None
+        if scratch_of(file).exists() or not _is_done(file, plan.refits)
     ]
     if len(missing) < len(mine):
         n_found = len(mine) - len(missing)
@@ -364,10 +332,9 @@ def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:
     scratch.mkdir(exist_ok=True)
     try:
         with FileLock(scratch / ".lock", timeout=0):
-            first = next_fit(file, plan.refits)
-            if first is not None:
-                failed = read_replication(file).failed_checks if first else ()
-                write_replication(file, _replicate(run, scratch, seed, plan, first, failed))
+            if not _is_done(file, plan.refits):
+                before = read_replication(file) if file.is_file() else None
+                write_replication(file, _replicate(run, scratch / "fits", seed, plan, before))
             replication = read_replication(file)
             shutil.rmtree(scratch)
     except Timeout as error:
@@ -380,29 +347,21 @@ def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:
     return "ranked" if replication.ranks else "not converged"
 
 
+def _is_done(file: Path, refits: int) -> bool:
+    """Tell whether a data set has its outcome, after so many longer fits if they are needed."""
+    return file.is_file() and read_replication(file).is_done(refits)
+
+
 def _replicate(
-    run: RunDirectory,
-    scratch: Path,
-    seed: int,
-    plan: CalibrationPlan,
-    first: int,
-    failed: Sequence[str],
+    run: RunDirectory, out: Path, seed: int, plan: CalibrationPlan, before: Replication | None
 ) -> Replication:
     """Do one data set in a folder of its own, where fits of an earlier attempt go on."""
     template = _template(run, run.read_manifest())
-    data_set = replace(plan.data_set, first=first)
     tries_left = SYSTEM_ATTEMPTS
     while True:
         tries_left -= 1
         try:
-            return replicate(
-                template,
-                scratch / "fits",
-                seed=seed,
-                options=plan.sampler,
-                plan=data_set,
-                failed=failed,
-            )
+            return replicate(template, out, seed=seed, plan=plan, before=before)
         except SystemFailureError:
             if not tries_left:
                 raise

@@ -1,7 +1,7 @@
 """The parser of the command line: errors in one line, defaults and choices in the help."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from difflib import get_close_matches
 from importlib.metadata import version
 from pathlib import Path
@@ -46,6 +46,20 @@ def is_text(text: str) -> bool:
     except UnicodeEncodeError:
         return False
     return True
+
+
+def all_arguments(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    """Return the arguments of a parser and of those below it."""
+    for action in parser._actions:
+        yield action
+        if isinstance(action, argparse._SubParsersAction):
+            for below in action.choices.values():
+                yield from all_arguments(below)
+
+
+def offer(action: argparse.Action, values: Sequence[str]) -> None:
+    """Have a shell offer values of an argument, where others are possible too."""
+    vars(action)["offered"] = values
 
 
 def _path(text: str) -> Path:
@@ -94,16 +108,6 @@ class OneLineParser(argparse.ArgumentParser):
             )
         return value
 
-    def options(self) -> list[str]:
-        """Return the long options of the parser and of those below it."""
-        found = []
-        for action in self._actions:
-            found += [name for name in action.option_strings if name.startswith("--")]
-            if isinstance(action, argparse._SubParsersAction):
-                for parser in action.choices.values():
-                    found += parser.options()
-        return found
-
     def require_own(self, option: str) -> None:
         """Check that an option ahead of the command is one of the program itself.
 
@@ -126,7 +130,7 @@ class OneLineParser(argparse.ArgumentParser):
         if not unknown:
             return parsed
         name = unknown[0].split("=")[0]
-        meant = get_close_matches(name, self.options(), n=1) if name.startswith("-") else []
+        meant = get_close_matches(name, self._long_options(), n=1) if name.startswith("-") else []
         end = self._see(*arguments[:1])
         if meant == [name]:
             end = f"which is another command's; {end}"
@@ -134,6 +138,11 @@ class OneLineParser(argparse.ArgumentParser):
             end = f"did you mean {meant[0]}?"
         kind = "option" if name.startswith("-") else "argument"
         raise InputError(f"unknown {kind} {name}, {end}")
+
+    def _long_options(self) -> list[str]:
+        """Return the long options of the parser and of those below it."""
+        names = (name for action in all_arguments(self) for name in action.option_strings)
+        return [name for name in names if name.startswith("--")]
 
     def _see(self, *command: str) -> str:
         return f"see `{' '.join([self.prog, *command])} --help`."

@@ -9,7 +9,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from pyburgers.cli.completion import complete_with
+from pyburgers.cli.parser import offer
 from pyburgers.common.errors import InputError
 from pyburgers.model.variants import CHOICES
 from pyburgers.protocols.protocol import Protocol, protocols
@@ -45,7 +45,7 @@ def add_variant_option(command: argparse.ArgumentParser) -> None:
         help="another law for a part of the model, such as kelvin=power_law; may be repeated: "
         + ", ".join(f"{part}={'|'.join(laws)}" for part, laws in CHOICES.items()),
     )
-    complete_with(variant, [f"{part}={law}" for part, laws in CHOICES.items() for law in laws])
+    offer(variant, [f"{part}={law}" for part, laws in CHOICES.items() for law in laws])
 
 
 def add_sampler_options(

@@ -27,7 +27,6 @@ from pyburgers.cmdstan.installation import PYPI_VERSION
 from pyburgers.fitting.fit import Fit
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.protocol import protocols
-from pyburgers.sampling.options import COORDINATES
 
 COLUMNS = ["time_s", "strain", "stress_Pa", "kelvin_strain", "grain_size_m", "fabric_factor"]
 
@@ -459,35 +458,6 @@ def test_help_of_compare_says_that_only_left_out_tests_are_handed_out(
             main([command, "--help"])
         text = " ".join(capsys.readouterr().out.split())
         assert text.count("with --leave-out tests: ") == times
-
-
-@pytest.mark.parametrize(
-    ("line", "offered"),
-    [
-        ("pyburgers fi", {"fit", "fit-peak-stress"}),
-        ("pyburgers sbc --re", {"--refits", "--results-of"}),
-        ("pyburgers fit --coordinates ", set(COORDINATES)),
-        (
-            "pyburgers fit --variant maxwell",
-            {"maxwell=power_law", "maxwell=linear", "maxwell=hyperbolic_sine"},
-        ),
-    ],
-)
-def test_a_shell_is_told_what_may_stand_next(line: str, offered: set[str], tmp_path: Path) -> None:
-    answer = tmp_path / "answer"
-    subprocess.run(
-        [sys.executable, "-m", "pyburgers"],
-        env={
-            **os.environ,
-            "_ARGCOMPLETE": "1",
-            "_ARGCOMPLETE_IFS": "\n",
-            "_ARGCOMPLETE_STDOUT_FILENAME": str(answer),
-            "COMP_LINE": line,
-            "COMP_POINT": str(len(line)),
-        },
-        check=True,
-    )
-    assert {word.strip() for word in answer.read_text().split("\n")} == offered
 
 
 def test_the_module_and_the_console_script_are_the_same_command() -> None:

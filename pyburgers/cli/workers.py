@@ -13,7 +13,7 @@ ANSWER_SECONDS = 30
 
 
 def add_worker_options(command: argparse.ArgumentParser, when: str = "") -> None:
-    """Add the options that say who does tasks."""
+    """Add the options that say who does tasks; `when` begins their help."""
     command.add_argument(
         "--jobs",
         type=int,
@@ -36,7 +36,7 @@ def add_worker_options(command: argparse.ArgumentParser, when: str = "") -> None
 
 
 def require_no_worker_options(options: argparse.Namespace, beside: str) -> None:
-    """Refuse options that say who does tasks where no task is done."""
+    """Refuse options that say who does tasks beside an option with which no task is done."""
     for name in ("jobs", "scheduler", "part"):
         if getattr(options, name) is not None:
             raise InputError(f"--{name}: expected no such option beside {beside}.")

@@ -30,29 +30,17 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What one fit is of.
-
-    Attributes
-    ----------
-    problem : Problem
-        Tests, priors, pooling.
-    options : SamplerOptions
-        Chains, iterations, seed. On this machine, how many chains run side by side is set by how
-        many fits do.
-    solver : SolverOptions or None
-        None takes that of the protocol.
-    remark : str
-        What the run's manifest says behind the command.
-    extensions : int
-        How often chains that do not agree yet, or left few independent draws, go on for as many
-        draws again.
-    """
+    """A fit to be done. On this machine, the number of fits side by side sets that of chains."""
 
     problem: Problem
     options: SamplerOptions
     solver: SolverOptions | None = None
+    """None takes that of the protocol."""
     remark: str = ""
+    """Follows the command in the run's manifest."""
     extensions: int = 0
+    """How often chains that do not agree yet, or left few independent draws, go on for as many
+    draws again."""
 
 
 def task_of(
@@ -61,7 +49,7 @@ def task_of(
     options: SamplerOptions,
     pool: Mapping[str, str] | None = None,
 ) -> Task:
-    """Return the task of a fit of tests with data; several are fitted together."""
+    """Return the task of a fit of tests with data, of several together, as `pyburgers.fit`."""
     return Task(problem_of(experiments, priors, pooling_for(experiments, pool)), options)
 
 
@@ -75,10 +63,13 @@ def run_fits(
 ) -> dict[Path, PyburgersError]:
     """Do several fits, each in a process of its own; continue where a call stopped.
 
-    What the fits themselves say goes to standard error of their processes, a line each with the
-    name of the fit before it. Raises InputError if an input is wrong or a run directory holds
-    something else; SamplingError if no chain of a fit finished; SystemFailureError if the system
-    killed a process.
+    The fits begin in the order of their run directories in `tasks`, so those that take longest
+    should come first. Cores of this machine that are left over run chains. Messages of a fit go to
+    standard error of its process, each line with the name of the fit before it. When a fit is done,
+    `after` receives its run directory. If `keep_going`, fits that cannot be done are returned with
+    their errors, and the others go on. Else raises InputError if an input is wrong or a run
+    directory holds something else; SamplingError if no chain of a fit finished; SystemFailureError
+    if the system killed a process.
     """
     mine = workers.mine(tasks)
     if not mine:
@@ -113,7 +104,10 @@ def fit_side_by_side(
     command: str,
     after: Callable[[str, Fit], None] = lambda _name, _fit: None,
 ) -> dict[str, Fit]:
-    """Do several fits (`run_fits`) and return those of this part, in their order."""
+    """Do fits by name in ``folder/NAME`` (`run_fits`); return those of this part, in their order.
+
+    When a fit is done, `after` receives its name and the fit.
+    """
     found: dict[str, Fit] = {}
 
     def keep(out: Path) -> None:

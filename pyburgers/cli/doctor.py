@@ -27,7 +27,7 @@ from pyburgers.common.errors import ToolchainError
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found about one thing, how to mend it if need be, and whether a fit needs it."""
+    """The state of one thing, how to mend it if need be, and whether a fit needs it."""
 
     name: str
     ok: bool

@@ -42,7 +42,7 @@ COMMANDS = {
     "reproduce": "the study: fits of measured dunite, rock salt and olivine spectra, and of "
     "synthetic tests, and the page",
 }
-"""What each does. Its module in this room has ``add_options`` and ``run``."""
+"""Purpose of each; its module in this folder has ``add_options`` and ``run``."""
 
 
 EXIT_CODES = (

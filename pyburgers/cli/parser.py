@@ -27,7 +27,7 @@ class ShowVersion(argparse.Action):
 
 
 class HelpWithDefaults(argparse.HelpFormatter):
-    """Help that ends with the default of an option, where it has one that says something."""
+    """Help that ends with the default of an option, if the default says something."""
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
         text, default = action.help or "", action.default
@@ -40,7 +40,7 @@ class HelpWithDefaults(argparse.HelpFormatter):
 
 
 def is_text(text: str) -> bool:
-    """Whether files can hold what was typed: bytes that are no text cannot be encoded again."""
+    """Tell whether files can hold a typed text: bytes that are no text cannot be encoded again."""
     try:
         text.encode("utf-8")
     except UnicodeEncodeError:

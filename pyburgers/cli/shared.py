@@ -1,4 +1,4 @@
-"""What commands share: arguments, the run that one names, verdicts and exit codes."""
+"""Shared by commands: arguments, the command line as typed, exit codes."""
 
 import argparse
 import shlex
@@ -86,7 +86,7 @@ _SAMPLER_HELP = {
     "chain_timeout": "seconds after which a chain is stopped",
     "parallel_chains": "chains side by side",
     "threads_per_chain": "threads that share the tests of a joint fit at constant rate; they pay "
-    "where there are more cores than chains",
+    "if there are more cores than chains",
 }
 _UNLESS_GIVEN = {
     "warmup": by_protocol(lambda one: one.warmup),

@@ -1,4 +1,4 @@
-"""What a fit prints: tables no wider than the terminal, verdicts, colours where there are some."""
+"""Output of a fit: tables no wider than the terminal, verdicts, colours if it has some."""
 
 from collections.abc import Sequence
 
@@ -49,8 +49,8 @@ def print_checks(
 ) -> int:
     """Print both verdicts on a run with the checks behind them; return the exit code.
 
-    What prior and data disagree about, and which numbers the data do not decide, follows; it does
-    not count for the code.
+    Conflicts of prior and data, and numbers that the data do not decide, follow. They do not count
+    for the code.
     """
     console, answers = _console(), verdicts(checks)
     for kind, verdict in answers.items():
@@ -85,7 +85,7 @@ def print_lines(lines: Sequence[str]) -> None:
 
 
 def _console() -> Console:
-    """Return where output goes: in colours where it is a terminal and NO_COLOR is not set."""
+    """Return the console of output, in colours if it is a terminal and NO_COLOR is not set."""
     console = Console(highlight=False, markup=False, emoji=False)
     if not console.is_terminal:
         console.width = WIDTH

@@ -1,4 +1,4 @@
-"""Who does the tasks of a command: processes of this machine, or Dask's; and which part of them."""
+"""Options about workers: processes of this machine or of Dask, and the part of the tasks."""
 
 import argparse
 import re

@@ -1,10 +1,10 @@
 """Stan sources -> executables, compiled with CmdStan into a cache.
 
-Compiled programs live in a folder named by everything that decides the executable: the
-program, what it includes, CmdStan, the compiler and its flags. A change in any of them gives
-another folder, so nothing is ever out of date, and tests, CI and users share the work. A record
-beside an executable tells one that was damaged, which is compiled again, and finds it where there
-is no compiler.
+Compiled programs live in a folder named by everything that decides the executable: the program,
+its includes, CmdStan, the compiler and its flags. A change in any of them gives another folder, so
+nothing is ever out of date, and tests, CI and users share the work. A record beside an executable
+shows damage, after which the program is compiled again. If there is no compiler, the record finds
+the executable.
 """
 
 import logging
@@ -91,7 +91,7 @@ def program_key(program: Path, include_directory: Path, cmdstan: Path) -> str:
 
 
 def executable_path(program: Path, cmdstan: Path) -> Path:
-    """Return where the executable of `program` is, or will be once compiled."""
+    """Return the file of the executable of a program, whether or not it is compiled."""
     return cache_directory() / program_key(program, stan_directory(), cmdstan) / program.stem
 
 
@@ -208,7 +208,7 @@ def _record_file(executable: Path) -> Path:
 
 
 def _is_whole(executable: Path, sources: str | None = None) -> bool:
-    """Tell whether an executable is as it was compiled, and of some sources where they are given.
+    """Tell whether an executable is as it was compiled, and of the sources if they are given.
 
     A full disk or a copy of the cache can leave one that does not run.
     """

@@ -80,7 +80,7 @@ PYPI_SOURCES = (
     _MATH + "lib/tbb_2020.3/include/",
     _MATH + "lib/tbb_2020.3/src/",
 )
-"""What a build needs of the tree: neither tests nor documentation nor other platforms' tools."""
+"""Parts of the tree that a build needs: no tests, documentation or tools of other platforms."""
 
 LEFT_OUT = ("bin/stansummary", "bin/print", "bin/diagnose")
 """Tools of CmdStan that no program needs: a third of the time of its build."""

@@ -115,7 +115,7 @@ class Program:
         *,
         seed: int = 1,
     ) -> dict[str, FloatArray]:
-        """Return every variable of the program at a position, or where it has no parameters.
+        """Return every variable of the program at a position of its parameters, if it has any.
 
         Raises SamplingError if the program stops with an error.
         """
@@ -131,7 +131,7 @@ class Program:
     def optimise(
         self, data: Mapping[str, object], position: Mapping[str, object], *, seed: int
     ) -> tuple[float, dict[str, FloatArray]]:
-        """Climb from a position with L-BFGS; return log density and variables where that ends.
+        """Climb from a position with L-BFGS; return log density and variables at the end.
 
         The end need not be a maximum. Raises SamplingError if the program stops with an error, as
         when the climb leaves the region with solutions.

@@ -52,7 +52,7 @@ class MissingToolError(ToolchainError):
 
 @dataclass(frozen=True)
 class Toolchain:
-    """What turns a Stan program into an executable; of tools the first line of ``--version``.
+    """CmdStan, compiler, make and flags; of tools the first line of ``--version``.
 
     Compile flags are `COMPILE_FLAGS`, `THREAD_FLAGS` if there are threads, compiler variables of
     the environment, and the settings of CmdStan's ``make/local`` and ``~/.config/stan/make.local``.

@@ -15,7 +15,7 @@ FREE_MEMORY = (
     "free memory or run fewer programs side by side, then run the same command again: it does only "
     "what is missing."
 )
-"""What to do where the system starts no program, or kills one."""
+"""Remedy if the system starts no program, or kills one."""
 
 POLL_SECONDS = 0.03
 """Time between two looks at programs that run side by side."""
@@ -44,7 +44,7 @@ class Running:
 
     @property
     def failed(self) -> bool:
-        """Whether it ended otherwise than well."""
+        """Whether it was stopped or ended with an error."""
         return self.out_of_time or self.process.returncode != 0
 
     @property

@@ -1,4 +1,4 @@
-"""Who does tasks that each keep what they make, and which of them this call does."""
+"""Tasks that each write their own results, their workers, and the part that this call does."""
 
 import copyreg
 import os
@@ -30,7 +30,7 @@ Outcome = TypeVar("Outcome")
 
 @dataclass(frozen=True)
 class Workers:
-    """Who does tasks.
+    """The workers that do tasks.
 
     Attributes
     ----------
@@ -114,8 +114,8 @@ def run_tasks(
 def _elsewhere(work: Callable[..., Outcome], *arguments: object) -> Outcome:
     """Call a function on a worker of somebody else's executor.
 
-    Where that is Dask's, xarray would lock each file that it writes through the scheduler, which
-    may have gone; the folder of a task is its own.
+    For an executor of Dask, xarray would lock each file through the scheduler, which may have gone.
+    No lock is needed, because the folder of a task is its own.
     """
     dask = sys.modules.get("dask")
     with nullcontext() if dask is None else dask.config.set(scheduler="synchronous"):

@@ -77,7 +77,7 @@ class _PlanFile(Table):
 
 @dataclass(frozen=True)
 class Combination:
-    """What one fit of a campaign is of, by the names in its plan."""
+    """Test, laws, priors and seed of one fit, by the names in the plan."""
 
     test: str
     variant: str

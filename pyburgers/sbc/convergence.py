@@ -1,4 +1,4 @@
-"""Whether a fit of a calibration has converged, and how it is repeated where it has not."""
+"""Convergence of a fit of a calibration, and the repetition of a fit without it."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -73,7 +73,7 @@ def simulate_table(
 ) -> SimulatedTable:
     """Draw materials and solve the peaks of a table's tests until they look like it.
 
-    Where the template states the strain of its peaks, the simulated table states its own, with the
+    If the template states the strain of its peaks, the simulated table states its own, with the
     same relative standard deviation. Raises SamplingError if no draw has stresses like those of the
     template.
     """

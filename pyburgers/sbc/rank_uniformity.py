@@ -25,18 +25,19 @@ NOTICEABLE = 2.0
 Verdict = Literal["calibrated", "within chance", "not calibrated", "too few data sets"]
 
 VERDICTS_TEXT = (
-    "A quantity is calibrated where the distribution of its ranks stays inside the band that holds "
-    f"all of it in {PROBABILITY:.0%} of calibrations of a right program. Of many quantities one "
-    "leaves its own band now and then: it is within chance where it stays inside the wider band "
-    f"that holds all quantities together in {PROBABILITY:.0%}. Outside that, it is not calibrated. "
-    "The mean rank is a share of all draws, 0.5 if right; the spread of the ranks is their "
-    "standard deviation about 0.5 over that of uniform ranks, 1 if right."
+    "A quantity is calibrated if the distribution of its ranks stays inside the narrow band. For a "
+    f"right program, this band holds the whole distribution in {PROBABILITY:.0%} of calibrations. "
+    "Of many quantities, one leaves its own band now and then. It is within chance if it stays "
+    f"inside the wide band, which holds all quantities together in {PROBABILITY:.0%}. Outside the "
+    "wide band, a quantity is not calibrated. The mean rank is a share of all draws, 0.5 if right. "
+    "The spread of the ranks is their standard deviation about 0.5 over that of uniform ranks, 1 "
+    "if right."
 )
 
 
 @dataclass(frozen=True)
 class RankVerdict:
-    """What the ranks of one quantity say."""
+    """The verdict on the ranks of one quantity."""
 
     mean: float
     """Mean rank as a share of all draws; 0.5 if right."""
@@ -93,7 +94,7 @@ def _judge(ranks: IntArray, bands: RankBands) -> RankVerdict:
 
 
 def is_inside(counts: IntArray, band: tuple[IntArray, IntArray]) -> bool:
-    """Whether counts of ranks (`counts_at_most`) lie inside a band everywhere."""
+    """Tell whether counts of ranks (`counts_at_most`) lie inside a band everywhere."""
     return bool(np.all((counts >= band[0]) & (counts <= band[1])))
 
 

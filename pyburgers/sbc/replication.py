@@ -51,7 +51,7 @@ class Replication(Table):
 
 
 def simulation_file(run: RunDirectory, seed: int) -> Path:
-    """Return where the outcome of one data set is."""
+    """Return the file of the outcome of one data set."""
     return run.path / SIMULATIONS / f"simulation_{seed:06d}.json"
 
 

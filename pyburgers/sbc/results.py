@@ -1,4 +1,4 @@
-"""What a calibration found: counts, table of verdicts, figure of the ranks, and their files."""
+"""Results of a calibration: counts, table of verdicts, figure of the ranks, and their files."""
 
 import math
 from collections import Counter

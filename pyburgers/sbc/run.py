@@ -52,7 +52,7 @@ from pyburgers.sbc.replication import (
 logger = logging.getLogger(__name__)
 
 CALIBRATION_KIND = "pyburgers sbc"
-"""What the manifest of a calibration says."""
+"""The kind of run in the manifest of a calibration."""
 
 SYSTEM_ATTEMPTS = 3
 """Tries of a data set whose chains the system ends, after which the calibration stops."""
@@ -60,7 +60,7 @@ SYSTEM_ATTEMPTS = 3
 
 @dataclass(frozen=True)
 class CalibrationPlan(DataSetPlan):
-    """What a calibration does: so many data sets, a number fixed with the first one.
+    """The data sets of a calibration; their number is fixed with the first one.
 
     The seed is that of the first data set; the others follow on, by 1.
     """

@@ -23,13 +23,13 @@ import platformdirs
 from pyburgers.cmdstan.installation import ensure_cmdstan
 from pyburgers.cmdstan.toolchain import (
     MAKE_TAKES,
+    THREAD_FLAGS,
     MissingToolError,
     Toolchain,
     chosen_folder,
     cmdstan_version,
     compile_flags,
     last_lines,
-    make_flags,
     run_tool,
     stan_directory,
     toolchain,
@@ -256,10 +256,10 @@ def _build(sources: _Sources, tools: Toolchain, executable: Path, *, threads: bo
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
         _translate(program, tools)
-        flags = make_flags(threads=threads)
+        flags: tuple[str, ...] = ()
         if threads:  # CmdStan's own main program is compiled for those without
             main = shutil.copy2(tools.cmdstan_path / MAIN_PROGRAM, scratch)
-            flags = (*flags, f"CMDSTAN_MAIN={main}")
+            flags = (*THREAD_FLAGS, f"CMDSTAN_MAIN={main}")
         make = run_tool(["make", *flags, program.with_suffix("")], cwd=tools.cmdstan_path)
         if make.returncode != 0:
             raise ToolchainError(

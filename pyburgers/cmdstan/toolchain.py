@@ -13,16 +13,11 @@ from pathlib import Path
 from pyburgers.common.errors import ToolchainError
 from pyburgers.common.shipped_files import shipped_folder
 
-COMPILE_FLAGS: tuple[str, ...] = ()
-"""Variables (``"NAME=value"``) given to CmdStan's make for every program.
-
-None: CmdStan's defaults (``-O3``, range checks on) are portable. ``-march=native`` is left out
-on purpose, since a home folder, and with it the cache, may be shared between machines, and it gains
-nothing: a gradient of PIL40 takes as long.
-"""
-
+# Programs without threads are compiled with CmdStan's defaults (-O3, range checks on), which are
+# portable. With -march=native a gradient of PIL40 takes as long, and a home folder, with its cache,
+# may be shared between machines.
 THREAD_FLAGS: tuple[str, ...] = ("STAN_THREADS=true", "PRECOMPILED_HEADERS=false")
-"""Further ones for programs that run in several threads.
+"""Variables given to CmdStan's make for programs that run in several threads.
 
 CmdStan's precompiled header is one without threads. One with them would take 700 MB more, for the
 one program in which threads share work.
@@ -54,7 +49,7 @@ class MissingToolError(ToolchainError):
 class Toolchain:
     """CmdStan, compiler, make and flags; of tools the first line of ``--version``.
 
-    Compile flags are `COMPILE_FLAGS`, `THREAD_FLAGS` if there are threads, compiler variables of
+    Compile flags are `THREAD_FLAGS` if there are threads, compiler variables of
     the environment, and the settings of CmdStan's ``make/local`` and ``~/.config/stan/make.local``.
     """
 
@@ -205,12 +200,8 @@ def toolchain(cmdstan: Path, *, threads: bool = False) -> Toolchain:
 
 def compile_flags(cmdstan: Path, *, threads: bool) -> tuple[str, ...]:
     """Return the settings of `Toolchain.compile_flags`."""
-    return (*make_flags(threads=threads), *_environment_flags(), *_make_settings(cmdstan))
-
-
-def make_flags(*, threads: bool) -> tuple[str, ...]:
-    """Return the variables that are given to CmdStan's make."""
-    return (*COMPILE_FLAGS, *(THREAD_FLAGS if threads else ()))
+    own = THREAD_FLAGS if threads else ()
+    return (*own, *_environment_flags(), *_make_settings(cmdstan))
 
 
 def run_tool(

@@ -81,8 +81,8 @@ class Adaptation:
 
 
 OFF_DIAGONAL = 1 - 1e-4
-"""Factor on the elements of a metric off its diagonal: files have six digits, which may leave a
-matrix that is not positive definite; with any that is, the draws are of the same posterior."""
+"""Factor on the elements of a metric off its diagonal. With the six digits of a file, a matrix may
+not be positive definite. With any that is, the draws are of the same posterior."""
 
 
 def adaptation_of(file: Path) -> Adaptation:

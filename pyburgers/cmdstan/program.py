@@ -1,9 +1,9 @@
 """A compiled Stan program, and every way in which CmdStan runs it.
 
 cmdstanpy writes and reads the files of CmdStan and installs it. Its `CmdStanModel` does not run the
-programs: it leaves CmdStan running when it is interrupted, does not say which signal ended a
-program, has no argument for CmdStan's `gamma`, refuses draws that are not a chain of its own, and
-takes eight times as long for a single evaluation.
+programs, for five reasons. An interrupt leaves CmdStan running. The signal that ended a program is
+not told. CmdStan's `gamma` cannot be set. Draws other than a chain are refused. A single evaluation
+takes eight times as long.
 """
 
 import tempfile

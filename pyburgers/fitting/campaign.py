@@ -1,8 +1,8 @@
 """Campaigns: fits of every combination of tests, laws, priors and seeds in a plan.
 
 The folder of a campaign holds ``runs/NAME/``, the run directory of each fit, ``status.csv`` and
-``report/``. The status of a fit is read from its run directory alone, so that any number of
-processes on any machines can work on the same campaign.
+``report/``. The status of a fit is read from its run directory alone. So any number of processes,
+on any machines, can work on the same campaign.
 """
 
 from collections import Counter

@@ -68,8 +68,8 @@ def run_fits(
     standard error of its process, each line with the name of the fit before it. When a fit is done,
     `after` receives its run directory. If `keep_going`, fits that cannot be done are returned with
     their errors, and the others go on. Else raises InputError if an input is wrong or a run
-    directory holds something else; SamplingError if no chain of a fit finished; SystemFailureError
-    if the system killed a process.
+    directory holds something else, and SamplingError if no chain of a fit finished. Raises
+    SystemFailureError if the system killed a process.
     """
     mine = workers.mine(tasks)
     if not mine:

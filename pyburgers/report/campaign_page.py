@@ -19,8 +19,8 @@ from pyburgers.sampling.manifest import COMPLETE
 def write_page(campaign: Campaign, out: Path, *, command: str) -> Path:
     """Write the page of a campaign, ``report/index.html``, about the fits that are complete.
 
-    Fits that differ only in their seed are of the same posterior: the page has the first of them,
-    and a table in which its seeds are held against each other. Raises InputError if no fit is
+    Fits that differ only in their seed are of the same posterior. The page has the first of them,
+    and a table of the largest difference between its seeds. Raises InputError if no fit is
     complete.
     """
     table = status_table(campaign, out)

@@ -98,8 +98,8 @@ def calibration_priors(material: str, protocol: str | None = None) -> PriorSet:
 def check_template(problem: Problem, strain_range: Range | None = None) -> None:
     """Check that data of a problem can be simulated as the program assumes them.
 
-    Raises InputError if a parameter has a prior that differs between the tests, none is free, or
-    strains that no test reads are to lie in a range.
+    Raises InputError if a prior differs between the tests or no parameter is free. A range for
+    strains that no test reads is an error too.
     """
     first, tests = problem.priors[0], problem.experiments
     if strain_range is not None and all(one.largest_strain_read is None for one in tests):
@@ -125,10 +125,9 @@ def simulate_from_prior(
 ) -> Simulated:
     """Draw parameters from the prior and simulate the data of every test of a problem.
 
-    A draw without a solution within the limits of the solver that fits use
-    (`pyburgers.protocols.stan_data.SolverOptions`) is replaced by the next one: the sampler rejects
-    such parameters too. Raises SamplingError if none of `PRIOR_ATTEMPTS` draws has a solution
-    within the ranges.
+    A draw without a solution within the limits of a fit's solver (`SolverOptions`) is replaced by
+    the next one: the sampler rejects such parameters too. Raises SamplingError if none of
+    `PRIOR_ATTEMPTS` draws has a solution within the ranges.
     """
     rng = np.random.default_rng(seed)
     n_unsolvable = n_outside = 0

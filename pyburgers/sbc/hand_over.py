@@ -1,10 +1,10 @@
 """Calibration of the hand-over from tables of peak stresses: whether its prior holds the truth.
 
-For each data set a material is drawn from the priors of a curve, the peaks of a table's tests are
-solved with it, all with the same parameters but for the scatter between tests, and the table is
-fitted. Ranked is the flow law of one more test of that scatter among draws of the prior that the
-fit hands on (`pyburgers.flow_law_tables.fit.flow_law_prior`), and, of a curve of this test that is
-fitted with this prior, every parameter among the draws of the posterior.
+For each data set a material is drawn from the priors of a curve. The peaks of a table's tests are
+solved with its parameters and with the scatter between tests, and the table is fitted. The flow law
+of one more test of that scatter is ranked among draws of the prior that the fit hands on
+(`pyburgers.flow_law_tables.fit.flow_law_prior`). A curve of this test is fitted with this prior,
+and every parameter is ranked among the draws of the posterior.
 """
 
 from dataclasses import dataclass, replace
@@ -46,8 +46,8 @@ CURVE_STREAM = 1
 """Of random numbers for the noise of a curve, beside those of its table."""
 
 TABLE_STREAM = 1000
-"""Of random numbers for a table. The fit of the table simulates its prior from the seed itself, so
-that with the same numbers the truth would be the first material there; chains start from streams of
+"""Of random numbers for a table. The fit of the table simulates its prior from the seed itself:
+with the same numbers, the truth would be the first material there. Chains start from streams of
 their numbers."""
 
 

@@ -1,9 +1,9 @@
 """Simulation-based calibration over processes: many data sets, each a small file, resumable.
 
 The folder of a calibration holds ``manifest.json``, ``inputs/`` (templates and priors) and
-``simulations/simulation_SEED.json``, one for each data set, written when its fit is done; the same
-command continues with those that are missing. Several calls may do a part of them each. Their
-number is fixed with the first: nobody can stop, or go on, because of what the ranks look like.
+``simulations/simulation_SEED.json``. The file of a data set is written when its fit is done; the
+same command continues with those that are missing. Several calls may do a part of them each. Their
+number is fixed with the first: nobody can stop, or go on, because of how the ranks look.
 """
 
 import logging
@@ -172,11 +172,11 @@ def calibrate(
     """Simulate data sets from the prior, fit each, and rank the truths; continue where one stopped.
 
     Data sets are like the templates, fitted jointly if there are several; their stresses serve to
-    resolve a relative noise prior. An earlier calibration with the same inputs in the folder `out`
-    is continued, with more repetitions as if there had been so many from the beginning. If this
-    call does a part of the data sets, others may do the other parts at the same time. Raises
-    InputError if an input is wrong or `out` holds something else; SamplingError if the priors have
-    no solvable draws; SystemFailureError if a process was killed, or chains again and again.
+    resolve a relative noise prior. An earlier calibration of the same inputs in the folder `out` is
+    continued. If the plan has more repetitions than before, only these are added. If this call does
+    a part of the data sets, others may do the other parts at the same time. Raises InputError if an
+    input is wrong or `out` holds something else, and SamplingError if the priors have no solvable
+    draws. Raises SystemFailureError if a process was killed, or chains again and again.
     """
     tests = [templates] if isinstance(templates, Experiment) else list(templates)
     problem = problem_of(tests, priors, pooling_for(tests, pool))

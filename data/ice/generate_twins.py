@@ -2,7 +2,7 @@
 
 The measured curves are not public. The twins are solutions of the model, plus Gaussian noise, at
 parameters inside the priors for which the paper's printed statements hold (`search_twins.py` finds
-them, `docs/twins.md` explains them): peaks near 3 % strain at stresses published for the same test
+them, `docs/synthetic_ice.md` explains them): peaks near 3 % strain at stresses published for the same test
 series, and attenuation as in Fig. 6. The solver is scipy's and the equations below are the paper's
 six, written out again: that makes the twins an independent check of the Stan programs. This script
 and the tests are the only places where constitutive equations stand in Python.

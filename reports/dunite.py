@@ -5,31 +5,38 @@ The tests are those of Chopra and Paterson (1984) that come with the package (`d
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
-from pathlib import Path
-from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
+from common import (
+    DATA,
+    VERDICT_COLUMNS,
+    against_best,
+    bad_verdicts,
+    moments,
+    parameter_draws,
+    shown_differences,
+    shown_verdicts,
+    with_error,
+)
 
-from pyburgers.checks.fit_checks import CheckKind, Outcome
-from pyburgers.common.units import with_error
-from pyburgers.comparison.by_points import compare
-from pyburgers.comparison.conclusions import about_gaps, pair_of
-from pyburgers.comparison.pairs import PairOutcome
-from pyburgers.comparison.results import LeaveOneOut
-from pyburgers.comparison.same_data import data_hash
-from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
-from pyburgers.drawing.panels import FittedCurve, curve_result, curve_with_residuals
-from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.side_by_side import Task, task_of
-from pyburgers.model.parameters import PARAMETER_BY_NAME
-from pyburgers.model.priors import default_priors
-from pyburgers.model.variants import with_variant
-from pyburgers.protocols.protocol import load_experiment, protocol_of
-from pyburgers.sampling.options import SamplerOptions
+from pyburgers import (
+    Comparison,
+    Fit,
+    Outcome,
+    PageFigure,
+    PageSection,
+    PageTable,
+    SamplerOptions,
+    Task,
+    compare,
+    default_priors,
+    load_experiment,
+    page_figure,
+    shown_quantity,
+    task_of,
+    with_variant,
+)
 
 ONE_RATE = "dunite_4506"
 """A test at one rate, with a peak."""
@@ -38,14 +45,12 @@ ONE_RATE_DRAWS = 1000
 """Of each chain of its fit at least. Few readings leave long tails: with 500 draws a chain, 318 to
 873 of them were independent in the tails of S_0 (three fits), and 400 are wanted."""
 
-STEPPED: Mapping[str, tuple[str, Mapping[str, str]]] = MappingProxyType(
-    {
-        "dunite_4580": ("dunite_4580", {}),
-        "dunite_4581": ("dunite_4581", {}),
-        "dunite_4581_kelvin_power_law": ("dunite_4581", {"kelvin": "power_law"}),
-        "dunite_4581_autocorrelated": ("dunite_4581", {"residuals": "autocorrelated"}),
-    }
-)
+STEPPED: Mapping[str, tuple[str, Mapping[str, str]]] = {
+    "dunite_4580": ("dunite_4580", {}),
+    "dunite_4581": ("dunite_4581", {}),
+    "dunite_4581_kelvin_power_law": ("dunite_4581", {"kelvin": "power_law"}),
+    "dunite_4581_autocorrelated": ("dunite_4581", {"residuals": "autocorrelated"}),
+}
 """Fits of tests with two steps of the rate: by name the test, and what is not the standard law.
 
 The standard one of a test comes first. Laws that need plain coordinates would take hours."""
@@ -55,23 +60,20 @@ JOINT_RUN = "dunite_joint"
 APPARATUS = ("maxwell_modulus", "kelvin_modulus", "kelvin_viscosity")
 """What tests fitted together do not share: loading curves also hold the apparatus."""
 
-RATE_STEPS_KEY = "rate_steps"
+CURVE_CAPTION = (
+    "Measured stress (circles) with the predictive median (solid line), retrodictions (thin lines) "
+    "and the band that should hold 90 % of new readings; dotted lines mark steps of the rate. "
+    "Below: data minus the predictive median; runs of one sign are what the model misses."
+)
 
-_ANSWER_COLUMNS = {"sampled_well": "sampled well?", "describes_data": "describes the data?"}
 
-
-def dunite_tasks(folder: Path, options: SamplerOptions) -> dict[str, Task]:
+def dunite_tasks(options: SamplerOptions) -> dict[str, Task]:
     """Return the fits of measured dunite, by the names of their runs.
 
-    Parameters
-    ----------
-    folder : Path
-        Of the shipped experiments.
-    options : SamplerOptions
-        Of every fit, that of `ONE_RATE` with `ONE_RATE_DRAWS` at least.
+    All have the given options, that of `ONE_RATE` at least `ONE_RATE_DRAWS` draws.
     """
     ids = (ONE_RATE, *(test for test, _ in STEPPED.values()), *TOGETHER)
-    tests = {name: load_experiment(folder / f"{name}.toml") for name in ids}
+    tests = {name: load_experiment(DATA / "dunite" / f"{name}.toml") for name in ids}
     priors = default_priors("dunite")
     of_steps = {
         name: task_of(
@@ -92,16 +94,13 @@ def dunite_tasks(folder: Path, options: SamplerOptions) -> dict[str, Task]:
 def rate_steps_section(fits: Mapping[str, Fit]) -> PageSection:
     """Say which laws describe tests with steps of the strain rate, and how wide n is then.
 
-    Parameters
-    ----------
-    fits : mapping of str to Fit
-        By name, of one or several tests; the standard one of each test before its others.
+    Fits are by name, of one or several tests; the standard one of each test before its others.
     """
     groups = [LawsTried.of(group) for group in _by_data(fits)]
     first = groups[0].standard.experiment
     table = pd.concat([group.table() for group in groups])
     return PageSection(
-        key=RATE_STEPS_KEY,
+        key="rate_steps",
         title=f"A measured rock: {first.material} and steps of the strain rate",
         paragraphs=tuple(group.conclusion() for group in groups),
         details=(
@@ -116,61 +115,33 @@ def rate_steps_section(fits: Mapping[str, Fit]) -> PageSection:
                 "Models that were tried",
                 _shown(table),
                 table.reset_index(),
-                words=("test", "model", *_ANSWER_COLUMNS.values(), "against the best"),
-                bad={
-                    column: [answer != Outcome.YES.value for answer in table[name]]
-                    for name, column in _ANSWER_COLUMNS.items()
-                },
+                words=("test", "model", *VERDICT_COLUMNS.values(), "against the best"),
+                bad=bad_verdicts(table),
             ),
         ),
-        figures=tuple(
-            PageFigure(
-                f"curve_{group.standard.experiment.id}",
-                f"{group.standard.experiment.id}, {group.fits[group.chosen].variant.short_text} "
-                "model",
-                CURVE_CAPTION,
-                partial(_curve, group.fits[group.chosen]),
-                curve_result(_fitted_curve(group.fits[group.chosen])),
-            )
-            for group in groups
-        ),
+        figures=tuple(group.figure() for group in groups),
     )
 
 
-CURVE_CAPTION = (
-    "Measured stress (circles) with the predictive median (solid line), retrodictions (thin lines) "
-    "and the band that should hold 90 % of new readings; dotted lines mark steps of the rate. "
-    "Below: data minus the predictive median; runs of one sign are what the model misses."
-)
-
-
 def _by_data(fits: Mapping[str, Fit]) -> list[dict[str, Fit]]:
-    """Put fits of the same data together, in the order of the first of each."""
-    groups: dict[str, dict[str, Fit]] = {}
+    """Put fits of the same readings together, in the order of the first of each."""
+    groups: dict[bytes, dict[str, Fit]] = {}
     for name, fit in fits.items():
-        groups.setdefault(data_hash(fit), {})[name] = fit
+        groups.setdefault(fit.experiment.response.tobytes(), {})[name] = fit
     return list(groups.values())
 
 
 @dataclass(frozen=True, eq=False)
 class LawsTried:
-    """Fits of one test by laws of their own.
-
-    Attributes
-    ----------
-    fits : mapping of str to Fit
-        By name; the standard one first.
-    elpd : mapping of str to LeaveOneOut
-        How each predicts, the best first; empty for a single fit.
-    """
+    """Fits of one test by laws of their own, the standard one first, and how several predict."""
 
     fits: Mapping[str, Fit]
-    elpd: Mapping[str, LeaveOneOut]
+    comparison: Comparison | None
 
     @classmethod
     def of(cls, fits: Mapping[str, Fit]) -> "LawsTried":
         """Compare fits."""
-        return cls(fits, compare(fits).results if len(fits) > 1 else {})
+        return cls(fits, compare(fits) if len(fits) > 1 else None)
 
     @property
     def standard(self) -> Fit:
@@ -186,13 +157,23 @@ class LawsTried:
     def chosen(self) -> str:
         """The fit that predicts best of those that describe the data, or else of all."""
         able = self.describing or list(self.fits)
-        return next((name for name in self.elpd if name in able), able[0])
+        best_first = self.comparison.results if self.comparison else self.fits
+        return next(name for name in best_first if name in able)
 
     def about_gaps(self) -> tuple[str, ...]:
         """Say what elpd compares where residuals correlate under some laws alone."""
-        variants = [fit.variant for fit in self.fits.values()]
-        correlated = [one.short_text for one in variants if one.residuals_correlate]
-        return about_gaps(correlated, len(variants))
+        return self.comparison.gap_sentences(self.comparison.variants) if self.comparison else ()
+
+    def figure(self) -> PageFigure:
+        """Return the curve of the chosen fit."""
+        fit = self.fits[self.chosen]
+        name, model = self.standard.experiment.id, fit.variant.short_text
+        return replace(
+            page_figure(fit, "stress_strain"),
+            name=f"curve_{name}",
+            title=f"{name}, {model} model",
+            caption=CURVE_CAPTION,
+        )
 
     def conclusion(self) -> str:
         """Say which laws describe the data and how wide n is, against the standard one."""
@@ -206,7 +187,7 @@ class LawsTried:
             )
         name, model = self.standard.experiment.id, fit.variant.short_text
         tried = f"{n_fits} models" if n_fits > 1 else "one model"
-        answers = fit.verdicts()
+        sampling, _ = fit.verdicts().values()
         if able:
             listed = ", ".join(self.fits[one].variant.short_text for one in able)
             verb = "describes" if len(able) == 1 else "describe"
@@ -224,8 +205,8 @@ class LawsTried:
                 f"{name}: {tried}. {best} {model}, with "
                 f"{width}, an interval that leaves out what the model misses."
             ]
-        if answers[CheckKind.SAMPLING].outcome is not Outcome.YES:
-            said.append(answers[CheckKind.SAMPLING].sentence)
+        if sampling.outcome is not Outcome.YES:
+            said.append(sampling.sentence)
         if fit.variant.residuals_correlate:
             said.append(
                 "Correlated residuals say how far a smooth misfit may have moved n, not which "
@@ -234,19 +215,19 @@ class LawsTried:
         return " ".join(said)
 
     def table(self) -> pd.DataFrame:
-        """Return what each model says of n and how it predicts.
+        """Return what each model says of n and how it predicts, by fit.
 
-        Returns
-        -------
-        DataFrame
-            Index fit; columns test, model, sampled_well, describes_data, n_mean, n_sd, sd_ratio
-            (over the standard fit's), stress_noise (Pa), elpd_difference to the best, its
-            standard_error, outcome against the best ("best" for itself, "" without others).
+        Columns test, model, sampled_well, describes_data, n_mean, n_sd, sd_ratio (over the standard
+        fit's), stress_noise (Pa), elpd_difference to the best, its standard_error, outcome against
+        the best ("best" for itself, "" without others).
         """
         _, standard_sd = _exponent(self.standard)
+        alone = dict.fromkeys(self.fits, (np.nan, np.nan, ""))
+        differences = against_best(self.comparison) if self.comparison else alone
         rows = {}
         for name, fit in self.fits.items():
             mean, sd = _exponent(fit)
+            difference, error, outcome = differences[name]
             rows[name] = {
                 "test": self.standard.experiment.id,
                 "model": fit.variant.short_text,
@@ -255,49 +236,29 @@ class LawsTried:
                 "n_mean": mean,
                 "n_sd": sd,
                 "sd_ratio": sd / standard_sd,
-                "stress_noise": float(fit.posterior["posterior"]["stress_noise"].mean()),
-                **self._against_best(name),
+                "stress_noise": float(parameter_draws(fit, "stress_noise").mean()),
+                "elpd_difference": difference,
+                "standard_error": error,
+                "outcome": outcome,
             }
         return pd.DataFrame.from_dict(rows, orient="index").rename_axis("fit")
-
-    def _against_best(self, name: str) -> dict[str, Any]:
-        if not self.elpd:
-            return {"elpd_difference": np.nan, "standard_error": np.nan, "outcome": ""}
-        best = next(iter(self.elpd))
-        if name == best:
-            return {"elpd_difference": 0.0, "standard_error": 0.0, "outcome": "best"}
-        pair = pair_of({best: self.elpd[best], name: self.elpd[name]})
-        worse = "worse" if pair.outcome is PairOutcome.BETTER else pair.outcome.value
-        return {
-            "elpd_difference": pair.difference,
-            "standard_error": pair.error,
-            "outcome": worse,
-        }
 
 
 def _shown(table: pd.DataFrame) -> pd.DataFrame:
     """Return tables of `LawsTried` as text."""
-    noise = PARAMETER_BY_NAME["stress_noise"]
-    errors = [with_error(*pair) for pair in zip(table["n_mean"], table["n_sd"], strict=True)]
-    elpd = [
-        "" if np.isnan(difference) else f"{difference:.1f} ± {error:.1f}"
-        for difference, error in zip(table["elpd_difference"], table["standard_error"], strict=True)
-    ]
-    answers = {
-        column: [answer.upper() if answer == Outcome.NO.value else answer for answer in table[name]]
-        for name, column in _ANSWER_COLUMNS.items()
-    }
+    noise = shown_quantity("stress_noise")
+    rows = table.to_dict("records")
     return pd.DataFrame(
         {
             "test": table["test"].tolist(),
             "model": table["model"].tolist(),
-            **answers,
-            "stress exponent n": errors,
-            "sd / standard": table["sd_ratio"].map("{:.2f}".format).tolist(),
+            **shown_verdicts(table),
+            "stress exponent n": [with_error(row["n_mean"], row["n_sd"]) for row in rows],
+            "sd / standard": [f"{row['sd_ratio']:.2f}" for row in rows],
             f"residual s ({noise.display_unit})": [
-                f"{value * noise.display_factor:.1f}" for value in table["stress_noise"]
+                f"{row['stress_noise'] * noise.display_factor:.1f}" for row in rows
             ],
-            "elpd below the best": elpd,
+            "elpd below the best": shown_differences(table),
             "against the best": table["outcome"].tolist(),
         }
     )
@@ -305,13 +266,4 @@ def _shown(table: pd.DataFrame) -> pd.DataFrame:
 
 def _exponent(fit: Fit) -> tuple[float, float]:
     """Mean and standard deviation of n."""
-    draws = fit.posterior["posterior"]["stress_exponent"]
-    return float(draws.mean()), float(draws.std(ddof=1))
-
-
-def _fitted_curve(fit: Fit) -> FittedCurve:
-    return protocol_of(fit.experiment).curve(fit)
-
-
-def _curve(fit: Fit) -> Figure:
-    return curve_with_residuals(_fitted_curve(fit))
+    return moments(parameter_draws(fit, "stress_exponent"))

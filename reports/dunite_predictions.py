@@ -1,24 +1,25 @@
 """Measured dunite predicted: what a fit of two tests says of tests that it has not seen."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import pandas as pd
+from common import DATA
 
-from pyburgers.checks.verdicts import ANSWERS
-from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
-from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.prediction import Prediction
-from pyburgers.predictions.other_test_figures import PREDICTION_CAPTION, prediction_figure
-from pyburgers.predictions.other_tests import (
+from pyburgers import (
+    Experiment,
+    Fit,
+    PageFigure,
+    PageSection,
+    PageTable,
+    Prediction,
+    load_experiment,
+    prediction_figure,
     score_sentence,
     score_table,
     surprise_sentence,
 )
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.protocol import load_experiment
 
 PREDICTED = ("dunite_4581", "dunite_4506")
 """Tests of other samples, with grains nine times as large: one with the slower rates, one hotter
@@ -27,24 +28,21 @@ or colder than each that is fitted."""
 DRAWS = 1000
 """Of the joint fit, solved for each."""
 
-KEY = "predicted_tests"
+PREDICTION_CAPTION = (
+    "The response of a test that took no part in the fit: predictive median (line), the areas that "
+    "hold 50 % and 90 % of solutions for single draws (dark and light blue), and the band that "
+    "should hold 90 % of new readings, noise of the fit included (orange). Circles, where there "
+    "are some, are the readings of the test."
+)
 
 
-def predicted_tests(folder: Path) -> tuple[Experiment, ...]:
-    """Return the tests that are predicted; `folder` is that of the shipped experiments."""
-    return tuple(load_experiment(folder / f"{name}.toml") for name in PREDICTED)
+def predicted_tests() -> tuple[Experiment, ...]:
+    """Return the tests that are predicted."""
+    return tuple(load_experiment(DATA / "dunite" / f"{name}.toml") for name in PREDICTED)
 
 
 def predictions_section(joint: Fit, experiments: Sequence[Experiment]) -> PageSection:
-    """Say how well a joint fit predicts tests that it has not seen.
-
-    Parameters
-    ----------
-    joint : Fit
-        Of several tests.
-    experiments : sequence of Experiment
-        Others of the same material, with data.
-    """
+    """Say how well a joint fit predicts tests with data that it has not seen."""
     predictions = {one.id: joint.predict(one, draws=DRAWS) for one in experiments}
     first = next(iter(predictions.values()))
     common = [
@@ -53,15 +51,13 @@ def predictions_section(joint: Fit, experiments: Sequence[Experiment]) -> PageSe
         if all(caution in one.cautions for one in predictions.values())
     ]
     # Why it is not a yes stands where the page tells of the joint fit.
-    verdicts = {
-        one.sentence: f"{ANSWERS[one.kind][one.outcome]}." for one in joint.verdicts().values()
-    }
+    verdicts = {one.sentence: f"{one.answer}." for one in joint.verdicts().values()}
     scores = {name: score_table(one) for name, one in predictions.items()}
     said = {name: score_sentence(one, scores[name]) for name, one in predictions.items()}
     table = pd.concat(scores)
     table.index.names = ["test", "score"]
     return PageSection(
-        key=KEY,
+        key="predicted_tests",
         title=f"Predicted before it is seen: {experiments[0].material}",
         paragraphs=tuple(
             f"{name}: {surprise_sentence(one, scores[name])}" for name, one in predictions.items()
@@ -107,19 +103,14 @@ def _assumed(prediction: Prediction, common: Sequence[str]) -> str:
 
 def _shown(table: pd.DataFrame) -> pd.DataFrame:
     """Return scores of several tests as text."""
-    text: Mapping[str, list[str]] = {
-        str(column): [f"{value:.2f}" for value in values] for column, values in table.items()
-    }
+    text = table.map("{:.2f}".format).reset_index()
     return pd.DataFrame(
         {
-            "test": table.index.get_level_values("test"),
-            "score": table.index.get_level_values("score"),
+            "test": text["test"],
+            "score": text["score"],
             "found": text["found"],
             "expected": text["expected"],
-            "in 90 % of such tests": [
-                f"{low} to {high}"
-                for low, high in zip(text["expected_q5"], text["expected_q95"], strict=True)
-            ],
+            "in 90 % of such tests": text["expected_q5"] + " to " + text["expected_q95"],
             "share below": text["share_below"],
         }
     )

@@ -1,38 +1,64 @@
 """Measured creep of rock salt: laws that are fitted to it, and where in the history they miss it.
 
-The record is that of Honorio et al. (2024) that comes with the package (`data/halite`).
+The record is that of Honorio et al. (2024) that comes with the package (`data/halite`). Run as a
+script, this fits all four laws and writes a page about them; those that harden take long to
+sample::
+
+    python reports/halite.py --out halite
 """
 
+import argparse
+import logging
+import shlex
+import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import cast
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
+from common import (
+    BLUE,
+    DATA,
+    GREEN,
+    GREY,
+    ORANGE,
+    SKY_BLUE,
+    VERDICT_COLUMNS,
+    VERMILION,
+    FloatArray,
+    against_best,
+    bad_verdicts,
+    shown_differences,
+    shown_verdicts,
+)
 from matplotlib.figure import Figure
 
-from pyburgers.checks.fit_checks import Outcome
-from pyburgers.comparison.by_points import compare
-from pyburgers.comparison.conclusions import about_gaps
-from pyburgers.comparison.results import elpd_difference
-from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
-from pyburgers.drawing.style import BLUE, GREEN, GREY, ORANGE, SKY_BLUE, VERMILION, style
-from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.side_by_side import Task, task_of
-from pyburgers.model.parameters import PARAMETER_BY_NAME
-from pyburgers.model.prior_families import Prior
-from pyburgers.model.priors import PriorSet, load_priors, shipped_prior_file, with_flow_law
-from pyburgers.model.variants import with_variant
-from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.files import load_loading_history
-from pyburgers.protocols.protocol import protocol_of
-from pyburgers.sampling.options import SamplerOptions
-
-FloatArray = npt.NDArray[np.float64]
+from pyburgers import (
+    Comparison,
+    Fit,
+    LoadingHistory,
+    PageFigure,
+    PageSection,
+    PageTable,
+    Prior,
+    PriorSet,
+    SamplerOptions,
+    Task,
+    compare,
+    fit_side_by_side,
+    load_experiment,
+    load_priors,
+    shown_quantity,
+    style,
+    task_of,
+    with_flow_law,
+    with_variant,
+    write_report,
+)
 
 RECORD = "halite_z3"
 
@@ -40,14 +66,12 @@ POWER_LAW, SINE, POWER_LAW_HARDENING, SINE_HARDENING = (
     f"halite_{law}" for law in ("power_law", "sine", "power_law_hardening", "sine_hardening")
 )
 
-LAWS: Mapping[str, str] = MappingProxyType(
-    {
-        POWER_LAW: "power law",
-        SINE: "hyperbolic sine",
-        POWER_LAW_HARDENING: "power law that hardens",
-        SINE_HARDENING: "hyperbolic sine that hardens",
-    }
-)
+LAWS: Mapping[str, str] = {
+    POWER_LAW: "power law",
+    SINE: "hyperbolic sine",
+    POWER_LAW_HARDENING: "power law that hardens",
+    SINE_HARDENING: "hyperbolic sine that hardens",
+}
 """Fits by the names of their runs, and what the page calls their laws."""
 
 QUICK = (POWER_LAW, SINE, SINE_HARDENING)
@@ -70,7 +94,7 @@ CORRELATION = Prior.of_family(
     "residual_correlation_time",
     "lognormal",
     {"location": 1.0e5, "scale": 0.7},
-    unit=PARAMETER_BY_NAME["residual_correlation_time"].si_unit,
+    unit=shown_quantity("residual_correlation_time").si_unit,
     source="Misfits of one load, which lasts four days: 90 % of the prior lies between 9 h and "
     "3.7 days. Residuals that drift for weeks would take over the strain that a law does not reach",
 )
@@ -90,15 +114,12 @@ PARTS: Mapping[str, str] = {
 """Parts of the history, with their colours."""
 
 
-def halite_tasks(folder: Path) -> dict[str, Task]:
-    """Return the fits of the measured creep, by the names of their runs; they are short.
+PRIORS = DATA / "priors"
 
-    Parameters
-    ----------
-    folder : Path
-        Of the shipped record.
-    """
-    test = load_loading_history(folder / f"{RECORD}.toml")
+
+def halite_tasks() -> dict[str, Task]:
+    """Return the fits of the measured creep, by the names of their runs; they are short."""
+    test = cast(LoadingHistory, load_experiment(DATA / "halite" / f"{RECORD}.toml"))
     return {
         name: task_of(
             [replace(test, id=name)],
@@ -110,21 +131,14 @@ def halite_tasks(folder: Path) -> dict[str, Task]:
 
 
 def halite_priors(test: LoadingHistory, name: str) -> PriorSet:
-    """Return the priors of a fit of the measured creep.
+    """Return the priors of a fit of the record, by a key of `LAWS`.
 
     Grains stay as they are in 1.6 % of strain. Residuals are correlated in time, but for those of
     the sine that hardens: it follows each load more closely, and a drift over weeks would take the
     place of flow there.
-
-    Parameters
-    ----------
-    test : LoadingHistory
-        The record.
-    name : str
-        Of the fit, a key of `LAWS`.
     """
-    hardening = load_priors(shipped_prior_file(test.material, "hardening"))
-    plain = _of_one_grain_size(load_priors(shipped_prior_file(test.material)))
+    hardening = load_priors(PRIORS / "hardening" / f"{test.material}.toml")
+    plain = _of_one_grain_size(load_priors(PRIORS / f"{test.material}.toml"))
     of_fabric = ("steady_state_fabric_factor", "critical_strain_fabric")
     # The element of the plain priors takes all of a load's transient, which hardening takes else.
     of_element = ("kelvin_modulus", "kelvin_viscosity")
@@ -156,13 +170,7 @@ def _of_one_grain_size(priors: PriorSet) -> PriorSet:
 
 
 def parts_of_readings(test: LoadingHistory) -> npt.NDArray[np.str_]:
-    """Tell in which of `PARTS` each reading of a history of imposed stress is, shape (n_points,).
-
-    Parameters
-    ----------
-    test : LoadingHistory
-        Stress is imposed in all its stages.
-    """
+    """Tell in which of `PARTS` each reading of a history of imposed stress is."""
     legs = test.legs
     starts, ends = (
         np.array([getattr(leg, f"{end}_time") for leg in legs]) for end in ("start", "end")
@@ -182,19 +190,9 @@ def parts_of_readings(test: LoadingHistory) -> npt.NDArray[np.str_]:
 
 
 def left_over(test: LoadingHistory, residual: FloatArray) -> pd.DataFrame:
-    """Return what a model leaves over in each part of a history.
+    """Return what a model leaves over of strain readings, shape (n_points,), by part of a history.
 
-    Parameters
-    ----------
-    test : LoadingHistory
-        Stress is imposed in all its stages.
-    residual : array, shape (n_points,)
-        Strain readings minus the model's.
-
-    Returns
-    -------
-    DataFrame
-        Index part, the last "all"; columns readings, rms, mean and largest (of either sign).
+    The last part is "all"; columns readings, rms, mean and largest (of either sign).
     """
     part = parts_of_readings(test)
     chosen = {name: residual[part == name] for name in PARTS} | {"all": residual}
@@ -214,15 +212,13 @@ def left_over(test: LoadingHistory, residual: FloatArray) -> pd.DataFrame:
 def halite_section(fits: Mapping[str, Fit]) -> PageSection:
     """Say how much of the measured creep each law leaves over, and where.
 
-    Parameters
-    ----------
-    fits : mapping of str to Fit
-        At least two, of the same readings, by keys of `LAWS`.
+    Fits, at least two, are of the same readings, by keys of `LAWS`.
     """
     residuals = {name: _residual(fit) for name, fit in fits.items()}
     tests = {name: _history(fit) for name, fit in fits.items()}
     parts = {name: left_over(tests[name], residuals[name]) for name in fits}
-    laws = _laws_table(fits, parts)
+    comparison = compare(fits)
+    laws = _laws_table(fits, parts, comparison)
     closest = str(laws["left_over"].idxmin())
     test, table = tests[closest], parts[closest]
     rms, mean = (
@@ -237,17 +233,14 @@ def halite_section(fits: Mapping[str, Fit]) -> PageSection:
             f"Of {len(fits)} laws the {LAWS[closest]} leaves least over: {whole:.2g} (root mean "
             f"square) of a strain of {largest:.2g}, {100 * whole / largest:.1f} %. It is worst in "
             f"the part '{worst}': {rms[worst]:.2g}, on the mean {mean[worst]:+.2g}.",
-            " ".join(_answers(laws, *about) for about in _VERDICTS.items()),
+            " ".join(_answers(laws, *about) for about in VERDICT_COLUMNS.items()),
         ),
         details=(
             f"Measured: {test.provenance.source} ({test.provenance.licence}). Differential stress "
             "was imposed and is taken as it was measured; axial strain is the response. What is "
             "left over is measured strain minus the median of the model's, all of it: nothing is "
             "taken off for residuals that correlate in time.",
-            *about_gaps(
-                [LAWS[name] for name, fit in fits.items() if fit.variant.residuals_correlate],
-                len(fits),
-            ),
+            *comparison.gap_sentences(LAWS),
             *_not_tried(fits),
             *(
                 f"{LAWS[name]}: {verdict.sentence}"
@@ -261,11 +254,8 @@ def halite_section(fits: Mapping[str, Fit]) -> PageSection:
                 "Laws that were tried",
                 _shown_laws(laws),
                 laws.reset_index(),
-                words=("law", *_VERDICTS.values()),
-                bad={
-                    column: [answer != Outcome.YES.value for answer in laws[name]]
-                    for name, column in _VERDICTS.items()
-                },
+                words=("law", *VERDICT_COLUMNS.values()),
+                bad=bad_verdicts(laws),
             ),
             PageTable(
                 "left_over",
@@ -295,25 +285,17 @@ def _not_tried(fits: Mapping[str, Fit]) -> tuple[str, ...]:
     return (f"Not fitted here: {' and '.join(missing)}.",) if missing else ()
 
 
-_VERDICTS = {"sampled_well": "sampled well?", "describes_data": "describes the data?"}
-"""Verdicts of a fit, and their columns."""
+def _laws_table(
+    fits: Mapping[str, Fit], parts: Mapping[str, pd.DataFrame], comparison: Comparison
+) -> pd.DataFrame:
+    """Return what each law leaves over and how it predicts, by fit.
 
-
-def _laws_table(fits: Mapping[str, Fit], parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Return what each law leaves over and how it predicts.
-
-    Returns
-    -------
-    DataFrame
-        Index fit; columns law, model, both verdicts, left_over (rms), unloading (rms there),
-        largest, elpd_difference to the best, its standard_error.
+    Columns law, model, both verdicts, left_over (rms), unloading (rms there), largest,
+    elpd_difference to the best, its standard_error.
     """
-    elpd = compare(fits).results
-    best = next(iter(elpd.values()))
-    rows = {}
-    for name, fit in fits.items():
-        difference, error = elpd_difference(best, elpd[name])
-        rows[name] = {
+    elpd = against_best(comparison)
+    rows = {
+        name: {
             "law": LAWS[name],
             "model": fit.variant.short_text,
             "sampled_well": fit.sampled_well.value,
@@ -321,9 +303,11 @@ def _laws_table(fits: Mapping[str, Fit], parts: Mapping[str, pd.DataFrame]) -> p
             "left_over": parts[name].loc["all", "rms"],
             "unloading": parts[name].loc["unloading", "rms"],
             "largest": parts[name].loc["all", "largest"],
-            "elpd_difference": difference,
-            "standard_error": error,
+            "elpd_difference": elpd[name][0],
+            "standard_error": elpd[name][1],
         }
+        for name, fit in fits.items()
+    }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("fit")
 
 
@@ -334,29 +318,20 @@ def _answers(laws: pd.DataFrame, verdict: str, column: str) -> str:
     return f"{asked}: {', '.join(yes) or 'none of them'}."
 
 
+def _in_1e_4(values: "pd.Series[float]", sign: str = "") -> list[str]:
+    """Return strains as text in 1e-4."""
+    return [f"{1e4 * value:{sign}.1f}" for value in values]
+
+
 def _shown_laws(laws: pd.DataFrame) -> pd.DataFrame:
-    answers = {
-        column: [answer.upper() if answer == Outcome.NO.value else answer for answer in laws[name]]
-        for name, column in _VERDICTS.items()
-    }
     return pd.DataFrame(
         {
             "law": laws["law"].tolist(),
-            **answers,
-            **{
-                f"{title} (1e-4)": (1e4 * laws[name]).map("{:.1f}".format).tolist()
-                for name, title in (
-                    ("left_over", "left over, rms"),
-                    ("unloading", "unloading, rms"),
-                    ("largest", "largest"),
-                )
-            },
-            "elpd below the best": [
-                f"{difference:.1f} ± {error:.1f}"
-                for difference, error in zip(
-                    laws["elpd_difference"], laws["standard_error"], strict=True
-                )
-            ],
+            **shown_verdicts(laws),
+            "left over, rms (1e-4)": _in_1e_4(laws["left_over"]),
+            "unloading, rms (1e-4)": _in_1e_4(laws["unloading"]),
+            "largest (1e-4)": _in_1e_4(laws["largest"]),
+            "elpd below the best": shown_differences(laws),
         }
     )
 
@@ -368,24 +343,22 @@ def _history(fit: Fit) -> LoadingHistory:
 
 def _residual(fit: Fit) -> FloatArray:
     """Strain readings minus the median of the model's, shape (n_points,)."""
-    response = protocol_of(fit.experiment).response.name
-    model = fit.posterior["model_response"][response].median(("chain", "draw")).to_numpy()
+    (response,) = fit.posterior["model_response"].to_dataset().data_vars.values()
+    model = response.median(("chain", "draw")).to_numpy()
     residual: FloatArray = fit.experiment.response - model
     return residual
 
 
 def _shown(table: pd.DataFrame) -> pd.DataFrame:
-    scaled = {
-        f"{name} (1e-4)": (1e4 * table[name]).map("{:+.1f}".format) for name in ("mean", "largest")
-    }
     return pd.DataFrame(
         {
-            "part": table.index,
-            "readings": table["readings"].map("{:.0f}".format),
-            "rms (1e-4)": (1e4 * table["rms"]).map("{:.1f}".format),
-            **scaled,
+            "part": table.index.to_list(),
+            "readings": [f"{n:.0f}" for n in table["readings"]],
+            "rms (1e-4)": _in_1e_4(table["rms"]),
+            "mean (1e-4)": _in_1e_4(table["mean"], "+"),
+            "largest (1e-4)": _in_1e_4(table["largest"], "+"),
         }
-    ).reset_index(drop=True)
+    )
 
 
 def _draw(test: LoadingHistory, residual: FloatArray) -> Figure:
@@ -412,3 +385,26 @@ def _draw(test: LoadingHistory, residual: FloatArray) -> Figure:
         lower.set_xlabel("time (days)")
         figure.legend(ncols=len(PARTS), loc="outside lower center")
     return figure
+
+
+def main() -> None:
+    """Fit all laws, and write the page."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path("halite"), help="folder of runs and page")
+    out = parser.parse_args().out
+    logging.basicConfig(format="%(message)s")
+    logging.getLogger("pyburgers").setLevel(logging.INFO)
+    command = shlex.join(["python", *sys.argv])
+    fits = fit_side_by_side(halite_tasks(), out / "runs", command=command)
+    page = write_report(
+        list(fits.values()),
+        out,
+        title="Measured creep of rock salt",
+        command=command,
+        extras=[halite_section(fits)],
+    )
+    print(page)
+
+
+if __name__ == "__main__":
+    main()

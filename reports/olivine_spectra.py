@@ -7,65 +7,50 @@ The table is that of specimen A1802 of Qu et al. (2024) that comes with the pack
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
-from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
+from common import BLACK, BLUE, DATA, VERMILION, Fitted, FloatArray, draw_band, flat
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pyburgers.checks.fit_checks import CheckKind
-from pyburgers.common.draws import all_draws
-from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
-from pyburgers.drawing.panels import draw_band, draw_data
-from pyburgers.drawing.style import BLUE, VERMILION, style
-from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.prediction import Prediction
-from pyburgers.fitting.side_by_side import Task, task_of
-from pyburgers.model.priors import default_priors
-from pyburgers.model.variants import with_variant
-from pyburgers.predictions.other_tests import score_sentence, score_table, surprise_sentence
-from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
-from pyburgers.protocols.attenuation.figures import (
-    ARRHENIUS_CAPTION,
-    MASTER_CAPTION,
-    MODULUS_NAMES,
-    PERIOD_LABEL,
-    arrhenius,
-    attenuation_test,
-    left_over,
-    master_curves,
-    relaxation_result,
-    rms_by_temperature,
-    rms_result,
+from pyburgers import (
+    AttenuationExperiment,
+    Experiment,
+    Fit,
+    PageFigure,
+    PageSection,
+    PageTable,
+    Prediction,
+    SamplerOptions,
+    Task,
+    default_priors,
+    load_experiment,
+    page_figure,
+    score_sentence,
+    score_table,
+    style,
+    surprise_sentence,
+    task_of,
+    with_variant,
 )
-from pyburgers.protocols.attenuation.files import load_attenuation
-from pyburgers.protocols.attenuation.relaxation_spectrum import (
-    SPECTRUM_CAPTION,
-    relaxation_spectrum,
-    spectrum_result,
-)
-from pyburgers.protocols.attenuation.table import ATTENUATION, MODULUS
-from pyburgers.sampling.options import SamplerOptions
-
-FloatArray = npt.NDArray[np.float64]
 
 SPECIMEN = "A1802"
 
 BAND = "band"
 
-LAWS: Mapping[str, tuple[str, str]] = MappingProxyType(
-    {"one element": ("linear", VERMILION), BAND: ("extended", BLUE)}
-)
+LAWS: Mapping[str, tuple[str, str]] = {
+    "one element": ("linear", VERMILION),
+    BAND: ("extended", BLUE),
+}
 """Laws of the Kelvin part that are fitted, by what the page calls them, with their colours."""
 
 BAND_DRAWS = 1000
 """Of each chain of a fit of a band at least: fewer leave too few independent ones of its ends."""
 
-GPA = 1e-9
+QUANTITIES = ((0, r"$\tan\delta$ (–)", 1.0), (1, "shear modulus (GPa)", 1e-9))
+"""What is read of a table: its number, its axis, and the factor from SI of what is drawn."""
 
 MOSTLY_SHARED = 0.5
 """Share of the squares left over from which on whole temperatures are what is missed."""
@@ -77,20 +62,14 @@ def run_name(law: str, *, without_hottest: bool = False) -> str:
     return f"{name}_without_hottest" if without_hottest else name
 
 
-def spectra_tasks(folder: Path, options: SamplerOptions) -> dict[str, Task]:
+def spectra_tasks(options: SamplerOptions) -> dict[str, Task]:
     """Return the fits of the measured spectra, by the names of their runs.
 
     Each law is fitted to all temperatures, and to all but the hottest, which it then predicts.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the shipped tables.
-    options : SamplerOptions
-        Of every fit, those of a band with `BAND_DRAWS` at least; they warm up as long as their
-        protocol needs.
+    All have the given options, those of a band at least `BAND_DRAWS` draws; they warm up as long
+    as tables of attenuation need.
     """
-    table = load_attenuation(folder / f"attenuation_{SPECIMEN}.toml")
+    table = table_of(load_experiment(DATA / "olivine" / f"attenuation_{SPECIMEN}.toml"))
     priors = default_priors(table.material, table.protocol)
     colder = table.without_part(next(iter(table.parts)))
     tasks = {}
@@ -104,6 +83,11 @@ def spectra_tasks(folder: Path, options: SamplerOptions) -> dict[str, Task]:
     return tasks
 
 
+def table_of(experiment: Experiment) -> AttenuationExperiment:
+    """Return a test as a table of attenuation, which all tests of this study are."""
+    return cast(AttenuationExperiment, experiment)
+
+
 def hottest_of(table: AttenuationExperiment) -> AttenuationExperiment:
     """Return the hottest spectrum of a table as a test of its own."""
     name = next(iter(table.parts))
@@ -112,17 +96,7 @@ def hottest_of(table: AttenuationExperiment) -> AttenuationExperiment:
 
 @dataclass(frozen=True, eq=False)
 class LawTried:
-    """What one law says of the measured spectra.
-
-    Attributes
-    ----------
-    name : str
-        A key of `LAWS`.
-    fit : Fit
-        To all temperatures.
-    prediction : Prediction
-        Of the hottest, from a fit to the others.
-    """
+    """A law, its fit to all temperatures, and the hottest predicted from a fit to the others."""
 
     name: str
     fit: Fit
@@ -133,27 +107,24 @@ class LawTried:
         """Predict the hottest temperature from the fit to the others."""
         fit = fits[run_name(name)]
         colder = fits[run_name(name, without_hottest=True)]
-        return cls(name, fit, colder.predict(hottest_of(attenuation_test(fit))))
+        return cls(name, fit, colder.predict(hottest_of(table_of(fit.experiment))))
 
     def row(self) -> dict[str, Any]:
         """Return how well it does: root mean squares of ln tan delta and ln modulus."""
-        fitted, predicted = (
-            rms_by_temperature(one).to_dict("index")["all"] for one in (self.fit, self.prediction)
-        )
+        fitted, predicted = rms(self.fit), rms(self.prediction)
         return {
             "law": self.name,
             "sampled_well": self.fit.sampled_well.value,
             "describes_data": self.fit.describes_data.value,
-            "rms_log_tan_delta": fitted["rms_log_tan_delta"],
-            "rms_log_modulus": fitted["rms_log_modulus"],
-            "predicted_rms_log_tan_delta": predicted["rms_log_tan_delta"],
-            "predicted_rms_log_modulus": predicted["rms_log_modulus"],
+            "rms_log_tan_delta": fitted[0],
+            "rms_log_modulus": fitted[1],
+            "predicted_rms_log_tan_delta": predicted[0],
+            "predicted_rms_log_modulus": predicted[1],
         }
 
     def verdicts(self) -> str:
         """Say whether it was sampled well and describes the data."""
-        answers = self.fit.verdicts()
-        said = (answers[kind].sentence for kind in (CheckKind.SAMPLING, CheckKind.DESCRIPTION))
+        said = (answer.sentence for answer in self.fit.verdicts().values())
         return f"{self.name.capitalize()}: {' '.join(said)}"
 
     def surprise(self) -> str:
@@ -170,13 +141,10 @@ class LawTried:
 def spectra_section(fits: Mapping[str, Fit]) -> PageSection:
     """Say what one relaxation time and a band of them make of the measured spectra.
 
-    Parameters
-    ----------
-    fits : mapping of str to Fit
-        Those of `spectra_tasks`, by the names of their runs.
+    Fits are those of `spectra_tasks`, by the names of their runs.
     """
     tried = [LawTried.of(law, fits) for law in LAWS]
-    table = attenuation_test(tried[0].fit)
+    table = table_of(tried[0].fit.experiment)
     rows = pd.DataFrame([one.row() for one in tried])
     *_, last = tried
     return PageSection(
@@ -192,9 +160,7 @@ def spectra_section(fits: Mapping[str, Fit]) -> PageSection:
         paragraphs=(
             "The hottest temperature, predicted from a fit to the colder ones. "
             + " ".join(one.surprise() for one in tried),
-            remaining_sentence(
-                left_over(last.fit)[MODULUS], attenuation_test(last.fit).conditions.temperature
-            ),
+            remaining_sentence(left_over(last.fit)[1], table.conditions.temperature),
         ),
         tables=(
             PageTable(
@@ -207,12 +173,10 @@ def spectra_section(fits: Mapping[str, Fit]) -> PageSection:
         ),
         figures=(
             *(
-                PageFigure(
-                    f"master_curves_{one.name.replace(' ', '_')}",
-                    f"Attenuation and modulus, {one.name}",
-                    MASTER_CAPTION,
-                    partial(master_curves, one.fit),
-                    rms_result(one.fit),
+                replace(
+                    page_figure(one.fit, "master_curves"),
+                    name=f"master_curves_{one.name.replace(' ', '_')}",
+                    title=f"Attenuation and modulus, {one.name}",
                 )
                 for one in reversed(tried)
             ),
@@ -225,33 +189,36 @@ def spectra_section(fits: Mapping[str, Fit]) -> PageSection:
                 partial(_draw_hottest, tried),
                 " ".join(one.predicted() for one in tried),
             ),
-            PageFigure(
-                "arrhenius",
-                f"Relaxation times, {last.name}",
-                ARRHENIUS_CAPTION,
-                partial(arrhenius, last.fit),
-                relaxation_result(last.fit),
-            ),
-            PageFigure(
-                "relaxation_spectrum",
-                f"Spectrum of relaxation times, {last.name}",
-                SPECTRUM_CAPTION,
-                partial(relaxation_spectrum, last.fit),
-                spectrum_result(last.fit),
+            *(
+                replace(one, title=f"{one.title}, {last.name}")
+                for one in (
+                    page_figure(last.fit, name) for name in ("arrhenius", "relaxation_spectrum")
+                )
             ),
         ),
     )
 
 
-def remaining_sentence(residual: FloatArray, temperature: FloatArray) -> str:
-    """Say how much of what a fit of a table leaves over belongs to whole temperatures.
+def left_over(fit: Fitted) -> tuple[FloatArray, FloatArray]:
+    """Return recorded less median modelled ln reading, of attenuation and of modulus, by row."""
+    modelled = fit.posterior["model_response"]["log_reading"].median(("chain", "draw"))
+    left = fit.experiment.response - modelled.to_numpy()
+    n_rows = table_of(fit.experiment).readings.tan_delta.size
+    return left[:n_rows], left[n_rows:]
 
-    Parameters
-    ----------
-    residual : array, shape (n_points,)
-        What is left over of the logarithm of the modulus.
-    temperature : array, shape (n_points,)
-        Of each reading (K).
+
+def rms(fit: Fitted) -> tuple[float, float]:
+    """Root mean square of what is left over of attenuation, upper limits apart, and of modulus."""
+    attenuation, modulus = left_over(fit)
+    known = attenuation[~table_of(fit.experiment).readings.is_limit]
+    of_attenuation, of_modulus = (float(np.sqrt(np.mean(one**2))) for one in (known, modulus))
+    return of_attenuation, of_modulus
+
+
+def remaining_sentence(residual: FloatArray, temperature: FloatArray) -> str:
+    """Say how much of what is left over of ln modulus belongs to whole temperatures (K).
+
+    Both arrays have the shape (n_points,).
     """
     means = {own: float(residual[temperature == own].mean()) for own in np.unique(temperature)}
     common = np.array([means[own] for own in temperature])
@@ -291,35 +258,40 @@ def _shown(rows: pd.DataFrame) -> pd.DataFrame:
 
 def _draw_hottest(tried: list[LawTried]) -> Figure:
     """Draw the hottest spectrum with what each law predicts of it."""
-    table = attenuation_test(tried[0].prediction)
+    table = table_of(tried[0].prediction.experiment)
+    readings = (table.readings.tan_delta, table.readings.modulus)
     with style():
         figure = Figure(figsize=(8.6, 7.2), layout="constrained")
         panels = figure.subplots(2, 1, sharex=True)
-        for axes, quantity in zip(panels, (ATTENUATION, MODULUS), strict=True):
+        for axes, (quantity, label, factor) in zip(panels, QUANTITIES, strict=True):
             for one in tried:
-                _draw_predicted(axes, one, quantity)
-        period = table.conditions.period
-        readings = (table.readings.tan_delta, table.readings.modulus * GPA)
-        for axes, values in zip(panels, readings, strict=True):
-            draw_data(axes, period, values, None, f"{table.provenance.kind} data")
+                _draw_predicted(axes, one, quantity, factor)
+            axes.plot(
+                table.conditions.period,
+                readings[quantity] * factor,
+                linestyle="none",
+                marker="o",
+                markersize=4,
+                markerfacecolor="white",
+                markeredgecolor=BLACK,
+                markeredgewidth=0.8,
+                label=f"{table.provenance.kind} data",
+            )
+            axes.set_ylabel(label)
         upper, lower = panels
         upper.set_xscale("log")
         upper.set_yscale("log")
-        upper.set_ylabel(r"$\tan\delta$ (–)")
-        lower.set_ylabel(f"{MODULUS_NAMES[table.elasticity.deformation]} (GPa)")
-        lower.set_xlabel(PERIOD_LABEL)
+        lower.set_xlabel("period (s)")
         upper.legend(loc="best")
         figure.suptitle(table.title, fontsize=10)
     return figure
 
 
-def _draw_predicted(axes: Axes, tried: LawTried, quantity: int) -> None:
+def _draw_predicted(axes: Axes, tried: LawTried, quantity: int, factor: float) -> None:
     """Draw the band of new readings of attenuation or of the modulus."""
     predictions = tried.prediction.posterior["predictions"].to_dataset()
-    conditions = attenuation_test(tried.prediction).conditions
+    conditions = table_of(tried.prediction.experiment).conditions
     period, _, read = conditions.at(predictions["place"].to_numpy())
     own = read == quantity
-    new = np.exp(all_draws(predictions["log_reading_replicated"])[:, own].astype(np.float64))
-    _, colour = LAWS[tried.name]
-    scale = GPA if quantity == MODULUS else 1.0
-    draw_band(axes, period[own], new * scale, colour, tried.name)
+    new = np.exp(flat(predictions["log_reading_replicated"])[:, own])
+    draw_band(axes, period[own], new * factor, LAWS[tried.name][1], tried.name)

@@ -39,8 +39,6 @@ COMMANDS = {
     "sbc": "is the fit calibrated: truths from the prior, data, fits, ranks",
     "export": "flow law and elements of a fit, for use in other codes",
     "report": "one HTML page about one or several runs, joint fits among them",
-    "reproduce": "the study: fits of measured dunite, rock salt and olivine spectra, and of "
-    "synthetic tests, and the page",
 }
 """What each does. Its module in this room has ``add_options`` and ``run``."""
 

@@ -1,8 +1,10 @@
 """What comparisons found, and its tables."""
 
+import itertools
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
@@ -11,7 +13,15 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import PARETO_K_LIMIT
-from pyburgers.comparison.pairs import CLEAR, LEAST_UNITS, NO_DIFFERENCE
+from pyburgers.common.units import count_points
+from pyburgers.comparison.pairs import (
+    CLEAR,
+    LEAST_UNITS,
+    NO_DIFFERENCE,
+    Pair,
+    PairOutcome,
+    doubt_about,
+)
 from pyburgers.model.display import Quantity
 
 FloatArray = npt.NDArray[np.float64]
@@ -152,6 +162,62 @@ class Comparison:
     def reliable(self) -> bool:
         """Whether all results are."""
         return all(result.reliable for result in self.results.values())
+
+    def pairs(self) -> tuple[Pair, ...]:
+        """Relate every two fits, the better first."""
+        return tuple(
+            _pair({better: one, worse: other})
+            for (better, one), (worse, other) in itertools.combinations(self.results.items(), 2)
+        )
+
+    def gap_sentences(self, names: Mapping[str, str] = MappingProxyType({})) -> tuple[str, ...]:
+        """Say what elpd compares if residuals correlate in some fits and not in others.
+
+        Parameters
+        ----------
+        names : mapping of str to str
+            What to call a fit, by its name, where it is not that name.
+
+        Returns
+        -------
+        tuple of str
+            A sentence; none if all fits are alike in that.
+        """
+        if not 0 < len(self.correlated) < len(self.results):
+            return ()
+        called = ", ".join(names.get(name, name) for name in self.correlated)
+        return (
+            "The expected log predictive density (elpd) is that of each reading given all others, "
+            f"later ones as well: where residuals correlate ({called}), what its two "
+            "neighbours missed is taken over into it, and a gap is filled whatever the law. So it "
+            "is no measure of how close a law comes by itself, nor of how well it predicts another "
+            "test.",
+        )
+
+
+def _pair(results: Mapping[str, LeaveOneOut]) -> Pair:
+    """Relate two fits of the same points, by name and the better first.
+
+    Where points may be far off, what the others say has to be the same.
+    """
+    (better, one), (worse, other) = results.items()
+    failed = [name for name, result in results.items() if result.doubts]
+    unreliable = one.unreliable | other.unreliable
+    pair = _of_points(better, worse, one.elpd - other.elpd, failed)
+    rest = _of_points(better, worse, (one.elpd - other.elpd)[~unreliable], failed)
+    same = rest.outcome is pair.outcome and (
+        rest.difference > 0 or pair.outcome is PairOutcome.ALIKE
+    )
+    if pair.outcome is PairOutcome.CANNOT_TELL or same:
+        return pair
+    number = count_points(int(unreliable.sum()))
+    return replace(pair, doubt=f"it hangs on {number} with a Pareto k above {PARETO_K_LIMIT}")
+
+
+def _of_points(better: str, worse: str, pointwise: FloatArray, failed: Sequence[str]) -> Pair:
+    """Relate two fits by their difference at some points."""
+    doubt = doubt_about(count_points(pointwise.size), pointwise.size, failed)
+    return Pair(better, worse, float(pointwise.sum()), standard_error(pointwise), doubt)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Parts of a page: figures, tables and sections, as those who know hand them to it."""
+"""Parts of a page: figures, tables and sections."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -32,7 +32,7 @@ class FigureText:
 
 @dataclass(frozen=True)
 class FigureRecipe(FigureText, Generic[Fitted]):
-    """A figure that the pages of all fits of a kind hold.
+    """A figure of the fits of a kind.
 
     Attributes
     ----------
@@ -42,11 +42,14 @@ class FigureRecipe(FigureText, Generic[Fitted]):
         Says in a sentence what it shows of a fit, for those who cannot see it.
     suits : callable
         Whether a fit has anything to show; by default every one has.
+    on_every_page : bool
+        Whether the section of every such fit holds it; else it is drawn where it is asked for.
     """
 
     draw: Callable[[Fitted], Figure]
     result: Callable[[Fitted], str]
     suits: Callable[[Fitted], bool] = lambda _: True
+    on_every_page: bool = True
 
 
 @dataclass(frozen=True)

@@ -137,6 +137,13 @@ class PeakStressData:
 def without_test(data: PeakStressData, experiment: Experiment) -> PeakStressData:
     """Leave out the rows of a table that may be a test, so that they can be the prior of its curve.
 
+    Parameters
+    ----------
+    data : PeakStressData
+        The table.
+    experiment : Experiment
+        The test.
+
     Raises
     ------
     InputError

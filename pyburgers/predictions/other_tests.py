@@ -203,7 +203,15 @@ def score_table(prediction: Prediction) -> pd.DataFrame:
 
 
 def score_sentence(prediction: Prediction, scores: pd.DataFrame) -> str:
-    """Say how the readings of a test lie in what was predicted, from its `score_table`."""
+    """Say how the readings of a test lie in what was predicted.
+
+    Parameters
+    ----------
+    prediction : Prediction
+        Of a test with data.
+    scores : DataFrame
+        Its `score_table`.
+    """
     said = [
         f"{_share(scores, row, 'found')} in the {band} % band (the draws expect "
         f"{_share(scores, row, 'expected')}, and in 90 % of such tests "
@@ -220,7 +228,15 @@ def score_sentence(prediction: Prediction, scores: pd.DataFrame) -> str:
 
 
 def surprise_sentence(prediction: Prediction, scores: pd.DataFrame) -> str:
-    """Say which scores of a `score_table` lie outside what draws expect of 90 % of such tests."""
+    """Say which scores lie outside of what the draws expect of 90 % of such tests.
+
+    Parameters
+    ----------
+    prediction : Prediction
+        Of a test with data.
+    scores : DataFrame
+        Its `score_table`.
+    """
     outside = scores[~scores["found"].between(scores["expected_q5"], scores["expected_q95"])]
     points = count_points(prediction.experiment.n_points)
     expected = "what the draws expect of 90 % of such tests"

@@ -3,11 +3,10 @@
 import importlib.metadata
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 import jinja2
 import pandas as pd
@@ -58,7 +57,7 @@ def write_report(
     drawn: dict[Path, str] | None = None,
     jobs: int | None = 1,
 ) -> Path:
-    """Write the page ``index.html``, ``figures/``, ``tables/`` and ``manifest.json``.
+    """Write a page about fits: ``index.html``, ``figures/``, ``tables/`` and ``manifest.json``.
 
     The page needs no other file and no network. An earlier report in the same folder is replaced,
     file by file and each at once, the page last.
@@ -146,55 +145,6 @@ def write_report(
     )
     write_text(page, text)
     return page
-
-
-@dataclass(eq=False)
-class GrowingPage:
-    """A page of fits that finish one after the other.
-
-    Attributes
-    ----------
-    out, title, command
-        As for `write_report`.
-    names : sequence of str
-        All fits, by name.
-    shown : sequence of str
-        Those of them that have a section of their own, in the order of the page.
-    at_the_end : str
-        What comes when all fits are done, in words.
-    """
-
-    out: Path
-    title: str
-    command: str
-    names: Sequence[str]
-    shown: Sequence[str]
-    at_the_end: str
-    _found: dict[str, Fit] = field(default_factory=dict, init=False)
-    _drawn: dict[Path, str] = field(default_factory=dict, init=False)
-
-    def add(self, name: str, fit: Fit) -> None:
-        """Write the page with one more fit, and with what is still to come."""
-        self._found[name] = fit
-        fits = [self._found[one] for one in self.shown if one in self._found]
-        if fits:
-            missing = [one for one in self.names if one not in self._found]
-            self._write(fits, to_come=[*missing, self.at_the_end])
-
-    def finish(self, fits: Sequence[Fit], **parts: Any) -> Path:
-        """Write the whole page and return it.
-
-        Parameters
-        ----------
-        fits, parts
-            As for `write_report`.
-        """
-        return self._write(fits, **parts, jobs=None)
-
-    def _write(self, fits: Sequence[Fit], **parts: Any) -> Path:
-        return write_report(
-            fits, self.out, title=self.title, command=self.command, drawn=self._drawn, **parts
-        )
 
 
 def _write_groups(groups: Sequence[Sequence[tuple[str, Fit]]], out: Path) -> list[SameData]:

@@ -1,1 +1,1 @@
-"""The study of Maor, Hansen, Jerolmack and Goldsby: its statements, its sections of the page."""
+"""The statements, figures and tables of the paper, beside what the fits say."""

@@ -5,24 +5,17 @@ the data, such as the peak stress, they are draws of what is known from that num
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
-import xarray as xr
+from common import Fitted, FloatArray, parameter_draws
 from scipy.special import softmax
 
-from pyburgers.cmdstan.program import load_program
-from pyburgers.common.draws import all_draws
-from pyburgers.common.errors import InputError, SamplingError
-from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.problem import one_test
-from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.protocol import FittedTest, protocol_of
-from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers import prior_draws
 
-FloatArray = npt.NDArray[np.float64]
+Number = TypeVar("Number", bound=np.number[Any])
 
 LEAST_EFFECTIVE = 50.0
 """Effective draws below which probabilities of weighed draws are not used."""
@@ -30,67 +23,25 @@ LEAST_EFFECTIVE = 50.0
 READING_ERROR = 0.02
 """Relative standard deviation of the one number, read off a curve."""
 
-UNCUT = 50.0
-"""Half a range of a prior, in its standard deviations, that cuts nothing off."""
-
-
-@dataclass(frozen=True, eq=False)
-class PriorDraws:
-    """Draws of the prior of a test with their solutions, to be looked at as a fit is.
-
-    Attributes
-    ----------
-    experiment : Experiment
-        The test.
-    priors : PriorSet
-        Its resolved priors.
-    posterior : DataTree
-        Groups posterior (SI) and predictions, as of a fit, of one chain.
-    n_unsolved : int
-        Draws that were left out because they have no solution.
-    """
-
-    experiment: Experiment
-    priors: PriorSet
-    posterior: xr.DataTree
-    n_unsolved: int
-
 
 @dataclass(frozen=True)
 class Datum:
-    """One number that is known of a test without its whole curve.
+    """One number known of a test without its curve: read off the test, and in each of its draws."""
 
-    Attributes
-    ----------
-    name : str
-        Such as peak stress.
-    observed : callable
-        Receives draws of the test, returns the number that was read off the test itself.
-    predicted : callable
-        Receives draws, returns the number in each.
-    """
-
-    name: str
-    observed: Callable[[FittedTest], float]
-    predicted: Callable[[FittedTest], FloatArray]
+    observed: Callable[[Fitted], float]
+    predicted: Callable[[Fitted], FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
 class Knowledge:
-    """A test as it is known from the prior, from the prior and one number, and from its fit.
+    """A test as it is known from its fit, from the prior, and from the prior and one number.
 
-    Attributes
-    ----------
-    fit : FittedTest
-        Draws of the posterior.
-    prior : PriorDraws
-        Draws of the prior.
-    weights : array, shape (n_prior_draws,)
-        Of these, given the one number; they add up to 1.
+    Weights are those of the draws of the prior given the one number, shape (n_prior_draws,); they
+    add up to 1.
     """
 
-    fit: FittedTest
-    prior: PriorDraws
+    fit: Fitted
+    prior: Fitted
     weights: FloatArray
 
     @property
@@ -110,133 +61,27 @@ class Knowledge:
         return float(draws.std(ddof=1)), float(np.sqrt(self.weights @ of_mean**2))
 
     def resampled(self, values: FloatArray, n: int, *, seed: int) -> FloatArray:
-        """Draw from what is known by the prior and one number.
-
-        Parameters
-        ----------
-        values : array, shape (n_prior_draws,)
-            Of the draws of the prior.
-        n, seed : int
-            How many, and what decides which.
-        """
+        """Draw n of the values of the prior's draws, weighed by the one number."""
         chosen = np.random.default_rng(seed).choice(len(values), size=n, p=self.weights)
         drawn: FloatArray = values[chosen]
         return drawn
 
+    def three(
+        self, prior: npt.NDArray[Number], posterior: npt.NDArray[Number]
+    ) -> tuple[tuple[npt.NDArray[Number], FloatArray], ...]:
+        """Return values with weights under the prior, with one number, and under the posterior."""
+        same = [np.full(len(values), 1 / len(values)) for values in (prior, posterior)]
+        return (prior, same[0]), (prior, self.weights), (posterior, same[1])
 
-def knowledge(fit: FittedTest, datum: Datum, *, n_draws: int, seed: int) -> Knowledge:
-    """Gather what is known of a fitted test before and after its data.
 
-    Parameters
-    ----------
-    fit : FittedTest
-        The fit.
-    datum : Datum
-        The one number.
-    n_draws, seed : int
-        Draws of the prior.
-    """
-    prior = prior_draws(fit, n_draws=n_draws, seed=seed)
+def knowledge(fit: Fitted, datum: Datum, *, n_draws: int, seed: int) -> Knowledge:
+    """Gather what is known of a fitted test before and after its data."""
+    prior = prior_draws(fit.experiment, fit.priors, draws=n_draws, seed=seed)
     return Knowledge(fit, prior, weights_by(datum, prior))
 
 
-def weights_by(datum: Datum, prior: PriorDraws) -> FloatArray:
-    """Weigh draws of the prior by the likelihood of one number, its error `READING_ERROR`.
-
-    Returns
-    -------
-    array, shape (n_draws,)
-        Adding up to 1.
-    """
-    observed, predicted = datum.observed(prior), datum.predicted(prior)
-    deviation = (predicted / observed - 1) / READING_ERROR
+def weights_by(datum: Datum, prior: Fitted) -> FloatArray:
+    """Weigh draws of the prior by the likelihood of one number, its error `READING_ERROR`."""
+    deviation = (datum.predicted(prior) / datum.observed(prior) - 1) / READING_ERROR
     weights: FloatArray = softmax(-(deviation**2) / 2)
     return weights
-
-
-def prior_draws(fit: FittedTest, *, n_draws: int, seed: int) -> PriorDraws:
-    """Draw from the priors of a test, each parameter by itself, and solve every draw.
-
-    Parameters
-    ----------
-    fit : FittedTest
-        Test and priors; its draws are not looked at.
-    n_draws, seed : int
-        How many, and what decides which.
-
-    Raises
-    ------
-    InputError
-        If the priors of the flow law are joint.
-    SamplingError
-        If no draw has a solution.
-    """
-    rng = np.random.default_rng(seed)
-    priors, protocol = fit.priors, protocol_of(fit.experiment)
-    if priors.flow_law is not None:
-        raise InputError(
-            f"{fit.experiment.id}: found a joint prior of the flow law, expected a prior for each "
-            "parameter by itself."
-        )
-    values = {
-        name: np.full(n_draws, prior.location)
-        if prior.is_fixed
-        else prior.distribution().rvs(size=n_draws, random_state=rng)
-        for name, prior in priors.priors.items()
-    }
-    problem = one_test(protocol.without_data(fit.experiment), _each_by_itself(priors))
-    (coordinates,) = problem.coordinates
-    rows = np.column_stack(
-        [coordinates.of_quantity(k, values[name]) for k, name in enumerate(coordinates.quantities)]
-    )
-    grid = protocol.prediction_grid(fit.experiment)
-    data = program_data(problem, solver=SolverOptions(), grids=[grid])
-    kept, drawn = load_program(protocol.program).generate_at(data, "coordinate", rows)
-    if kept.any():
-        drawn, kept[kept] = drawn.finite_in([next(iter(protocol.grid_quantities))])
-    if not kept.any():
-        raise SamplingError(
-            f"{fit.experiment.id}: none of {n_draws} draws from the prior has a solution; "
-            "check the units and the bounds of the priors."
-        )
-    clock = protocol.clock.name
-    dimensions = ("chain", "draw", clock)
-    labels = {"chain": [1], "draw": np.flatnonzero(kept)}
-    groups = {
-        "posterior": xr.Dataset(
-            {name: (dimensions[:2], own[None, kept]) for name, own in values.items()}, labels
-        ),
-        "predictions": xr.Dataset(
-            {
-                name: (dimensions, drawn[column], {"units": unit})
-                for column, (name, unit) in protocol.grid_quantities.items()
-            },
-            {**labels, clock: grid},
-        ),
-    }
-    n_unsolved = int(n_draws - kept.sum())
-    return PriorDraws(fit.experiment, priors, xr.DataTree.from_dict(groups), n_unsolved)
-
-
-def parameter_draws(fit: FittedTest, name: str) -> FloatArray:
-    """All draws of a parameter (SI), shape (n_draws,)."""
-    return all_draws(fit.posterior["posterior"].to_dataset()[name])
-
-
-def prediction_draws(fit: FittedTest, name: str) -> FloatArray:
-    """All draws of a solution along the clock (SI), shape (n_draws, n_grid)."""
-    return all_draws(fit.posterior["predictions"].to_dataset()[name]).astype(np.float64)
-
-
-def _each_by_itself(priors: PriorSet) -> PriorSet:
-    """Bound Q_M and beta where nothing is cut, so that no point of the flow law replaces one."""
-    changed = []
-    for name in ("activation_enthalpy", "beta"):
-        prior = priors[name]
-        if not prior.is_fixed:
-            reach = UNCUT * prior.scale
-            lower, upper = prior.location - reach, prior.location + reach
-            changed.append(
-                replace(prior, lower=max(prior.lower, lower), upper=min(prior.upper, upper))
-            )
-    return priors.exchanging(*changed)

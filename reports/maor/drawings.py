@@ -1,25 +1,24 @@
 """Figures of the model itself: its circuit, what its elements do in a test, and its flow law."""
 
 import numpy as np
-import numpy.typing as npt
+from common import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    VERMILION,
+    Fitted,
+    central,
+    draw_band,
+    parameter_draws,
+    prediction_draws,
+)
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pyburgers.common.draws import central_band
-from pyburgers.drawing.panels import (
-    LINES_AND_AREAS,
-    draw_band_panel,
-    draw_curve,
-    legend_above,
-)
-from pyburgers.drawing.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, style
-from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT
-from pyburgers.protocols.constant_rate.figures import fitted_curve
-from pyburgers.protocols.protocol import FittedTest
-from pyburgers.studies.maor.before_data import parameter_draws, prediction_draws
-from pyburgers.studies.maor.flow_law import FlowLaws
-
-FloatArray = npt.NDArray[np.float64]
+from maor.flow_law import FlowLaws
+from pyburgers import Fit, style
 
 CIRCUIT_CAPTION = (
     "The nonlinear Burgers model, a series circuit under one stress σ: a spring E_M (elastic "
@@ -112,69 +111,68 @@ def _dashpot(axes: Axes, start: float, end: float, height: float, colour: str) -
     axes.plot([middle + 0.05] * 2, piston, color=colour, linewidth=2.6)
 
 
-def strain_parts(fit: FittedTest) -> Figure:
+def strain_parts(fit: Fitted) -> Figure:
     """Draw stress, and the strain of each element, along a test at constant rate."""
     strain = fit.posterior["predictions"]["strain"].to_numpy()
     stress, kelvin = (prediction_draws(fit, name) for name in ("stress", "kelvin_strain"))
     elastic = stress / parameter_draws(fit, "maxwell_modulus")[:, np.newaxis]
-    flow = strain - elastic - kelvin
+    parts = (
+        (elastic, BLUE, "spring $E_M$"),
+        (kelvin, GREEN, "Kelvin element"),
+        (strain - elastic - kelvin, VERMILION, "power-law dashpot"),
+    )
+    panels = (
+        ("(a) stress", "differential stress (MPa)", ((stress * 1e-6, BLACK, "stress"),)),
+        (
+            "(b) strain of each element",
+            "strain of the element (%)",
+            tuple((100 * draws, colour, label) for draws, colour, label in parts),
+        ),
+    )
     with style():
         figure = Figure(figsize=(8.6, 4.2), layout="constrained")
-        above, below = figure.subplots(1, 2)
-        position = strain * STRAIN_FACTOR
-        draw_band_panel(
-            above,
-            position,
-            [(stress * STRESS_FACTOR, BLACK, "stress")],
-            heading="(a) stress",
-            label=f"differential stress ({STRESS_UNIT})",
-        )
-        draw_band_panel(
-            below,
-            position,
-            [
-                (elastic * STRAIN_FACTOR, BLUE, "spring $E_M$"),
-                (kelvin * STRAIN_FACTOR, GREEN, "Kelvin element"),
-                (flow * STRAIN_FACTOR, VERMILION, "power-law dashpot"),
-            ],
-            heading="(b) strain of each element",
-            label=f"strain of the element ({STRAIN_UNIT})",
-        )
-        for axes in (above, below):
-            axes.set_xlabel(f"imposed strain ({STRAIN_UNIT})")
+        for axes, (heading, label, bands) in zip(figure.subplots(1, 2), panels, strict=True):
+            for draws, colour, name in bands:
+                draw_band(axes, 100 * strain, draws, colour, name)
+            axes.set_title(heading, loc="left")
+            axes.set_ylabel(label)
+            axes.legend(loc="best")
+            axes.set_xlabel("imposed strain (%)")
             axes.set_xscale("log")
-        below.set_yscale("log")
-        below.set_ylim(bottom=1e-3)
-        figure.suptitle(f"{fit.experiment.title}\n{LINES_AND_AREAS}", fontsize=10)
+        axes.set_yscale("log")
+        axes.set_ylim(bottom=1e-3)
+        lines_and_areas = "lines: posterior median, areas: 90 % of draws"
+        figure.suptitle(f"{fit.experiment.title}\n{lines_and_areas}", fontsize=10)
     return figure
 
 
-def mean_solution(fit: FittedTest) -> Figure:
+def mean_solution(fit: Fit) -> Figure:
     """Draw the solution at the posterior mean over data and predictive band."""
     solution = fit.posterior["posterior_mean_solution"].to_dataset()["stress"]
     with style():
         figure = Figure(figsize=(8.0, 5.0), layout="constrained")
-        axes = figure.subplots()
-        curve = fitted_curve(fit)
-        draw_curve(axes, curve)
+        axes = fit.plot.curve(figure.subplots())
+        own_legend = axes.get_legend()
+        assert own_legend is not None
+        own_legend.remove()
         axes.plot(
-            solution["strain"] * STRAIN_FACTOR,
-            solution * STRESS_FACTOR,
+            solution["strain"] * 100,
+            solution * 1e-6,
             color=PURPLE,
             linestyle="--",
             linewidth=1.6,
             label="solution at the posterior mean",
         )
-        axes.set_xlabel(curve.position_label)
-        legend_above(figure, [axes])
+        handles, labels = axes.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=3)
     return figure
 
 
-def flow_laws_figure(fit: FittedTest, laws: FlowLaws) -> Figure:
-    """Draw the three laws (`pyburgers.studies.maor.flow_law.flow_laws`)."""
-    stress = laws.stress * STRESS_FACTOR
-    breakdown = np.median(laws.breakdown_stress) * STRESS_FACTOR
-    name = rf"hyperbolic sine, $\sigma_L$ = {breakdown:.2g} {STRESS_UNIT}"
+def flow_laws_figure(fit: Fitted, laws: FlowLaws) -> Figure:
+    """Draw the three laws (`maor.flow_law.flow_laws`)."""
+    stress = laws.stress * 1e-6
+    breakdown = np.median(laws.breakdown_stress) * 1e-6
+    name = rf"hyperbolic sine, $\sigma_L$ = {breakdown:.2g} MPa"
     with style():
         figure = Figure(figsize=(6.4, 4.6), layout="constrained")
         axes = figure.subplots()
@@ -183,17 +181,17 @@ def flow_laws_figure(fit: FittedTest, laws: FlowLaws) -> Figure:
             (laws.sinh, VERMILION, name, "--"),
             (laws.linear, ORANGE, "its linear limit", "-."),
         ):
-            low, median, high = central_band(rates)
+            low, median, high = central(rates)
             axes.fill_between(stress, low, high, color=colour, alpha=0.25, linewidth=0)
             axes.loglog(stress, median, color=colour, linestyle=dashes, label=label)
         axes.axvline(
-            laws.shared_stress * STRESS_FACTOR,
+            laws.shared_stress * 1e-6,
             color=BLACK,
             linestyle=":",
             linewidth=1.0,
             label="peak stress of the test",
         )
-        axes.set_xlabel(f"stress ({STRESS_UNIT})")
+        axes.set_xlabel("stress (MPa)")
         axes.set_ylabel("strain rate of the dashpot (1/s)")
         axes.legend(loc="best")
         axes.set_title(f"{fit.experiment.id}: flow of the undeformed material", loc="left")

@@ -1,36 +1,23 @@
-"""What the page of the study says about the olivine record.
-
-Its preparation, and what the two treatments of its background change.
-"""
+"""What the page says about the olivine record: preparation and treatments of its background."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
+from common import Fitted, FloatArray, central, interval, parameter_draws, prediction_draws
 
-from pyburgers.common.draws import all_draws, central_band
-from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
-from pyburgers.model.display import (
-    LENGTH_FACTOR,
-    LENGTH_UNIT,
-    STRESS_FACTOR,
-    STRESS_UNIT,
+from maor.olivine_statements import oscillation_of
+from pyburgers import (
+    Fit,
+    PageSection,
+    PageTable,
+    flow_rate,
+    page_figure,
     shown_quantity,
+    simulate,
     unit_text,
 )
-from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE
-from pyburgers.protocols.forced_oscillation import figures as oscillation_figures
-from pyburgers.protocols.forced_oscillation.response import oscillation_of
-from pyburgers.protocols.program_data import solve
-from pyburgers.protocols.protocol import FittedTest, protocol_of
-from pyburgers.protocols.stan_data import REFERENCE_SOLVER
-
-FloatArray = npt.NDArray[np.float64]
-
-PREPARATION_KEY, BACKGROUND_KEY = "preparation", "background"
 
 COMPARED_PARAMETERS = (
     "kelvin_modulus",
@@ -43,17 +30,10 @@ COMPARED_PARAMETERS = (
 """Parameters of olivine that the two treatments of the background are compared by."""
 
 
-def preparation_section(fits: Mapping[str, FittedTest]) -> PageSection:
-    """Return the figures of how the record of a forced oscillation test was prepared.
-
-    Parameters
-    ----------
-    fits : mapping of str to FittedTest
-        Fits of forced oscillation tests by treatment of the background.
-    """
-    experiments = [oscillation_of(fit) for fit in fits.values()]
+def preparation_section(fits: Mapping[str, Fit]) -> PageSection:
+    """Return the figures of how the record was prepared, by treatment of the background."""
     return PageSection(
-        key=PREPARATION_KEY,
+        key="preparation",
         title="Preparation of the olivine record",
         paragraphs=(
             "The record of strain and stress is treated in two ways. With the background removed, "
@@ -61,18 +41,12 @@ def preparation_section(fits: Mapping[str, FittedTest]) -> PageSection:
             "with the background kept, bias stress and background strain rate take part.",
         ),
         figures=tuple(
-            PageFigure(
-                experiment.id,
-                f"From the record to the model, {experiment.id}",
-                oscillation_figures.PREPARATION_CAPTION,
-                partial(
-                    oscillation_figures.preparation,
-                    experiment.prepared,
-                    experiment.record,
-                    f"{experiment.id}: {experiment.provenance.kind} data",
-                ),
+            replace(
+                page_figure(fit, "preparation"),
+                name=fit.experiment.id,
+                title=f"From the record to the model, {fit.experiment.id}",
             )
-            for experiment in experiments
+            for fit in fits.values()
         ),
         after_fits=True,
     )
@@ -90,29 +64,18 @@ class _Compared:
     truth: float | None
 
 
-def background_section(fits: Mapping[str, FittedTest]) -> PageSection:
-    """Return what the treatment of the background changes in the posterior, and why.
-
-    Parameters
-    ----------
-    fits : mapping of str to FittedTest
-        Fits of one forced oscillation test by treatment of the background.
-
-    Raises
-    ------
-    SamplingError
-        If the solver finds no solution at the true parameters.
-    """
+def background_section(fits: Mapping[str, Fit]) -> PageSection:
+    """Return what the treatment of the background changes in the posterior, and why."""
     prepared = oscillation_of(next(iter(fits.values()))).prepared
-    bias = float(np.mean(prepared.stress_fit.trend(prepared.time))) * STRESS_FACTOR
-    amplitude = prepared.stress_fit.amplitude()[0] * STRESS_FACTOR
+    bias = float(np.mean(prepared.stress_fit.trend(prepared.time))) * 1e-6
+    amplitude = prepared.stress_fit.amplitude()[0] * 1e-6
     compared = _compared(fits)
     return PageSection(
-        key=BACKGROUND_KEY,
+        key="background",
         title="What removing the background changes",
         paragraphs=(
-            f"The stress of this record oscillates by {amplitude:.0f} {STRESS_UNIT} about a bias "
-            f"of {bias:.0f} {STRESS_UNIT}. With the background kept, the model does the same. With "
+            f"The stress of this record oscillates by {amplitude:.0f} MPa about a bias "
+            f"of {bias:.0f} MPa. With the background kept, the model does the same. With "
             "the background removed, model and data oscillate about zero, which is another state "
             "of the material, for two reasons.",
         ),
@@ -133,8 +96,8 @@ def background_section(fits: Mapping[str, FittedTest]) -> PageSection:
             PageTable(
                 "comparison",
                 "The same record, treated in two ways",
-                _shown_comparison(compared),
-                _saved_comparison(compared),
+                pd.DataFrame([_shown(row) for row in compared]),
+                pd.DataFrame([_saved(row) for row in compared]),
                 words=("quantity", "unit"),
             ),
         ),
@@ -142,68 +105,71 @@ def background_section(fits: Mapping[str, FittedTest]) -> PageSection:
     )
 
 
-def _compared(fits: Mapping[str, FittedTest]) -> list[_Compared]:
+def _compared(fits: Mapping[str, Fit]) -> list[_Compared]:
     """Gather what the table of `background_section` compares."""
     truths = next(iter(fits.values())).experiment.true_parameters or {}
     rows = []
     for name in COMPARED_PARAMETERS:
         quantity = shown_quantity(name)
-        draws = {
-            key: all_draws(fit.posterior["posterior"].to_dataset()[name])
-            for key, fit in fits.items()
-        }
         rows.append(
             _Compared(
                 quantity.label,
                 quantity.si_unit,
                 unit_text(quantity),
                 quantity.display_factor,
-                draws,
+                {key: parameter_draws(fit, name) for key, fit in fits.items()},
                 truths.get(name),
             )
         )
-    rates, grains = {}, {}
-    for key, fit in fits.items():
-        predictions = fit.posterior["predictions"].to_dataset()
-        rates[key] = np.abs(all_draws(predictions["dashpot_rate"])).max(axis=1)
-        grains[key] = all_draws(predictions["grain_size"])[:, -1]
-    true_rate = true_grain = None
-    if truths and "kept" in fits:
-        experiment = fits["kept"].experiment
-        grid = protocol_of(experiment).prediction_grid(experiment)
-        solution = solve(experiment, truths, grid, solver=REFERENCE_SOLVER)
-        true_rate = float(np.abs(solution["grid_dashpot_rate"]).max())
-        true_grain = float(solution["grid_grain_size"][-1])
-    rate = shown_quantity(REFERENCE_FLOW_RATE)
-    label = "largest rate of the dashpot"
-    rows.append(
-        _Compared(label, rate.si_unit, unit_text(rate), rate.display_factor, rates, true_rate)
+    rates, grains = (
+        {key: state(fit) for key, fit in fits.items()} for state in (_largest_rate, _last_grains)
     )
-    label = "grain size at the end"
-    rows.append(_Compared(label, "m", LENGTH_UNIT, LENGTH_FACTOR, grains, true_grain))
+    true_rate, true_grain = (
+        _true_state(fits["kept"], truths) if "kept" in fits and truths else (None, None)
+    )
+    rate = shown_quantity("reference_flow_rate")
+    of_rate = (rate.si_unit, unit_text(rate), rate.display_factor)
+    rows.append(_Compared("largest rate of the dashpot", *of_rate, rates, true_rate))
+    rows.append(_Compared("grain size at the end", "m", "µm", 1e6, grains, true_grain))
     return rows
 
 
-def _shown_comparison(compared: list[_Compared]) -> pd.DataFrame:
-    """Return the comparison as text in display units."""
-    rows = []
-    for row in compared:
-        shown = {}
-        for key, draws in row.draws.items():
-            low, median, high = (end * row.factor for end in central_band(draws))
-            shown[f"background {key}"] = f"{median:.3g} [{low:.3g}, {high:.3g}]"
-        truth = "" if row.truth is None else f"{row.truth * row.factor:.3g}"
-        rows.append({"quantity": row.label, "unit": row.unit, **shown, "true value": truth})
-    return pd.DataFrame(rows)
+def _largest_rate(fit: Fitted) -> FloatArray:
+    return np.asarray(np.abs(prediction_draws(fit, "dashpot_rate")).max(axis=1))
 
 
-def _saved_comparison(compared: list[_Compared]) -> pd.DataFrame:
-    """Return the comparison as numbers in SI units."""
-    rows = []
-    for row in compared:
-        numbers: dict[str, float] = {}
-        for key, draws in row.draws.items():
-            low, median, high = central_band(draws)
-            numbers |= {f"{key}_median": median, f"{key}_q5": low, f"{key}_q95": high}
-        rows.append({"quantity": row.label, "unit": row.si_unit, **numbers, "truth": row.truth})
-    return pd.DataFrame(rows)
+def _last_grains(fit: Fitted) -> FloatArray:
+    return prediction_draws(fit, "grain_size")[:, -1]
+
+
+def _true_state(fit: Fitted, truths: Mapping[str, float]) -> tuple[float, float]:
+    """Largest rate of the dashpot (1/s) and last grain size (m) at the true parameters."""
+    times = fit.posterior["predictions"]["time"].to_numpy()
+    solution = simulate(fit.experiment, truths, at=times)
+    rates = flow_rate(
+        truths,
+        solution["stress_Pa"],
+        temperature=fit.experiment.temperature,
+        grain_size=solution["grain_size_m"],
+        fabric_factor=solution["fabric_factor"],
+    )
+    return float(np.abs(rates).max()), float(solution["grain_size_m"].iloc[-1])
+
+
+def _shown(row: _Compared) -> dict[str, str]:
+    """Return a row of the comparison as text in display units."""
+    cells = {
+        f"background {key}": interval(row.factor * draws, ".3g") for key, draws in row.draws.items()
+    }
+    truth = "" if row.truth is None else f"{row.truth * row.factor:.3g}"
+    return {"quantity": row.label, "unit": row.unit, **cells, "true value": truth}
+
+
+def _saved(row: _Compared) -> dict[str, object]:
+    """Return a row of the comparison as numbers in SI units."""
+    numbers = {
+        f"{key}_{name}": value
+        for key, draws in row.draws.items()
+        for name, value in zip(("q5", "median", "q95"), central(draws), strict=True)
+    }
+    return {"quantity": row.label, "unit": row.si_unit, **numbers, "truth": row.truth}

@@ -1,75 +1,48 @@
-"""What the page of the study has beside the single fits.
+"""What the page of the study has beside the single fits and their comparisons.
 
 The paper's statements, attenuation, the preparation of the olivine record and what its two
 treatments change.
 """
 
 import logging
+import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 
-import numpy as np
-import numpy.typing as npt
 import pandas as pd
-import xarray as xr
+from common import Fitted, central, flat, interval
 
-from pyburgers.common.processes import cores
-from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
-from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
-from pyburgers.predictions import attenuation_figures
-from pyburgers.predictions.assumptions import (
-    elastic_modulus_sentence,
-    frozen_sentence,
-    pale_sentence,
-)
-from pyburgers.predictions.attenuation import predict_attenuation
-from pyburgers.predictions.attenuation_tables import overview_table, quantile_table
-from pyburgers.predictions.evolving import (
-    evolving_attenuation,
-    evolving_overview,
-    evolving_sentence,
-    evolving_table,
-)
-from pyburgers.predictions.material import fitted_material
-from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
-from pyburgers.predictions.stress_cycles import PAPER_REGIMES
-from pyburgers.protocols.protocol import FittedTest
-from pyburgers.studies.maor import drawings
-from pyburgers.studies.maor.attenuation import (
+from maor import drawings
+from maor.attenuation import (
     AMPLITUDE_REGIMES,
     MICROSTRUCTURE_SENTENCE,
     Spectra,
     attenuation_statements,
     spectra_of,
 )
-from pyburgers.studies.maor.before_data import Datum, Knowledge, knowledge
-from pyburgers.studies.maor.coverage import coverage_section, coverage_table
-from pyburgers.studies.maor.elastic_modulus import (
-    ELASTIC_MODULUS_SENTENCE,
-    elastic_modulus_table,
-    shown_elastic_modulus,
+from maor.before_data import Datum, Knowledge, knowledge
+from maor.counterparts import counterparts_section, counterparts_table
+from maor.flow_law import STRESSES, flow_laws, flow_laws_table
+from maor.ice import ice_statements
+from maor.ice_curves import PEAK_STRESS
+from maor.olivine import background_section, preparation_section
+from maor.olivine_statements import STRESS_AMPLITUDE, olivine_statements
+from maor.statements import GROUNDS, VERDICTS_TEXT, Statement, Verdict, statements_table
+from maor.stress_floor import stress_floor_section
+from pyburgers import (
+    Fit,
+    MeasuredAttenuation,
+    PageFigure,
+    PageSection,
+    PageTable,
+    Regime,
+    attenuation_section,
+    predict_attenuation,
 )
-from pyburgers.studies.maor.flow_law import (
-    STRESSES,
-    flow_laws,
-    flow_laws_table,
-)
-from pyburgers.studies.maor.ice import ice_statements
-from pyburgers.studies.maor.ice_curves import PEAK_STRESS
-from pyburgers.studies.maor.olivine import background_section, preparation_section
-from pyburgers.studies.maor.olivine_statements import STRESS_AMPLITUDE, olivine_statements
-from pyburgers.studies.maor.statements import (
-    GROUNDS,
-    VERDICTS_TEXT,
-    Statement,
-    Verdict,
-    statements_table,
-)
-from pyburgers.studies.maor.stress_floor import stress_floor_section
-from pyburgers.studies.maor.time_domain import shown_time_domain, time_domain_table
 
-logger = logging.getLogger(__name__)
+logger = logging.getLogger("pyburgers.study")
 
 PRIOR_DRAWS = {"ice": 12_000, "olivine": 4_000}
 """Draws of the prior of each test, by material; a solution of an oscillation takes longer."""
@@ -88,56 +61,50 @@ WORDS_SENTENCE = (
     "about; words in quotation marks are the paper's own. Numbers in the rules are ours."
 )
 
-STATEMENTS_KEY, MODEL_KEY, ATTENUATION_KEY = "statements", "model", "attenuation"
+ICE_MODULUS = 9.3e9
+"""Young's modulus of polycrystalline ice, Pa: 9.33 GPa at -16 °C (Gammon, Kiefte, Clouter and
+Denner 1983, Journal of Glaciology 29, 433)."""
 
+MODULUS_REGIME, MODULUS_FREQUENCIES = Regime(1e6, 0.17e6), (1e-2, 1.0)
+"""Stress cycles and frequencies (Hz) that show the effect of the elastic modulus."""
 
-FloatArray = npt.NDArray[np.float64]
+ELASTIC_MODULUS_SENTENCE = (
+    f"With {ICE_MODULUS * 1e-9:g} GPa, Young's modulus of ice, in place of each "
+    "fit's own E_M the samples differ by what the tests say of Kelvin element and dashpot; what "
+    "they differ by beyond that is mostly the apparatus."
+)
 
 
 def study_sections(
-    ice_fits: Mapping[str, FittedTest],
-    olivine_fits: Mapping[str, FittedTest],
+    ice_fits: Mapping[str, Fit],
+    olivine_fits: Mapping[str, Fit],
     measured: MeasuredAttenuation | None = None,
 ) -> tuple[PageSection, ...]:
-    """Predict attenuation, judge the paper's statements, and gather what the page shows of it.
+    """Judge the paper's statements and gather what the page shows of it, in the order of the page.
 
-    Parameters
-    ----------
-    ice_fits : mapping of str to FittedTest
-        Fits of constant rate tests by sample, at least one; the first is looked at most closely.
-    olivine_fits : mapping of str to FittedTest
-        Fits of one forced oscillation test by treatment of the background; may be empty.
-    measured : MeasuredAttenuation, optional
-        Points to draw over the spectra.
-
-    Returns
-    -------
-    tuple of PageSection
-        In their order on the page.
+    Fits of ice are by sample, at least one, the first looked at most closely; those of olivine by
+    treatment of the background, which may be none. Measured points are drawn over the spectra.
     """
     logger.info("Solving draws of the priors, for what is known before the data.")
     # The solver is a process for each test, which threads can wait for side by side.
-    with ThreadPoolExecutor(max_workers=cores()) as solving:
+    with ThreadPoolExecutor(max_workers=os.cpu_count()) as solving:
         of_ice = solving.map(partial(_known, datum=PEAK_STRESS), ice_fits.values())
         of_olivine = solving.map(partial(_known, datum=STRESS_AMPLITUDE), olivine_fits.values())
         ice = dict(zip(ice_fits, of_ice, strict=True))
         olivine = dict(zip(olivine_fits, of_olivine, strict=True))
-    logger.info("Predicting attenuation.")
-    spectra = {name: spectra_of(one) for name, one in ice.items()}
     logger.info("Comparing the paper's statements with the posterior.")
+    spectra = {name: spectra_of(one) for name, one in ice.items()}
     statements = paper_statements(ice, spectra, olivine)
-    is_synthetic = any(
-        fit.experiment.provenance.kind == "synthetic"
-        for fit in (*ice_fits.values(), *olivine_fits.values())
-    )
-    logger.info("Comparing attenuation with simulations in time.")
+    fits = (*ice_fits.values(), *olivine_fits.values())
+    is_synthetic = any(fit.provenance.kind == "synthetic" for fit in fits)
+    logger.info("Predicting attenuation.")
     sections = [
         statements_section(statements, is_synthetic=is_synthetic),
-        coverage_section(
-            coverage_table(ice_fits, olivine_fits, statements, has_points=measured is not None)
+        counterparts_section(
+            counterparts_table(ice_fits, olivine_fits, statements, has_points=measured is not None)
         ),
         model_section(next(iter(ice_fits.values()))),
-        attenuation_section(ice_fits, {name: one.after for name, one in spectra.items()}, measured),
+        ice_attenuation_section(ice_fits, measured),
     ]
     if olivine_fits:
         logger.info("Comparing the two treatments of the olivine record.")
@@ -149,7 +116,7 @@ def study_sections(
     return tuple(sections)
 
 
-def _known(fit: FittedTest, datum: Datum) -> Knowledge:
+def _known(fit: Fitted, datum: Datum) -> Knowledge:
     n_draws = PRIOR_DRAWS[fit.experiment.material]
     return knowledge(fit, datum, n_draws=n_draws, seed=PRIOR_SEED)
 
@@ -162,13 +129,6 @@ def paper_statements(
     """Judge the paper's statements that the given tests and spectra say something about.
 
     The parameters that a statement is about have to be free in the fits.
-
-    Parameters
-    ----------
-    ice, olivine : mapping of str to Knowledge
-        Ice by sample, and olivine by treatment of the background; each may be empty.
-    spectra : mapping of str to Spectra
-        Of the samples of ice.
     """
     return (
         *ice_statements(ice),
@@ -178,21 +138,13 @@ def paper_statements(
 
 
 def statements_section(statements: tuple[Statement, ...], *, is_synthetic: bool) -> PageSection:
-    """Return the table of the paper's statements.
-
-    Parameters
-    ----------
-    statements : tuple of Statement
-        What is shown.
-    is_synthetic : bool
-        Whether data behind the posteriors are synthetic.
-    """
+    """Return the table of the paper's statements."""
     verdicts = [statement.verdict for statement in statements]
     findings = sum(verdict.counts for verdict in verdicts)
     counted = ", ".join(f"{one} {verdicts.count(one)}" for one in Verdict if one in verdicts)
     table = statements_table(statements)
     return PageSection(
-        key=STATEMENTS_KEY,
+        key="statements",
         title="The paper's statements and our posterior",
         paragraphs=(
             f"{findings} of {len(statements)} verdicts are findings of the data: {counted}.",
@@ -220,20 +172,14 @@ def statements_section(statements: tuple[Statement, ...], *, is_synthetic: bool)
     )
 
 
-def model_section(fit: FittedTest) -> PageSection:
-    """Return drawings of the model, and of its flow law beside others.
-
-    Parameters
-    ----------
-    fit : FittedTest
-        Of a test at constant rate.
-    """
+def model_section(fit: Fit) -> PageSection:
+    """Return drawings of the model in a test at constant rate, and of its flow law."""
     name = fit.experiment.id
     peak = PEAK_STRESS.observed(fit)
     laws = flow_laws(fit, peak * STRESSES, shared_stress=peak)
     table = flow_laws_table(laws)
     return PageSection(
-        key=MODEL_KEY,
+        key="model",
         title="The model",
         paragraphs=(),
         tables=(
@@ -271,142 +217,84 @@ def model_section(fit: FittedTest) -> PageSection:
 
 
 def _shown_laws(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a `pyburgers.studies.maor.flow_law.flow_laws_table` as text."""
-    shown = {f"stress ({STRESS_UNIT})": (table["stress_Pa"] * STRESS_FACTOR).map("{:.3g}".format)}
-    for column in table.columns[1:]:
-        shown[f"{column.removesuffix('_per_s').replace('_', ' ')} (1/s)"] = table[column].map(
+    """Return a `maor.flow_law.flow_laws_table` as text."""
+    rates = {
+        f"{column.removesuffix('_per_s').replace('_', ' ')} (1/s)": table[column].map(
             "{:.2e}".format
         )
-    return pd.DataFrame(shown)
+        for column in table.columns[1:]
+    }
+    return pd.DataFrame({"stress (MPa)": (table["stress_Pa"] * 1e-6).map("{:.3g}".format), **rates})
 
 
-def attenuation_section(
-    fits: Mapping[str, FittedTest],
-    spectra: Mapping[str, xr.Dataset],
-    measured: MeasuredAttenuation | None = None,
+def ice_attenuation_section(
+    fits: Mapping[str, Fit], measured: MeasuredAttenuation | None = None
 ) -> PageSection:
-    """Return figures and tables of attenuation.
+    """Return figures and tables of attenuation, with one elastic modulus for all samples too."""
+    section = attenuation_section(fits, AMPLITUDE_REGIMES, measured)
+    saved, shown = elastic_modulus_tables(fits)
+    modulus = PageTable(
+        "elastic_modulus",
+        f"Elastic modulus and attenuation at {MODULUS_REGIME.label}",
+        shown,
+        saved,
+        words=("sample",),
+    )
+    *tables, time_domain = section.tables
+    return replace(
+        section,
+        details=(*section.details, ELASTIC_MODULUS_SENTENCE),
+        tables=(*tables, modulus, time_domain),
+    )
 
-    Of the first fit also single draws, amplitudes, and what an evolving microstructure changes.
 
-    Parameters
-    ----------
-    fits : mapping of str to FittedTest
-        At least one.
-    spectra : mapping of str to Dataset
-        Spectra of the same fits (`pyburgers.predictions.attenuation.predict_attenuation`).
-    measured : MeasuredAttenuation, optional
-        Points to draw over them.
+def elastic_modulus_tables(fits: Mapping[str, Fit]) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Attenuation with E_M of each fit and with the modulus of ice, as numbers and as text.
+
+    A row for each sample and frequency. Numbers have the columns sample, maxwell_modulus_GPa
+    (median), frequency_Hz, own_q5, own_q50, own_q95, ice_q5, ice_q50, ice_q95; the text ends with
+    how far the samples are apart.
     """
-    first, fit = next(iter(fits.items()))
-    evolving = evolving_attenuation(fitted_material(fit))
-    return PageSection(
-        key=ATTENUATION_KEY,
-        title="Attenuation",
-        paragraphs=(
-            f"{first}: {pale_sentence(spectra[first])}",
-            elastic_modulus_sentence(spectra[first]),
-        ),
-        details=(
-            "What the fitted material would do under another load: stress cycles about a constant "
-            "median stress. Strain lags stress by the angle δ, and tan δ is the attenuation 1/Q; "
-            "every draw of the posterior gives a spectrum in closed form. Tables give the median "
-            "and 5 and 95 % of the draws; the CSV files hold all frequencies.",
-            f"{first}: {frozen_sentence(spectra[first])}",
-            f"{first}, frozen and evolving side by side. {evolving_sentence(evolving)}",
-            ELASTIC_MODULUS_SENTENCE,
-        ),
-        tables=_attenuation_tables(fits, spectra, evolving),
-        figures=_attenuation_figures(fits, spectra, evolving, measured),
-        after_fits=True,
-    )
-
-
-def _attenuation_tables(
-    fits: Mapping[str, FittedTest], spectra: Mapping[str, xr.Dataset], evolving: xr.Dataset
-) -> tuple[PageTable, ...]:
-    """Return quantiles of every fit, and of the first one what its spectra take for granted."""
-    first, fit = next(iter(fits.items()))
-    modulus, check = elastic_modulus_table(fits), time_domain_table(fit)
-    return (
-        *(
-            PageTable(
-                f"{name}_quantiles",
-                f"tan δ of {name}",
-                overview_table(spectrum),
-                quantile_table(spectrum),
-                words=("regime",),
-                sentences=("frozen microstructure",),
-                in_files=name != first,
-                folded=True,
+    saved: list[dict[str, object]] = []
+    shown: list[tuple[str, ...]] = []
+    for name, fit in fits.items():
+        modulus = float(fit.posterior["posterior"]["maxwell_modulus"].median()) * 1e-9
+        spectra = {
+            whose: flat(
+                predict_attenuation(
+                    fit, MODULUS_FREQUENCIES, [MODULUS_REGIME], elastic_modulus=given
+                )["tan_delta"].transpose(..., "regime", "frequency")
+            )[:, 0]
+            for whose, given in (("own", None), ("ice", ICE_MODULUS))
+        }
+        for k, frequency in enumerate(MODULUS_FREQUENCIES):
+            own, ice = (spectra[whose][:, k] for whose in ("own", "ice"))
+            saved.append(
+                {
+                    "sample": name,
+                    "maxwell_modulus_GPa": modulus,
+                    "frequency_Hz": frequency,
+                    **dict(zip(("own_q5", "own_q50", "own_q95"), central(own), strict=True)),
+                    **dict(zip(("ice_q5", "ice_q50", "ice_q95"), central(ice), strict=True)),
+                }
             )
-            for name, spectrum in spectra.items()
-        ),
-        PageTable(
-            "evolving",
-            f"Frozen and evolving microstructure, {first}",
-            evolving_overview(evolving),
-            evolving_table(evolving),
-            words=("regime",),
-        ),
-        PageTable(
-            "elastic_modulus",
-            f"Elastic modulus and attenuation at {PAPER_REGIMES[0].label}",
-            shown_elastic_modulus(modulus),
-            modulus,
-            words=("sample",),
-        ),
-        PageTable(
-            "time_domain",
-            f"Closed form against simulation in time, {first} at the median of its parameters",
-            shown_time_domain(check),
-            check,
-            words=("regime",),
-        ),
-    )
-
-
-def _attenuation_figures(
-    fits: Mapping[str, FittedTest],
-    spectra: Mapping[str, xr.Dataset],
-    evolving: xr.Dataset,
-    measured: MeasuredAttenuation | None,
-) -> tuple[PageFigure, ...]:
-    """Return spectra of every fit, and of the first one draws and amplitudes."""
-    first, fit = next(iter(fits.items()))
-    of_first = spectra[first]
-    by_amplitude = predict_attenuation(fit, regimes=AMPLITUDE_REGIMES)
-    return (
-        *(
-            PageFigure(
-                f"{name}_spectrum",
-                f"Attenuation of {name}",
-                attenuation_figures.ATTENUATION_CAPTION,
-                partial(
-                    attenuation_figures.attenuation,
-                    spectrum,
-                    spectrum.attrs["title"],
-                    evolving if name == first else None,
-                    measured,
-                ),
-                frozen_sentence(spectrum),
+            cells = (
+                f"{modulus:.3g}",
+                f"{frequency:.3g}",
+                *(interval(x, ".3g") for x in (own, ice)),
             )
-            for name, spectrum in spectra.items()
-        ),
-        PageFigure(
-            f"{first}_draws",
-            f"Attenuation of {first}, draw by draw",
-            attenuation_figures.DRAWS_CAPTION,
-            partial(attenuation_figures.attenuation_draws, of_first, of_first.attrs["title"]),
-        ),
-        PageFigure(
-            f"{first}_amplitude",
-            f"Attenuation of {first} and the amplitude of the cycles",
-            attenuation_figures.AMPLITUDE_CAPTION,
-            partial(
-                attenuation_figures.amplitude_dependence,
-                by_amplitude,
-                by_amplitude.attrs["title"],
-            ),
-        ),
+            shown.append((name, *cells))
+    table = pd.DataFrame(saved)
+    if len(fits) > 1:
+        for label, rows in table.groupby("frequency_Hz"):
+            apart = (rows[name].max() / rows[name].min() for name in ("own_q50", "ice_q50"))
+            ratios = (f"{one:.3g}" for one in apart)
+            shown.append(("largest over smallest", "", f"{label:.3g}", *ratios))
+    text = pd.DataFrame(
+        shown,
+        columns=[
+            *("sample", "E_M (GPa)", "frequency (Hz)"),
+            *("tan δ, E_M of the fit", "tan δ, modulus of ice"),
+        ],
     )
+    return table, text

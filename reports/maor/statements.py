@@ -12,16 +12,12 @@ of the three.
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Generic, TypeVar
 
-import numpy as np
-import numpy.typing as npt
 import pandas as pd
+from common import BoolArray, Fitted
 
-from pyburgers.protocols.protocol import FittedTest
-from pyburgers.studies.maor.before_data import LEAST_EFFECTIVE, Knowledge
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from maor.before_data import LEAST_EFFECTIVE, Knowledge
 
 LIKELY, UNLIKELY = 0.9, 0.1
 """Probabilities above and below which a statement is taken as right and as wrong."""
@@ -92,20 +88,22 @@ VERDICTS_TEXT = (
 class Belief:
     """How sure one is of a statement about one test, as knowledge grows.
 
-    Attributes
-    ----------
-    prior, number, posterior : float or bool or None
-        Probability under the prior, under the prior and one number, and under the posterior; of a
-        statement about a whole distribution whether it holds. None where that has no meaning, or,
-        of a whole distribution, where it is neither clearly so nor clearly not.
-    effective_draws : float
-        Behind `number`.
+    Numbers are its probability under the prior, under the prior and one number, and under the
+    posterior; of a statement about a whole distribution whether it holds. None stands where that
+    has no meaning, or, of a whole distribution, where it is neither clearly so nor clearly not.
+    Effective draws are those behind the one number.
     """
 
     prior: float | bool | None
     number: float | bool | None
     posterior: float | bool | None
     effective_draws: float
+
+    @classmethod
+    def of(cls, three: Iterable[float | bool | None], known: Knowledge) -> "Belief":
+        """Return the belief under the prior, with one number, and under the posterior."""
+        prior, number, posterior = three
+        return cls(prior, number, posterior, known.effective_draws)
 
     @property
     def verdict(self) -> Verdict:
@@ -154,28 +152,12 @@ class Belief:
 
 
 def granted(before: float, after: float) -> bool:
-    """Whether what is likely after the data was so before, or hardly less.
-
-    Parameters
-    ----------
-    before, after : float
-        Probabilities.
-    """
+    """Whether what is likely after the data was so before, or hardly less (probabilities)."""
     return before > LIKELY or after * (1 - before) < GAIN * before * (1 - after)
 
 
 def probability_of(before: BoolArray, after: BoolArray, known: Knowledge) -> Belief:
-    """Return how probable something is that is true or not in each draw.
-
-    Parameters
-    ----------
-    before : array, shape (n_prior_draws,)
-        Whether it is in draws of the prior.
-    after : array, shape (n_draws,)
-        Whether it is in those of the posterior.
-    known : Knowledge
-        The test.
-    """
+    """Return how probable something is that is true or not in each draw of prior and posterior."""
     return Belief(
         prior=float(before.mean()),
         number=float(known.weights @ before),
@@ -184,37 +166,17 @@ def probability_of(before: BoolArray, after: BoolArray, known: Knowledge) -> Bel
     )
 
 
-def probability(known: Knowledge, event: Callable[[FittedTest], BoolArray]) -> Belief:
-    """Return how probable an event is.
-
-    Parameters
-    ----------
-    known : Knowledge
-        A test.
-    event : callable
-        Receives draws, of the prior or of the fit, and returns whether it is true in each.
-    """
+def probability(known: Knowledge, event: Callable[[Fitted], BoolArray]) -> Belief:
+    """Return how probable an event is, which says of draws in which of them it is true."""
     return probability_of(event(known.prior), event(known.fit), known)
 
 
 @dataclass(frozen=True)
 class Statement:
-    """One statement of the paper and what became of it.
+    """One statement of the paper in our words, and what became of it.
 
-    Attributes
-    ----------
-    key : str
-        Short name.
-    source : str
-        Where in the paper.
-    text : str
-        What the paper says, in our words.
-    evidence : str
-        A sentence with the numbers of our posterior.
-    beliefs : mapping of str to Belief
-        How sure one is of it, by sample or treatment.
-    rule : str
-        When it holds, a sentence.
+    It has the place in the paper, a sentence with the numbers of our posterior, how sure one is of
+    it by sample or treatment, and a sentence that says when it holds.
     """
 
     key: str
@@ -228,6 +190,49 @@ class Statement:
     def verdict(self) -> Verdict:
         """What all samples or treatments share."""
         return common_verdict(belief.verdict for belief in self.beliefs.values())
+
+
+Known = TypeVar("Known")
+
+
+@dataclass(frozen=True)
+class Claim(Generic[Known]):
+    """A statement of the paper and how it is judged.
+
+    The judge receives what is known of a sample or treatment, and returns the belief and what the
+    posterior says in words. The evidence is the lead, then name and words of each in a format.
+    """
+
+    key: str
+    source: str
+    text: str
+    judge: Callable[[Known], tuple[Belief, str]]
+    rule: str
+    lead: str = ""
+    each: str = "{} {}"
+    separator: str = ", "
+
+    def judged(self, known: Mapping[str, Known]) -> Statement:
+        """Judge it by samples or treatments, at least one."""
+        found = {name: self.judge(one) for name, one in known.items()}
+        told = (self.each.format(name, words) for name, (_, words) in found.items())
+        evidence = f"{self.lead}{self.separator.join(told)}."
+        beliefs = {name: belief for name, (belief, _) in found.items()}
+        return Statement(
+            self.key,
+            self.source,
+            self.text,
+            f"{evidence[0].upper()}{evidence[1:]}",
+            beliefs,
+            self.rule,
+        )
+
+
+def event(
+    happens: Callable[[Fitted], BoolArray], words: Callable[[Knowledge], str]
+) -> Callable[[Knowledge], tuple[Belief, str]]:
+    """Return the judge of an event that is true or not in each draw."""
+    return lambda known: (probability(known, happens), words(known))
 
 
 def statements_table(statements: Iterable[Statement]) -> pd.DataFrame:
@@ -275,12 +280,6 @@ def between(value: float, *, wrong_below: float, right_above: float) -> bool | N
     if value > right_above:
         return True
     return False if value < wrong_below else None
-
-
-def joined(parts: Iterable[str]) -> str:
-    """Join parts into one sentence."""
-    text = "; ".join(parts)
-    return f"{text[0].upper()}{text[1:]}."
 
 
 def _shown(value: float | bool | None) -> str:

@@ -9,23 +9,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
+from common import Fitted, FloatArray, central, interval, parameter_draws
 from scipy.special import softmax
 
-from pyburgers.cmdstan.program import Program, load_program
-from pyburgers.common.draws import all_draws
-from pyburgers.common.errors import SamplingError
-from pyburgers.common.units import number
-from pyburgers.drawing.page_parts import PageSection, PageTable
-from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_FACTOR, STRESS_UNIT
-from pyburgers.protocols.program_data import solve
-from pyburgers.protocols.protocol import FittedTest, protocol_of
-from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers import PageSection, PageTable, SamplingError, SolverOptions, simulate
 
-FloatArray = npt.NDArray[np.float64]
-
-STRESS_FLOOR_KEY, FLOOR = "stress_floor", "piezometer_stress_floor"
+FLOOR = "piezometer_stress_floor"
 
 FLOORS = (0.1e6, 1e6, 10e6)
 """Pa."""
@@ -45,19 +35,10 @@ ALIKE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class FloorEffect:
-    """Draws of one fit under one floor.
+    """Draws of one fit under one floor (Pa): last grain sizes (m) of those that have a solution.
 
-    Attributes
-    ----------
-    floor : float
-        Pa.
-    grain_size : array, shape (n_solved,)
-        At the end of the record, m.
-    effective_share : float
-        Effective over nominal number of draws once they are weighed for this floor: 1 where the
-        posterior is that of the fit.
-    n_unsolved : int
-        Draws without solution, left out.
+    The effective share is that of the draws once they are weighed for this floor: 1 where the
+    posterior is that of the fit.
     """
 
     floor: float
@@ -66,39 +47,31 @@ class FloorEffect:
     n_unsolved: int
 
 
-def floor_effects(fit: FittedTest) -> tuple[FloorEffect, ...]:
+def floor_effects(fit: Fitted) -> tuple[FloorEffect, ...]:
     """Solve draws of a fit under each of `FLOORS`.
-
-    Parameters
-    ----------
-    fit : FittedTest
-        Of an oscillating test whose grain size follows a piezometer.
 
     Raises
     ------
     SamplingError
         If none of the draws has a solution under a floor.
     """
-    draws = fit.posterior["posterior"].to_dataset()
-    free = {name: all_draws(draws[name]) for name in fit.priors.free}
+    free = {name: parameter_draws(fit, name) for name in fit.priors.free}
     known = {name: prior.location for name, prior in fit.priors.priors.items() if prior.is_fixed}
     size = next(iter(free.values())).size
     chosen = np.unique(np.linspace(0, size - 1, SOLVED_DRAWS).round().astype(int))
     points = [known | {name: float(drawn[k]) for name, drawn in free.items()} for k in chosen]
-    program = load_program(protocol_of(fit.experiment).program)
-    as_fitted = [_solved(fit, program, point) for point in points]
+    as_fitted = [_solved(fit, point) for point in points]
     effects = []
     for floor in FLOORS:
         pairs = [
             (before, after)
             for before, point in zip(as_fitted, points, strict=True)
-            if (after := _solved(fit, program, point | {FLOOR: floor})) is not None
-            and before is not None
+            if (after := _solved(fit, point | {FLOOR: floor})) is not None and before is not None
         ]
         if not pairs:
             raise SamplingError(
                 f"{fit.experiment.id}: none of {len(points)} draws has a solution with a stress "
-                f"floor of {number(floor * STRESS_FACTOR)} {STRESS_UNIT}."
+                f"floor of {floor * 1e-6:g} MPa."
             )
         # Only the likelihood knows the floor: its ratio is the weight of a draw.
         weights = softmax([after[1] - before[1] for before, after in pairs])
@@ -113,35 +86,25 @@ def floor_effects(fit: FittedTest) -> tuple[FloorEffect, ...]:
     return tuple(effects)
 
 
-def stress_floor_section(fits: Mapping[str, FittedTest]) -> PageSection:
-    """Return what the stress floor decides under each treatment of the background.
-
-    Parameters
-    ----------
-    fits : mapping of str to FittedTest
-        Fits of one forced oscillation test by treatment of the background.
-
-    Raises
-    ------
-    SamplingError
-        If none of the draws has a solution under a floor.
-    """
+def stress_floor_section(fits: Mapping[str, Fitted]) -> PageSection:
+    """Return what the stress floor decides under each treatment of the background."""
     effects = {treatment: floor_effects(fit) for treatment, fit in fits.items()}
-    floor = next(iter(fits.values())).priors[FLOOR].location * STRESS_FACTOR
+    floor = next(iter(fits.values())).priors[FLOOR].location * 1e-6
+    each = [(treatment, one) for treatment, found in effects.items() for one in found]
     table = PageTable(
         "floors",
         "Draws of each fit, solved under other floors",
-        _shown(effects),
-        _saved(effects),
+        pd.DataFrame([_shown(*one) for one in each]),
+        pd.DataFrame([_saved(*one) for one in each]),
         words=("background",),
         folded=True,
     )
     return PageSection(
-        key=STRESS_FLOOR_KEY,
+        key="stress_floor",
         title="What the stress floor of the piezometer decides",
         details=(
             "At zero stress the piezometer has no value. The prior file gives it a floor, "
-            f"{number(floor)} {STRESS_UNIT}, that no measurement supports. Here {SOLVED_DRAWS} "
+            f"{floor:g} MPa, that no measurement supports. Here {SOLVED_DRAWS} "
             "draws of each fit are solved again under other floors. The share of effective draws "
             "says what is left of them once each is weighed by its likelihood there: near 1 the "
             "posterior of the parameters would be the same, near 0 a fit of its own is needed.",
@@ -154,10 +117,10 @@ def stress_floor_section(fits: Mapping[str, FittedTest]) -> PageSection:
 
 def sentence(treatment: str, effects: tuple[FloorEffect, ...]) -> str:
     """Say in words whether the floor decides grain size, and whether the data notice."""
-    medians = [float(np.median(effect.grain_size)) * LENGTH_FACTOR for effect in effects]
-    floors = ", ".join(number(effect.floor * STRESS_FACTOR) for effect in effects)
-    sizes = f"{', '.join(f'{median:.3g}' for median in medians)} {LENGTH_UNIT}"
-    found = f"grains end at {sizes} for floors of {floors} {STRESS_UNIT}"
+    medians = [float(np.median(effect.grain_size)) * 1e6 for effect in effects]
+    floors = ", ".join(f"{effect.floor * 1e-6:g}" for effect in effects)
+    sizes = f"{', '.join(f'{median:.3g}' for median in medians)} µm"
+    found = f"grains end at {sizes} for floors of {floors} MPa"
     if max(medians) < MATTERS * min(medians):
         return f"With the background {treatment} the floor does not matter: {found}."
     share = min(effect.effective_share for effect in effects)
@@ -169,51 +132,34 @@ def sentence(treatment: str, effects: tuple[FloorEffect, ...]) -> str:
     return f"With the background {treatment} the floor decides the grain size, {seen} ({found})."
 
 
-def _solved(
-    fit: FittedTest, program: Program, values: Mapping[str, float]
-) -> tuple[float, float] | None:
+def _solved(fit: Fitted, values: Mapping[str, float]) -> tuple[float, float] | None:
     """Grain size at the end (m) and log likelihood; None where there is no solution."""
-    protocol = protocol_of(fit.experiment)
-    end = protocol.prediction_grid(fit.experiment)[-1:]
+    end = fit.posterior["predictions"]["time"].to_numpy()[-1:]
     try:
-        draw = solve(fit.experiment, values, end, solver=SOLVER, program=program)
+        solution = simulate(fit.experiment, values, at=end, solver=SOLVER)
     except SamplingError:
         return None  # counted
-    return float(draw["grid_grain_size"][-1]), float(draw["log_lik"].sum())
+    return float(solution["grain_size_m"].iloc[-1]), solution.attrs["log_likelihood"]
 
 
-def _shown(effects: Mapping[str, tuple[FloorEffect, ...]]) -> pd.DataFrame:
-    rows = []
-    for treatment, found in effects.items():
-        for effect in found:
-            low, median, high = np.quantile(effect.grain_size, [0.05, 0.5, 0.95]) * LENGTH_FACTOR
-            rows.append(
-                {
-                    "background": treatment,
-                    f"floor ({STRESS_UNIT})": number(effect.floor * STRESS_FACTOR),
-                    f"grain size at the end ({LENGTH_UNIT})": f"{median:.3g} [{low:.3g}, "
-                    f"{high:.3g}]",
-                    "effective draws": f"{100 * effect.effective_share:.0f} %",
-                    "without solution": str(effect.n_unsolved),
-                }
-            )
-    return pd.DataFrame(rows)
+def _shown(treatment: str, effect: FloorEffect) -> dict[str, str]:
+    return {
+        "background": treatment,
+        "floor (MPa)": f"{effect.floor * 1e-6:g}",
+        "grain size at the end (µm)": interval(effect.grain_size * 1e6, ".3g"),
+        "effective draws": f"{100 * effect.effective_share:.0f} %",
+        "without solution": str(effect.n_unsolved),
+    }
 
 
-def _saved(effects: Mapping[str, tuple[FloorEffect, ...]]) -> pd.DataFrame:
-    rows = []
-    for treatment, found in effects.items():
-        for effect in found:
-            low, median, high = np.quantile(effect.grain_size, [0.05, 0.5, 0.95])
-            rows.append(
-                {
-                    "background": treatment,
-                    "floor_Pa": effect.floor,
-                    "grain_size_m_q5": low,
-                    "grain_size_m_median": median,
-                    "grain_size_m_q95": high,
-                    "effective_share": effect.effective_share,
-                    "n_unsolved": effect.n_unsolved,
-                }
-            )
-    return pd.DataFrame(rows)
+def _saved(treatment: str, effect: FloorEffect) -> dict[str, object]:
+    low, median, high = central(effect.grain_size)
+    return {
+        "background": treatment,
+        "floor_Pa": effect.floor,
+        "grain_size_m_q5": low,
+        "grain_size_m_median": median,
+        "grain_size_m_q95": high,
+        "effective_share": effect.effective_share,
+        "n_unsolved": effect.n_unsolved,
+    }

@@ -315,4 +315,4 @@ def test_options_work_or_are_refused(
 
 
 def test_every_command_is_tried_that_reads_files() -> None:
-    assert set(COMMANDS) - set(OPTIONS) <= {"doctor", "install-cmdstan", "reproduce"}
+    assert set(COMMANDS) - set(OPTIONS) <= {"doctor", "install-cmdstan"}

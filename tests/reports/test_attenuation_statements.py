@@ -8,16 +8,17 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import xarray as xr
-from synthetic_fit import make_experiment, make_priors
-
-from pyburgers.predictions.attenuation import regime_peaks
-from pyburgers.studies.maor.attenuation import (
+from maor.attenuation import (
     Spectra,
     attenuation_statements,
+    peaks,
     spectra_of,
 )
-from pyburgers.studies.maor.before_data import Knowledge, PriorDraws
-from pyburgers.studies.maor.statements import Statement, Verdict
+from maor.before_data import Knowledge
+from maor.statements import Statement, Verdict
+from synthetic_fit import make_experiment, make_priors
+
+from pyburgers.fitting.prior_draws import PriorDraws
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -185,6 +186,6 @@ def test_draws_and_samples_that_differ_leave_a_statement_open(before: PriorDraws
 
 
 def test_what_is_open_before_is_open(before: PriorDraws) -> None:
-    shares = regime_peaks(spectra_of(Knowledge(before, before, np.ones(1))).before).mean(axis=0)
+    shares = peaks(spectra_of(Knowledge(before, before, np.ones(1))).before).mean(axis=0)
     assert (shares > 0.1).all()
     assert (shares < 0.9).all()

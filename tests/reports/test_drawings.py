@@ -2,21 +2,21 @@
 
 import numpy as np
 import pytest
-from synthetic_fit import make_fit
-
-from pyburgers.fitting.fit import Fit
-from pyburgers.studies.maor.drawings import (
+from maor.drawings import (
     circuit,
     flow_laws_figure,
     mean_solution,
     strain_parts,
 )
-from pyburgers.studies.maor.flow_law import (
+from maor.flow_law import (
     STRESSES,
     FlowLaws,
     flow_laws,
     flow_laws_table,
 )
+from synthetic_fit import make_fit
+
+from pyburgers.fitting.fit import Fit
 
 PEAK = 8e6
 

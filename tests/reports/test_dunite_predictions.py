@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import TESTS, Problem
+from dunite_predictions import PREDICTED, predictions_section
 
 from pyburgers.fitting.fit import Fit
 from pyburgers.protocols.constant_rate.experiment import RateSegment
 from pyburgers.protocols.forward import simulate_data
-from pyburgers.studies.dunite_predictions import PREDICTED, predictions_section
 
 
 @pytest.mark.usefixtures("sketched")

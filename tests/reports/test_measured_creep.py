@@ -9,19 +9,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 from conftest import DUNITE
-from synthetic_fit import make_fit, with_problem
-
-from pyburgers.checks.fit_checks import CheckKind, Outcome
-from pyburgers.checks.verdicts import Verdict
-from pyburgers.drawing.style import image
-from pyburgers.fitting.sampled_fit import SampledFit
-from pyburgers.fitting.side_by_side import fit_side_by_side
-from pyburgers.model.priors import load_priors, shipped_prior_file
-from pyburgers.model.variants import variant_of
-from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.files import load_loading_history
-from pyburgers.protocols.protocol import protocol_of
-from pyburgers.studies.halite import (
+from halite import (
     LAWS,
     PARTS,
     POWER_LAW,
@@ -35,6 +23,18 @@ from pyburgers.studies.halite import (
     left_over,
     parts_of_readings,
 )
+from synthetic_fit import make_fit, with_problem
+
+from pyburgers.checks.fit_checks import CheckKind, Outcome
+from pyburgers.checks.verdicts import Verdict
+from pyburgers.drawing.style import image
+from pyburgers.fitting.sampled_fit import SampledFit
+from pyburgers.fitting.side_by_side import fit_side_by_side
+from pyburgers.model.priors import load_priors, shipped_prior_file
+from pyburgers.model.variants import variant_of
+from pyburgers.protocols.loading_history.experiment import LoadingHistory
+from pyburgers.protocols.loading_history.files import load_loading_history
+from pyburgers.protocols.protocol import protocol_of
 
 HALITE = DUNITE.parent / "halite"
 
@@ -45,7 +45,7 @@ def record() -> LoadingHistory:
 
 
 def test_laws_are_fitted_to_the_same_readings() -> None:
-    tasks = halite_tasks(HALITE)
+    tasks = halite_tasks()
     assert list(tasks) == list(LAWS)
     laws = {}
     for name, task in tasks.items():
@@ -82,7 +82,7 @@ def test_the_closest_law_beats_a_least_squares_fit_of_a_power_law_that_hardens(
     record: LoadingHistory, tmp_path: Path
 ) -> None:
     """It leaves 2.8e-4; laws without hardening leave 4.4e-4."""
-    task = halite_tasks(HALITE)[SINE_HARDENING]
+    task = halite_tasks()[SINE_HARDENING]
     few = replace(task, options=replace(task.options, draws=200))
     (law,) = fit_side_by_side({SINE_HARDENING: few}, tmp_path, command="a test").values()
     draws = law.posterior["posterior"].to_dataset()
@@ -165,7 +165,7 @@ def test_the_page_says_how_much_is_left_over_and_where(
     monkeypatch.setattr(SampledFit, "checks", lambda fit: ())
     response = protocol_of(record).response.name
     fits = {}
-    for times, (name, task) in enumerate(reversed(halite_tasks(HALITE).items()), start=1):
+    for times, (name, task) in enumerate(reversed(halite_tasks().items()), start=1):
         made = make_fit(tmp_path / name, chains=2, draws=50)
         fit = with_problem(made, record, task.problem.given_priors)
         missed = times * np.where(parts_of_readings(record) == "unloading", 4e-4, 1e-4)

@@ -6,18 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import DUNITE
-from synthetic_fit import make_fit, with_problem
-
-from pyburgers.checks.fit_checks import CheckKind, Outcome
-from pyburgers.checks.verdicts import Verdict
-from pyburgers.comparison.results import LeaveOneOut
-from pyburgers.drawing.style import image
-from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.sampled_fit import SampledFit
-from pyburgers.model.variants import variant_of, with_variant
-from pyburgers.sampling.options import SamplerOptions
-from pyburgers.studies.dunite import (
+from dunite import (
     APPARATUS,
     JOINT_RUN,
     ONE_RATE,
@@ -27,10 +16,21 @@ from pyburgers.studies.dunite import (
     dunite_tasks,
     rate_steps_section,
 )
+from synthetic_fit import make_fit, with_problem
+
+from pyburgers.checks.fit_checks import CheckKind, Outcome
+from pyburgers.checks.verdicts import Verdict
+from pyburgers.comparison.by_points import compare
+from pyburgers.comparison.results import LeaveOneOut
+from pyburgers.drawing.style import image
+from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.sampled_fit import SampledFit
+from pyburgers.model.variants import variant_of, with_variant
+from pyburgers.sampling.options import SamplerOptions
 
 
 def test_measured_tests_are_fitted_alone_by_several_laws_and_together() -> None:
-    tasks = dunite_tasks(DUNITE, SamplerOptions())
+    tasks = dunite_tasks(SamplerOptions())
     assert list(tasks) == [ONE_RATE, *STEPPED, JOINT_RUN]
     for name, task in tasks.items():
         assert all(one.provenance.kind != "synthetic" for one in task.problem.experiments)
@@ -103,7 +103,8 @@ def test_where_no_law_describes_the_page_says_so(
     told = laws.conclusion()
     assert told.startswith("A: none of 2 models is shown to describe the data. The one that")
     assert told.endswith("an interval that leaves out what the model misses.")
-    assert laws.chosen == next(iter(laws.elpd))
+    assert laws.comparison is not None
+    assert laws.chosen == next(iter(laws.comparison.results))
 
 
 def test_a_law_that_describes_is_told_with_its_doubtful_sampling(
@@ -120,7 +121,8 @@ def test_a_law_is_not_said_to_be_worse_where_an_elpd_may_be_far_off(fits: dict[s
     unsure = replace(sure, pareto_k=np.full(9, 0.9))
     far = replace(sure, elpd=np.full(9, -9.0))
     for best, outcome in ((sure, "worse"), (unsure, "cannot tell")):
-        table = LawsTried(fits, dict(zip(fits, (best, far), strict=True))).table()
+        results = dict(zip(fits, (best, far), strict=True))
+        table = LawsTried(fits, replace(compare(fits), results=results)).table()
         assert table["outcome"].tolist() == ["best", outcome]
         assert table["elpd_difference"].tolist() == [0.0, 81.0]
 

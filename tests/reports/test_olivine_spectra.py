@@ -5,25 +5,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import DUNITE
-
-from pyburgers.fitting.fit import Fit, fit
-from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
-from pyburgers.protocols.attenuation.figures import left_over
-from pyburgers.protocols.attenuation.table import MODULUS
-from pyburgers.sampling.options import SamplerOptions
-from pyburgers.studies.olivine_spectra import (
+from olivine_spectra import (
     BAND,
     BAND_DRAWS,
     LAWS,
     hottest_of,
+    left_over,
     remaining_sentence,
     run_name,
     spectra_section,
     spectra_tasks,
 )
 
-OLIVINE = DUNITE.parent / "olivine"
+from pyburgers.fitting.fit import Fit, fit
+from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
+from pyburgers.sampling.options import SamplerOptions
+
 FEW = SamplerOptions(chains=2, warmup=100, draws=60, seed=1, adapt_delta=0.8)
 
 
@@ -42,7 +39,7 @@ def few_rows(table: AttenuationExperiment, runs: str) -> AttenuationExperiment:
 def fits(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Fit]:
     folder = tmp_path_factory.mktemp("spectra")
     found = {}
-    for name, task in spectra_tasks(OLIVINE, FEW).items():
+    for name, task in spectra_tasks(FEW).items():
         (table,), priors = task.problem.experiments, task.problem.given_priors
         assert isinstance(table, AttenuationExperiment)
         found[name] = fit(few_rows(table, name), priors, out=folder / name, options=FEW)
@@ -50,7 +47,7 @@ def fits(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Fit]:
 
 
 def test_each_law_is_fitted_with_and_without_the_hottest_temperature() -> None:
-    tasks = spectra_tasks(OLIVINE, FEW)
+    tasks = spectra_tasks(FEW)
     names = [run_name(law, without_hottest=part) for law in LAWS for part in (False, True)]
     assert list(tasks) == names
     for name, task in tasks.items():
@@ -82,7 +79,7 @@ def test_the_page_says_how_well_both_laws_do(fits: Mapping[str, Fit]) -> None:
 
 def test_what_is_left_of_whole_temperatures_is_told(fits: Mapping[str, Fit]) -> None:
     one = fits[run_name("one element")]
-    residual = left_over(one)[MODULUS]
+    residual = left_over(one)[1]
     table = one.experiment
     assert isinstance(table, AttenuationExperiment)
     means = [

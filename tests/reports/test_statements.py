@@ -8,6 +8,11 @@ import numpy.typing as npt
 import pytest
 import xarray as xr
 from known import make_known
+from maor.ice import ice_statements
+from maor.ice_curves import misfit_at_peak, peaks
+from maor.olivine_statements import STRESS_AMPLITUDE, olivine_statements
+from maor.sections import paper_statements
+from maor.statements import Statement, Verdict
 from synthetic_fit import make_fit, uniform
 from synthetic_olivine_fit import make_olivine_fit, normal, oscillating, redrawn
 
@@ -15,12 +20,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, RateSegment
-from pyburgers.protocols.forced_oscillation.response import predicted_oscillation
-from pyburgers.studies.maor.ice import ice_statements
-from pyburgers.studies.maor.ice_curves import misfit_at_peak, peaks
-from pyburgers.studies.maor.olivine_statements import STRESS_AMPLITUDE, olivine_statements
-from pyburgers.studies.maor.sections import paper_statements
-from pyburgers.studies.maor.statements import Statement, Verdict
+from pyburgers.protocols.forced_oscillation.response import predicted_response
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -322,10 +322,10 @@ def test_the_spread_of_stress_is_split_into_amplitude_and_phase(
     olivine: Fit, amplitude_sd: float, phase_sd: float, verdict: Verdict
 ) -> None:
     fit = oscillating(olivine, amplitude_sd=amplitude_sd, phase_sd=phase_sd)
-    oscillation = predicted_oscillation(fit)
-    amplitude = np.abs(oscillation)
+    oscillation = predicted_response(fit)
+    amplitude = oscillation.amplitude
     assert amplitude.std() / amplitude.mean() == pytest.approx(amplitude_sd, rel=0.1)
-    assert np.angle(oscillation).std() == pytest.approx(phase_sd, rel=0.1)
+    assert oscillation.lag.std() == pytest.approx(phase_sd, rel=0.1)
     open_before = oscillating(olivine, amplitude_sd=0.02, phase_sd=0.02)
     stress = open_before.posterior["predictions"]["stress"].to_numpy().reshape(1000, -1)
     known = make_known(fit, n_draws=1000, stress=stress)
@@ -380,7 +380,7 @@ def test_treatments_that_differ_leave_a_statement_undecided(olivine: Fit) -> Non
 
 def test_only_an_oscillation_has_amplitude_and_phase(ice: Fit) -> None:
     with pytest.raises(InputError, match="expected the fit of a forced oscillation"):
-        predicted_oscillation(ice)
+        predicted_response(ice)
 
 
 def test_without_fits_there_is_nothing_to_say() -> None:

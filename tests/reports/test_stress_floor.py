@@ -4,18 +4,18 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from synthetic_olivine_fit import make_olivine_fit
-
-from pyburgers.common.errors import SamplingError
-from pyburgers.fitting.fit import Fit
-from pyburgers.protocols.forward import simulate
-from pyburgers.studies.maor.stress_floor import (
+from maor.stress_floor import (
     FLOORS,
     FloorEffect,
     floor_effects,
     sentence,
     stress_floor_section,
 )
+from synthetic_olivine_fit import make_olivine_fit
+
+from pyburgers.common.errors import SamplingError
+from pyburgers.fitting.fit import Fit
+from pyburgers.protocols.forward import simulate
 
 pytestmark = pytest.mark.usefixtures("programs")
 
@@ -32,7 +32,7 @@ def fits(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fit]:
 @pytest.fixture(autouse=True)
 def few_draws() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pyburgers.studies.maor.stress_floor.SOLVED_DRAWS", 5)
+        patch.setattr("maor.stress_floor.SOLVED_DRAWS", 5)
         yield
 
 
@@ -81,6 +81,6 @@ def test_a_floor_without_solutions_is_an_error(
     def unsolved(*_arguments: object, **_options: object) -> None:
         raise SamplingError("no solution")
 
-    monkeypatch.setattr("pyburgers.studies.maor.stress_floor.solve", unsolved)
+    monkeypatch.setattr("maor.stress_floor.simulate", unsolved)
     with pytest.raises(SamplingError, match=r"none of 5 draws .* floor of 0\.1 MPa"):
         floor_effects(fits["kept"])

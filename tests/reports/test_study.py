@@ -9,11 +9,36 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import ICE, sketch_pictures
+from dunite import JOINT_RUN, ONE_RATE, STEPPED, TOGETHER
+from growing_page import GrowingPage
+from halite import QUICK as HALITE_RUNS
+from maor import sections as maor_sections
+from maor.attenuation import MICROSTRUCTURE_SENTENCE
+from maor.counterparts import counterparts_table
+from maor.olivine import background_section
+from maor.sections import (
+    ELASTIC_MODULUS_SENTENCE,
+    ICE_MODULUS,
+    SYNTHETIC_SENTENCE,
+    ice_attenuation_section,
+    study_sections,
+)
+from olivine_spectra import LAWS, run_name
 from page import Page
+from study import (
+    COMBINED_RUN,
+    EXTENSIONS,
+    MAIN,
+    PEAK_STRESS_TABLE,
+    Study,
+    main,
+    main_part,
+    study_experiments,
+    whole_study,
+)
 from synthetic_fit import TRUTH, make_fit, with_problem
 from synthetic_olivine_fit import make_olivine_fit
 
-from pyburgers.cli.main import main
 from pyburgers.common.draws import all_draws
 from pyburgers.drawing.page_parts import PageSection
 from pyburgers.fitting.fit import Fit
@@ -32,29 +57,8 @@ from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.protocol import load_experiment
-from pyburgers.report.page import GrowingPage, write_report
-from pyburgers.studies.dunite import JOINT_RUN, ONE_RATE, STEPPED, TOGETHER
-from pyburgers.studies.halite import QUICK as HALITE_RUNS
-from pyburgers.studies.maor import sections as maor_sections
-from pyburgers.studies.maor.attenuation import MICROSTRUCTURE_SENTENCE
-from pyburgers.studies.maor.coverage import coverage_table
-from pyburgers.studies.maor.elastic_modulus import ELASTIC_MODULUS_SENTENCE, ICE_MODULUS
-from pyburgers.studies.maor.olivine import background_section
-from pyburgers.studies.maor.reproduce import (
-    COMBINED_RUN,
-    EXTENSIONS,
-    MAIN,
-    PEAK_STRESS_TABLE,
-    reproduce,
-    study_experiments,
-)
-from pyburgers.studies.maor.sections import (
-    SYNTHETIC_SENTENCE,
-    attenuation_section,
-    study_sections,
-)
-from pyburgers.studies.maor.time_domain import time_domain_table
-from pyburgers.studies.olivine_spectra import LAWS, run_name
+from pyburgers.report.attenuation_section import time_domain_table
+from pyburgers.report.page import write_report
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +80,7 @@ def olivine(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fit]:
 def few_prior_draws() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(maor_sections, "PRIOR_DRAWS", {"ice": 200, "olivine": 60})
-        patch.setattr("pyburgers.studies.maor.stress_floor.SOLVED_DRAWS", 2)
+        patch.setattr("maor.stress_floor.SOLVED_DRAWS", 2)
         yield
 
 
@@ -251,7 +255,7 @@ def test_every_figure_table_and_claim_has_its_place(
     points = table[table["shows or says"].str.contains("McCarthy")]
     assert points["on this page"].tolist() == ["not on this page"]
     assert "--measured" in points["note"].iloc[0]
-    of_ice = coverage_table(ice, {}, (), has_points=True)
+    of_ice = counterparts_table(ice, {}, (), has_points=True)
     assert not {"Fig. 5", "Fig. S5", "Table 2", "Table S3"} & set(of_ice["paper"])
     points = of_ice[of_ice["shows or says"].str.contains("McCarthy")]
     assert points["note"].tolist() == ["from the file that was given"]
@@ -265,8 +269,7 @@ def test_the_model_is_drawn(folder: Path) -> None:
 def test_measured_points_are_drawn_over_the_spectra_of_ice(ice: dict[str, Fit]) -> None:
     one = np.array([1.0])
     points = MeasuredAttenuation(0.01 * one, 0.3 * one, 0.0 * one, ("McCarthy and Cooper",))
-    spectra = {name: predict_attenuation(fit) for name, fit in ice.items()}
-    section = attenuation_section(ice, spectra, points)
+    section = ice_attenuation_section(ice, points)
     (first, *_) = section.figures
     (legend,) = first.draw().legends
     assert "McCarthy and Cooper" in [text.get_text() for text in legend.get_texts()]
@@ -276,7 +279,7 @@ def test_points_that_cannot_be_read_stop_the_study_before_it_fits(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     points = tmp_path / "points.csv"
-    assert main(["reproduce", "--out", str(tmp_path / "page"), "--measured", str(points)]) == 2
+    assert main(["--out", str(tmp_path / "page"), "--measured", str(points)]) == 2
     assert "points.csv does not exist" in capsys.readouterr().err
     assert not (tmp_path / "page").exists()
 
@@ -323,29 +326,26 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
         shown.update(fits=fits, **arguments)
         return out / "index.html"
 
-    monkeypatch.setattr("pyburgers.studies.maor.reproduce.fit_peak_stress", of_peaks)
-    monkeypatch.setattr("pyburgers.studies.maor.reproduce.fit_side_by_side", quickly)
-    monkeypatch.setattr("pyburgers.report.page.write_report", written)
+    monkeypatch.setattr("study.fit_peak_stress", of_peaks)
+    monkeypatch.setattr("study.fit_side_by_side", quickly)
+    monkeypatch.setattr("growing_page.write_report", written)
+    monkeypatch.setattr("study.predicted_tests", lambda: [load_experiment(ICE / "PIL105.toml")])
     monkeypatch.setattr(
-        "pyburgers.studies.maor.reproduce.predicted_tests",
-        lambda _: [load_experiment(ICE / "PIL105.toml")],
-    )
-    monkeypatch.setattr(
-        "pyburgers.studies.maor.reproduce.spectra_section",
+        "study.spectra_section",
         lambda fits: PageSection(key="spectra", title="", paragraphs=tuple(fits)),
     )
     monkeypatch.setattr(
-        "pyburgers.studies.maor.reproduce.halite_section",
+        "study.halite_section",
         lambda fits: PageSection(key="halite", title="", paragraphs=tuple(fits)),
     )
-    outcome = reproduce("quick", tmp_path, command="make study")
+    page = whole_study(Study("quick", tmp_path, "make study"))
     measured = [ONE_RATE, *STEPPED, *joint.tests()]
     names = [*study_experiments(), COMBINED_RUN]
-    assert outcome.fits[-1].priors.flow_law is not None
-    assert all(fit.priors.flow_law is None for fit in outcome.fits[:-1])
-    assert outcome.page == tmp_path / "index.html"
-    for fits in (outcome.fits, shown["fits"]):
-        assert [fit.experiment.id for fit in fits] == [*measured, *names]
+    fits = shown["fits"]
+    assert fits[-1].priors.flow_law is not None
+    assert all(fit.priors.flow_law is None for fit in fits[:-1])
+    assert page == tmp_path / "index.html"
+    assert [fit.experiment.id for fit in fits] == [*measured, *names]
     assert shown["joints"] == [joint]
     assert shown["command"] == "make study"
     keys = [section.key for section in shown["extras"]]
@@ -357,11 +357,11 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
     assert list(shown["extras"][2].paragraphs) == spectra
     assert keys[3] == "halite"
     assert shown["extras"][3].paragraphs == HALITE_RUNS
+    everything, _ = shown["told"]["peak_stress"]
+    assert everything.data.id == PEAK_STRESS_TABLE
     assert keys[4].startswith("joint_")
     assert keys[5:13] == [*of_study, "stress_floor", "peak_stress"]
     assert names[:-1] == ["PIL40", "PIL72", "PIL105", "olivine_kept", "olivine_removed"]
-    assert outcome.peak_stress is not None
-    assert outcome.peak_stress.data.id == PEAK_STRESS_TABLE
 
 
 def test_the_main_part_is_on_its_page_after_each_of_its_fits(
@@ -378,6 +378,7 @@ def test_the_main_part_is_on_its_page_after_each_of_its_fits(
         found = {}
         for name, task in tasks.items():
             assert task.extensions == EXTENSIONS
+            assert folder == tmp_path / "runs" / "quick"
             found[name] = (
                 make_olivine_fit(folder / name, "kept")
                 if "olivine" in name
@@ -388,15 +389,13 @@ def test_the_main_part_is_on_its_page_after_each_of_its_fits(
         return found
 
     sketch_pictures(monkeypatch)
-    monkeypatch.setattr("pyburgers.studies.maor.reproduce.fit_side_by_side", quickly)
-    outcome = reproduce("quick", tmp_path, main=True, command="make report")
-    assert [fit.directory.path.name for fit in outcome.fits] == list(MAIN)
-    assert outcome.fits[0].directory.path.parent == tmp_path / "runs" / "quick"
+    monkeypatch.setattr("study.fit_side_by_side", quickly)
+    written = main_part(Study("quick", tmp_path, "make report"))
     for number, page in enumerate(pages, start=1):
         assert set(MAIN) & set(page.ids) == set(MAIN[:number])
         rest = ", ".join([*MAIN[number:], "the attenuation of ice"])
         assert f"Not finished. Still to come: {rest}." in page.unfolded
-    last = Page(outcome.page.read_text(encoding="utf-8"))
+    last = Page(written.read_text(encoding="utf-8"))
     assert {*MAIN, "attenuation"} <= set(last.ids)
     assert "Not finished" not in last.text
 
@@ -422,5 +421,6 @@ def test_pictures_of_a_growing_page_are_drawn_once(
 def test_parts_of_a_job_array_are_those_of_the_whole_study(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["reproduce", "--main", "--part", "1/2", "--out", str(tmp_path / "p")]) == 2
-    assert "--part: is of the whole study" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["--main", "--part", "1/2", "--out", str(tmp_path / "p")])
+    assert "--part is for the whole study" in capsys.readouterr().err

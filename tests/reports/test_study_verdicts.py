@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from pyburgers.studies.maor.statements import (
+from maor.statements import (
     Belief,
     Statement,
     Verdict,

@@ -126,30 +126,6 @@ def replicated_response(fit: FittedTest) -> PredictedResponse:
     return _response(experiment, prepared.time, stress, prepared.uncertainty)
 
 
-def predicted_oscillation(fit: FittedTest) -> npt.NDArray[np.complex128]:
-    """Fundamental of the model's stress (Pa), without noise, as a complex number.
-
-    Parameters
-    ----------
-    fit : FittedTest
-        Of a forced oscillation test.
-
-    Returns
-    -------
-    array, shape (n_draws,)
-        Its size is the amplitude, its angle the phase about that of the record; draws without
-        solution are left out.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
-    """
-    experiment = oscillation_of(fit)
-    stress = fit.posterior["predictions"].to_dataset()["stress"]
-    return _oscillation(experiment, stress["time"].to_numpy(), stress)
-
-
 def response_table(fit: FittedTest) -> pd.DataFrame:
     """Compare the observed amplitude and lag with what replicated data have.
 
@@ -256,18 +232,6 @@ def _response(
     uncertainty: FloatArray | None = None,
 ) -> PredictedResponse:
     """Amplitude and lag of stress curves (Pa) of single draws at times (s), shape (n,)."""
-    oscillation = _oscillation(experiment, time, stress, uncertainty)
-    lag = observed_response(experiment).lag + np.angle(oscillation)
-    return PredictedResponse(np.abs(oscillation), lag)
-
-
-def _oscillation(
-    experiment: OscillationExperiment,
-    time: FloatArray,
-    stress: xr.DataArray,
-    uncertainty: FloatArray | None = None,
-) -> npt.NDArray[np.complex128]:
-    """Fundamental of stress curves of single draws, its angle about the observed phase."""
     curves = all_draws(stress).astype(np.float64)
     prepared = experiment.prepared
     found = fundamentals(
@@ -279,5 +243,5 @@ def _oscillation(
     )
     # Phases about the observed one do not wrap.
     observed_phase, _ = prepared.stress_fit.phase()
-    about_observed: npt.NDArray[np.complex128] = found * np.exp(-1j * observed_phase)
-    return about_observed
+    lag = observed_response(experiment).lag + np.angle(found * np.exp(-1j * observed_phase))
+    return PredictedResponse(np.abs(found), lag)

@@ -319,18 +319,10 @@ def has_several_tests(comparison: Comparison) -> bool:
 
 
 def difference_by_test(one: LeaveOneTestOut, other: LeaveOneTestOut) -> tuple[float, float, float]:
-    """Compare how well two fits predict the tests left out.
+    """Compare how well two joint fits of the same tests predict the tests left out.
 
-    Parameters
-    ----------
-    one, other : LeaveOneTestOut
-        Of joint fits of the same tests.
-
-    Returns
-    -------
-    difference, error, monte_carlo_error : float
-        Total of one less that of the other; the standard error over the tests; the one that comes
-        from the draws.
+    Total of one less that of the other; its standard error over the tests; the error that comes
+    from the draws.
     """
     by_test = one.elpd - other.elpd
     # A fit less itself has no error.
@@ -348,12 +340,9 @@ def standard_error(pointwise: FloatArray) -> float:
 def comparison_table(comparison: Comparison) -> pd.DataFrame:
     """Numbers of a comparison, a row for each fit, the best first.
 
-    Returns
-    -------
-    DataFrame
-        Index name; columns variant (what differs from the standard model), elpd, se (its standard
-        error), difference (to the best), difference_se, weight, n_effective, high_k (points with a
-        Pareto k above 0.7), left_out (of these, left out in earnest).
+    Index name; columns variant (what differs from the standard model), elpd, se (its standard
+    error), difference (to the best), difference_se, weight, n_effective, high_k (points with a
+    Pareto k above 0.7), left_out (of these, left out in earnest).
     """
     best = next(iter(comparison.results.values()))
     rows = {}
@@ -374,13 +363,10 @@ def comparison_table(comparison: Comparison) -> pd.DataFrame:
 
 
 def pointwise_table(comparison: Comparison) -> pd.DataFrame:
-    """Return every point's numbers, a row for each point.
+    """Return every point's numbers, a row for each point, numbered from 1.
 
-    Returns
-    -------
-    DataFrame
-        Index point (from 1); columns test (of joint fits only), strain or time_s, and for each fit
-        ``NAME elpd``, ``NAME pareto_k`` and ``NAME left_out``.
+    Columns test (of joint fits only), strain or time_s, and for each fit ``NAME elpd``,
+    ``NAME pareto_k`` and ``NAME left_out``.
     """
     columns: dict[str, npt.NDArray[Any]] = {}
     if has_several_tests(comparison):
@@ -400,12 +386,9 @@ def pointwise_table(comparison: Comparison) -> pd.DataFrame:
 def table_of_fits(comparison: ComparisonByTest) -> pd.DataFrame:
     """Numbers of a comparison, a row for each fit, the best first.
 
-    Returns
-    -------
-    DataFrame
-        Index fit; columns variant (what differs from the standard model), elpd (sum over the tests
-        left out), monte_carlo_error (its own), per_point, difference (to the best), difference_se
-        (over the tests), difference_monte_carlo_error, weight.
+    Index fit; columns variant (what differs from the standard model), elpd (sum over the tests left
+    out), monte_carlo_error (its own), per_point, difference (to the best), difference_se (over the
+    tests), difference_monte_carlo_error, weight.
     """
     best = next(iter(comparison.results.values()))
     rows = {}
@@ -425,13 +408,9 @@ def table_of_fits(comparison: ComparisonByTest) -> pd.DataFrame:
 
 
 def table_of_tests(comparison: ComparisonByTest) -> pd.DataFrame:
-    """Log density of every left-out test under every fit.
+    """Log density of every left-out test under every fit, by test.
 
-    Returns
-    -------
-    DataFrame
-        Index test; columns points, and for each fit ``NAME elpd``, ``NAME monte_carlo_error`` and
-        ``NAME per_point``.
+    Columns points, and for each fit ``NAME elpd``, ``NAME monte_carlo_error``, ``NAME per_point``.
     """
     first = next(iter(comparison.results.values()))
     columns: dict[str, npt.NDArray[Any]] = {"points": first.n_points}

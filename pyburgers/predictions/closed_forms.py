@@ -109,15 +109,7 @@ def piezometer_grain_size(
     exponent: FloatArray,
     stress_floor: FloatArray,
 ) -> FloatArray:
-    """Return the grain size that a stress wants, d_1 (sqrt(stress^2 + floor^2)/1 MPa)^-m.
-
-    Parameters
-    ----------
-    stress : float
-        Pa.
-    reference_grain_size, exponent, stress_floor : array, shape of the draws
-        d_1 (m), m, and Pa.
-    """
+    """Grain size (m) that a stress (Pa) wants, d_1 (sqrt(stress^2 + floor^2)/1 MPa)^-m."""
     floored = np.hypot(stress, stress_floor) / UNITS["stress"]["MPa"]
     size: FloatArray = reference_grain_size * floored**-exponent
     return size
@@ -126,16 +118,8 @@ def piezometer_grain_size(
 def fluidity(rates: FloatArray, sine: FloatArray, amplitude: float) -> FloatArray:
     """Return the dashpot's B = 1/(pi sigma_0) * integral of rate sin(x) dx, 1/(Pa s).
 
-    Both halves of the period give the same trapezoidal sum, so one is enough.
-
-    Parameters
-    ----------
-    rates : array, shape of the draws + (n,)
-        At the nodes (`dashpot_rates`).
-    sine : array, shape (n,)
-        Nodes (`half_period`).
-    amplitude : float
-        sigma_0, Pa.
+    Rates (1/s) are those of `dashpot_rates` at the nodes of `half_period`, the amplitude sigma_0 is
+    in Pa. Both halves of the period give the same trapezoidal sum, so one is enough.
     """
     values: FloatArray = rates @ (2 / sine.size * sine) / amplitude
     return values
@@ -150,23 +134,10 @@ def cycle_strain(
 ) -> FloatArray:
     """Return the path strain of a settled cycle, the integral of |strain rate| over a period.
 
-    Spring and Kelvin element strain at the rate omega (a cos(omega t) + b sin(omega t)). The times
-    x and pi - x differ in the sign of the cosine alone, and |u + v| + |u - v| = 2 max(|u|, |v|).
-
-    Parameters
-    ----------
-    rates : array, shape of the draws + (n,)
-        Of the dashpot at the nodes (`dashpot_rates`), 1/s.
-    sine : array, shape (n,)
-        Nodes (`half_period`).
-    storage_amplitude, loss_amplitude : array, shape of the draws + (n_frequencies,)
-        a and b, strain amplitudes of spring and Kelvin element in phase and behind.
-    frequency : array, shape (n_frequencies,)
-        Hz.
-
-    Returns
-    -------
-    array, shape of the draws + (n_frequencies,)
+    Spring and Kelvin element strain at the rate omega (a cos(omega t) + b sin(omega t)), a and b
+    (of shape draws + n_frequencies) being the storage and loss amplitude; the dashpot's rates are
+    those of `dashpot_rates` at the nodes of `half_period`. The times x and pi - x differ in the
+    sign of the cosine alone, and |u + v| + |u - v| = 2 max(|u|, |v|).
     """
     in_phase = 2 * np.pi * storage_amplitude
     behind = 2 * np.pi * loss_amplitude

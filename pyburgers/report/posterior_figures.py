@@ -394,13 +394,7 @@ RANK = FigureRecipe("rank", "Agreement of the chains", RANK_CAPTION, rank, agree
 
 
 def figures_for(fit: FittedTest) -> tuple[FigureRecipe[FittedTest], ...]:
-    """Return the figures of a fit, in their order on the page.
-
-    Parameters
-    ----------
-    fit : FittedTest
-        Whose figures are wanted.
-    """
+    """Return the figures of a fit, in their order on the page."""
     first, *others = (
         one for one in protocol_of(fit.experiment).figures if one.on_every_page and one.suits(fit)
     )

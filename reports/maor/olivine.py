@@ -170,6 +170,6 @@ def _saved(row: _Compared) -> dict[str, object]:
     numbers = {
         f"{key}_{name}": value
         for key, draws in row.draws.items()
-        for name, value in zip(("q5", "median", "q95"), central(draws), strict=True)
+        for name, value in zip(("median", "q5", "q95"), central(draws)[[1, 0, 2]], strict=True)
     }
     return {"quantity": row.label, "unit": row.si_unit, **numbers, "truth": row.truth}

@@ -56,13 +56,7 @@ class PredictedResponse:
 
 
 def oscillation_of(fit: FittedTest) -> OscillationExperiment:
-    """Return the experiment of a fit, which has to be a forced oscillation test.
-
-    Raises
-    ------
-    InputError
-        If it is not.
-    """
+    """Return the test of a fit; raise `InputError` if it is no forced oscillation."""
     if not isinstance(fit.experiment, OscillationExperiment):
         raise InputError(
             f"{fit.experiment.id}: found a test without oscillation, expected the fit of a forced "
@@ -72,13 +66,7 @@ def oscillation_of(fit: FittedTest) -> OscillationExperiment:
 
 
 def observed_response(experiment: OscillationExperiment) -> ObservedResponse:
-    """Return amplitude and lag of the measured stress.
-
-    Parameters
-    ----------
-    experiment : OscillationExperiment
-        A test; the errors follow from the uncertainties of its readings.
-    """
+    """Return amplitude and lag of the measured stress; errors follow from those of the readings."""
     of_strain, of_stress = experiment.prepared.strain_fit, experiment.prepared.stress_fit
     strain_phase, strain_error = of_strain.phase()
     stress_phase, stress_error = of_stress.phase()
@@ -108,18 +96,7 @@ def predicted_response(fit: FittedTest) -> PredictedResponse:
 
 
 def replicated_response(fit: FittedTest) -> PredictedResponse:
-    """Return amplitude and lag of replicated data, as they would be found in a new record.
-
-    Parameters
-    ----------
-    fit : FittedTest
-        Of a forced oscillation test.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
-    """
+    """Return amplitude and lag of replicated data, as they would be found in a new record."""
     experiment = oscillation_of(fit)
     stress = fit.posterior["posterior_predictive"].to_dataset()["stress"]
     prepared = experiment.prepared
@@ -129,21 +106,8 @@ def replicated_response(fit: FittedTest) -> PredictedResponse:
 def response_table(fit: FittedTest) -> pd.DataFrame:
     """Compare the observed amplitude and lag with what replicated data have.
 
-    Parameters
-    ----------
-    fit : FittedTest
-        Of a forced oscillation test.
-
-    Returns
-    -------
-    DataFrame
-        Index quantity (amplitude, lag), SI units; columns unit, observed, standard_error, median,
-        q5, q95 (of replicated data) and inside: whether the observed value lies between the two.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
+    Index quantity (amplitude, lag), SI units; columns unit, observed, standard_error, median, q5,
+    q95 (of replicated data) and inside: whether the observed value lies between the two.
     """
     observed, replicated = observed_response(oscillation_of(fit)), replicated_response(fit)
     rows = {

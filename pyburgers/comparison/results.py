@@ -176,7 +176,7 @@ class Comparison:
         Parameters
         ----------
         names : mapping of str to str
-            What to call a fit, by its name, where it is not that name.
+            Other names for fits in the sentence, by name.
 
         Returns
         -------

@@ -61,7 +61,7 @@ class PageFigure(FigureText):
     draw : callable
         Draws it.
     result : str
-        What it shows, in a sentence, for those who cannot see it; by default its title.
+        Its content in a sentence, for readers who cannot see it; by default its title.
     """
 
     draw: Callable[[], Figure]
@@ -79,9 +79,9 @@ class PageTable:
     title : str
         Heading.
     shown : DataFrame
-        What the page shows, as text.
+        Cells on the page, as text.
     saved : DataFrame
-        What the CSV file holds; numbers at full precision.
+        Content of the CSV file, numbers at full precision.
     words : tuple of str
         Columns of short texts.
     sentences : tuple of str
@@ -89,7 +89,7 @@ class PageTable:
     bad : mapping of str to sequence of bool
         Columns, and whether what each row says there is bad news.
     text : Markup
-        What it means, below it.
+        An explanation below it.
     in_files : bool
         Whether it is for those who look closer: a file, and not on the page.
     folded : bool

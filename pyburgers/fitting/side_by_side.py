@@ -30,7 +30,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What one fit is of.
+    """One fit of several.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Task:
     solver : SolverOptions or None
         None takes that of the protocol.
     remark : str
-        What the run's manifest says behind the command.
+        Text behind the command in the run's manifest.
     extensions : int
         How often chains that do not agree yet, or left few independent draws, go on for as many
         draws again.

@@ -24,8 +24,7 @@ TITLE_WIDTH = 95
 def prediction_figure(prediction: Prediction) -> Figure:
     """Draw bands of the solution and of new readings, data where the test has some, and cautions.
 
-    Each quantity that the test answers with has a panel. What may make the prediction worthless
-    stands in the title.
+    Each quantity that the test answers with has a panel. The title has the cautions.
 
     Parameters
     ----------

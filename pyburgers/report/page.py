@@ -71,17 +71,16 @@ def write_report(
     title : str
         Heading of the page.
     command : str
-        What makes the report again.
+        Command that makes the report again.
     joints : sequence of Fit
         Joint fits, whose parts of the page are among the extras.
     extras : sequence of PageSection
         Parts of the page beside the fits, in their order.
     told : mapping of str to sequence of SampledFit
-        Fits that one of the extras is about, by its key, those of tables of peak stresses among
-        them: they have no section of their own, and both verdicts on them stand at the top of the
-        page like those on all others.
+        Fits that one of the extras is about, by its key. They have no section of their own. Both
+        verdicts on them stand at the top of the page.
     to_come : sequence of str
-        What is not on the page yet, such as fits that still run; a later call is to add it.
+        Parts that a later call is to add, such as fits that still run.
     drawn : dict of Path to str, optional
         Pictures of earlier calls by their files, which are not drawn again; those of this call are
         added.

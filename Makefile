@@ -24,11 +24,11 @@ help:
 
 report: cmdstan
 	@echo "==> Running the main part of the study with preset '$(PRESET)'"
-	@$(BIN)/pyburgers reproduce --main --preset $(PRESET) --out report
+	@$(BIN)/python reports/study.py --main --preset $(PRESET) --out report
 
 study: cmdstan
 	@echo "==> Running the whole study with preset '$(PRESET)'"
-	@$(BIN)/pyburgers reproduce --preset $(PRESET) --out report
+	@$(BIN)/python reports/study.py --preset $(PRESET) --out report
 
 test: cmdstan
 	@echo "==> Running the fast test suite"

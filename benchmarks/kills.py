@@ -26,7 +26,7 @@ from pyburgers.common.atomic_files import write_json
 from pyburgers.common.toml_files import read_json
 from pyburgers.fitting.fit import fit_jointly
 
-KILLS = {"fit": 40, "sbc": 20, "campaign": 20, "compare": 15, "reproduce": 5}
+KILLS = {"fit": 40, "sbc": 20, "campaign": 20, "compare": 15, "study": 5}
 
 AT_MOST = 6
 """Kills of one attempt."""

@@ -11,7 +11,6 @@ PACKAGE = Path(__file__).parents[1] / "pyburgers"
 
 ROOMS = (
     "cli",
-    "studies",
     "report",
     "predictions",
     "comparison",

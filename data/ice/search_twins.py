@@ -6,8 +6,8 @@ of its prior, because only its product with the enthalpy counts. The truth is th
 those that meet every requirement, nearest to their mean. `docs/synthetic_ice.md` says what the
 requirements are, what they ask for analytically, and what the search found.
 
-Run ``python data/ice/search_twins.py`` to repeat the search, some minutes; `generate_twins.py`
-holds what it found.
+Run ``PYTHONPATH=reports python data/ice/search_twins.py`` to repeat the search, some minutes;
+`generate_twins.py` holds what it found.
 """
 
 import argparse
@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 import xarray as xr
+from maor.attenuation import falling_stretch, lowest_slope
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.messages import messages_to
@@ -29,8 +30,6 @@ from pyburgers.model.priors import default_priors
 from pyburgers.predictions.attenuation import (
     DEFAULT_FREQUENCIES,
     attenuation_spectrum,
-    falling_stretch,
-    lowest_slope,
     regime_peaks,
 )
 

@@ -26,6 +26,11 @@ class Verdict:
     outcome: Outcome
     sentence: str
 
+    @property
+    def answer(self) -> str:
+        """The answer in words, without its reason."""
+        return ANSWERS[self.kind][self.outcome]
+
 
 ANSWERS = {
     CheckKind.SAMPLING: {

@@ -17,7 +17,7 @@ from pyburgers.comparison.by_tests import (
     compare_by_test,
     fit_without_tests,
 )
-from pyburgers.comparison.conclusions import pairs, pairs_by_test, sentences, sentences_by_test
+from pyburgers.comparison.conclusions import pairs_by_test, sentences, sentences_by_test
 from pyburgers.comparison.figures import left_out_tests, pointwise_differences
 from pyburgers.comparison.neighbours import MOVED, parameter_shifts
 from pyburgers.comparison.pairs import Pair
@@ -130,7 +130,7 @@ def save_comparison(
         {
             **origins(fits, command=command),
             "reliable": comparison.reliable,
-            "pairs": _pair_records(pairs(comparison)),
+            "pairs": _pair_records(comparison.pairs()),
             "sentences": list(sentences(comparison)),
             "parameters": parameter_shifts(fits).reset_index().to_dict("records"),
         },

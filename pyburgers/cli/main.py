@@ -39,8 +39,6 @@ COMMANDS = {
     "export": "flow law and elements of a fit, for use in other codes",
     "report": "one HTML page about one or several runs, joint fits among them",
     "completion": "a script with which a shell completes commands and options",
-    "reproduce": "the study: fits of measured dunite, rock salt and olivine spectra, and of "
-    "synthetic tests, and the page",
 }
 """Purpose of each; its module in this folder has ``add_options`` and ``run``."""
 

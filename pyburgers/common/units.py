@@ -84,7 +84,7 @@ def rounded(value: float, sd: float) -> str:
     Parameters
     ----------
     value : float
-        What to print.
+        The number.
     sd : float
         Standard deviation in the same unit; without a positive one, four significant digits are
         printed.

@@ -1,8 +1,7 @@
 """What comparisons come to: every two fits, and sentences about them."""
 
 import itertools
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +11,6 @@ from pyburgers.common.units import count_points
 from pyburgers.comparison.pairs import (
     LEAST_UNITS,
     Pair,
-    PairOutcome,
     doubt_about,
     weight_sentence,
 )
@@ -20,46 +18,11 @@ from pyburgers.comparison.results import (
     LARGEST_ERROR,
     Comparison,
     ComparisonByTest,
-    LeaveOneOut,
     difference_by_test,
-    standard_error,
 )
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
-
-
-def pairs(comparison: Comparison) -> tuple[Pair, ...]:
-    """Return every two fits of a comparison, the better first."""
-    return tuple(
-        pair_of({better: one, worse: other})
-        for (better, one), (worse, other) in itertools.combinations(comparison.results.items(), 2)
-    )
-
-
-def pair_of(results: Mapping[str, LeaveOneOut]) -> Pair:
-    """Relate two fits of the same points, by name and the better first.
-
-    Where points may be far off, what the others say has to be the same.
-    """
-    (better, one), (worse, other) = results.items()
-    failed = [name for name, result in results.items() if result.doubts]
-    unreliable = one.unreliable | other.unreliable
-    pair = _of_points(better, worse, one.elpd - other.elpd, failed)
-    rest = _of_points(better, worse, (one.elpd - other.elpd)[~unreliable], failed)
-    same = rest.outcome is pair.outcome and (
-        rest.difference > 0 or pair.outcome is PairOutcome.ALIKE
-    )
-    if pair.outcome is PairOutcome.CANNOT_TELL or same:
-        return pair
-    number = count_points(int(unreliable.sum()))
-    return replace(pair, doubt=f"it hangs on {number} with a Pareto k above {PARETO_K_LIMIT}")
-
-
-def _of_points(better: str, worse: str, pointwise: FloatArray, failed: Sequence[str]) -> Pair:
-    """Relate two fits by their difference at some points."""
-    doubt = doubt_about(count_points(pointwise.size), pointwise.size, failed)
-    return Pair(better, worse, float(pointwise.sum()), standard_error(pointwise), doubt)
 
 
 def pairs_by_test(comparison: ComparisonByTest) -> tuple[Pair, ...]:
@@ -89,38 +52,13 @@ def sentences(comparison: Comparison) -> tuple[str, ...]:
                 f"a Pareto k above {PARETO_K_LIMIT}, not left out by fitting again; a fit is "
                 "called better, or two alike, only where all other points say so by themselves."
             )
-    said = [pair.sentence() for pair in pairs(comparison)]
+    said = [pair.sentence() for pair in comparison.pairs()]
     elpd = {name: one.elpd for name, one in comparison.results.items()}
     return (
         *said,
-        *about_gaps(comparison.correlated, len(elpd)),
+        *comparison.gap_sentences(),
         *_about_weights(elpd, comparison.weights, "points"),
         *doubts,
-    )
-
-
-def about_gaps(correlated: Sequence[str], n_fits: int) -> tuple[str, ...]:
-    """Say what elpd compares where residuals correlate in some fits and in others not.
-
-    Parameters
-    ----------
-    correlated : sequence of str
-        What the fits with correlated residuals are called.
-    n_fits : int
-        Of all fits.
-
-    Returns
-    -------
-    tuple of str
-        A sentence; none where all fits are alike in that.
-    """
-    if not 0 < len(correlated) < n_fits:
-        return ()
-    return (
-        "The expected log predictive density (elpd) is that of each reading given all others, "
-        f"later ones as well: where residuals correlate ({', '.join(correlated)}), what its two "
-        "neighbours missed is taken over into it, and a gap is filled whatever the law. So it is "
-        "no measure of how close a law comes by itself, nor of how well it predicts another test.",
     )
 
 

@@ -1,8 +1,10 @@
 """What comparisons found, and its tables."""
 
+import itertools
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
@@ -11,7 +13,15 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import PARETO_K_LIMIT
-from pyburgers.comparison.pairs import CLEAR, LEAST_UNITS, NO_DIFFERENCE
+from pyburgers.common.units import count_points
+from pyburgers.comparison.pairs import (
+    CLEAR,
+    LEAST_UNITS,
+    NO_DIFFERENCE,
+    Pair,
+    PairOutcome,
+    doubt_about,
+)
 from pyburgers.model.display import Quantity
 
 FloatArray = npt.NDArray[np.float64]
@@ -153,6 +163,62 @@ class Comparison:
         """Whether all results are."""
         return all(result.reliable for result in self.results.values())
 
+    def pairs(self) -> tuple[Pair, ...]:
+        """Relate every two fits, the better first."""
+        return tuple(
+            _pair({better: one, worse: other})
+            for (better, one), (worse, other) in itertools.combinations(self.results.items(), 2)
+        )
+
+    def gap_sentences(self, names: Mapping[str, str] = MappingProxyType({})) -> tuple[str, ...]:
+        """Say what elpd compares if residuals correlate in some fits and not in others.
+
+        Parameters
+        ----------
+        names : mapping of str to str
+            Other names for fits in the sentence, by name.
+
+        Returns
+        -------
+        tuple of str
+            A sentence; none if all fits are alike in that.
+        """
+        if not 0 < len(self.correlated) < len(self.results):
+            return ()
+        called = ", ".join(names.get(name, name) for name in self.correlated)
+        return (
+            "The expected log predictive density (elpd) is that of each reading given all others, "
+            f"later ones as well: where residuals correlate ({called}), what its two "
+            "neighbours missed is taken over into it, and a gap is filled whatever the law. So it "
+            "is no measure of how close a law comes by itself, nor of how well it predicts another "
+            "test.",
+        )
+
+
+def _pair(results: Mapping[str, LeaveOneOut]) -> Pair:
+    """Relate two fits of the same points, by name and the better first.
+
+    Where points may be far off, what the others say has to be the same.
+    """
+    (better, one), (worse, other) = results.items()
+    failed = [name for name, result in results.items() if result.doubts]
+    unreliable = one.unreliable | other.unreliable
+    pair = _of_points(better, worse, one.elpd - other.elpd, failed)
+    rest = _of_points(better, worse, (one.elpd - other.elpd)[~unreliable], failed)
+    same = rest.outcome is pair.outcome and (
+        rest.difference > 0 or pair.outcome is PairOutcome.ALIKE
+    )
+    if pair.outcome is PairOutcome.CANNOT_TELL or same:
+        return pair
+    number = count_points(int(unreliable.sum()))
+    return replace(pair, doubt=f"it hangs on {number} with a Pareto k above {PARETO_K_LIMIT}")
+
+
+def _of_points(better: str, worse: str, pointwise: FloatArray, failed: Sequence[str]) -> Pair:
+    """Relate two fits by their difference at some points."""
+    doubt = doubt_about(count_points(pointwise.size), pointwise.size, failed)
+    return Pair(better, worse, float(pointwise.sum()), standard_error(pointwise), doubt)
+
 
 @dataclass(frozen=True, eq=False)
 class LeaveOneTestOut:
@@ -253,18 +319,10 @@ def has_several_tests(comparison: Comparison) -> bool:
 
 
 def difference_by_test(one: LeaveOneTestOut, other: LeaveOneTestOut) -> tuple[float, float, float]:
-    """Compare how well two fits predict the tests left out.
+    """Compare how well two joint fits of the same tests predict the tests left out.
 
-    Parameters
-    ----------
-    one, other : LeaveOneTestOut
-        Of joint fits of the same tests.
-
-    Returns
-    -------
-    difference, error, monte_carlo_error : float
-        Total of one less that of the other; the standard error over the tests; the one that comes
-        from the draws.
+    Total of one less that of the other; its standard error over the tests; the error that comes
+    from the draws.
     """
     by_test = one.elpd - other.elpd
     # A fit less itself has no error.
@@ -282,12 +340,9 @@ def standard_error(pointwise: FloatArray) -> float:
 def comparison_table(comparison: Comparison) -> pd.DataFrame:
     """Numbers of a comparison, a row for each fit, the best first.
 
-    Returns
-    -------
-    DataFrame
-        Index name; columns variant (what differs from the standard model), elpd, se (its standard
-        error), difference (to the best), difference_se, weight, n_effective, high_k (points with a
-        Pareto k above 0.7), left_out (of these, left out in earnest).
+    Index name; columns variant (what differs from the standard model), elpd, se (its standard
+    error), difference (to the best), difference_se, weight, n_effective, high_k (points with a
+    Pareto k above 0.7), left_out (of these, left out in earnest).
     """
     best = next(iter(comparison.results.values()))
     rows = {}
@@ -308,13 +363,10 @@ def comparison_table(comparison: Comparison) -> pd.DataFrame:
 
 
 def pointwise_table(comparison: Comparison) -> pd.DataFrame:
-    """Return every point's numbers, a row for each point.
+    """Return every point's numbers, a row for each point, numbered from 1.
 
-    Returns
-    -------
-    DataFrame
-        Index point (from 1); columns test (of joint fits only), strain or time_s, and for each fit
-        ``NAME elpd``, ``NAME pareto_k`` and ``NAME left_out``.
+    Columns test (of joint fits only), strain or time_s, and for each fit ``NAME elpd``,
+    ``NAME pareto_k`` and ``NAME left_out``.
     """
     columns: dict[str, npt.NDArray[Any]] = {}
     if has_several_tests(comparison):
@@ -334,12 +386,9 @@ def pointwise_table(comparison: Comparison) -> pd.DataFrame:
 def table_of_fits(comparison: ComparisonByTest) -> pd.DataFrame:
     """Numbers of a comparison, a row for each fit, the best first.
 
-    Returns
-    -------
-    DataFrame
-        Index fit; columns variant (what differs from the standard model), elpd (sum over the tests
-        left out), monte_carlo_error (its own), per_point, difference (to the best), difference_se
-        (over the tests), difference_monte_carlo_error, weight.
+    Index fit; columns variant (what differs from the standard model), elpd (sum over the tests left
+    out), monte_carlo_error (its own), per_point, difference (to the best), difference_se (over the
+    tests), difference_monte_carlo_error, weight.
     """
     best = next(iter(comparison.results.values()))
     rows = {}
@@ -359,13 +408,9 @@ def table_of_fits(comparison: ComparisonByTest) -> pd.DataFrame:
 
 
 def table_of_tests(comparison: ComparisonByTest) -> pd.DataFrame:
-    """Log density of every left-out test under every fit.
+    """Log density of every left-out test under every fit, by test.
 
-    Returns
-    -------
-    DataFrame
-        Index test; columns points, and for each fit ``NAME elpd``, ``NAME monte_carlo_error`` and
-        ``NAME per_point``.
+    Columns points, and for each fit ``NAME elpd``, ``NAME monte_carlo_error``, ``NAME per_point``.
     """
     first = next(iter(comparison.results.values()))
     columns: dict[str, npt.NDArray[Any]] = {"points": first.n_points}

@@ -1,4 +1,4 @@
-"""Parts of a page: figures, tables and sections, as those who know hand them to it."""
+"""Parts of a page: figures, tables and sections."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -32,7 +32,7 @@ class FigureText:
 
 @dataclass(frozen=True)
 class FigureRecipe(FigureText, Generic[Fitted]):
-    """A figure that the pages of all fits of a kind hold.
+    """A figure of the fits of a kind.
 
     Attributes
     ----------
@@ -42,11 +42,14 @@ class FigureRecipe(FigureText, Generic[Fitted]):
         Says in a sentence what it shows of a fit, for those who cannot see it.
     suits : callable
         Whether a fit has anything to show; by default every one has.
+    on_every_page : bool
+        Whether the section of every such fit holds it; else it is drawn where it is asked for.
     """
 
     draw: Callable[[Fitted], Figure]
     result: Callable[[Fitted], str]
     suits: Callable[[Fitted], bool] = lambda _: True
+    on_every_page: bool = True
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,7 @@ class PageFigure(FigureText):
     draw : callable
         Draws it.
     result : str
-        What it shows, in a sentence, for those who cannot see it; by default its title.
+        Its content in a sentence, for readers who cannot see it; by default its title.
     """
 
     draw: Callable[[], Figure]
@@ -76,9 +79,9 @@ class PageTable:
     title : str
         Heading.
     shown : DataFrame
-        What the page shows, as text.
+        Cells on the page, as text.
     saved : DataFrame
-        What the CSV file holds; numbers at full precision.
+        Content of the CSV file, numbers at full precision.
     words : tuple of str
         Columns of short texts.
     sentences : tuple of str
@@ -86,7 +89,7 @@ class PageTable:
     bad : mapping of str to sequence of bool
         Columns, and whether what each row says there is bad news.
     text : Markup
-        What it means, below it.
+        An explanation below it.
     in_files : bool
         Whether it is for those who look closer: a file, and not on the page.
     folded : bool

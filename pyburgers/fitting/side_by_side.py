@@ -30,7 +30,23 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A fit to be done. On this machine, the number of fits side by side sets that of chains."""
+    """One fit of several.
+
+    Attributes
+    ----------
+    problem : Problem
+        Tests, priors, pooling.
+    options : SamplerOptions
+        Chains, iterations, seed. On this machine, how many chains run side by side is set by how
+        many fits do.
+    solver : SolverOptions or None
+        None takes that of the protocol.
+    remark : str
+        Text behind the command in the run's manifest.
+    extensions : int
+        How often chains that do not agree yet, or left few independent draws, go on for as many
+        draws again.
+    """
 
     problem: Problem
     options: SamplerOptions

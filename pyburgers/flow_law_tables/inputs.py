@@ -137,6 +137,13 @@ class PeakStressData:
 def without_test(data: PeakStressData, experiment: Experiment) -> PeakStressData:
     """Leave out the rows of a table that may be a test, so that they can be the prior of its curve.
 
+    Parameters
+    ----------
+    data : PeakStressData
+        The table.
+    experiment : Experiment
+        The test.
+
     Raises
     ------
     InputError
@@ -423,8 +430,8 @@ def default_peak_stress_priors(material: str) -> PriorSet:
 def with_curve_flow_law(priors: PriorSet, curve: PriorSet) -> PriorSet:
     """Take the priors of n, p, Q_M and beta from those of a curve.
 
-    For a flow law that is handed on to a curve in place of the curve's own priors of these: what
-    they say is then kept, and agrees with the softening that is simulated with them.
+    If the fitted flow law replaces these priors of the curve, their information is kept. It then
+    agrees with the softening, which is simulated with them.
 
     Parameters
     ----------

@@ -114,7 +114,7 @@ class Prior:
     unit : str
         Unit in the file that was read: a record, `location` and the others are SI.
     source : str
-        Where the prior comes from.
+        Origin of the prior.
     relative_to_max_stress : bool
         Whether the numbers are shares of the largest measured stress, see `PriorSet.resolved`.
     read_off : tuple of str

@@ -309,37 +309,11 @@ def flat_draws(values: xr.DataArray) -> FloatArray:
     return flat
 
 
-def increasing_frequency(spectrum: xr.Dataset) -> FloatArray:
-    """Attenuation along increasing frequency, shape (n_draws, n_regimes, n_frequencies)."""
-    return flat_draws(spectrum.sortby("frequency")["tan_delta"])
-
-
 def regime_peaks(spectrum: xr.Dataset) -> BoolArray:
     """Whether the peak stands out, shape (n_draws, n_regimes)."""
     peak = spectrum["debye_peak"].transpose(..., "regime").to_numpy()
     flat: BoolArray = peak.reshape(-1, peak.shape[-1])
     return flat
-
-
-def lowest_slope(spectrum: xr.Dataset) -> FloatArray:
-    """Logarithmic slope between the two lowest frequencies, shape (n_draws, n_regimes)."""
-    first, second = np.sort(spectrum["frequency"].to_numpy())[:2]
-    tan_delta = increasing_frequency(spectrum)
-    slope: FloatArray = np.log(tan_delta[..., 1] / tan_delta[..., 0]) / np.log(second / first)
-    return slope
-
-
-def falling_stretch(spectrum: xr.Dataset) -> tuple[FloatArray, FloatArray]:
-    """Return the ends (Hz) of where the first regime falls towards low frequency.
-
-    NaN where a draw has no such stretch among the frequencies, shape (n_draws,) each.
-    """
-    frequency = np.sort(spectrum["frequency"].to_numpy())
-    falls = np.diff(increasing_frequency(spectrum)[:, 0], axis=-1) > 0
-    some = falls.any(axis=1)
-    low = np.where(some, frequency[:-1][falls.argmax(axis=1)], np.nan)
-    high = np.where(some, frequency[1:][::-1][falls[:, ::-1].argmax(axis=1)], np.nan)
-    return low, high
 
 
 def _has_peak(

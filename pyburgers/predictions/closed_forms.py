@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from pyburgers.common.units import UNITS
 from pyburgers.model.arrhenius import GAS_CONSTANT
+from pyburgers.model.priors import FLOW_LAW
 from pyburgers.predictions.stress_cycles import BREAKDOWN, Regime
 
 FloatArray = npt.NDArray[np.float64]
@@ -37,41 +38,68 @@ def dashpot_rates(
     grain_size: FloatArray,
     fabric_factor: FloatArray,
 ) -> FloatArray:
-    """Strain rate of the dashpot where sin(omega t) has given values.
+    """Strain rate of the dashpot (1/s) where sin(omega t) has given values, shape of the draws + n.
+
+    `draws` are as of `pyburgers.predictions.stress_cycles.checked_inputs`; `sine` has shape (n,),
+    and is 0 in the hold; temperature is in K, grain sizes in m.
+    """
+    return flow_rate(
+        {name: values[..., np.newaxis] for name, values in draws.items()},
+        regime.median_stress + regime.amplitude * sine,
+        temperature=temperature,
+        grain_size=grain_size[..., np.newaxis],
+        fabric_factor=fabric_factor[..., np.newaxis],
+    )
+
+
+def flow_rate(
+    parameters: Mapping[str, npt.ArrayLike],
+    stress: npt.ArrayLike,
+    *,
+    temperature: float,
+    grain_size: npt.ArrayLike,
+    fabric_factor: npt.ArrayLike = 1.0,
+) -> FloatArray:
+    """Return the strain rate of the dashpot, the flow law of the model.
 
     Parameters
     ----------
-    draws : mapping of str to array
-        As of `pyburgers.predictions.stress_cycles.checked_inputs`.
-    regime : Regime
-        Median stress and amplitude.
-    sine : array, shape (n,)
-        sin(omega t); 0 is the hold.
-    temperature, grain_size, fabric_factor
-        K, m, 1.
+    parameters : mapping of str to float or array
+        SI values of stress_exponent, grain_size_exponent, activation_enthalpy and beta; with a
+        breakdown_stress above zero the law is the hyperbolic sine. Other names are ignored.
+    stress : float or array
+        Pa, of either sign.
+    temperature : float
+        K.
+    grain_size, fabric_factor : float or array
+        m; 1 is an isotropic fabric.
 
     Returns
     -------
-    array, shape of the draws + (n,)
-        1/s.
+    array
+        1/s; all arguments are broadcast against each other.
     """
-    exponent = draws["stress_exponent"]
+    exponent, p, enthalpy, beta, breakdown, size, fabric, load = (
+        np.asarray(values, dtype=np.float64)
+        for values in (
+            *(parameters[name] for name in FLOW_LAW),
+            parameters.get(BREAKDOWN, 0.0),
+            grain_size,
+            fabric_factor,
+            stress,
+        )
+    )
     log_fluidity = (
-        draws["activation_enthalpy"] * (draws["beta"] - 1 / (GAS_CONSTANT * temperature))
-        - draws["grain_size_exponent"] * np.log(grain_size)
-        - exponent * np.log(fabric_factor)
+        enthalpy * (beta - 1 / (GAS_CONSTANT * temperature))
+        - p * np.log(size)
+        - exponent * np.log(fabric)
     )
-    stress = regime.median_stress + regime.amplitude * np.append(sine, 1.0)  # and its peak
-    breakdown = (draws[BREAKDOWN] * fabric_factor)[..., np.newaxis]
-    if breakdown.any():
-        stress = breakdown * np.sinh(stress / breakdown)
-    # Relative to its peak, stress to the power n neither over- nor underflows.
-    peak = stress[..., -1]
-    relative = stress[..., :-1] / peak[..., np.newaxis]
-    largest_rate = np.exp(log_fluidity + exponent * np.log(peak))
-    rates: FloatArray = largest_rate[..., np.newaxis] * (
-        np.sign(relative) * np.abs(relative) ** exponent[..., np.newaxis]
-    )
+    limit = breakdown * fabric
+    if limit.any():
+        load = limit * np.sinh(load / limit)
+    with np.errstate(divide="ignore"):  # no load, no flow
+        # As a logarithm, stress to the power n neither over- nor underflows.
+        rates: FloatArray = np.sign(load) * np.exp(log_fluidity + exponent * np.log(np.abs(load)))
     return rates
 
 
@@ -81,15 +109,7 @@ def piezometer_grain_size(
     exponent: FloatArray,
     stress_floor: FloatArray,
 ) -> FloatArray:
-    """Return the grain size that a stress wants, d_1 (sqrt(stress^2 + floor^2)/1 MPa)^-m.
-
-    Parameters
-    ----------
-    stress : float
-        Pa.
-    reference_grain_size, exponent, stress_floor : array, shape of the draws
-        d_1 (m), m, and Pa.
-    """
+    """Grain size (m) that a stress (Pa) wants, d_1 (sqrt(stress^2 + floor^2)/1 MPa)^-m."""
     floored = np.hypot(stress, stress_floor) / UNITS["stress"]["MPa"]
     size: FloatArray = reference_grain_size * floored**-exponent
     return size
@@ -98,16 +118,8 @@ def piezometer_grain_size(
 def fluidity(rates: FloatArray, sine: FloatArray, amplitude: float) -> FloatArray:
     """Return the dashpot's B = 1/(pi sigma_0) * integral of rate sin(x) dx, 1/(Pa s).
 
-    Both halves of the period give the same trapezoidal sum, so one is enough.
-
-    Parameters
-    ----------
-    rates : array, shape of the draws + (n,)
-        At the nodes (`dashpot_rates`).
-    sine : array, shape (n,)
-        Nodes (`half_period`).
-    amplitude : float
-        sigma_0, Pa.
+    Rates (1/s) are those of `dashpot_rates` at the nodes of `half_period`, the amplitude sigma_0 is
+    in Pa. Both halves of the period give the same trapezoidal sum, so one is enough.
     """
     values: FloatArray = rates @ (2 / sine.size * sine) / amplitude
     return values
@@ -122,23 +134,10 @@ def cycle_strain(
 ) -> FloatArray:
     """Return the path strain of a settled cycle, the integral of |strain rate| over a period.
 
-    Spring and Kelvin element strain at the rate omega (a cos(omega t) + b sin(omega t)). The times
-    x and pi - x differ in the sign of the cosine alone, and |u + v| + |u - v| = 2 max(|u|, |v|).
-
-    Parameters
-    ----------
-    rates : array, shape of the draws + (n,)
-        Of the dashpot at the nodes (`dashpot_rates`), 1/s.
-    sine : array, shape (n,)
-        Nodes (`half_period`).
-    storage_amplitude, loss_amplitude : array, shape of the draws + (n_frequencies,)
-        a and b, strain amplitudes of spring and Kelvin element in phase and behind.
-    frequency : array, shape (n_frequencies,)
-        Hz.
-
-    Returns
-    -------
-    array, shape of the draws + (n_frequencies,)
+    Spring and Kelvin element strain at the rate omega (a cos(omega t) + b sin(omega t)), a and b
+    (of shape draws + n_frequencies) being the storage and loss amplitude; the dashpot's rates are
+    those of `dashpot_rates` at the nodes of `half_period`. The times x and pi - x differ in the
+    sign of the cosine alone, and |u + v| + |u - v| = 2 max(|u|, |v|).
     """
     in_phase = 2 * np.pi * storage_amplitude
     behind = 2 * np.pi * loss_amplitude

@@ -39,7 +39,7 @@ class MeasuredAttenuation:
     tan_delta, standard_deviation : array
         Attenuation, and its standard deviation, 0 where none is given.
     series : tuple of str
-        What each point belongs to.
+        Series of each point, for the legend.
     """
 
     frequency: FloatArray
@@ -54,8 +54,8 @@ def load_measured_attenuation(path: Path) -> MeasuredAttenuation:
     Raises
     ------
     InputError
-        If the file cannot be read, has no points, a column is missing or unknown, or a number is
-        not finite or not positive (a standard deviation: negative).
+        If the file cannot be read or has no points, or if a column is missing or unknown. If a
+        number is not finite or not positive (a standard deviation: negative).
     """
     text = io.StringIO(read_text(path))
     try:

@@ -20,19 +20,16 @@ FloatArray = npt.NDArray[np.float64]
 TITLE_WIDTH = 95
 """Letters in a line above the panel."""
 
-PREDICTION_CAPTION = (
-    "The response of a test that took no part in the fit: predictive median (line), the areas that "
-    "hold 50 % and 90 % of solutions for single draws (dark and light blue), and the band that "
-    "should hold 90 % of new readings, noise of the fit included (orange). Circles, where there "
-    "are some, are the readings of the test."
-)
-
 
 def prediction_figure(prediction: Prediction) -> Figure:
     """Draw bands of the solution and of new readings, data where the test has some, and cautions.
 
-    Each quantity that the test answers with has a panel. What may make the prediction worthless
-    stands in the title.
+    Each quantity that the test answers with has a panel. The title has the cautions.
+
+    Parameters
+    ----------
+    prediction : Prediction
+        Of `Fit.predict`.
     """
     shown = answers(prediction)
     with style():

@@ -158,17 +158,17 @@ def read_quantities(experiment: Experiment) -> list[str]:
 def score_table(prediction: Prediction) -> pd.DataFrame:
     """Score a prediction against the readings of its test.
 
-    What is expected comes from replicated readings, scored in the same way: each set is what the
-    test would give if one of the draws were the truth. Readings of a test hang together, since
-    one truth made all of them, so that the coverage in a test scatters widely about its mean.
+    Expected scores come from replicated readings, scored in the same way. Each set is a test that
+    one of the draws would give. Readings of a test have one truth in common, so that the coverage
+    in a test scatters widely about its mean.
 
     Returns
     -------
     DataFrame
-        Index score: "coverage of the 50 % band" and so on, of new readings, and `DENSITY`, the
-        mean over readings of ln of the density (per SI unit) that all draws together give to each
-        by itself; columns found, expected (mean over replicated tests), expected_q5, expected_q95,
-        and share_below: the share of replicated tests with a score below the one found.
+        Index score: the coverage of bands of new readings, and the mean ln density of a reading
+        (per SI unit) by all draws. Columns found, expected (mean over replicated
+        tests), expected_q5, expected_q95. Column share_below: the share of replicated tests with
+        a score below the one found.
 
     Raises
     ------
@@ -203,7 +203,15 @@ def score_table(prediction: Prediction) -> pd.DataFrame:
 
 
 def score_sentence(prediction: Prediction, scores: pd.DataFrame) -> str:
-    """Say how the readings of a test lie in what was predicted, from its `score_table`."""
+    """Say how the readings of a test lie in what was predicted.
+
+    Parameters
+    ----------
+    prediction : Prediction
+        Of a test with data.
+    scores : DataFrame
+        Its `score_table`.
+    """
     said = [
         f"{_share(scores, row, 'found')} in the {band} % band (the draws expect "
         f"{_share(scores, row, 'expected')}, and in 90 % of such tests "
@@ -220,7 +228,15 @@ def score_sentence(prediction: Prediction, scores: pd.DataFrame) -> str:
 
 
 def surprise_sentence(prediction: Prediction, scores: pd.DataFrame) -> str:
-    """Say which scores of a `score_table` lie outside what draws expect of 90 % of such tests."""
+    """Say which scores lie outside of what the draws expect of 90 % of such tests.
+
+    Parameters
+    ----------
+    prediction : Prediction
+        Of a test with data.
+    scores : DataFrame
+        Its `score_table`.
+    """
     outside = scores[~scores["found"].between(scores["expected_q5"], scores["expected_q95"])]
     points = count_points(prediction.experiment.n_points)
     expected = "what the draws expect of 90 % of such tests"

@@ -265,7 +265,9 @@ def simulate(
     DataFrame
         Columns time_s, strain, stress_Pa, kelvin_strain, grain_size_m, fabric_factor. Strain of an
         oscillating test is the driving strain, without the trend of a removed background. The
-        reference stress (Pa), or flow rate (1/s), is in ``.attrs`` under its name.
+        reference stress (Pa), or flow rate (1/s), is in ``.attrs`` under its name. So is the
+        ``log_likelihood`` of the readings, if the program of the test holds them (forced
+        oscillations, loading histories) and the parameters have their noise.
 
     Raises
     ------
@@ -296,7 +298,9 @@ def _solved(
     draw = solve(experiment, values, grid, solver=solver, sections=sections)
     solution = pd.DataFrame(protocol.solution(experiment, draw))
     solution.attrs[protocol.reference.name] = float(np.exp(draw["log_reference"][0]))
-    # Programs have no such variable where nothing was measured.
+    # Programs have no such variables where nothing was measured.
+    if protocol.noise in values and "log_lik" in draw:
+        solution.attrs["log_likelihood"] = float(draw["log_lik"].sum())
     return solution, draw.get("microstructure_model", np.empty((0, 2)))
 
 

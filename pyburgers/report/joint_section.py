@@ -187,7 +187,15 @@ def shown_pooled_table(joint: Fit) -> pd.DataFrame:
 
 
 def joint_sections(joints: Sequence[Fit], separate: Sequence[Fit]) -> tuple[PageSection, ...]:
-    """Return the parts of a page about joint fits, each beside the fits of single tests."""
+    """Return the parts of a page about joint fits, each beside the fits of single tests.
+
+    Parameters
+    ----------
+    joints : sequence of Fit
+        Joint fits.
+    separate : sequence of Fit
+        Fits of single tests; those of the same data as a test of a joint fit are set beside it.
+    """
     named = zip(page_keys(joints), joints, strict=True)
     return tuple(joint_section(name, joint, separate) for name, joint in named)
 

@@ -3,11 +3,10 @@
 import importlib.metadata
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 import jinja2
 import pandas as pd
@@ -58,7 +57,7 @@ def write_report(
     drawn: dict[Path, str] | None = None,
     jobs: int | None = 1,
 ) -> Path:
-    """Write the page ``index.html``, ``figures/``, ``tables/`` and ``manifest.json``.
+    """Write a page about fits: ``index.html``, ``figures/``, ``tables/`` and ``manifest.json``.
 
     The page needs no other file and no network. An earlier report in the same folder is replaced,
     file by file and each at once, the page last.
@@ -72,17 +71,16 @@ def write_report(
     title : str
         Heading of the page.
     command : str
-        What makes the report again.
+        Command that makes the report again.
     joints : sequence of Fit
         Joint fits, whose parts of the page are among the extras.
     extras : sequence of PageSection
         Parts of the page beside the fits, in their order.
     told : mapping of str to sequence of SampledFit
-        Fits that one of the extras is about, by its key, those of tables of peak stresses among
-        them: they have no section of their own, and both verdicts on them stand at the top of the
-        page like those on all others.
+        Fits that one of the extras is about, by its key. They have no section of their own. Both
+        verdicts on them stand at the top of the page.
     to_come : sequence of str
-        What is not on the page yet, such as fits that still run; a later call is to add it.
+        Parts that a later call is to add, such as fits that still run.
     drawn : dict of Path to str, optional
         Pictures of earlier calls by their files, which are not drawn again; those of this call are
         added.
@@ -146,55 +144,6 @@ def write_report(
     )
     write_text(page, text)
     return page
-
-
-@dataclass(eq=False)
-class GrowingPage:
-    """A page of fits that finish one after the other.
-
-    Attributes
-    ----------
-    out, title, command
-        As for `write_report`.
-    names : sequence of str
-        All fits, by name.
-    shown : sequence of str
-        Those of them that have a section of their own, in the order of the page.
-    at_the_end : str
-        What comes when all fits are done, in words.
-    """
-
-    out: Path
-    title: str
-    command: str
-    names: Sequence[str]
-    shown: Sequence[str]
-    at_the_end: str
-    _found: dict[str, Fit] = field(default_factory=dict, init=False)
-    _drawn: dict[Path, str] = field(default_factory=dict, init=False)
-
-    def add(self, name: str, fit: Fit) -> None:
-        """Write the page with one more fit, and with what is still to come."""
-        self._found[name] = fit
-        fits = [self._found[one] for one in self.shown if one in self._found]
-        if fits:
-            missing = [one for one in self.names if one not in self._found]
-            self._write(fits, to_come=[*missing, self.at_the_end])
-
-    def finish(self, fits: Sequence[Fit], **parts: Any) -> Path:
-        """Write the whole page and return it.
-
-        Parameters
-        ----------
-        fits, parts
-            As for `write_report`.
-        """
-        return self._write(fits, **parts, jobs=None)
-
-    def _write(self, fits: Sequence[Fit], **parts: Any) -> Path:
-        return write_report(
-            fits, self.out, title=self.title, command=self.command, drawn=self._drawn, **parts
-        )
 
 
 def _write_groups(groups: Sequence[Sequence[tuple[str, Fit]]], out: Path) -> list[SameData]:

@@ -5,6 +5,7 @@ Every function takes a fit and returns a figure of its own.
 
 import textwrap
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,8 +18,9 @@ from matplotlib.patches import Patch
 from scipy import ndimage, stats
 
 from pyburgers.common.draws import all_draws, evenly_spaced
+from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.units import number
-from pyburgers.drawing.page_parts import FigureRecipe
+from pyburgers.drawing.page_parts import FigureRecipe, PageFigure
 from pyburgers.drawing.style import (
     BLACK,
     BLUE,
@@ -392,12 +394,31 @@ RANK = FigureRecipe("rank", "Agreement of the chains", RANK_CAPTION, rank, agree
 
 
 def figures_for(fit: FittedTest) -> tuple[FigureRecipe[FittedTest], ...]:
-    """Return the figures of a fit, in their order on the page.
+    """Return the figures of a fit, in their order on the page."""
+    first, *others = (
+        one for one in protocol_of(fit.experiment).figures if one.on_every_page and one.suits(fit)
+    )
+    return (first, PRIOR_POSTERIOR, *others, PAIRS, RANK)
+
+
+def page_figure(fit: FittedTest, name: str) -> PageFigure:
+    """Return a figure of a fit of one test, to be put into a part of a page.
 
     Parameters
     ----------
-    fit : FittedTest
-        Whose figures are wanted.
+    fit : Fit
+        The fit.
+    name : str
+        As in the names of the figure's files on the page of a fit, such as ``"stress_strain"``, or
+        ``"preparation"`` of a forced oscillation test.
+
+    Raises
+    ------
+    InputError
+        If fits of such a test have no such figure.
     """
-    first, *others = (one for one in protocol_of(fit.experiment).figures if one.suits(fit))
-    return (first, PRIOR_POSTERIOR, *others, PAIRS, RANK)
+    recipes = {one.name: one for one in (*protocol_of(fit.experiment).figures, *figures_for(fit))}
+    if name not in recipes:
+        raise InputError(f"{fit.experiment.id}: has no figure {name!r}, {nearest(name, recipes)}")
+    one = recipes[name]
+    return PageFigure(one.name, one.title, one.caption, partial(one.draw, fit), one.result(fit))

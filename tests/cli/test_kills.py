@@ -12,7 +12,7 @@ from pyburgers.fitting.fit import Fit
 
 pytestmark = pytest.mark.slow
 
-KILLS = {"fit": 40, "sbc": 20, "campaign": 20, "compare": 15, "reproduce": 5}
+KILLS = {"fit": 40, "sbc": 20, "campaign": 20, "compare": 15, "study": 5}
 
 
 @pytest.mark.parametrize("name", KILLS)

@@ -163,7 +163,6 @@ def test_exports_are_written_over_exports_alone(
         ("new", ""),
         ("sbc", "test.toml", "--out", ""),
         ("campaign", "test.toml", "--out", ""),
-        ("reproduce", "--out", ""),
     ],
 )
 def test_an_empty_text_is_no_path(

@@ -17,7 +17,7 @@ from synthetic_olivine_fit import make_olivine_fit
 from pyburgers.cli.compare import save_comparison
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare, leave_one_out, leave_out_exactly
-from pyburgers.comparison.conclusions import pairs, sentences
+from pyburgers.comparison.conclusions import sentences
 from pyburgers.comparison.figures import pointwise_differences
 from pyburgers.comparison.pairs import PairOutcome
 from pyburgers.comparison.results import Comparison, LeaveOneOut, comparison_table, elpd_difference
@@ -181,20 +181,20 @@ def test_points_that_cannot_be_trusted_do_not_decide_which_fit_is_better() -> No
     everywhere, at_these, at_others = np.full(10, -2.0), np.zeros(10), np.zeros(10)
     at_these[:6], at_others[:6], at_others[6:] = -9.0, 9.0, -0.1
     for elpd, outcome in ((everywhere, PairOutcome.BETTER), (at_these, PairOutcome.CANNOT_TELL)):
-        (pair,) = pairs(comparison_of(("one", doubtful), ("two", result(elpd))))
+        (pair,) = comparison_of(("one", doubtful), ("two", result(elpd))).pairs()
         assert pair.outcome is outcome
         hangs = "because it hangs on 6 points with a Pareto k above 0.7" in pair.sentence()
         assert hangs is (outcome is PairOutcome.CANNOT_TELL)
-    (pair,) = pairs(comparison_of(("two", result(at_others)), ("one", doubtful)))
+    (pair,) = comparison_of(("two", result(at_others)), ("one", doubtful)).pairs()
     assert pair.outcome is PairOutcome.CANNOT_TELL
     doubtful.pareto_k[:] = 0.9
-    (pair,) = pairs(comparison_of(("one", doubtful), ("two", result(everywhere))))
+    (pair,) = comparison_of(("one", doubtful), ("two", result(everywhere))).pairs()
     assert pair.outcome is PairOutcome.CANNOT_TELL
 
 
 def test_draws_that_failed_a_check_decide_nothing() -> None:
     good, doubted = result(np.zeros(10)), replace(result(np.full(10, -9.0)), doubts=("It failed.",))
-    (pair,) = pairs(comparison_of(("good", good), ("bad", doubted)))
+    (pair,) = comparison_of(("good", good), ("bad", doubted)).pairs()
     assert pair.outcome is PairOutcome.CANNOT_TELL
     assert pair.doubt == "the elpd of bad may be far off"
 
@@ -205,7 +205,7 @@ def test_one_and_two_readings_have_no_standard_error(n_points: int, told: str) -
         ("one", result(np.zeros(n_points))), ("two", result(np.full(n_points, -9.0)))
     )
     assert told in sentences(comparison)[0]
-    assert pairs(comparison)[0].outcome is PairOutcome.CANNOT_TELL
+    assert comparison.pairs()[0].outcome is PairOutcome.CANNOT_TELL
     assert len(comparison_table(comparison)) == 2
 
 
@@ -294,7 +294,7 @@ def test_what_is_saved_holds_numbers_points_and_origins(tmp_path: Path) -> None:
     assert record["command"] == "pyburgers compare one two"
     assert record["fits"]["one"]["fingerprint"] == fits["one"].manifest["fingerprint"]
     assert record["sentences"] == list(sentences(comparison))
-    (pair,) = pairs(comparison)
+    (pair,) = comparison.pairs()
     assert record["pairs"] == [{**asdict(pair), "outcome": str(pair.outcome)}]
 
 

@@ -1,19 +1,18 @@
 """Predictions of a test that was fitted itself: compliance and zero of the strain are inferred."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 import pytest
-import xarray as xr
 from history_twins import history_twin
 
 from pyburgers.fitting.new_test import OF_A_TEST, Source, of_any_test, of_the_apparatus
 from pyburgers.fitting.prediction import predict_test
-from pyburgers.model.priors import PriorSet, default_priors
+from pyburgers.fitting.prior_draws import prior_draws
+from pyburgers.model.priors import default_priors
 from pyburgers.protocols.loading_history.experiment import LoadingHistory, Stated
 from pyburgers.protocols.problem import problem_of
-from pyburgers.studies.maor.before_data import prior_draws
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -33,22 +32,11 @@ OTHER = replace(with_apparatus(history_twin("creep", 16, seed=1)), id="other")
 INFERRED = "As the fit inferred it for"
 
 
-@dataclass(frozen=True)
-class Drawn:
-    """Draws that no sampler made."""
-
-    experiment: LoadingHistory
-    priors: PriorSet
-    posterior: xr.DataTree
-
-
 def source_of(*experiments: LoadingHistory) -> Source:
     """A fit of tests, of each the draws of its prior, solved."""
     problem = problem_of(list(experiments), default_priors("ice"))
     tests = {
-        own.name: prior_draws(
-            Drawn(one, own.priors[0], xr.DataTree()), n_draws=N_DRAWS, seed=number
-        )
+        own.name: prior_draws(one, own.priors[0], draws=N_DRAWS, seed=number)
         for number, (one, own) in enumerate(zip(experiments, problem.alone(), strict=True))
     }
     return Source(problem, tests, next(iter(tests.values())).posterior, ())

@@ -17,6 +17,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.new_test import Source, of_any_test, with_noises
 from pyburgers.fitting.prediction import Prediction, predict_test
+from pyburgers.fitting.prior_draws import prior_draws
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import PriorSet
 from pyburgers.predictions.other_test_figures import prediction_figure
@@ -42,7 +43,6 @@ from pyburgers.protocols.loading_history.experiment import LoadingHistory, State
 from pyburgers.protocols.loading_history.stages import Stage
 from pyburgers.protocols.problem import one_test, problem_of
 from pyburgers.protocols.protocol import FittedTest, protocol_of
-from pyburgers.studies.maor.before_data import prior_draws
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -206,8 +206,7 @@ class Holder:
 
 def prior_source(experiment: Experiment) -> Source:
     """Draws of the prior of a test, as if they were a fit of it."""
-    fitted = Holder(experiment, resolved_priors(experiment), xr.DataTree())
-    prior = prior_draws(fitted, n_draws=6, seed=3)
+    prior = prior_draws(experiment, resolved_priors(experiment), draws=6, seed=3)
     problem = one_test(experiment, prior.priors)
     return Source(problem, {experiment.id: prior}, prior.posterior, ())
 

@@ -15,7 +15,6 @@ import pytest
 from conftest import ICE
 
 from pyburgers.comparison.by_points import compare
-from pyburgers.comparison.conclusions import pairs
 from pyburgers.comparison.pairs import Pair, PairOutcome
 from pyburgers.fitting.fit import fit
 from pyburgers.model.priors import default_priors
@@ -83,7 +82,7 @@ def compared(law: str, rival: str, seed: int, folder: Path) -> Pair:
         )
         for name, own in (("right", law), ("rival", rival))
     }
-    (pair,) = pairs(compare(fits))
+    (pair,) = compare(fits).pairs()
     # Chains as short as these fail checks of their draws; what their numbers say is asked here.
     return replace(pair, doubt="")
 

@@ -20,7 +20,7 @@ from conftest import ICE
 from independent_table import TRUTHS
 
 from pyburgers.comparison.by_points import compare
-from pyburgers.comparison.conclusions import pairs, sentences
+from pyburgers.comparison.conclusions import sentences
 from pyburgers.comparison.pairs import Pair, PairOutcome
 from pyburgers.comparison.results import comparison_table
 from pyburgers.fitting.fit import fit
@@ -125,7 +125,7 @@ def compared(contrast: Contrast, seed: int, folder: Path) -> Pair:
     }
     comparison = compare(fits)
     print(comparison_table(comparison).round(1).to_string(), *sentences(comparison), sep="\n")
-    (pair,) = pairs(comparison)
+    (pair,) = comparison.pairs()
     # Chains as short as these fail checks of their draws; what their numbers say is asked here.
     return replace(pair, doubt="")
 

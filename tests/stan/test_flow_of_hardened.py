@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import DUNITE
+from halite import LAWS, RECORD, SINE, SINE_HARDENING, halite_priors
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
@@ -15,7 +16,6 @@ from pyburgers.protocols.loading_history.stan_data import strain_scale, stress_s
 from pyburgers.protocols.problem import Problem, problem_of
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.studies.halite import LAWS, RECORD, SINE, SINE_HARDENING, halite_priors
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -9,15 +9,15 @@ from pathlib import Path
 MAIN = ("-m", "pyburgers")
 SAMPLER = ("--chains", "2", "--warmup", "150", "--draws", "200")
 
-TINY_STUDY = """
+TINY_STUDY = f"""
 import sys
-from pyburgers.cli.main import main
-from pyburgers.sampling.options import SamplerOptions
-from pyburgers.studies.maor import reproduce
+sys.path.insert(0, {str(Path(__file__).parents[2] / "reports")!r})
+import study
+from pyburgers import SamplerOptions
 
 tiny = SamplerOptions(chains=2, warmup=40, draws=20)
-reproduce.PRESETS = dict.fromkeys(reproduce.PRESETS, tiny)
-sys.exit(main(["reproduce", "--out", sys.argv[1]]))
+study.PRESETS = dict.fromkeys(study.PRESETS, tiny)
+sys.exit(study.main(["--out", sys.argv[1]]))
 """
 """`make study` with chains that are far too short to say anything."""
 
@@ -76,7 +76,7 @@ def killed_commands(
         "sbc": KilledCommand((*MAIN, "sbc", *files, *numbers, "--out", "OUT")),
         "campaign": KilledCommand((*MAIN, "campaign", str(plan), "--out", "OUT")),
         "compare": KilledCommand((*MAIN, "compare", *left_out), partial(_copy_run, joint)),
-        "reproduce": KilledCommand(("-c", TINY_STUDY, "OUT")),
+        "study": KilledCommand(("-c", TINY_STUDY, "OUT")),
     }
 
 

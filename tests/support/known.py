@@ -1,15 +1,13 @@
 """What is known of a made-up fit before its data: draws of its priors, weighed as a test wants."""
 
-from dataclasses import replace
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
+from maor.before_data import Knowledge
 
 from pyburgers.common.draws import all_draws
 from pyburgers.fitting.fit import Fit
-from pyburgers.studies.maor.before_data import Knowledge, PriorDraws
+from pyburgers.fitting.prior_draws import PriorDraws
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -63,8 +61,3 @@ def make_known(
     }
     prior = PriorDraws(fit.experiment, fit.priors, xr.DataTree.from_dict(groups), 0)
     return Knowledge(fit, prior, np.full(n_draws, 1 / n_draws) if weights is None else weights)
-
-
-def with_fit(known: Knowledge, fit: Any) -> Knowledge:
-    """Exchange the fit."""
-    return replace(known, fit=fit)

@@ -37,7 +37,7 @@ class AttenuationExperiment(Experiment):
     conditions : Conditions
         Of every row.
     readings : Readings
-        What was read there.
+        Readings of each row.
     elasticity : Elasticity
         Whether cycles are axial or of shear, and what relates the two.
     """

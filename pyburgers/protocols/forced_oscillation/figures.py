@@ -70,17 +70,7 @@ PREPARATION_CAPTION = (
 
 
 def preparation(prepared: PreparedOscillation, record: OscillationRecord, heading: str) -> Figure:
-    """Draw each step from a raw record to the model's input.
-
-    Parameters
-    ----------
-    prepared : PreparedOscillation
-        The prepared record.
-    record : OscillationRecord
-        The raw record that it was made from.
-    heading : str
-        Title of the figure.
-    """
+    """Draw each step from a raw record to the model's input, below a heading."""
     strain_time = _curve_times(record.strain_time, prepared.period)
     stress_time = _curve_times(prepared.time, prepared.period)
     strain_fit, stress_fit = prepared.strain_fit, prepared.stress_fit
@@ -146,6 +136,13 @@ def preparation(prepared: PreparedOscillation, record: OscillationRecord, headin
         figure.align_ylabels()
         figure.suptitle(heading, fontsize=10)
     return figure
+
+
+def preparation_of(fit: FittedTest) -> Figure:
+    """Draw the preparation of the record of a fit."""
+    experiment = oscillation_of(fit)
+    heading = f"{experiment.id}: {experiment.provenance.kind} data"
+    return preparation(experiment.prepared, experiment.record, heading)
 
 
 class _Line(NamedTuple):
@@ -433,6 +430,14 @@ OSCILLATION_FIGURES = (
         MICROSTRUCTURE_CAPTION,
         microstructure,
         grains_result,
+    ),
+    FigureRecipe(
+        "preparation",
+        "From the record to the model",
+        PREPARATION_CAPTION,
+        preparation_of,
+        lambda _: "",
+        on_every_page=False,
     ),
 )
 """What the report of such a fit shows beside the figures of its posterior."""

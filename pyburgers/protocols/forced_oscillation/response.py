@@ -56,13 +56,7 @@ class PredictedResponse:
 
 
 def oscillation_of(fit: FittedTest) -> OscillationExperiment:
-    """Return the experiment of a fit, which has to be a forced oscillation test.
-
-    Raises
-    ------
-    InputError
-        If it is not.
-    """
+    """Return the test of a fit; raise `InputError` if it is no forced oscillation."""
     if not isinstance(fit.experiment, OscillationExperiment):
         raise InputError(
             f"{fit.experiment.id}: found a test without oscillation, expected the fit of a forced "
@@ -72,13 +66,7 @@ def oscillation_of(fit: FittedTest) -> OscillationExperiment:
 
 
 def observed_response(experiment: OscillationExperiment) -> ObservedResponse:
-    """Return amplitude and lag of the measured stress.
-
-    Parameters
-    ----------
-    experiment : OscillationExperiment
-        A test; the errors follow from the uncertainties of its readings.
-    """
+    """Return amplitude and lag of the measured stress; errors follow from those of the readings."""
     of_strain, of_stress = experiment.prepared.strain_fit, experiment.prepared.stress_fit
     strain_phase, strain_error = of_strain.phase()
     stress_phase, stress_error = of_stress.phase()
@@ -108,66 +96,18 @@ def predicted_response(fit: FittedTest) -> PredictedResponse:
 
 
 def replicated_response(fit: FittedTest) -> PredictedResponse:
-    """Return amplitude and lag of replicated data, as they would be found in a new record.
-
-    Parameters
-    ----------
-    fit : FittedTest
-        Of a forced oscillation test.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
-    """
+    """Return amplitude and lag of replicated data, as they would be found in a new record."""
     experiment = oscillation_of(fit)
     stress = fit.posterior["posterior_predictive"].to_dataset()["stress"]
     prepared = experiment.prepared
     return _response(experiment, prepared.time, stress, prepared.uncertainty)
 
 
-def predicted_oscillation(fit: FittedTest) -> npt.NDArray[np.complex128]:
-    """Fundamental of the model's stress (Pa), without noise, as a complex number.
-
-    Parameters
-    ----------
-    fit : FittedTest
-        Of a forced oscillation test.
-
-    Returns
-    -------
-    array, shape (n_draws,)
-        Its size is the amplitude, its angle the phase about that of the record; draws without
-        solution are left out.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
-    """
-    experiment = oscillation_of(fit)
-    stress = fit.posterior["predictions"].to_dataset()["stress"]
-    return _oscillation(experiment, stress["time"].to_numpy(), stress)
-
-
 def response_table(fit: FittedTest) -> pd.DataFrame:
     """Compare the observed amplitude and lag with what replicated data have.
 
-    Parameters
-    ----------
-    fit : FittedTest
-        Of a forced oscillation test.
-
-    Returns
-    -------
-    DataFrame
-        Index quantity (amplitude, lag), SI units; columns unit, observed, standard_error, median,
-        q5, q95 (of replicated data) and inside: whether the observed value lies between the two.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
+    Index quantity (amplitude, lag), SI units; columns unit, observed, standard_error, median, q5,
+    q95 (of replicated data) and inside: whether the observed value lies between the two.
     """
     observed, replicated = observed_response(oscillation_of(fit)), replicated_response(fit)
     rows = {
@@ -256,18 +196,6 @@ def _response(
     uncertainty: FloatArray | None = None,
 ) -> PredictedResponse:
     """Amplitude and lag of stress curves (Pa) of single draws at times (s), shape (n,)."""
-    oscillation = _oscillation(experiment, time, stress, uncertainty)
-    lag = observed_response(experiment).lag + np.angle(oscillation)
-    return PredictedResponse(np.abs(oscillation), lag)
-
-
-def _oscillation(
-    experiment: OscillationExperiment,
-    time: FloatArray,
-    stress: xr.DataArray,
-    uncertainty: FloatArray | None = None,
-) -> npt.NDArray[np.complex128]:
-    """Fundamental of stress curves of single draws, its angle about the observed phase."""
     curves = all_draws(stress).astype(np.float64)
     prepared = experiment.prepared
     found = fundamentals(
@@ -279,5 +207,5 @@ def _oscillation(
     )
     # Phases about the observed one do not wrap.
     observed_phase, _ = prepared.stress_fit.phase()
-    about_observed: npt.NDArray[np.complex128] = found * np.exp(-1j * observed_phase)
-    return about_observed
+    lag = observed_response(experiment).lag + np.angle(found * np.exp(-1j * observed_phase))
+    return PredictedResponse(np.abs(found), lag)

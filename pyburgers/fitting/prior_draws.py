@@ -1,0 +1,122 @@
+"""Draws of the prior of a test, solved by its Stan program: what is known before its data."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+
+from pyburgers.cmdstan.program import load_program
+from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.problem import one_test
+from pyburgers.protocols.program_data import program_data
+from pyburgers.protocols.protocol import protocol_of
+from pyburgers.protocols.stan_data import SolverOptions
+
+UNCUT = 50.0
+"""Half a range of a prior, in its standard deviations, that cuts nothing off."""
+
+
+@dataclass(frozen=True, eq=False)
+class PriorDraws:
+    """Draws of the prior of a test with their solutions, to be looked at as a fit is.
+
+    Attributes
+    ----------
+    experiment : Experiment
+        The test.
+    priors : PriorSet
+        Its priors.
+    posterior : DataTree
+        Groups posterior (SI) and predictions, as of a fit, of one chain.
+    n_unsolved : int
+        Draws that were left out because they have no solution.
+    """
+
+    experiment: Experiment
+    priors: PriorSet
+    posterior: xr.DataTree
+    n_unsolved: int
+
+
+def prior_draws(
+    experiment: Experiment, priors: PriorSet, *, draws: int, seed: int = 1
+) -> PriorDraws:
+    """Draw from the priors of a test, each parameter by itself, and solve every draw.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        The test; its readings take no part.
+    priors : PriorSet
+        Its priors, resolved, such as those of a fit.
+    draws, seed : int
+        How many, and the seed of the random numbers.
+
+    Raises
+    ------
+    InputError
+        If the prior of the flow law is a joint one.
+    SamplingError
+        If no draw has a solution.
+    """
+    rng = np.random.default_rng(seed)
+    protocol = protocol_of(experiment)
+    if priors.flow_law is not None:
+        raise InputError(
+            f"{experiment.id}: found a joint prior of the flow law, expected a prior for each "
+            "parameter by itself."
+        )
+    values = {
+        name: np.full(draws, prior.location)
+        if prior.is_fixed
+        else prior.distribution().rvs(size=draws, random_state=rng)
+        for name, prior in priors.priors.items()
+    }
+    problem = one_test(protocol.without_data(experiment), _each_by_itself(priors))
+    (coordinates,) = problem.coordinates
+    rows = np.column_stack(
+        [coordinates.of_quantity(k, values[name]) for k, name in enumerate(coordinates.quantities)]
+    )
+    grid = protocol.prediction_grid(experiment)
+    data = program_data(problem, solver=SolverOptions(), grids=[grid])
+    kept, drawn = load_program(protocol.program).generate_at(data, "coordinate", rows)
+    if kept.any():
+        drawn, kept[kept] = drawn.finite_in([next(iter(protocol.grid_quantities))])
+    if not kept.any():
+        raise SamplingError(
+            f"{experiment.id}: none of {draws} draws from the prior has a solution; "
+            "check the units and the bounds of the priors."
+        )
+    clock = protocol.clock.name
+    dimensions = ("chain", "draw", clock)
+    labels = {"chain": [1], "draw": np.flatnonzero(kept)}
+    groups = {
+        "posterior": xr.Dataset(
+            {name: (dimensions[:2], own[None, kept]) for name, own in values.items()}, labels
+        ),
+        "predictions": xr.Dataset(
+            {
+                name: (dimensions, drawn[column], {"units": unit})
+                for column, (name, unit) in protocol.grid_quantities.items()
+            },
+            {**labels, clock: grid},
+        ),
+    }
+    n_unsolved = int(draws - kept.sum())
+    return PriorDraws(experiment, priors, xr.DataTree.from_dict(groups), n_unsolved)
+
+
+def _each_by_itself(priors: PriorSet) -> PriorSet:
+    """Bound Q_M and beta where nothing is cut, so that no point of the flow law replaces one."""
+    changed = []
+    for name in ("activation_enthalpy", "beta"):
+        prior = priors[name]
+        if not prior.is_fixed:
+            reach = UNCUT * prior.scale
+            lower, upper = prior.location - reach, prior.location + reach
+            changed.append(
+                replace(prior, lower=max(prior.lower, lower), upper=min(prior.upper, upper))
+            )
+    return priors.exchanging(*changed)

@@ -1,0 +1,48 @@
+"""A page of fits that finish one after the other."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pyburgers import Fit, write_report
+
+
+@dataclass(eq=False)
+class GrowingPage:
+    """A page that is written again after each of its fits.
+
+    Attributes
+    ----------
+    out, title, command
+        As for `pyburgers.write_report`.
+    names : sequence of str
+        All fits, by name.
+    shown : sequence of str
+        Those of them that have a section of their own, in the order of the page.
+    at_the_end : str
+        What comes when all fits are done, in words.
+    """
+
+    out: Path
+    title: str
+    command: str
+    names: Sequence[str]
+    shown: Sequence[str]
+    at_the_end: str
+    _found: dict[str, Fit] = field(default_factory=dict, init=False)
+    _drawn: dict[Path, str] = field(default_factory=dict, init=False)
+
+    def add(self, name: str, fit: Fit) -> None:
+        """Write the page with one more fit, and with what is still to come."""
+        self._found[name] = fit
+        fits = [self._found[one] for one in self.shown if one in self._found]
+        if fits:
+            missing = [one for one in self.names if one not in self._found]
+            self.write(fits, to_come=[*missing, self.at_the_end])
+
+    def write(self, fits: Sequence[Fit], **parts: Any) -> Path:
+        """Write the page, with parts as for `pyburgers.write_report`, and return it."""
+        return write_report(
+            fits, self.out, title=self.title, command=self.command, drawn=self._drawn, **parts
+        )

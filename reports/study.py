@@ -1,0 +1,362 @@
+"""The whole study in one call: fits of the shipped experiments and the page about them.
+
+    python reports/study.py --main --out report
+    python reports/study.py --preset paper --out report
+
+The page is there after the first fit and is written again after each; what is about several fits
+comes last. The same command continues where a call stopped.
+"""
+
+import argparse
+import logging
+import shlex
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal, cast
+
+from common import DATA
+from dunite import JOINT_RUN, ONE_RATE, STEPPED, dunite_tasks, rate_steps_section
+from dunite_predictions import predicted_tests, predictions_section
+from growing_page import GrowingPage
+from halite import QUICK as HALITE_RUNS
+from halite import halite_section, halite_tasks
+from maor.sections import ice_attenuation_section, study_sections
+from olivine_spectra import run_name, spectra_section, spectra_tasks
+
+from pyburgers import (
+    Experiment,
+    Fit,
+    InputError,
+    MeasuredAttenuation,
+    OscillationExperiment,
+    PeakStressData,
+    PeakStressFit,
+    PriorSet,
+    PyburgersError,
+    SamplerOptions,
+    Task,
+    Workers,
+    comparison_sections,
+    default_peak_stress_priors,
+    default_priors,
+    fit_peak_stress,
+    fit_side_by_side,
+    flow_law_prior,
+    joint_sections,
+    load_experiment,
+    load_measured_attenuation,
+    load_peak_stress,
+    peak_stress_section,
+    task_of,
+    with_background,
+    with_curve_flow_law,
+    with_flow_law,
+    without_test,
+)
+
+logger = logging.getLogger("pyburgers.study")
+
+PRESETS: Mapping[str, SamplerOptions] = {
+    "quick": SamplerOptions(chains=4, warmup=200, draws=500, seed=1),
+    "paper": SamplerOptions(chains=5, warmup=500, draws=3000, seed=1),
+}
+"""Sampler settings: `paper` has the chains and draws of the paper's Methods. Oscillating tests
+and spectra warm up as long as their kind needs."""
+
+EXTENSIONS = 1
+"""How often the chains of a fit go on whose draws turn out too few: those of the quick preset just
+do for most fits."""
+
+ICE_TWINS = ("PIL40", "PIL72", "PIL105")
+
+OLIVINE_RUNS: Mapping[Literal["kept", "removed"], str] = {
+    "kept": "olivine_kept",
+    "removed": "olivine_removed",
+}
+"""Names of the fits of the olivine record by treatment of its background, the paper's last."""
+
+COMBINED_TWIN, COMBINED_RUN = "PIL40", "PIL40_with_peak_stress"
+"""Test that is fitted once more with the flow law of the peak stresses as prior, and that fit,
+which is compared by standard deviations alone and therefore short under every preset."""
+
+PEAK_STRESS_TABLE = "peak_stress_qi_goldsby_2021"
+HANDED_ON_RUN = f"{PEAK_STRESS_TABLE}_handed_on"
+"""Fit of the same table without that test, whose flow law that test gets."""
+
+MAIN = (ONE_RATE, OLIVINE_RUNS["kept"], "PIL40")
+"""Fits of the main part, as they begin: one of measured rock, which is sampled well in a minute and
+describes its data, then the one that takes longest. The treatment of the olivine record is that of
+its file; with the background removed, as in the paper, the fit takes three times as long."""
+
+LONGEST_FIRST = (
+    JOINT_RUN,
+    "olivine_removed",
+    *STEPPED,
+    *HALITE_RUNS,
+    "PIL40",
+    "PIL72",
+    COMBINED_RUN,
+    "PIL105",
+    "olivine_kept",
+    run_name("band"),
+    run_name("band", without_hottest=True),
+    ONE_RATE,
+    run_name("one element"),
+    run_name("one element", without_hottest=True),
+)
+"""Order in which the fits begin, so that none is left over for one core at the end."""
+
+
+ALL_HERE = Workers()
+
+
+@dataclass(frozen=True)
+class Study:
+    """What a call does.
+
+    Attributes
+    ----------
+    preset : str
+        A key of `PRESETS`.
+    out : Path
+        Folder of the page; the runs go into its subfolder ``runs``, where a call for the whole
+        study finds those of its main part.
+    command : str
+        Command that regenerates the page, for the manifests.
+    workers : Workers
+        Who does the fits.
+    measured : MeasuredAttenuation, optional
+        Points to draw over the spectra of ice, such as those of the paper's Fig. 6, which are not
+        public.
+    """
+
+    preset: str
+    out: Path
+    command: str
+    workers: Workers = ALL_HERE
+    measured: MeasuredAttenuation | None = None
+
+    @property
+    def runs(self) -> Path:
+        """Folder of the runs."""
+        return self.out / "runs" / self.preset
+
+    def page(
+        self, materials: str, names: Sequence[str], shown: Sequence[str], at_the_end: str
+    ) -> GrowingPage:
+        """Return the page, which names what is still to come."""
+        title = f"Nonlinear Burgers fits of {materials} ({self.preset} preset)"
+        return GrowingPage(self.out, title, self.command, names, shown, at_the_end)
+
+    def fit_all(self, tasks: Mapping[str, Task], page: GrowingPage | None) -> dict[str, Fit]:
+        """Do fits in their order, and add each to the page when it is done."""
+        begun = {name: replace(task, extensions=EXTENSIONS) for name, task in tasks.items()}
+        more = {} if page is None else {"after": page.add}
+        return fit_side_by_side(
+            begun, self.runs, workers=self.workers, command=self.command, **more
+        )
+
+    def fit_peak_stresses(self) -> tuple[PeakStressFit, PeakStressFit]:
+        """Fit all measured peak stresses, and those whose flow law is handed on."""
+        found = []
+        for name, (data, priors) in peak_stress_problems().items():
+            about = f"{data.n_points} measured peak stresses: {priors.title}"
+            logger.info(f"Fitting the flow law of {about}.")
+            found.append(fit_peak_stress(data, priors, out=self.runs / name, command=self.command))
+        everything, handed_on = found
+        return everything, handed_on
+
+
+def study_experiments() -> dict[str, Experiment]:
+    """Read the shipped twins of the paper's tests, by the names of their runs."""
+    ice = {name: load_experiment(DATA / "ice" / f"{name}.toml") for name in ICE_TWINS}
+    record = cast(OscillationExperiment, load_experiment(DATA / "olivine" / "olivine_twin.toml"))
+    olivine = {
+        name: replace(with_background(record, background), id=name)
+        for background, name in OLIVINE_RUNS.items()
+    }
+    return {**ice, **olivine}
+
+
+def twin_tasks(preset: str) -> dict[str, Task]:
+    """Return the fits of the twins, by the names of their runs, in the order of the page."""
+    options = PRESETS[preset]
+    settled = replace(options, warmup=None)
+    return {
+        name: task_of(
+            [one], default_priors(one.material), options if name in ICE_TWINS else settled
+        )
+        for name, one in study_experiments().items()
+    }
+
+
+def main_part(study: Study) -> Path:
+    """Fit one test of each kind of `MAIN`, predict attenuation of ice, and return the page."""
+    every = {**twin_tasks(study.preset), **dunite_tasks(PRESETS[study.preset])}
+    page = study.page("dunite, ice and olivine", MAIN, MAIN, "the attenuation of ice")
+    found = study.fit_all({name: every[name] for name in MAIN}, page)
+    ice = {name: found[name] for name in MAIN if name in ICE_TWINS}
+    logger.info("Predicting attenuation.")
+    section = ice_attenuation_section(ice, study.measured)
+    return page.write(list(found.values()), extras=[section], jobs=None)
+
+
+def whole_study(study: Study) -> Path:
+    """Do all fits, show what several of them say together, and return the page.
+
+    The page has the fits, those of measured dunite first and with them which law describes steps of
+    the strain rate and what two tests predict of others, measured attenuation of olivine and what
+    two laws make of it, measured creep of rock salt and where each law misses it, attenuation as
+    the ice fits predict it, what the treatment of the olivine record changes, the paper's
+    statements, the flow law of measured peak stresses, and what that adds to one of the curves.
+    """
+    peak_stress, handed_on = study.fit_peak_stresses()
+    twins = {**twin_tasks(study.preset), COMBINED_RUN: combined_task(handed_on)}
+    dunite, spectra, halite = _measured_tasks(study.preset)
+    page = study.page(
+        "dunite, olivine, halite and ice",
+        LONGEST_FIRST,
+        [name for name in (*dunite, *twins) if name != JOINT_RUN],
+        "what several fits say together",
+    )
+    tasks = {**twins, **dunite, **spectra, **halite}
+    found = study.fit_all({name: tasks[name] for name in LONGEST_FIRST}, page)
+    joint = found[JOINT_RUN]
+    alone = [found[name] for name in dunite if name != JOINT_RUN]
+    fits = [*alone, *joint.tests().values(), *(found[name] for name in twins)]
+    of_spectra = spectra_section({name: found[name] for name in spectra})
+    of_halite = halite_section({name: found[name] for name in halite})
+    of_peaks = peak_stress_section(peak_stress)
+    return page.write(
+        fits,
+        joints=[joint],
+        extras=(
+            rate_steps_section({name: found[name] for name in STEPPED}),
+            predictions_section(joint, predicted_tests()),
+            of_spectra,
+            of_halite,
+            *joint_sections([joint], alone),
+            *study_sections(
+                {name: found[name] for name in ICE_TWINS},
+                {background: found[name] for background, name in OLIVINE_RUNS.items()},
+                study.measured,
+            ),
+            of_peaks,
+            *comparison_sections([joint, *fits]),
+        ),
+        told={
+            of_spectra.key: [found[name] for name in spectra],
+            of_halite.key: [found[name] for name in halite],
+            of_peaks.key: [peak_stress, handed_on],
+        },
+        jobs=None,
+    )
+
+
+def fit_part(study: Study) -> None:
+    """Do a part of the fits of the whole study, which a call without ``--part`` then finds.
+
+    The first part also does the fits of peak stresses, and the one that needs them.
+    """
+    dunite, spectra, halite = _measured_tasks(study.preset)
+    tasks = {**twin_tasks(study.preset), **dunite, **spectra, **halite}
+    mine = study.workers.mine({name: tasks[name] for name in LONGEST_FIRST if name in tasks})
+    if study.workers.part is None or study.workers.part[0] == 1:
+        _, handed_on = study.fit_peak_stresses()
+        mine[COMBINED_RUN] = combined_task(handed_on)
+    replace(study, workers=replace(study.workers, part=None)).fit_all(mine, None)
+
+
+def _measured_tasks(preset: str) -> tuple[dict[str, Task], dict[str, Task], dict[str, Task]]:
+    """Return the fits of measured dunite, spectra and rock salt, by the names of their runs."""
+    options, halite = PRESETS[preset], halite_tasks()
+    quick = {name: halite[name] for name in HALITE_RUNS}
+    return dunite_tasks(options), spectra_tasks(options), quick
+
+
+def peak_stress_problems() -> dict[str, tuple[PeakStressData, PriorSet]]:
+    """Tables and priors of the two fits, by the names of their runs: the second is handed on.
+
+    It has the priors of the curve that gets it, and not the row that may be this curve itself.
+    """
+    table = load_peak_stress(DATA / "ice" / f"{PEAK_STRESS_TABLE}.toml")
+    others = without_test(table, load_experiment(DATA / "ice" / f"{COMBINED_TWIN}.toml"))
+    weak = default_peak_stress_priors("ice")
+    return {
+        PEAK_STRESS_TABLE: (table, weak),
+        HANDED_ON_RUN: (others, with_curve_flow_law(weak, default_priors("ice"))),
+    }
+
+
+def combined_task(handed_on: PeakStressFit) -> Task:
+    """Return the fit of one of the curves that gets its flow law from peak stresses."""
+    twin = study_experiments()[COMBINED_TWIN]
+    priors = with_flow_law(default_priors(twin.material), flow_law_prior(handed_on), HANDED_ON_RUN)
+    return task_of([replace(twin, id=COMBINED_RUN)], priors, PRESETS["quick"])
+
+
+def part_of(text: str) -> tuple[int, int]:
+    """Parse one part of several, such as 1/8."""
+    which, _, number = text.partition("/")
+    if not (which.isdecimal() and number.isdecimal()):
+        raise argparse.ArgumentTypeError(f"found {text!r}, expected I/N such as 1/8")
+    return int(which), int(number)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return its exit code: 0 done, 2 bad input, 1 another error."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument(
+        "--preset", choices=sorted(PRESETS), default="quick", help="how long chains are"
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("report"), metavar="DIR", help="folder of page and runs"
+    )
+    parser.add_argument(
+        "--main",
+        action="store_true",
+        help="only the main part: a test of measured dunite, one curve of ice, the olivine "
+        "oscillation, and the attenuation of ice",
+    )
+    parser.add_argument(
+        "--measured",
+        type=Path,
+        metavar="POINTS.csv",
+        help="measured attenuation of ice to draw over the predicted: columns frequency_Hz, "
+        "tan_delta and, if you like, tan_delta_sd and series",
+    )
+    parser.add_argument("--jobs", type=int, metavar="N", help="fits at the same time")
+    parser.add_argument(
+        "--part",
+        type=part_of,
+        metavar="I/N",
+        help="do the I-th of N parts of the fits of the whole study and nothing else, such as in a "
+        "job array; the same command without it then gathers the results",
+    )
+    options = parser.parse_args(arguments)
+    if options.main and options.part is not None:
+        parser.error("--part is for the whole study; leave out --part or --main.")
+    logging.basicConfig(format="%(message)s")
+    logging.getLogger("pyburgers").setLevel(logging.INFO)
+    typed = sys.argv if arguments is None else ["reports/study.py", *arguments]
+    try:
+        measured = options.measured and load_measured_attenuation(options.measured)
+        workers = Workers(jobs=options.jobs, part=options.part)
+        study = Study(
+            options.preset, options.out, shlex.join(["python", *typed]), workers, measured
+        )
+        if options.part is not None:
+            fit_part(study)
+            print("The fits of part {}/{} are done.".format(*options.part))
+        else:
+            print(f"The page is {main_part(study) if options.main else whole_study(study)}")
+    except PyburgersError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2 if isinstance(error, InputError) else 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,88 @@
+"""Drawings of the model, and its power law beside the hyperbolic sine of the paper's Eq. 2."""
+
+import numpy as np
+import pytest
+from maor.drawings import (
+    circuit,
+    flow_laws_figure,
+    mean_solution,
+    strain_parts,
+)
+from maor.flow_law import (
+    STRESSES,
+    FlowLaws,
+    flow_laws,
+    flow_laws_table,
+)
+from synthetic_fit import make_fit
+
+from pyburgers.fitting.fit import Fit
+
+PEAK = 8e6
+
+
+@pytest.fixture(scope="module")
+def fit(tmp_path_factory: pytest.TempPathFactory) -> Fit:
+    return make_fit(tmp_path_factory.mktemp("ice"), draws=50)
+
+
+@pytest.fixture(scope="module")
+def laws(fit: Fit) -> FlowLaws:
+    return flow_laws(fit, PEAK * STRESSES, shared_stress=PEAK)
+
+
+def test_the_hyperbolic_sine_is_that_of_equation_2(laws: FlowLaws, fit: Fit) -> None:
+    draws = fit.posterior["posterior"].to_dataset()
+    n, p, enthalpy, beta = (
+        draws[name].to_numpy().reshape(-1, 1)
+        for name in ("stress_exponent", "grain_size_exponent", "activation_enthalpy", "beta")
+    )
+    arrhenius = np.exp(enthalpy * (beta - 1 / (8.314462618 * 260.0)))
+    power_law = laws.stress**n * 230e-6**-p * arrhenius
+    assert laws.power_law == pytest.approx(power_law, rel=1e-9)
+    limit = laws.breakdown_stress[:, None]
+    at_peak = PEAK**n * 230e-6**-p * arrhenius
+    expected = at_peak * np.sinh(laws.stress / limit) / np.sinh(PEAK / limit)
+    assert laws.sinh == pytest.approx(expected, rel=1e-9)
+    # Its slope where the laws meet is the stress exponent.
+    slope = PEAK / limit / np.tanh(PEAK / limit)
+    assert slope == pytest.approx(n, rel=1e-6)
+
+
+def test_at_low_stress_it_is_linear_and_the_power_law_is_not(laws: FlowLaws) -> None:
+    low = laws.stress < 0.2 * laws.breakdown_stress.min()
+    assert low.sum() >= 2
+    assert laws.linear[:, low] == pytest.approx(laws.sinh[:, low], rel=7e-3)
+    assert (laws.power_law[:, 0] < 1e-2 * laws.linear[:, 0]).all()
+
+
+def test_the_table_has_the_laws_where_they_agree_and_where_not(laws: FlowLaws) -> None:
+    table = flow_laws_table(laws)
+    at = table[np.isclose(table["stress_Pa"], PEAK)].iloc[0]
+    assert at["hyperbolic_sine_per_s"] == pytest.approx(at["power_law_per_s"], rel=0.02)
+    assert at["linear_per_s"] < 0.5 * at["power_law_per_s"]
+
+
+def test_the_strains_of_the_elements_add_up(fit: Fit) -> None:
+    above, below = strain_parts(fit).axes
+    names = {line.get_label(): line.get_xydata() for line in below.lines}
+    assert list(names) == ["spring $E_M$", "Kelvin element", "power-law dashpot"]
+    assert "strain" in below.get_xlabel()
+    assert "MPa" in above.get_ylabel()
+
+
+def test_the_solution_at_the_mean_is_drawn_over_the_data(fit: Fit) -> None:
+    (axes,) = mean_solution(fit).axes
+    lines = {line.get_label(): line for line in axes.lines}
+    solution = fit.posterior["posterior_mean_solution"]["stress"]
+    drawn = lines["solution at the posterior mean"].get_ydata()
+    assert drawn == pytest.approx(solution.to_numpy() * 1e-6)
+    assert "strain" in axes.get_xlabel()
+
+
+def test_the_circuit_and_the_laws_are_labelled(fit: Fit, laws: FlowLaws) -> None:
+    texts = [text.get_text() for text in circuit().axes[0].texts]
+    assert {"$E_M$", "$E_K$", r"$\eta_K$"} <= set(texts)
+    legend = flow_laws_figure(fit, laws).axes[0].get_legend()
+    assert legend is not None
+    assert "its linear limit" in [text.get_text() for text in legend.get_texts()]

@@ -35,8 +35,7 @@ from pyburgers.common.atomic_files import json_text, write_text
 from pyburgers.common.errors import InputError
 from pyburgers.posterior.labelled_draws import in_display_units
 from pyburgers.protocols.experiment import Provenance
-from pyburgers.sampling.failures import ChainFailure, missing_chains
-from pyburgers.sampling.manifest import COMPLETE
+from pyburgers.sampling.manifest import COMPLETE, ChainFailure, missing_chains
 from pyburgers.sampling.other_modes import recorded_modes
 from pyburgers.sampling.repetitions import SHORTENING, shorten_steps, shortened
 from pyburgers.sampling.run_directory import RunDirectory

@@ -22,7 +22,7 @@ from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.processes import Running, cores, side_by_side
 from pyburgers.common.toml_files import read_json
 from pyburgers.common.units import counted, duration_text
-from pyburgers.sampling.failures import ChainFailure
+from pyburgers.sampling.manifest import ChainFailure
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.repetitions import Resumption, adaptation, resumption
 from pyburgers.sampling.run_directory import RunDirectory

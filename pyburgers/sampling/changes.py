@@ -17,7 +17,7 @@ from pyburgers.sampling.manifest import FitManifest
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
 
-MOST_TOLD = 6
+MAX_TOLD = 6
 """Differences that are told; there are as many as parameters where all priors differ."""
 
 
@@ -69,12 +69,12 @@ def refusal(run: RunDirectory, wanted: Mapping[str, Any], problem: Problem) -> s
         found = ["it is no finished fit of tests"]
     if not found:
         found = ["Stan programs, CmdStan or the compiler are others now"]
-    more = [f"and {len(found) - MOST_TOLD} more"] if len(found) > MOST_TOLD else []
+    more = [f"and {len(found) - MAX_TOLD} more"] if len(found) > MAX_TOLD else []
     longer = ""
     if len(found) == 1 and found[0].startswith("draws "):
         longer = ", or --more-draws N to add draws to its chains"
     return (
-        f"{run.path}: holds a run of other inputs: {'; '.join([*found[:MOST_TOLD], *more])}; "
+        f"{run.path}: holds a run of other inputs: {'; '.join([*found[:MAX_TOLD], *more])}; "
         f"choose another --out, or --overwrite to replace it{longer}."
     )
 

@@ -21,7 +21,7 @@ from pyburgers.posterior.labelled_draws import (
     response_in,
 )
 from pyburgers.protocols.coordinates import OtherMode
-from pyburgers.sampling.failures import ChainFailure
+from pyburgers.sampling.manifest import ChainFailure
 
 
 class CheckKind(Enum):

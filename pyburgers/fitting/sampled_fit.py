@@ -35,8 +35,7 @@ from pyburgers.common.atomic_files import json_text, write_text
 from pyburgers.common.errors import InputError
 from pyburgers.posterior.labelled_draws import in_display_units
 from pyburgers.protocols.experiment import Provenance
-from pyburgers.sampling.failures import ChainFailure, missing_chains
-from pyburgers.sampling.manifest import COMPLETE
+from pyburgers.sampling.manifest import COMPLETE, ChainFailure, missing_chains
 from pyburgers.sampling.other_modes import recorded_modes
 from pyburgers.sampling.repetitions import SHORTENING, shorten_steps, shortened
 from pyburgers.sampling.run_directory import RunDirectory
@@ -48,7 +47,7 @@ FloatArray = npt.NDArray[np.float64]
 MAX_SHORTENED = 2
 """Times that a run is repeated with shorter steps."""
 
-FEW = 0.01
+MAX_DIVERGENT_SHARE = 0.01
 """Share of the trajectories that may diverge for shorter steps to be tried; where more do, it is
 the coordinates or the priors that do not suit the posterior."""
 
@@ -237,25 +236,15 @@ def data_words(name: str, provenance: Provenance) -> str:
 
 
 def put_aside_where_few_diverged(result: SampledFit) -> bool:
-    """Have all chains go on with shorter steps where a few trajectories diverged.
+    """Have all chains go on with shorter steps where a few trajectories diverged; tell whether.
 
     The draws until here are put aside, which the manifest notes (`shorten_steps`): the same command
     samples as many. A run is not shortened more often than `MAX_SHORTENED` times, nor where chains
     are missing.
-
-    Parameters
-    ----------
-    result : SampledFit
-        The run, loaded.
-
-    Returns
-    -------
-    bool
-        Whether there is anything to sample now.
     """
     diverging = result.posterior["sample_stats"]["diverging"]
     divergences = int(diverging.sum())
-    few = 0 < divergences <= FEW * diverging.size
+    few = 0 < divergences <= MAX_DIVERGENT_SHARE * diverging.size
     if not few or len(shortened(result.manifest)) == MAX_SHORTENED or result.missing_chains():
         return False
     shorten_steps(result.directory, divergences)
@@ -276,19 +265,10 @@ def write_tables(result: SampledFit) -> None:
 
 
 def renew_tables(result: SampledFit) -> list[str]:
-    """Write the table and the verdicts of a run again where the files hold others.
+    """Write the tables of a run again where the files hold others, and return their names.
 
-    No hash is noted of them: they follow from the draws, and nothing reads them but people.
-
-    Parameters
-    ----------
-    result : SampledFit
-        The run, loaded. What a run that is not complete has not written yet is left to it.
-
-    Returns
-    -------
-    list of str
-        Names of the files that were written.
+    No hash is noted of them: they follow from the draws, and nothing reads them but people. What a
+    run that is not complete has not written yet is left to it.
     """
     complete = result.manifest["status"] == COMPLETE
     renewed = []

@@ -5,7 +5,7 @@ its priors in ``inputs/`` and `FLOW_LAW_PRIOR_FILE` beside the draws.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Self
@@ -290,11 +290,10 @@ def fit_peak_stress(
             run.update_manifest(
                 run_record(
                     run,
+                    {"sampler": asdict(options), "use_likelihood": use_likelihood},
                     name=data.id,
                     data_kind=data.provenance.kind,
-                    options=options,
                     identity=identity,
-                    use_likelihood=use_likelihood,
                     command=command,
                 )
             )

@@ -26,8 +26,7 @@ from pyburgers.model.display import shown_quantity, unit_text
 from pyburgers.model.parameters import REFERENCE_QUANTITIES, Parameter
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
-from pyburgers.sampling.intact import REMEDY
-from pyburgers.sampling.run_directory import RunDirectory
+from pyburgers.sampling.run_directory import REMEDY, RunDirectory
 
 logger = logging.getLogger(__name__)
 
@@ -130,23 +129,10 @@ def keep_posterior(
     data_kind: str,
     clocks: Mapping[str, str] | None = None,
 ) -> xr.DataTree:
-    """Save groups of draws as the posterior of a run.
+    """Save groups of draws, by ArviZ's names, as the posterior of a run, and return them as a tree.
 
-    Parameters
-    ----------
-    run : RunDirectory
-        A run with finished chains, which the draws are of.
-    groups : mapping of str to Dataset
-        By ArviZ's names.
-    experiment, data_kind : str
-        Name of the experiment or table, and the kind of its provenance.
-    clocks : mapping of str to str, optional
-        Name of the clock of each test; its part of the tree has it as attribute.
-
-    Returns
-    -------
-    DataTree
-        What was saved.
+    The run has the finished chains that the draws are of. The tree's attributes name experiment or
+    table, the kind of its provenance, and the clock of each test in its part.
     """
     tree: xr.DataTree = xr.DataTree.from_dict(
         {name: dataset.drop_attrs(deep=False) for name, dataset in groups.items()}
@@ -170,17 +156,7 @@ def keep_posterior(
 def load_posterior(run: RunDirectory, manifest: Mapping[str, Any]) -> xr.DataTree | None:
     """Labelled draws of a run, or None where they are not complete or lack finished draws.
 
-    Parameters
-    ----------
-    run : RunDirectory
-        The run.
-    manifest : mapping
-        Of the run, as it was read, with the hash of the draws.
-
-    Raises
-    ------
-    InputError
-        If the file has changed since the run, by the hash of the bytes that are read.
+    Raises `InputError` if the bytes that are read have another hash than `manifest` notes.
     """
     noted = manifest.get("posterior_sha256")
     if not run.posterior_file.is_file() or noted is None:

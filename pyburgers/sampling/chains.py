@@ -22,7 +22,7 @@ from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.processes import Running, cores, side_by_side
 from pyburgers.common.toml_files import read_json
 from pyburgers.common.units import counted, duration_text
-from pyburgers.sampling.failures import ChainFailure
+from pyburgers.sampling.manifest import ChainFailure
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.repetitions import Resumption, adaptation, resumption
 from pyburgers.sampling.run_directory import RunDirectory
@@ -37,17 +37,10 @@ _ITERATION = re.compile(rb"^Iteration:\s*(\d+) /.*\((\w+)\)\s*$", re.MULTILINE)
 
 @contextmanager
 def shown_progress(chains: Sequence[int], total: int) -> Iterator[Advance]:
-    """Show how far each chain is while the block runs.
+    """Show how far each chain, of `total` iterations with warm-up, is while the block runs.
 
     Bars are drawn on standard error if that is a terminal, save by processes beside each other,
     which would draw over each other's bars.
-
-    Parameters
-    ----------
-    chains : sequence of int
-        Chains to show.
-    total : int
-        Iterations of each chain, warm-up included.
     """
     if sys.stderr.isatty() and parent_process() is None:
         with bars(chains, total, sys.stderr) as advance:
@@ -58,15 +51,7 @@ def shown_progress(chains: Sequence[int], total: int) -> Iterator[Advance]:
 
 @contextmanager
 def bars(chains: Sequence[int], total: int, stream: TextIO) -> Iterator[Advance]:
-    """Draw a bar for each chain; the last state stays on the screen.
-
-    Parameters
-    ----------
-    chains, total
-        As for `shown_progress`.
-    stream : file object
-        A terminal.
-    """
+    """Draw a bar for each chain on a terminal; the last state stays on the screen."""
     with Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -88,10 +73,7 @@ def bars(chains: Sequence[int], total: int, stream: TextIO) -> Iterator[Advance]
 
 
 def quarter_messages(chains: Sequence[int], total: int) -> Advance:
-    """Return what logs a line for each quarter of all chains together, with the time left.
-
-    Arguments are those of `shown_progress`.
-    """
+    """Return what logs a line for each quarter of all chains together, with the time left."""
     done = dict.fromkeys(chains, 0)
     started, last = time.monotonic(), 0
 
@@ -110,13 +92,7 @@ def quarter_messages(chains: Sequence[int], total: int) -> Advance:
 
 
 class ConsoleFile:
-    """The console of a chain, read while CmdStan writes it.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    """
+    """The console of a chain, read while CmdStan writes it."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -171,15 +147,7 @@ DIGITS = 12
 
 @dataclass(frozen=True)
 class Extension:
-    """Draws that finished chains are extended by.
-
-    Attributes
-    ----------
-    number : int
-        Which extension it is, from 1.
-    draws : int
-        How many draws each chain gets.
-    """
+    """Draws that finished chains are extended by: which extension it is, from 1, and how many."""
 
     number: int
     draws: int
@@ -192,30 +160,11 @@ def run_side_by_side(
     options: SamplerOptions,
     extension: Extension | None = None,
 ) -> tuple[ChainFailure, ...]:
-    """Run chains side by side, as many as the options say; stop them all on an interrupt.
+    """Run chains side by side, as many as the options say, and return those that did not finish.
 
-    Parameters
-    ----------
-    model : Program
-        The program.
-    run : RunDirectory
-        Claimed, with Stan data and initial values.
-    chains : sequence of int
-        Their identifiers.
-    options : SamplerOptions
-        Settled settings.
-    extension : Extension, optional
-        What finished chains go on with; without it they start.
-
-    Returns
-    -------
-    tuple of ChainFailure
-        Those that did not finish.
-
-    Raises
-    ------
-    SamplingError
-        If the system starts no process.
+    The run directory is claimed, with Stan data and initial values. With an extension finished
+    chains go on, without one they start. All are stopped on an interrupt. Raises `SamplingError` if
+    the system starts no process.
     """
     active: dict[Running, _Chain] = {}
     resumed = {chain: resumption(run, chain) for chain in chains} if extension is None else {}
@@ -410,14 +359,7 @@ def _warmup_phases(run: RunDirectory, warmup: int) -> dict[str, int]:
 def _explain_failure(run: RunDirectory, one: _Chain, defect: str = "") -> ChainFailure:
     """Put into one sentence what ended a chain, where, and what to try; keep its console.
 
-    Parameters
-    ----------
-    run : RunDirectory
-        That the chain is of.
-    one : _Chain
-        Ended.
-    defect : str
-        What is wrong with its draws, of a process that ended well.
+    `defect` says what is wrong with the draws of a process that ended well.
     """
     chain, running = one.identifier, one.running
     code, text = running.process.returncode, running.printed()

@@ -1,11 +1,12 @@
-"""What differs between the run in a folder and the one that is asked for, in words."""
+"""The run that is asked for: its record, its inputs, and what differs from the one in a folder."""
 
 import tempfile
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from pyburgers.common.atomic_files import sha256_of_file, write_atomically
 from pyburgers.common.errors import InputError
 from pyburgers.model.priors import load_priors, save_priors
 from pyburgers.model.variants import variant_of
@@ -16,113 +17,114 @@ from pyburgers.sampling.manifest import FitManifest
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
 
-MOST_TOLD = 6
+MAX_TOLD = 6
 """Differences that are told; there are as many as parameters where all priors differ."""
 
 
-@dataclass(frozen=True)
-class Wanted:
-    """A run that is asked for.
-
-    Attributes
-    ----------
-    problem : Problem
-        What is fitted.
-    options : SamplerOptions
-        Settled settings of the sampler.
-    solver : SolverOptions
-        Settings of the solver.
-    use_likelihood : bool
-        Whether data take part.
-    """
-
-    problem: Problem
-    options: SamplerOptions
-    solver: SolverOptions
-    use_likelihood: bool
+def problem_record(problem: Problem) -> dict[str, Any]:
+    """Note what is fitted: tests, pooling, variant of the model, another source of the flow law."""
+    priors = problem.given_priors
+    return {
+        "experiments": [experiment.id for experiment in problem.experiments],
+        "pooling": problem.pooling.record(),
+        "variant": variant_of(problem.priors[0], problem.experiments[0]).record(),
+        "priors_from": None if priors.flow_law is None else priors.flow_law.source,
+    }
 
 
-def refusal(run: RunDirectory, wanted: Wanted) -> str:
-    """Say what is other in the run that a folder holds, and what can be done.
+def wanted_record(
+    problem: Problem, options: SamplerOptions, solver: SolverOptions, *, use_likelihood: bool
+) -> dict[str, Any]:
+    """Note what is asked for, as the manifest of a run has it; options are settled ones."""
+    return {
+        **problem_record(problem),
+        "sampler": asdict(options),
+        "solver": asdict(solver),
+        "use_likelihood": use_likelihood,
+    }
 
-    Parameters
-    ----------
-    run : RunDirectory
-        With a manifest.
-    wanted : Wanted
-        Another run.
-    """
+
+def write_inputs(run: RunDirectory, problem: Problem) -> None:
+    """Save what a run needs to be trusted and repeated; written once, before sampling."""
+    for experiment in problem.experiments:
+        file = run.test_file(experiment.id)
+        if file.is_file():
+            continue
+        scratch = run.new_scratch()
+        save_experiment(experiment, scratch)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        # The TOML file goes last: it is what tells that the copy is complete.
+        for written in sorted(scratch.iterdir(), key=lambda file: file.suffix == ".toml"):
+            written.replace(file.parent / written.name)
+    # As given: they are resolved for each test by itself.
+    write_atomically(run.priors_file, lambda path: save_priors(problem.given_priors, path))
+
+
+def refusal(run: RunDirectory, wanted: Mapping[str, Any], problem: Problem) -> str:
+    """Say what is other in the run that a folder holds than in a `wanted_record`; what to do."""
     try:
-        found = list(differences(run, wanted))
+        manifest = run.read_manifest(FitManifest)
+        found = list(_differences(run, manifest, wanted, problem))
     except (InputError, OSError):  # damaged, or of another kind
         found = ["it is no finished fit of tests"]
     if not found:
         found = ["Stan programs, CmdStan or the compiler are others now"]
-    more = [f"and {len(found) - MOST_TOLD} more"] if len(found) > MOST_TOLD else []
+    more = [f"and {len(found) - MAX_TOLD} more"] if len(found) > MAX_TOLD else []
     longer = ""
     if len(found) == 1 and found[0].startswith("draws "):
         longer = ", or --more-draws N to add draws to its chains"
     return (
-        f"{run.path}: holds a run of other inputs: {'; '.join([*found[:MOST_TOLD], *more])}; "
+        f"{run.path}: holds a run of other inputs: {'; '.join([*found[:MAX_TOLD], *more])}; "
         f"choose another --out, or --overwrite to replace it{longer}."
     )
 
 
-def differences(run: RunDirectory, wanted: Wanted) -> Iterator[str]:
-    """Return what is asked for and what the run in a folder has, where they differ.
-
-    Raises
-    ------
-    InputError
-        If the folder holds no such run.
-    """
-    manifest = run.read_manifest(FitManifest)
-    problem = wanted.problem
-    names = [experiment.id for experiment in problem.experiments]
-    if names != manifest["experiments"]:
-        yield _told("tests", "+".join(names), "+".join(manifest["experiments"]))
-        return
-    for name, value in asdict(wanted.options).items():
-        if name not in INDECISIVE and value != manifest["sampler"][name]:
-            yield _told(name, value, manifest["sampler"][name])
-    threads = wanted.options.threads_per_chain, manifest["sampler"].get("threads_per_chain", 1)
-    if len(names) > 1 and (threads[0] > 1) != (threads[1] > 1):
-        yield _told("threads_per_chain", *threads)
-    if wanted.use_likelihood != manifest["use_likelihood"]:
-        kinds = {True: "data and prior", False: "the prior alone"}
-        yield _told("draws of", kinds[wanted.use_likelihood], kinds[manifest["use_likelihood"]])
-    tightened = [*manifest.get("noisy", []), *manifest["refits"]]
-    tolerance = (*tightened, manifest["solver"])[0]["tolerance"]
-    if wanted.solver.tolerance != tolerance:
-        yield _told("tolerance", f"{wanted.solver.tolerance:g}", f"{tolerance:g}")
-    before = manifest.get("variant", {})
-    for part, law in variant_of(problem.priors[0], problem.experiments[0]).record().items():
-        if law != before.get(part):
-            yield _told(part, law, before.get(part))
-    pooled = problem.pooling.record()["kinds"]
-    for name in problem.free if len(names) > 1 else ():
-        if pooled.get(name) != manifest["pooling"]["kinds"].get(name):
-            yield _told(
-                f"pooling of {name}", pooled.get(name), manifest["pooling"]["kinds"].get(name)
-            )
-    with tempfile.TemporaryDirectory() as folder:
-        yield from _other_files(run, problem, Path(folder))
+def _differences(
+    run: RunDirectory, manifest: Mapping[str, Any], wanted: Mapping[str, Any], problem: Problem
+) -> Iterator[str]:
+    """Return what is asked for and what the run has, where they differ."""
+    ours, theirs = (_decisive(record, problem.free) for record in (wanted, manifest))
+    different = [name for name in ours if ours[name] != theirs.get(name)]
+    for name in different[:1] if "tests" in different else different:
+        yield f"{name} {ours[name]} where the run has {theirs.get(name)}"
+    if "tests" not in different:
+        yield from _other_files(run, problem)
 
 
-def _other_files(run: RunDirectory, problem: Problem, scratch: Path) -> Iterator[str]:
+def _decisive(record: Mapping[str, Any], free: Sequence[str]) -> dict[str, Any]:
+    """Return what decides the draws of a run by its name in messages, the tests first."""
+    tests, sampler = record["experiments"], record["sampler"]
+    # The tolerance that was asked for; what follows from the draws tightens it.
+    tightened = [*record.get("noisy", []), *record.get("refits", []), record["solver"]]
+    decisive = {
+        "tests": "+".join(tests),
+        **{name: value for name, value in sampler.items() if name not in INDECISIVE},
+        "draws of": "data and prior" if record["use_likelihood"] else "the prior alone",
+        "tolerance": f"{tightened[0]['tolerance']:g}",
+        **record.get("variant", {}),
+    }
+    if len(tests) > 1:
+        threads = sampler.get("threads_per_chain", 1)
+        decisive["threads_per_chain"] = "2 or more" if threads > 1 else "1"
+        pooled = record["pooling"]["kinds"]
+        decisive |= {f"pooling of {name}": pooled.get(name) for name in free}
+    return decisive
+
+
+def _other_files(run: RunDirectory, problem: Problem) -> Iterator[str]:
     """Compare the copies of tests and priors with those that the run would have."""
-    for experiment in problem.experiments:
-        folder = scratch / experiment.id
-        folder.mkdir()
-        save_experiment(experiment, folder)
-        there = run.test_file(experiment.id).parent
-        for file in sorted(folder.iterdir()):
-            other = there / file.name
-            if not other.is_file() or other.read_bytes() != file.read_bytes():
-                what = "the file" if file.suffix == ".toml" else "readings"
-                yield f"{what} of test {experiment.id}"
-    save_priors(problem.given_priors, scratch / "priors.toml")
-    now, before = load_priors(scratch / "priors.toml"), load_priors(run.priors_file)
+    with tempfile.TemporaryDirectory() as folder:
+        copy = RunDirectory(Path(folder))
+        copy.inputs.mkdir()
+        write_inputs(copy, problem)
+        for experiment in problem.experiments:
+            files = sorted(copy.test_file(experiment.id).parent.iterdir())
+            for name, digest in copy.hashes(files).items():
+                there = run.path / name
+                if not there.is_file() or sha256_of_file(there) != digest:
+                    what = "the file" if name.endswith(".toml") else "readings"
+                    yield f"{what} of test {experiment.id}"
+        now, before = load_priors(copy.priors_file), load_priors(run.priors_file)
     for name in dict.fromkeys([*now.priors, *before.priors]):
         ours, theirs = now.priors.get(name), before.priors.get(name)
         numbers = [None if one is None else (one.family, one.numbers()) for one in (ours, theirs)]
@@ -130,7 +132,3 @@ def _other_files(run: RunDirectory, problem: Problem, scratch: Path) -> Iterator
             yield f"prior of {name}"
     if now.flow_law != before.flow_law:
         yield "prior of the flow law"
-
-
-def _told(name: str, ours: Any, theirs: Any) -> str:
-    return f"{name} {ours} where the run has {theirs}"

@@ -36,23 +36,12 @@ LEAST_SPREAD = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class ChosenChart:
-    """Coordinates of a run.
+    """Coordinates of a run: "plain", or the name of the protocol's chart, and why they were taken.
 
-    Attributes
-    ----------
-    name : str
-        "plain", or that of the protocol's chart (`docs/coordinates.md`).
-    reason : str
-        Why they were taken.
-    block : dict
-        Stan data of the coordinates.
-    centre : array, shape (n_coordinates,), or None
-        The posterior mode, or a point near it; None where chains start from the prior with the
-        unit metric.
-    covariance : array, shape (n_coordinates, n_coordinates), or None
-        Laplace approximation there.
-    other_modes : tuple of OtherMode
-        Those that were met beside the posterior mode.
+    `block` has the Stan data of the coordinates. Around the `centre`, shape (n_coordinates,), the
+    posterior mode or a point near it, `covariance` is the Laplace approximation, shape
+    (n_coordinates, n_coordinates). Both are None if chains start from the prior with the unit
+    metric. `other_modes` are those that were met beside the posterior mode.
     """
 
     name: str
@@ -72,13 +61,7 @@ class ChosenChart:
 
 
 def check_coordinates(problem: Problem, wanted: str) -> None:
-    """Check that coordinates are for tests of a protocol.
-
-    Raises
-    ------
-    InputError
-        If they are not.
-    """
+    """Raise `InputError` if the coordinates that are wanted are not for the tests of a protocol."""
     *charts, last = ("auto", *problem.protocol.charts)
     if wanted not in (*charts, last):
         raise InputError(
@@ -98,27 +81,11 @@ def choose_chart(
 ) -> ChosenChart:
     """Set up the chart that suits at the posterior mode, or fall back to plain coordinates.
 
-    Parameters
-    ----------
-    problem : Problem
-        Tests, priors, pooling.
-    data : dict
-        Its data in plain coordinates. Where they switch the likelihood off, coordinates stay
-        plain and chains start from the prior: what data fix is a poor guide to it.
-    find_mode : callable
-        Returns the mode or raises `pyburgers.cmdstan.program.ModeNotFound`.
-    wanted : str
-        "auto" takes the chart of the protocol where priors and records suit it; checked by
-        `check_coordinates`.
-    seed : int
-        For the record of the optimiser; it draws nothing.
-    solver : SolverOptions
-        Tolerance and step limit.
-
-    Raises
-    ------
-    InputError
-        If the coordinates that were asked for do not suit priors or records.
+    The data are in plain coordinates. Where they switch the likelihood off, coordinates stay plain
+    and chains start from the prior: what data fix is a poor guide to it. `find_mode` returns the
+    mode or raises `ModeNotFound`. If "auto" is `wanted`, the chart is taken where priors and
+    records suit it. The seed is for the record of the optimiser, which draws nothing. Raises
+    `InputError` if the coordinates that were asked for do not suit priors or records.
     """
     if not data["use_likelihood"]:
         return ChosenChart("plain", "the likelihood is off", {})
@@ -149,17 +116,7 @@ def choose_chart(
 
 
 def at_mode(problem: Problem, mode: Mode, solver: SolverOptions) -> AtMode[Any]:
-    """Return what charts are set up with.
-
-    Parameters
-    ----------
-    problem : Problem
-        One test.
-    mode : Mode
-        Its mode.
-    solver : SolverOptions
-        Tolerance and step limit.
-    """
+    """Return what charts are set up with, for a problem of one test and its mode."""
     model = load_program(problem.protocol.program)
     data = program_data(problem, solver=solver)
     position = np.append(mode.coordinate, mode.driving_error)
@@ -258,28 +215,8 @@ def laplace_at_mode(
 ) -> tuple[FloatArray, FloatArray]:
     """Climb to the mode in the coordinates that the data choose.
 
-    Parameters
-    ----------
-    model : Program
-        The program.
-    data : dict
-        Its data.
-    start : array, shape (n_coordinates,)
-        Where to climb from.
-    seed : int
-        For the optimiser's record.
-
-    Returns
-    -------
-    centre : array, shape (n_coordinates,)
-        The mode.
-    covariance : array, shape (n_coordinates, n_coordinates)
-        Laplace approximation there.
-
-    Raises
-    ------
-    ModeNotFound
-        If the optimiser fails.
+    Returns it, shape (n_coordinates,), and the covariance of the Laplace approximation there, shape
+    (n_coordinates, n_coordinates). Raises `ModeNotFound` if the optimiser fails.
     """
     (_, found), *_ = model.ends(data, [{"coordinate": start.tolist()}], seed=seed)
     centre = np.asarray(found["coordinate"], dtype=np.float64)
@@ -289,14 +226,6 @@ def laplace_at_mode(
 def expected_rise(
     model: Program, data: StanData, centre: FloatArray, covariance: FloatArray
 ) -> float:
-    """Rise of the log density from a point to the mode of its quadratic approximation there.
-
-    Parameters
-    ----------
-    model, data, centre
-        As for `laplace_metric`.
-    covariance : array, shape (n_coordinates, n_coordinates)
-        Its result.
-    """
+    """Rise of the log density from a point to the mode of its quadratic approximation there."""
     (gradient,) = model.gradients(data, "coordinate", [centre])
     return float(gradient @ covariance @ gradient) / 2

@@ -10,16 +10,10 @@ FloatArray = npt.NDArray[np.float64]
 
 
 def log_density_at(program: Program, data: StanData, points: FloatArray) -> FloatArray:
-    """Log density of coordinates, minus infinity where the model has no solution.
+    """Log density at points, shape (n_points, n_coordinates), of a program with its data.
 
-    Parameters
-    ----------
-    program : Program
-        Program whose parameter is the vector ``coordinate``.
-    data : dict
-        Its data.
-    points : array, shape (n_points, n_coordinates)
-        Coordinates.
+    It is minus infinity where the model has no solution. The program's parameter is the vector
+    ``coordinate``.
     """
     solved, drawn = program.generate_at(data, "coordinate", points, ALL_DIGITS)
     found = np.full(len(points), -np.inf)

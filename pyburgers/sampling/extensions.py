@@ -6,7 +6,7 @@ from pyburgers.cmdstan.program import Program
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import counted
 from pyburgers.sampling.chains import Extension, run_side_by_side
-from pyburgers.sampling.failures import ChainFailure
+from pyburgers.sampling.manifest import ChainFailure
 from pyburgers.sampling.options import MOST_DRAWS, SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
 
@@ -14,21 +14,9 @@ logger = logging.getLogger(__name__)
 
 
 def require_extendable(run: RunDirectory, more_draws: int, *, overwrite: bool) -> None:
-    """Check, before anything is done, that draws can be added to a run.
+    """Raise `InputError`, before anything is done, if so many draws cannot be added to a run.
 
-    Parameters
-    ----------
-    run : RunDirectory
-        Where the run has to be.
-    more_draws : int
-        Draws for every chain.
-    overwrite : bool
-        Whether a run of other inputs there would be removed.
-
-    Raises
-    ------
-    InputError
-        If the number is out of range, there is no run, or it may be removed.
+    The number may be out of range, there may be no run, or it may be removed.
     """
     option = f"--more-draws {more_draws}"
     if not 1 <= more_draws <= MOST_DRAWS:
@@ -48,26 +36,11 @@ def require_extendable(run: RunDirectory, more_draws: int, *, overwrite: bool) -
 def extend_chains(
     model: Program, run: RunDirectory, options: SamplerOptions, more_draws: int | None
 ) -> tuple[ChainFailure, ...]:
-    """Extend the finished chains as often as was asked for, now or before.
+    """Extend the finished chains of a claimed run as often as was asked for, now or before.
 
-    An extension that fails in all chains leaves the run as it was: it would fail again whenever
-    the run is continued. What some chains have of it stays, and is completed first.
-
-    Parameters
-    ----------
-    model : Program
-        The program.
-    run : RunDirectory
-        Claimed, with a manifest.
-    options : SamplerOptions
-        Settled settings.
-    more_draws : int or None
-        Draws that are asked for now.
-
-    Returns
-    -------
-    tuple of ChainFailure
-        Chains that could not be extended.
+    Returns the chains that could not be extended. An extension that fails in all chains leaves the
+    run as it was: it would fail again whenever the run is continued. If it ends in some chains, it
+    stays, and is completed first.
     """
     asked = _asked(run, more_draws)
     for number, draws in enumerate(asked, start=1):

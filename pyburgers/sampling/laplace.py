@@ -25,22 +25,10 @@ LEAST_CURVATURE = 0.15
 
 
 def laplace_metric(model: Program, data: StanData, centre: FloatArray) -> FloatArray:
-    """Covariance of the Laplace approximation around the posterior mode.
+    """Covariance of the Laplace approximation at a mode, shape (n_coordinates, n_coordinates).
 
-    Parameters
-    ----------
-    model : Program
-        Program whose parameter is the vector ``coordinate``.
-    data : dict
-        Its data.
-    centre : array, shape (n_coordinates,)
-        The mode in the coordinates that the data choose.
-
-    Returns
-    -------
-    array, shape (n_coordinates, n_coordinates)
-        Inverse of the Hessian of minus the log density by central differences of Stan's
-        gradients, with its eigenvalues kept above `LEAST_CURVATURE`.
+    The program's parameter is the vector ``coordinate``. It is the inverse of the Hessian of minus
+    the log density, whose eigenvalues are kept above `LEAST_CURVATURE`.
     """
     steps: FloatArray = DIFFERENCE * np.eye(centre.size)
     for _ in range(1 + N_REFINEMENTS):
@@ -59,19 +47,10 @@ def curvature_at(
     centre: FloatArray,
     steps: FloatArray | None = None,
 ) -> FloatArray:
-    """Hessian of minus the log density.
+    """Hessian of minus the log density, symmetric, by central differences of Stan's gradients.
 
-    Parameters
-    ----------
-    model, data, centre
-        As for `laplace_metric`.
-    steps : array, shape (n_coordinates, n_coordinates), optional
-        Steps of the differences as columns; default: `DIFFERENCE` along each coordinate.
-
-    Returns
-    -------
-    array, shape (n_coordinates, n_coordinates)
-        By central differences of Stan's gradients, symmetric.
+    The columns of `steps`, shape (n_coordinates, n_coordinates), are the steps of the differences;
+    by default `DIFFERENCE` along each coordinate.
     """
     if steps is None:
         steps = DIFFERENCE * np.eye(centre.size)

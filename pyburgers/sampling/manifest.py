@@ -1,6 +1,8 @@
 """What the manifest of a run holds, checked on reading: users may have touched it."""
 
-from typing import Literal
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
@@ -134,3 +136,40 @@ class FitManifest(RunManifest):
     refits: list[_Refit] = Field(description="runs that were put aside")
     coordinates: _Coordinates = Field(description="coordinates of the sampler")
     other_modes: list[_OtherMode] = Field([], description="modes that chains do not start from")
+
+
+@dataclass(frozen=True)
+class ChainFailure:
+    """A chain that did not finish.
+
+    Attributes
+    ----------
+    chain : int
+        Identifier.
+    reason : str
+        What ended it, where, and what to try, as one sentence.
+    by_system : bool
+        Whether the system killed it or the disk was full: another try may end well.
+    """
+
+    chain: int
+    reason: str
+    by_system: bool = False
+
+
+def missing_chains(
+    finished: Iterable[int], manifest: Mapping[str, Any]
+) -> tuple[ChainFailure, ...]:
+    """Return the chains that a run was asked for and does not have, and why."""
+    noted = {failure["chain"]: ChainFailure(**failure) for failure in manifest["failures"]}
+    missing = set(range(1, manifest["sampler"]["chains"] + 1)) - set(finished)
+    return tuple(noted.get(chain) or _stopped(chain) for chain in sorted(missing))
+
+
+def _stopped(chain: int) -> ChainFailure:
+    """Return a chain of which nothing is noted."""
+    return ChainFailure(
+        chain,
+        f"Chain {chain} has not run to its end because the run was stopped; run the same command "
+        "again: it runs only the missing chains.",
+    )

@@ -16,10 +16,10 @@ from pyburgers.sampling.laplace import laplace_metric
 
 FloatArray = npt.NDArray[np.float64]
 
-DEEPEST = 12.0
+MAX_DEPTH = 12.0
 """Of the log density below the highest mode: from further below, no volume makes up for it."""
 
-NEAR = 3.0
+MIN_MODE_DISTANCE = 3.0
 """Distance of two ends, in standard deviations at the one, from which on they are two modes."""
 
 
@@ -28,22 +28,11 @@ def modes_beside_the_highest(
 ) -> list[tuple[float, dict[str, FloatArray]]]:
     """Return the modes among ends of climbs other than the first, which is the highest.
 
-    Parameters
-    ----------
-    model : Program
-        Program whose parameter is the vector ``coordinate``.
-    data : dict
-        Its data.
-    ends : sequence
-        Log density and variables of each, the best first (`Program.ends`).
-
-    Returns
-    -------
-    list
-        Of each mode ln of its weight over that of the highest, and the variables there.
+    The ends have log density and variables, the best first (`Program.ends`). Each mode is returned
+    with ln of its weight over that of the highest, and the variables there.
     """
     (highest, at_highest), *others = ends
-    candidates = [end for end in others if end[0] > highest - DEEPEST]
+    candidates = [end for end in others if end[0] > highest - MAX_DEPTH]
     if not candidates:
         return []
     try:
@@ -55,7 +44,7 @@ def modes_beside_the_highest(
     found: list[tuple[float, dict[str, FloatArray]]] = []
     for density, variables in candidates:
         place = _place(variables)
-        if any(_distance(place, *mode) < NEAR for mode in known):
+        if any(_distance(place, *mode) < MIN_MODE_DISTANCE for mode in known):
             continue
         # An end beside which the solver has no solution is no mode.
         with suppress(SamplingError):

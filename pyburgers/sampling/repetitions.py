@@ -28,16 +28,9 @@ trajectories that diverge faster (`docs/coordinates_trials.md`).
 class Resumption:
     """What a chain goes on from, without a warm-up, where one was put aside for its divergences.
 
-    Attributes
-    ----------
-    draws_file : Path
-        CmdStan's CSV of the chain that was put aside last; its last draw is the start.
-    adapted : Adaptation
-        The shorter step, and the metric of the first warm-up.
-    number : int
-        How often steps were shortened.
-    seconds : float
-        Wall time that the chain has taken until then (s).
+    `draws_file` is the CSV of the chain that was put aside last, whose last draw is the start;
+    `adapted` has the shorter step, and the metric of the first warm-up; `number` says how often
+    steps were shortened, `seconds` how long the chain has taken until then.
     """
 
     draws_file: Path
@@ -52,22 +45,11 @@ def tolerance_in(run: RunDirectory) -> float:
 
 
 def tighten_solver(run: RunDirectory, pareto_k: float) -> float:
-    """Put a run's chains aside and have them sampled again at a tighter tolerance.
+    """Put a run's chains aside and have them sampled again at a tighter tolerance, the result.
 
-    Coordinates, metric and initial values stay; `pyburgers.sampling.run.run_chains` with the same
-    inputs then runs all chains. The manifest's list ``refits`` notes what was put aside and why.
-
-    Parameters
-    ----------
-    run : RunDirectory
-        A run with finished chains.
-    pareto_k : float
-        Its diagnostic of the solver's tolerance.
-
-    Returns
-    -------
-    float
-        The new tolerance.
+    Coordinates, metric and initial values stay; `run_chains` with the same inputs then runs all
+    chains. The manifest's list ``refits`` notes what was put aside and why: `pareto_k` is the
+    diagnostic of the tolerance until here.
     """
     loose = tolerance_in(run)
     manifest = run.read_manifest()
@@ -85,16 +67,9 @@ def shorten_steps(run: RunDirectory, divergences: int) -> None:
     """Put a run's chains aside and have them go on, all of them, with shorter steps.
 
     A chain takes its own step or that of the middle chain, whichever is shorter, divided by
-    `SHORTENING`: chains with the longest steps diverge most. `pyburgers.sampling.run.run_chains`
-    with the same inputs then runs all chains, from their last draws. The manifest's list
-    ``shortened`` notes what was put aside and why.
-
-    Parameters
-    ----------
-    run : RunDirectory
-        A run with finished chains.
-    divergences : int
-        How many of their trajectories diverged.
+    `SHORTENING`: chains with the longest steps diverge most. `run_chains` with the same inputs then
+    runs all chains, from their last draws. The manifest's list ``shortened`` notes what was put
+    aside, and how many trajectories diverged.
     """
     manifest = run.read_manifest()
     before = shortened(manifest)
@@ -121,10 +96,7 @@ def adaptation(run: RunDirectory, chain: int) -> Adaptation:
 def resumption(run: RunDirectory, chain: int) -> Resumption | None:
     """Return what a chain goes on from, None where it starts with a warm-up.
 
-    Raises
-    ------
-    InputError
-        If what was put aside is gone or has changed.
+    Raises `InputError` if what was put aside is gone or has changed.
     """
     aside = [one for one in shortened(run.read_manifest()) if str(chain) in one["step_sizes"]]
     if not aside:

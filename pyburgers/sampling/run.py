@@ -2,7 +2,7 @@
 
 import logging
 import platform
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -13,12 +13,7 @@ import numpy as np
 
 from pyburgers.cmdstan.program import Program, load_program, shares_work
 from pyburgers.cmdstan.toolchain import cmdstan_version, compiler_version, find_cmdstan
-from pyburgers.common.atomic_files import (
-    sha256_of_file,
-    sha256_of_json,
-    write_atomically,
-    write_json,
-)
+from pyburgers.common.atomic_files import sha256_of_json, write_json
 from pyburgers.common.errors import (
     InputError,
     PyburgersError,
@@ -27,17 +22,14 @@ from pyburgers.common.errors import (
     ToolchainError,
 )
 from pyburgers.common.toml_files import read_json
-from pyburgers.model.priors import save_priors
-from pyburgers.model.variants import variant_of
 from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.protocol import save_experiment
 from pyburgers.protocols.stan_data import SolverOptions, StanData, decisive
 from pyburgers.sampling.chains import run_side_by_side
-from pyburgers.sampling.changes import Wanted, refusal
+from pyburgers.sampling.changes import refusal, wanted_record, write_inputs
 from pyburgers.sampling.charts import ChosenChart, check_coordinates, choose_chart
 from pyburgers.sampling.extensions import extend_chains
-from pyburgers.sampling.failures import ChainFailure
+from pyburgers.sampling.manifest import ChainFailure
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
 from pyburgers.sampling.other_modes import modes_record
 from pyburgers.sampling.repetitions import TIGHTENING, shortened, tolerance_in
@@ -58,14 +50,8 @@ PACKAGES = ("pyburgers", "cmdstanpy", "arviz", "numpy", "scipy", "pandas", "xarr
 def fingerprint(data: StanData, options: SamplerOptions, recipe: str) -> str:
     """Hash of everything that decides the draws of a chain (not how many chains there are).
 
-    Parameters
-    ----------
-    data : dict
-        Stan data in plain coordinates; other coordinates follow from them and the seed.
-    options : SamplerOptions
-        Settings of the sampler.
-    recipe : str
-        Hash of the program, its compiler and its flags.
+    The data are in plain coordinates: others follow from them and the seed. `recipe` is the hash of
+    the program, its compiler and its flags.
     """
     chosen = {k: v for k, v in asdict(options).items() if k not in INDECISIVE}
     return sha256_of_json({"data": decisive(data), "options": chosen, "program": recipe})
@@ -82,38 +68,13 @@ def run_chains(
     more_draws: int | None = None,
     overwrite: bool = False,
 ) -> tuple[ChainFailure, ...]:
-    """Run the chains that a run directory lacks and record everything in it.
+    """Run the chains that a run directory lacks, record everything in it, return what failed.
 
-    Parameters
-    ----------
-    problem : Problem
-        Tests, priors, pooling.
-    directory : Path
-        Run directory, new or of an earlier run with the same inputs.
-    options, solver
-        Sampler and solver.
-    use_likelihood : bool
-        False samples the prior.
-    command : str
-        What regenerates the run, for the manifest.
-    more_draws : int, optional
-        Draws by which every chain is extended, see `complete_chains`.
-    overwrite : bool
-        Whether a run of other inputs in the directory is removed.
-
-    Returns
-    -------
-    tuple of ChainFailure
-        Chains that did not finish; the others are in the directory.
-
-    Raises
-    ------
-    InputError
-        If the directory holds a different run or cannot be written.
-    SamplingError
-        If no chain finished, or one could not be extended.
-    KeyboardInterrupt
-        Passed on after the chains were stopped; the same call continues the run.
+    The directory is new, or of an earlier run with the same inputs; if a run of others is there,
+    `overwrite` has it removed. Every chain is extended by `more_draws`. `command` regenerates the
+    run, for its manifest. Raises `InputError` if the directory holds a different run or cannot be
+    written, `SamplingError` if no chain finished, or one could not be extended. On a
+    `KeyboardInterrupt` the chains are stopped; the same call continues the run.
     """
     check_coordinates(problem, options.coordinates)
     options = options.suited_to(problem.protocol)
@@ -121,13 +82,13 @@ def run_chains(
     run = RunDirectory(directory)
     model = _program_for(problem, options)
     identity = fingerprint(data, options, model.recipe)
-    wanted = Wanted(problem, options, solver, use_likelihood)
+    wanted = wanted_record(problem, options, solver, use_likelihood=use_likelihood)
     if run.manifest_file.is_file() and run.read_manifest().get("fingerprint") != identity:
         if not overwrite:
-            raise InputError(refusal(run, wanted))
+            raise InputError(refusal(run, wanted, problem))
         run.clear(identity)
     with run.claimed(identity):
-        _write_inputs(run, problem)
+        write_inputs(run, problem)
         if not run.stan_data_file.is_file():
             chosen = choose_chart(
                 problem,
@@ -141,20 +102,17 @@ def run_chains(
             settled = _settle_tolerance(run, problem, data, chosen, seed=options.seed)
             # Last: it tells that all is there.
             write_json(run.stan_data_file, settled)
-        record = run_record(
-            run,
-            name=problem.name,
-            data_kind=problem.data_kind,
-            options=options,
-            identity=identity,
-            use_likelihood=use_likelihood,
-            command=command,
-        )
         known = run.read_manifest()
         run.update_manifest(
             {
-                **record,
-                **problem_record(problem),
+                **run_record(
+                    run,
+                    wanted,
+                    name=problem.name,
+                    data_kind=problem.data_kind,
+                    identity=identity,
+                    command=command,
+                ),
                 "refits": known.get("refits", []),
                 "shortened": shortened(known),
                 "solver": {**asdict(solver), "tolerance": tolerance_in(run)},
@@ -172,10 +130,7 @@ def run_chains(
 def _program_for(problem: Problem, options: SamplerOptions) -> Program:
     """Return the program that samples, in as many threads as were asked for and have tests.
 
-    Raises
-    ------
-    InputError
-        If threads cannot share the tests.
+    Raises `InputError` if threads cannot share the tests.
     """
     program, threads = problem.protocol.program, options.threads_for(len(problem.experiments))
     if threads > 1 and not shares_work(program):
@@ -194,34 +149,13 @@ def complete_chains(
     *,
     more_draws: int | None = None,
 ) -> tuple[ChainFailure, ...]:
-    """Run the chains that a claimed run directory lacks and note in its manifest how they ended.
+    """Run the chains that a claimed run directory lacks, note how they ended, return what failed.
 
-    Parameters
-    ----------
-    model : Program
-        The program.
-    run : RunDirectory
-        With its inputs, Stan data and manifest.
-    options : SamplerOptions
-        Settled settings.
-    draw_start : callable
-        Start of a chain, by its identifier; called where the directory has none.
-    more_draws : int, optional
-        Draws by which every chain is extended, after an earlier extension by another number that
-        was interrupted. An extension goes on where the chains ended, with their step size and
-        metric; the draws that are there stay as they are.
-
-    Returns
-    -------
-    tuple of ChainFailure
-        Chains that did not finish.
-
-    Raises
-    ------
-    SamplingError
-        If no chain finished, now or before, or one could not be extended.
-    SystemFailureError
-        If it was the system that ended them.
+    The directory has its inputs, Stan data and manifest; `draw_start` is called for the start of a
+    chain, by its identifier, if the directory has none. After an earlier extension that was
+    interrupted every chain is extended by `more_draws`: it goes on where it ended, with its step
+    size and metric, and the draws that are there stay. Raises `SamplingError` if no chain finished,
+    now or before, or one could not be extended, `SystemFailureError` if the system ended them.
     """
     wanted = range(1, options.chains + 1)
     missing = [chain for chain in wanted if chain not in run.finished_chains()]
@@ -310,88 +244,35 @@ def _draw_start(
     return draw_start_around(model, data, centre, covariance, seed=seed, chain=chain)
 
 
-def _write_inputs(run: RunDirectory, problem: Problem) -> None:
-    """Save what the run needs to be trusted and repeated; written once, before sampling."""
-    for experiment in problem.experiments:
-        file = run.test_file(experiment.id)
-        if file.is_file():
-            continue
-        scratch = run.new_scratch()
-        save_experiment(experiment, scratch)
-        file.parent.mkdir(parents=True, exist_ok=True)
-        # The TOML file goes last: it is what tells that the copy is complete.
-        for written in sorted(scratch.iterdir(), key=lambda file: file.suffix == ".toml"):
-            written.replace(file.parent / written.name)
-    # As given: they are resolved for each test by itself.
-    write_atomically(run.priors_file, lambda path: save_priors(problem.given_priors, path))
-
-
-def problem_record(problem: Problem) -> dict[str, Any]:
-    """Note what is fitted: tests, pooling, variant of the model, another source of the flow law."""
-    priors = problem.given_priors
-    return {
-        "experiments": [experiment.id for experiment in problem.experiments],
-        "pooling": problem.pooling.record(),
-        "variant": variant_of(problem.priors[0], problem.experiments[0]).record(),
-        "priors_from": None if priors.flow_law is None else priors.flow_law.source,
-    }
-
-
 def run_record(
     run: RunDirectory,
+    wanted: Mapping[str, Any],
     *,
     name: str,
     data_kind: str,
-    options: SamplerOptions,
     identity: str,
-    use_likelihood: bool,
     command: str,
 ) -> dict[str, Any]:
-    """Note what will run: command, settings, versions, hashes of the inputs.
+    """Note in one record what will run: what is asked for, command, versions, hashes of the inputs.
 
-    Parameters
-    ----------
-    run : RunDirectory
-        With its inputs and Stan data.
-    name, data_kind : str
-        Experiment or table, and the kind of its provenance.
-    options : SamplerOptions
-        Settled settings.
-    identity : str
-        `fingerprint` of the run.
-    use_likelihood : bool
-        Whether data take part.
-    command : str
-        What regenerates the run.
-
-    Returns
-    -------
-    dict
-        Entries of the manifest.
+    The directory has inputs and Stan data; `name` and `data_kind` are those of experiment or table,
+    `identity` is the `fingerprint`, `command` regenerates the run.
     """
     read_by_chains = [file for file in (run.stan_data_file, run.metric_file) if file.is_file()]
     return {
+        **wanted,
         "fingerprint": identity,
         "experiment": name,
         "data_kind": data_kind,
         **origin_record(run, command, [*files_in(run.inputs), *read_by_chains]),
         "failures": [],
-        "sampler": asdict(options),
-        "use_likelihood": use_likelihood,
     }
 
 
-def origin_record(run: RunDirectory, command: str, inputs: Iterable[Path]) -> dict[str, Any]:
+def origin_record(run: RunDirectory, command: str, inputs: Sequence[Path]) -> dict[str, Any]:
     """Note what regenerates a folder: command, versions, hashes of the inputs; and that it runs.
 
-    Parameters
-    ----------
-    run : RunDirectory
-        The folder; where it holds a part of the same already, it was begun when that says.
-    command : str
-        What regenerates it.
-    inputs : iterable of Path
-        Files in it.
+    If the folder holds a part of the same already, it was begun when that says.
     """
     known = run.read_manifest() if run.manifest_file.is_file() else {}
     return {
@@ -399,7 +280,7 @@ def origin_record(run: RunDirectory, command: str, inputs: Iterable[Path]) -> di
         "started": known.get("started", datetime.now(UTC).isoformat(timespec="seconds")),
         "status": "sampling",
         "versions": software_versions(),
-        "hashes": {file.relative_to(run.path).as_posix(): sha256_of_file(file) for file in inputs},
+        "hashes": run.hashes(inputs),
     }
 
 

@@ -2,7 +2,8 @@
 
 Files are written beside their final name and renamed over it; a chain's folder is filled under
 ``.scratch`` and renamed into place as a whole. What is under ``.scratch`` is never read, nor are
-files whose name starts with `UNFINISHED`; both are removed when the run is continued.
+files whose name starts with `UNFINISHED`; both are removed when the run is continued. The hashes
+that a run notes tell what has changed since.
 """
 
 import re
@@ -25,8 +26,7 @@ from pyburgers.common.atomic_files import (
     write_json,
 )
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import TableT, checked, read_json
-from pyburgers.sampling.intact import NotedDraws, chain_record, require_as_noted
+from pyburgers.common.toml_files import TableT, checked, read_json, read_json_table
 from pyburgers.sampling.manifest import ChainRecord, RecordedHashes
 
 PATIENCE = 120.0
@@ -45,16 +45,17 @@ WRITTEN = frozenset(
 )
 """What a fit writes into its run directory beside its manifest."""
 
+REMEDY = (
+    "put back what the run wrote, or remove the directory and run the command in its manifest "
+    "again (without posterior.nc it is gathered again, without a folder in chains/ that chain is "
+    "run again)"
+)
+"""What to do about a file that is not as the run wrote it."""
+
 
 @dataclass(frozen=True)
 class RunDirectory:
-    """Names of the files of one run.
-
-    Attributes
-    ----------
-    path : Path
-        The directory.
-    """
+    """Files of one run below its `path`, what it notes of them, and who may write them."""
 
     path: Path
 
@@ -146,13 +147,7 @@ class RunDirectory:
         return tuple(sorted(int(name[1]) for name in found if name is not None))
 
     def require_a_chain(self) -> None:
-        """Check that there are draws to read.
-
-        Raises
-        ------
-        InputError
-            If no chain is complete.
-        """
+        """Raise `InputError` if no chain is complete, so that there are no draws to read."""
         if not self.finished_chains():
             status = self.read_manifest().get("status")
             raise InputError(
@@ -160,30 +155,10 @@ class RunDirectory:
                 "its manifest again to complete it."
             )
 
-    def chain_records(self) -> dict[str, dict[str, Any]]:
-        """Return wall time (``wall_seconds``) and hash (``sha256``) of each finished chain.
-
-        Raises
-        ------
-        InputError
-            If the file in which a chain noted them was damaged.
-        """
-        extension = self.n_extensions()
-        files = {chain: self.timing_file(chain, extension) for chain in self.finished_chains()}
-        return {str(chain): chain_record(file).model_dump() for chain, file in files.items()}
-
     def read_manifest(self, structure: type[TableT] | None = None) -> dict[str, Any]:
-        """Read the manifest.
+        """Read the manifest, and check that it holds a `structure` if one is given.
 
-        Parameters
-        ----------
-        structure : class, optional
-            What it has to hold (`pyburgers.sampling.manifest`).
-
-        Raises
-        ------
-        InputError
-            If the directory is not a run or its manifest was damaged.
+        Raises `InputError` if the directory is no run or its manifest was damaged.
         """
         if not self.manifest_file.is_file():
             raise InputError(
@@ -194,23 +169,41 @@ class RunDirectory:
             checked(self.manifest_file, manifest, structure)
         return manifest
 
-    def read_stan_data(self) -> dict[str, Any]:
-        """Read the data that every chain read.
+    def update_manifest(self, changes: Mapping[str, Any]) -> None:
+        """Merge `changes` into the manifest's top level."""
+        current = self.read_manifest() if self.manifest_file.is_file() else {}
+        write_json(self.manifest_file, {**current, **changes})
 
-        Raises
-        ------
-        InputError
-            If the file was damaged.
-        """
+    def read_stan_data(self) -> dict[str, Any]:
+        """Read the data that every chain read; raise `InputError` if the file was damaged."""
         return read_json(self.stan_data_file)
 
-    def require_unchanged(self) -> None:
-        """Check that files are those that the run has written, by the hashes that it noted.
+    def hashes(self, files: Sequence[Path]) -> dict[str, str]:
+        """Return the hashes of files in the directory, by their paths in it."""
+        return {file.relative_to(self.path).as_posix(): sha256_of_file(file) for file in files}
 
-        Raises
-        ------
-        InputError
-            If one has changed or, save draws that can be made again, is missing.
+    def note_hash(self, file: Path) -> None:
+        """Note the hash of a file that was written after the chains and will be read back."""
+        noted = self.read_manifest().get("hashes", {})
+        self.update_manifest({"hashes": {**noted, **self.hashes([file])}})
+
+    def chain_record(self, chain: int, extension: int) -> ChainRecord:
+        """Read what a finished chain noted; raise `InputError` if it is missing or damaged."""
+        try:
+            return read_json_table(self.timing_file(chain, extension), ChainRecord)
+        except InputError as error:
+            raise InputError(f"{str(error).rstrip('.')}; {REMEDY}.") from error
+
+    def chain_records(self) -> dict[str, dict[str, Any]]:
+        """Return `chain_record` of every finished chain, by its identifier as text."""
+        extension = self.n_extensions()
+        chains = self.finished_chains()
+        return {str(one): self.chain_record(one, extension).model_dump() for one in chains}
+
+    def require_unchanged(self) -> None:
+        """Raise `InputError`, which names them all, if files differ from the noted hashes.
+
+        Draws that can be made again may be missing.
         """
         self._compare(self.read_manifest(), sha256_of_file)
 
@@ -220,19 +213,9 @@ class RunDirectory:
     ) -> Iterator["RunDirectory"]:
         """Give a private copy of the noted files, of the bytes whose hash was compared.
 
-        Whoever reads the copy reads nothing that came into the directory after the comparison.
-
-        Parameters
-        ----------
-        manifest : mapping
-            As it was read, with the hashes.
-        with_draws : bool
-            Whether the draws of the chains are copied too, else they are only compared.
-
-        Raises
-        ------
-        InputError
-            As `require_unchanged`.
+        Whoever reads the copy reads nothing that came into the directory after the comparison with
+        the hashes in `manifest`. The chains are only compared unless `with_draws` asks for them
+        too. Raises as `require_unchanged`.
         """
         with tempfile.TemporaryDirectory(prefix="pyburgers-") as folder:
             copy = RunDirectory(Path(folder))
@@ -247,63 +230,57 @@ class RunDirectory:
             yield copy
 
     def _compare(self, manifest: Mapping[str, Any], hash_of: Callable[[Path], str]) -> None:
-        """Compare the hashes of a manifest with those that files have."""
+        """Compare files with what a manifest and the chains note of them."""
         recorded = checked(self.manifest_file, manifest, RecordedHashes)
-        noted = {self.path / name: found for name, found in recorded.hashes.items()}
+        noted = dict(recorded.hashes)
         if self.posterior_file.is_file() and recorded.posterior_sha256 is not None:
-            noted[self.posterior_file] = recorded.posterior_sha256
-        made = [self.posterior_file, self.summary_file, self.checks_file]
-        draws = list(self._noted_draws(recorded.chains))
-        require_as_noted(self.path, noted, draws, made, hash_of)
-
-    def _noted_draws(self, recorded: Mapping[str, ChainRecord]) -> Iterator[NotedDraws]:
-        """Return the draws of finished chains with their hashes, those in the manifest as well."""
+            noted[self.posterior_file.name] = recorded.posterior_sha256
+        wrong = [
+            f"{name} {'has changed' if found else 'is missing'}"
+            for name, digest in noted.items()
+            if (found := _hash_of_file(self.path / name, hash_of)) != digest
+        ]
         for chain in self.finished_chains():
-            record = recorded.get(str(chain))
             for extension in range(self.n_extensions() + 1):
-                # A run that was killed after it had extended its chains has noted the old.
-                known = record is not None and record.extension == extension
-                yield NotedDraws(
-                    file=self.draws_file(chain, extension),
-                    timing_file=(timing := self.timing_file(chain, extension)),
-                    own=chain_record(timing).sha256,
-                    in_manifest=record.sha256 if record is not None and known else None,
-                )
+                wrong += self._faults_of_chain(chain, extension, recorded, hash_of)
+        made_again = (self.posterior_file, self.summary_file, self.checks_file)
+        wrong += [f"{file.name} has become a folder" for file in made_again if file.is_dir()]
+        if wrong:
+            raise InputError(
+                f"{self.path}: {', '.join(wrong)} since the run, whose hashes say so; {REMEDY}."
+            )
 
-    def update_manifest(self, changes: Mapping[str, Any]) -> None:
-        """Merge `changes` into the manifest's top level."""
-        current = self.read_manifest() if self.manifest_file.is_file() else {}
-        write_json(self.manifest_file, {**current, **changes})
-
-    def note_hash(self, file: Path) -> None:
-        """Note the hash of a file that was written after the chains and will be read back."""
-        hashes = self.read_manifest().get("hashes", {})
-        name = file.relative_to(self.path).as_posix()
-        self.update_manifest({"hashes": {**hashes, name: sha256_of_file(file)}})
+    def _faults_of_chain(
+        self, chain: int, extension: int, recorded: RecordedHashes, hash_of: Callable[[Path], str]
+    ) -> list[str]:
+        """Say which differs: the draws of a chain, or what one of two files notes of their hash."""
+        files = self.draws_file(chain, extension), self.timing_file(chain, extension)
+        draws, timing = (file.relative_to(self.path).as_posix() for file in files)
+        own = self.chain_record(chain, extension).sha256
+        record = recorded.chains.get(str(chain))
+        # A run that was killed after it had extended its chains has noted the old.
+        known = record is not None and record.extension == extension
+        noted = record.sha256 if record is not None and known else None
+        found = _hash_of_file(files[0], hash_of)
+        if found == own:
+            is_noted = noted in (None, found)
+            return [] if is_noted else [f"the hash of {draws} in manifest.json has changed"]
+        if found is None:
+            return [f"{draws} is missing"]
+        if found == noted:
+            return [f"{timing} has changed"]
+        return [f"{draws} has changed" if noted else f"{draws} or {timing} has changed"]
 
     @contextmanager
     def claimed(
         self, fingerprint: str, folders: Sequence[str] = FOLDERS, *, shared: bool = False
     ) -> Iterator[None]:
-        """Hold the directory for a run with these inputs, new or to be continued.
+        """Hold the directory, with `folders` in it, for a run with these inputs, new or continued.
 
-        A second process is kept out; a killed process lets go.
-
-        Parameters
-        ----------
-        fingerprint : str
-            Hash of everything that decides the draws.
-        folders : sequence of str
-            Folders to make in it.
-        shared : bool
-            Whether others with the same inputs may be at work in it: it is waited for, and nothing
-            in it is cleared.
-
-        Raises
-        ------
-        InputError
-            If the directory holds another run, or other files, or cannot be written, or a file of
-            the run has changed, or another process runs here.
+        A second process is kept out; a killed process lets go. `shared` says that others with the
+        same inputs may be at work in it: it is waited for, and nothing in it is cleared. Raises
+        `InputError` if the directory holds another run or other files or cannot be written, a file
+        of the run has changed, or another process runs here.
         """
         self._refuse_others(fingerprint)
         with self._locked(PATIENCE if shared else 0.0):
@@ -365,7 +342,7 @@ class RunDirectory:
         try:
             if not self.manifest_file.is_file():
                 # Before everything else, so that a run killed early is known as ours.
-                write_json(self.manifest_file, {"fingerprint": fingerprint, "status": "claimed"})
+                self._note_claim(fingerprint)
             self.require_unchanged()
             # What is written from here on is noted when it is complete.
             self.update_manifest({"hashes": {}, "chains": self.chain_records()})
@@ -379,18 +356,14 @@ class RunDirectory:
         except OSError as error:
             raise InputError(f"{self.path}: cannot be written ({error.strerror}).") from error
 
+    def _note_claim(self, fingerprint: str) -> None:
+        """Write the manifest of a run of which there is nothing yet."""
+        write_json(self.manifest_file, {"fingerprint": fingerprint, "status": "claimed"})
+
     def clear(self, fingerprint: str) -> None:
-        """Remove the run, and nothing else that may lie in the directory, to make place for one.
+        """Remove the run, and nothing else that may lie here, to make place for another one.
 
-        Parameters
-        ----------
-        fingerprint : str
-            Of the run that comes.
-
-        Raises
-        ------
-        InputError
-            If another process runs here, or files cannot be removed.
+        Raises `InputError` if another process runs here, or files cannot be removed.
         """
         with self._locked(0.0):
             try:
@@ -402,7 +375,7 @@ class RunDirectory:
                     else:
                         entry.unlink()
                 # Until here the manifest says what is left of the old run.
-                write_json(self.manifest_file, {"fingerprint": fingerprint, "status": "claimed"})
+                self._note_claim(fingerprint)
             except OSError as error:
                 raise InputError(f"{self.path}: cannot be removed ({error.strerror}).") from error
 
@@ -417,17 +390,9 @@ class RunDirectory:
         return folder
 
     def supersede_chains(self, name: str) -> str:
-        """Put the finished chains, and what was made of them, aside.
+        """Put the finished chains aside under a name, and return where they are in the directory.
 
-        Parameters
-        ----------
-        name : str
-            Tells these chains from others that were put aside.
-
-        Returns
-        -------
-        str
-            Where the chains are now, relative to the run directory.
+        What was made of them is removed.
         """
         aside = self.path / "superseded" / name
         aside.parent.mkdir(exist_ok=True)
@@ -443,16 +408,18 @@ class RunDirectory:
         self, chain: int, finished: Path, *, wall_seconds: float, extension: int = 0
     ) -> None:
         """Note a finished chain in its folder and move that into place, all files at once."""
-        record = {
-            "wall_seconds": wall_seconds,
-            "sha256": sha256_of_file(finished / "draws.csv"),
-            "extension": extension,
-        }
-        write_json(finished / "timing.json", record)
+        digest = sha256_of_file(finished / "draws.csv")
+        record = ChainRecord(wall_seconds=wall_seconds, sha256=digest, extension=extension)
+        write_json(finished / "timing.json", record.model_dump())
         for file in finished.iterdir():
             flush_to_disk(file)
         finished.rename(self.extended_folder(chain, extension))
         flush_to_disk(self.path / "chains")
+
+
+def _hash_of_file(file: Path, hash_of: Callable[[Path], str]) -> str | None:
+    """Return the hash of a file, None where there is none."""
+    return hash_of(file) if file.is_file() else None
 
 
 def _is_ours(entry: Path) -> bool:
@@ -463,10 +430,7 @@ def _is_ours(entry: Path) -> bool:
 def names_of_runs(directories: Sequence[Path]) -> list[str]:
     """Name runs by their folders, with as many of the folders above as tell them apart.
 
-    Raises
-    ------
-    InputError
-        If two are the same.
+    Raises `InputError` if two are the same.
     """
     parts = [directory.resolve().parts for directory in directories]
     for depth in range(1, max(map(len, parts), default=1) + 1):

@@ -16,10 +16,10 @@ from pyburgers.sampling.repetitions import TIGHTENING
 
 FloatArray = npt.NDArray[np.float64]
 
-MOST_NOISE = 0.3
+MAX_NOISE = 0.3
 """Of the log density, with which sampling still goes well (`docs/coordinates_trials.md`)."""
 
-MOST_TIGHTENED = 3
+MAX_TIGHTENINGS = 3
 """Times that the tolerance is tightened for it, if that many are needed."""
 
 N_LINES, N_POINTS = 2, 20
@@ -28,15 +28,7 @@ N_LINES, N_POINTS = 2, 20
 
 @dataclass(frozen=True)
 class Noisy:
-    """A tolerance that was found too loose.
-
-    Attributes
-    ----------
-    tolerance : float
-        Of the solver.
-    noise : float
-        Of the log density at that tolerance.
-    """
+    """A tolerance of the solver that is too loose, and the noise of the log density there."""
 
     tolerance: float
     noise: float
@@ -47,29 +39,21 @@ def noisy_tolerances(
 ) -> list[Noisy]:
     """Return the tolerances, from that of the data on, at which the log density is too noisy.
 
-    The one `TIGHTENING` times tighter than the last of them is good to sample with.
-
-    Parameters
-    ----------
-    model : Program
-        Program whose parameter is the vector ``coordinate``.
-    data : dict
-        Its data, in the coordinates that chains move in.
-    centre, covariance : array, shape (n_coordinates,) and (n_coordinates, n_coordinates)
-        Of the Laplace approximation of the posterior.
-    seed : int
-        For the directions of the lines.
+    The one `TIGHTENING` times tighter than the last of them is good to sample with. The data are in
+    the coordinates that chains move in; centre, shape (n_coordinates,), and covariance, shape
+    (n_coordinates, n_coordinates), are those of the Laplace approximation. The seed decides the
+    directions of the lines.
     """
     points, place = _lines(centre, covariance, np.random.default_rng(seed))
     exact = log_density_at(model, {**data, **solver_block(REFERENCE_SOLVER)}, points)
     found: list[Noisy] = []
     tolerance = float(data["tolerance"])
-    for _ in range(MOST_TIGHTENED):
+    for _ in range(MAX_TIGHTENINGS):
         density = log_density_at(model, {**data, "tolerance": tolerance}, points)
         with np.errstate(invalid="ignore"):  # two points without a solution
             error = density - exact
         noise = max(_jumps(one, place) for one in np.split(error, N_LINES))
-        if noise <= MOST_NOISE:
+        if noise <= MAX_NOISE:
             break
         found.append(Noisy(tolerance, noise))
         tolerance /= TIGHTENING

@@ -56,26 +56,9 @@ def draw_initial_values(
     """Draw a start in plain coordinates from the priors, again where a test has no solution.
 
     Partially pooled parameters are drawn apart for each test; centre and spread are put around
-    them.
-
-    Parameters
-    ----------
-    problem : Problem
-        Tests, priors, pooling.
-    programs : sequence of Program
-        From `programs_of_tests`.
-    seed, chain : int
-        The start depends on these two alone.
-
-    Returns
-    -------
-    dict
-        Initial values as the program's parameters block wants them.
-
-    Raises
-    ------
-    SamplingError
-        If none of `INITIAL_ATTEMPTS` prior draws has a finite solution in every test.
+    them. The programs are those of the tests (`programs_of_tests`); the start depends on seed and
+    chain alone. Returns what the program's parameters block wants. Raises `SamplingError` if none
+    of `INITIAL_ATTEMPTS` draws has a finite solution in every test.
     """
     rng = np.random.default_rng([seed, chain])
     reference = problem.protocol.reference.name
@@ -109,23 +92,11 @@ def position_of(
     spreads: FloatArray,
     errors: Sequence[FloatArray] = (),
 ) -> FloatArray:
-    """Return coordinates from plain ones of each test and spreads over their scales.
+    """Return coordinates of a problem, shape (n_coordinates,), with centres at the mean over tests.
 
-    Parameters
-    ----------
-    problem : Problem
-        Tests, priors, pooling.
-    plain : sequence of array, shape (n_parameters,)
-        Plain coordinates of each test by itself.
-    spreads : array, shape (n_partial,)
-        Of partially pooled parameters, over the scales of their priors.
-    errors : sequence of array
-        Of what drives each test; 0 where none are given.
-
-    Returns
-    -------
-    array, shape (n_coordinates,)
-        Of the problem, with centres at the mean over the tests.
+    `plain` has the plain coordinates of each test by itself, `spreads`, shape (n_partial,), those
+    of partially pooled parameters over the scales of their priors, `errors` those of what drives
+    each test; 0 where none are given.
     """
     layout = problem.layout
     position = np.zeros(layout.size)
@@ -159,29 +130,9 @@ def draw_start_around(
 
     The Laplace approximation with its floor under the curvature is as wide as the prior where the
     data say little, so that starts are dispersed there, and they begin near the curve elsewhere.
-
-    Parameters
-    ----------
-    model : Program
-        The program.
-    data : dict
-        Its data.
-    centre : array, shape (n_coordinates,)
-        The mode.
-    covariance : array, shape (n_coordinates, n_coordinates)
-        `pyburgers.sampling.laplace.laplace_metric`.
-    seed, chain : int
-        The start depends on these two alone.
-
-    Returns
-    -------
-    dict
-        Initial values as the program's parameters block wants them.
-
-    Raises
-    ------
-    SamplingError
-        If none of `INITIAL_ATTEMPTS` draws has a finite solution.
+    The covariance, shape (n_coordinates, n_coordinates), is that of `laplace_metric`; the start
+    depends on seed and chain alone. Raises `SamplingError` if none of `INITIAL_ATTEMPTS` draws has
+    a solution.
     """
     rng = np.random.default_rng([seed, chain])
     factor = np.linalg.cholesky(covariance)
@@ -203,21 +154,8 @@ def find_mode(problem: Problem, *, seed: int, solver: SolverOptions) -> ProblemM
     """Climb from the best of some draws of the prior, and on from every end more accurately.
 
     Where tests hang together, also from the modes of single tests: draws of the prior alone can all
-    end where a test is not fitted at all.
-
-    Parameters
-    ----------
-    problem : Problem
-        Tests, priors, pooling.
-    seed : int
-        Decides the prior draws.
-    solver : SolverOptions
-        Tolerance and step limit.
-
-    Raises
-    ------
-    ModeNotFound
-        If the optimiser fails from all starts, or for a single test.
+    end where a test is not fitted at all. The seed decides the prior draws. Raises `ModeNotFound`
+    if the optimiser fails from all starts, or for a single test.
     """
     model = load_program(problem.protocol.program)
     data, ends = _ends(problem, model, seed=seed, solver=solver)

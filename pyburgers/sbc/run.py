@@ -31,10 +31,11 @@ from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.protocol import load_experiment, save_experiment
 from pyburgers.protocols.stan_data import SolverOptions, decisive
 from pyburgers.protocols.together import pooling_for
+from pyburgers.sampling.changes import problem_record
 from pyburgers.sampling.charts import check_coordinates
 from pyburgers.sampling.manifest import COMPLETE, PoolingRecord, RecordedHashes, SamplerRecord
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
-from pyburgers.sampling.run import files_in, origin_record, problem_record
+from pyburgers.sampling.run import files_in, origin_record
 from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sbc.data_sets import DataSetPlan, check_template, replicate
 from pyburgers.sbc.rank_uniformity import RankBands, RankVerdict, judge_ranks, rank_bands

@@ -27,7 +27,7 @@ from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.verdicts import verdicts
 from pyburgers.posterior.labelled_draws import DRIVING_ERRORS, convergence_table, free_parameters
 from pyburgers.protocols.coordinates import OtherMode
-from pyburgers.sampling.failures import ChainFailure
+from pyburgers.sampling.manifest import ChainFailure
 
 FloatArray = npt.NDArray[np.float64]
 CHAINS, DRAWS, POINTS = 4, 500, 60

@@ -1,6 +1,7 @@
 """Joint fits through the run directory: what is written, continued, refused and shown."""
 
 import logging
+import re
 import shutil
 from pathlib import Path
 
@@ -8,12 +9,14 @@ import numpy as np
 import pytest
 from conftest import POOL, SMALL_RUN, Problem, copy_of, pair_of
 from figure_texts import legend_texts
+from matplotlib.colors import rgb_to_hsv, to_hex, to_rgb
 
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.same_data import fits_alone
 from pyburgers.fitting.fit import Fit, fit_jointly
 from pyburgers.posterior.labelled_draws import total_log_likelihood
 from pyburgers.report.joint_section import (
+    INTERVALS_CAPTION,
     intervals,
     joint_section,
     pooling_table,
@@ -151,6 +154,34 @@ def test_intervals_show_fits_of_single_tests_where_there_are_some(
     panels = [axes for axes in figure.axes if axes.get_xlabel()]
     assert len(panels) == 4
     assert [len(axes.patches) for axes in panels] == [2, 2, 0, 0]
+
+
+HUES = {"red": (0, 15), "orange": (15, 45), "green": (90, 170), "blue": (190, 250)}
+"""Degrees of hue that a reader calls by these names."""
+
+
+def colour_word(colour: str) -> str:
+    hue = 360 * rgb_to_hsv(to_rgb(colour))[0]
+    (word,) = (name for name, (low, high) in HUES.items() if low <= hue < high)
+    return word
+
+
+def test_the_caption_names_the_colours_of_the_intervals(joint: Fit, small_fit: Fit) -> None:
+    words = re.findall(r"in the (joint fit|fit of the test alone) \((\w+)\)", INTERVALS_CAPTION)
+    (legend,) = intervals(joint, [small_fit]).legends
+    drawn = [colour_word(str(line.get_color())) for line in legend.get_lines()]
+    assert drawn == [word for _, word in words]
+    alone, together = (
+        {
+            to_hex(tuple(colour))
+            for axes in intervals(joint, fits).axes
+            for bars in axes.collections
+            for colour in np.atleast_2d(np.asarray(bars.get_edgecolor()))
+        }
+        for fits in ([small_fit], [])
+    )
+    assert {colour_word(colour) for colour in together} == {drawn[0]}
+    assert {colour_word(colour) for colour in alone - together} == {drawn[1]}
 
 
 def test_fits_alone_are_those_of_the_same_data(joint: Fit, small_fit: Fit) -> None:

@@ -17,7 +17,7 @@ from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.sampling import extensions
 from pyburgers.sampling.chains import run_side_by_side
-from pyburgers.sampling.failures import ChainFailure
+from pyburgers.sampling.manifest import ChainFailure
 from pyburgers.sampling.run_directory import RunDirectory
 
 MORE = 60

@@ -45,7 +45,7 @@ def as_often_as_it_takes() -> Iterator[None]:
 @pytest.fixture(scope="module")
 def mended(small_problem: Problem, tmp_path_factory: pytest.TempPathFactory) -> Fit:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pyburgers.fitting.sampled_fit.FEW", 1.0)
+        patch.setattr("pyburgers.fitting.sampled_fit.MAX_DIVERGENT_SHARE", 1.0)
         return again(small_problem, tmp_path_factory.mktemp("mended") / "run")
 
 
@@ -104,7 +104,7 @@ def test_chains_put_aside_by_a_process_that_was_killed_are_sampled_as_before(
     mended: Fit, small_problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Between moving the chains and noting it, nothing says that they go on."""
-    monkeypatch.setattr("pyburgers.fitting.sampled_fit.FEW", 1.0)
+    monkeypatch.setattr("pyburgers.fitting.sampled_fit.MAX_DIVERGENT_SHARE", 1.0)
     mended.save(tmp_path / "run")
     run = RunDirectory(tmp_path / "run")
     shutil.rmtree(run.path / "chains")
@@ -145,7 +145,7 @@ def test_chains_do_not_go_on_from_what_is_gone_or_has_changed(
 def test_steps_are_not_shortened_without_end(
     small_problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pyburgers.fitting.sampled_fit.FEW", 1.0)
+    monkeypatch.setattr("pyburgers.fitting.sampled_fit.MAX_DIVERGENT_SHARE", 1.0)
     monkeypatch.setattr("pyburgers.fitting.sampled_fit.MAX_SHORTENED", 1)
     result = again(small_problem, tmp_path / "run")
     assert len(result.manifest["shortened"]) == 1
@@ -175,7 +175,7 @@ def test_a_step_that_was_short_already_is_shortened_too(mended: Fit, tmp_path: P
 def test_a_fit_of_peak_stresses_goes_on_too(
     peak_stress: PeakStressFit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pyburgers.fitting.sampled_fit.FEW", 1.0)
+    monkeypatch.setattr("pyburgers.fitting.sampled_fit.MAX_DIVERGENT_SHARE", 1.0)
     options = replace(PEAK_STRESS_RUN, warmup=100, draws=100, adapt_delta=0.05)
     fit = fit_peak_stress(peak_stress.data, peak_stress.priors, out=tmp_path, options=options)
     assert fit.manifest["shortened"]

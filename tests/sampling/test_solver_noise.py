@@ -38,8 +38,8 @@ def loosely(problem: Problem, out: Path, tolerance: float = LOOSE.tolerance) -> 
 def test_chains_start_at_a_tolerance_that_is_not_too_loose(
     small_problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pyburgers.sampling.solver_noise.MOST_NOISE", 0.0)
-    monkeypatch.setattr("pyburgers.sampling.solver_noise.MOST_TIGHTENED", 1)
+    monkeypatch.setattr("pyburgers.sampling.solver_noise.MAX_NOISE", 0.0)
+    monkeypatch.setattr("pyburgers.sampling.solver_noise.MAX_TIGHTENINGS", 1)
     result = loosely(small_problem, tmp_path / "run")
     (noisy,) = result.manifest["noisy"]
     assert noisy["tolerance"] == LOOSE.tolerance
@@ -55,7 +55,7 @@ def test_chains_start_at_a_tolerance_that_is_not_too_loose(
     )
     for share, found in ((0.99, 1), (1.01, 0)):
         monkeypatch.setattr(
-            "pyburgers.sampling.solver_noise.MOST_NOISE", share * float(noisy["noise"])
+            "pyburgers.sampling.solver_noise.MAX_NOISE", share * float(noisy["noise"])
         )
         loose = {**data, "tolerance": LOOSE.tolerance}
         again = noisy_tolerances(model, loose, centre, covariance, seed=SMALL_RUN.seed)

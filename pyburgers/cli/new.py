@@ -22,7 +22,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
 from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.common.toml_files import read_tables
-from pyburgers.common.units import UNIT_NAMES
+from pyburgers.common.units import UNIT_TABLE, units_text
 from pyburgers.model.priors import shipped_prior_files
 from pyburgers.protocols.guessed_columns import GuessedColumn, guess_columns, left_out
 from pyburgers.protocols.new_file import (
@@ -60,7 +60,7 @@ LAST = (
 
 TEMPERATURE = {"temperature": "its highest value alone is used, as the temperature of the test"}
 EXPECTED = {
-    "attenuation": "tan(delta), 1/Q, log10 of them, or an angle in mrad or rad or deg",
+    "attenuation": f"tan(delta), 1/Q, log10 of them, or an angle in {units_text('angle')}",
     "relaxation_modulus": "a modulus E(t)",
 }
 """Words about columns."""
@@ -251,7 +251,7 @@ def _require_units(path: Path, columns: Mapping[str, GuessedColumn]) -> None:
     for guessed in columns.values():
         where = f"{path}: column {guessed.column!r}"
         if guessed.is_foreign:
-            units = " or ".join(UNIT_NAMES.get(guessed.kind, ()))
+            units = units_text(guessed.kind) if guessed.kind in UNIT_TABLE else ""
             what = EXPECTED.get(guessed.quantity, guessed.kind)
             along = " along the axis" if guessed.quantity in ALONG_AXIS else ""
             expected = f"{what}{along} in {units}" if units else what
@@ -304,8 +304,7 @@ def _temperature(columns: Columns) -> float | None:
     column = columns.get("temperature")
     if column is None or column.is_foreign or not column.is_decided:
         return None
-    highest = float(np.nanmax(column.numbers))
-    return round(highest + (273.15 if column.unit == "C" else 0.0), 6)
+    return round(float(np.nanmax(column.si)), 6)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 from pyburgers.common.time_stamps import has_clock, has_date
+from pyburgers.common.units import UNIT_TABLE
 
 Kind = Literal["number", "text", ""]
 
@@ -35,10 +36,12 @@ SENTINELS = frozenset((-999.0, -999.25, -9999.0, -99999.0, -999999.0))
 FAR = 3.0
 """Ranges of the other numbers that a sentinel lies below them."""
 
-_UNIT = (
-    r"s|sec(?:onds?)?|min(?:utes?)?|h|hrs?|hours?|d|days?|[mµμu]s|%|percent|°?c|k|°?f|deg(?: ?c)?"
-    r"|°|rad|[kmg]?pa|psi|ksi|bar|k?n|lbf?|[mcµμu]?m|in|k?hz|m?v|1|[mµμu]strain|[µμu]ε|ohm"
+_KNOWN_UNITS = "|".join(re.escape(unit) for units in UNIT_TABLE.values() for unit in units)
+_OTHER_UNITS = (
+    r"sec(?:onds?)?|minutes?|hrs?|hours?|d|days?|[mµμu]s|%|°?c|°?f|deg(?: ?c)?|°|kpa|psi|ksi|bar"
+    r"|k?n|lbf?|[cµμ]m|in|khz|m?v|[mµμu]strain|[µμu]ε|ohm"
 )
+_UNIT = rf"{_OTHER_UNITS}|{_KNOWN_UNITS}"
 _UNITS = re.compile(
     rf"(?:{_UNIT})(?: ?[*·/] ?(?:{_UNIT})| (?:{_UNIT}))*(?:\^?[-⁻]?[1-3¹²³])?", re.IGNORECASE
 )

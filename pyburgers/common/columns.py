@@ -18,8 +18,8 @@ from pyburgers.common.cells import number_in
 from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.paths import given_path
 from pyburgers.common.text_tables import TextTable, look_at
-from pyburgers.common.toml_files import Table, factor_to_si
-from pyburgers.common.units import counted
+from pyburgers.common.toml_files import Table, unit_of
+from pyburgers.common.units import Unit, counted
 
 FloatArray = npt.NDArray[np.float64]
 Separator = Literal[",", ";", "tab", "whitespace"]
@@ -152,12 +152,14 @@ def read_columns(
         empty, not a number, not finite or larger than `LARGEST`; the message names file, line and
         column.
     """
-    factors, (found, notes) = all_of(
-        lambda: all_of(*(partial(_factor, data, unit, where) for unit in columns.values())),
+    units, (found, notes) = all_of(
+        lambda: all_of(*(partial(_unit, data, unit, where) for unit in columns.values())),
         lambda: _numbers(source, data, columns, where, file_key, may_be_empty, has_own_clock),
     )
     with np.errstate(over="ignore"):
-        scaled = [values * factor for values, factor in zip(found, factors, strict=True)]
+        scaled = [
+            unit.zero + unit.factor * values for values, unit in zip(found, units, strict=True)
+        ]
     for key, values in zip(columns, scaled, strict=True):
         if (np.abs(values) > LARGEST).any():
             raise InputError(
@@ -239,12 +241,12 @@ def _check_seconds(
         )
 
 
-def _factor(data: TextFilesTable, unit: tuple[str, str] | None, where: Path) -> float:
-    """Return what turns a column into SI."""
+def _unit(data: TextFilesTable, unit: tuple[str, str] | None, where: Path) -> Unit:
+    """Return the unit of a column."""
     if unit is None:
-        return 1.0
+        return Unit()
     key, quantity = unit
-    return factor_to_si(getattr(data, key), quantity, f"{where}: key {key!r} in [data]")
+    return unit_of(getattr(data, key), quantity, f"{where}: key {key!r} in [data]")
 
 
 def write_columns(path: Path, columns: Mapping[str, Sequence[float] | FloatArray]) -> None:

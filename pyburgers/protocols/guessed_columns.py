@@ -12,7 +12,7 @@ import numpy.typing as npt
 from pyburgers.common.cells import as_number
 from pyburgers.common.text_tables import TextTable
 from pyburgers.common.time_stamps import has_date
-from pyburgers.common.units import FOREIGN_UNIT_NAMES, UNIT_NAMES, UNITS
+from pyburgers.common.units import FOREIGN_UNIT_NAMES, UNIT_TABLE, Unit, unit_in
 from pyburgers.protocols.quantities import (
     ALONG_AXIS,
     ANGLES,
@@ -80,14 +80,14 @@ class GuessedColumn:
 
     @property
     def kind(self) -> str:
-        """What its unit is one of, a key of `UNIT_NAMES` where it has one."""
+        """What its unit is one of, a key of `UNIT_TABLE` where it has one."""
         return QUANTITIES[self.quantity.removesuffix("_uncertainty")].kind
 
     @property
     def si(self) -> FloatArray:
         """Its numbers in SI, where units have factors, shape (n_rows,)."""
-        factors: Mapping[str, float] = UNITS.get(self.kind, {})
-        return self.numbers * factors.get(self.unit or "", 1.0)
+        unit = UNIT_TABLE.get(self.kind, {}).get(self.unit or "", Unit())
+        return unit.zero + unit.factor * self.numbers
 
     @property
     def shares_unit_with(self) -> str | None:
@@ -226,14 +226,18 @@ def _quantity_of(name: str) -> str | None:
 
 
 def _kinds_in(name: str) -> set[str]:
-    """Return what the unit in the brackets of a name is one of."""
+    """Return the kinds of which the unit in the brackets of a name is one.
+
+    Those of strain and of angles alone count for none: % and degrees have other uses.
+    """
     units = re.findall(r"[(\[] ?([^()\[\]]+?) ?[)\]]", name)
-    return {
-        kind
-        for kind in ("stress", "time", "temperature", "frequency")
-        for looks in UNIT_NAMES[kind].values()
-        if units and re.fullmatch(looks, units[-1])
-    }
+
+    def is_one_of(kind: str) -> bool:
+        spellings = [unit.spelling for unit in UNIT_TABLE[kind].values()]
+        return bool(units) and any(re.fullmatch(one, units[-1]) for one in spellings)
+
+    kinds = {kind for kind in ("stress", "time", "temperature", "frequency") if is_one_of(kind)}
+    return kinds | {"attenuation"} if kinds and is_one_of("angle") else kinds
 
 
 def _place(guessed: GuessedColumn) -> tuple[float, ...]:
@@ -267,7 +271,7 @@ def _confined_by(table: TextTable, stress: GuessedColumn) -> str | int | None:
             continue
         unit = _unit_in(name, "stress", is_chosen=True)
         if unit and table.numbers(column):
-            beside = float(np.median(table.numbers(column))) * UNITS["stress"][unit]
+            beside = float(np.median(table.numbers(column))) * UNIT_TABLE["stress"][unit].factor
             if (
                 NEGLIGIBLE * np.nanmax(stress.si)
                 < beside
@@ -298,7 +302,7 @@ def _with_unit(
 
 
 def unit_in_name(name: str, kind: str) -> str | None:
-    """Return the unit in a name, a key of `UNIT_NAMES`; empty for another one, None for none.
+    """Return the unit in a name, a key of `UNIT_TABLE`; empty for another one, None for none.
 
     Parameters
     ----------
@@ -314,8 +318,7 @@ def _unit_in(name: str, kind: str, *, is_chosen: bool) -> str | None:
     """Return the unit in the name of a column, empty for one that files do not know, else None."""
     is_angle = kind == "attenuation" and ANGLES.search(name) is not None
     looks = "angle" if is_angle else kind
-    units = UNIT_NAMES.get(looks, {})
-    unit = next((unit for unit, own in units.items() if re.search(own, name)), None)
+    unit = unit_in(name, looks)
     if (kind != "attenuation" and LOGARITHM.search(name)) or (unit == "rad/s" and "hz" in name):
         return ""
     needs_unit = is_angle or (kind == "stress" and FORCES.search(name) and not is_chosen)

@@ -17,7 +17,7 @@ import numpy as np
 
 from pyburgers.common.columns import SEPARATORS
 from pyburgers.common.text_tables import TextTable
-from pyburgers.common.units import UNITS
+from pyburgers.common.units import UNIT_TABLE
 from pyburgers.protocols.experiment import CONDITION_KEYS, Experiment
 from pyburgers.protocols.guessed_columns import GuessedColumn
 from pyburgers.protocols.protocol import NAMES
@@ -248,7 +248,7 @@ def column_lines(
     if guessed is None:
         return []
     lines = [line(f"{key}_column", guessed.column, comment)]
-    units = UNITS.get(guessed.kind, ())
+    units = UNIT_TABLE.get(guessed.kind, ())
     if guessed.unit is not None and not quantity.endswith("_uncertainty"):
         others = ", ".join(unit for unit in units if unit != guessed.unit)
         lines.append(line(f"{key}_unit", guessed.unit, f"or {others}" if others else ""))

@@ -180,7 +180,7 @@ def test_forces_and_foreign_units_are_no_stress(
 ) -> None:
     path = table(**{"strain (%)": PERCENT, name: CURVE})
     assert_refused(
-        ["new", str(path), *KNOWN, *RATE], capsys, "expected stress along the axis in GPa"
+        ["new", str(path), *KNOWN, *RATE], capsys, "expected stress along the axis in Pa"
     )
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Mapping
 from typing import Any
 
+from pyburgers.common.units import units_text
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.new_file import (
     Columns,
@@ -120,7 +121,7 @@ def _attenuation_lines(test: Description) -> list[str]:
         line("attenuation_form", form, "tan_delta (1/Q is the same), log10_tan_delta, loss_angle"),
     ]
     if attenuation.unit is not None:
-        lines.append(line("attenuation_unit", attenuation.unit, "or deg, mrad, rad"))
+        lines.append(line("attenuation_unit", attenuation.unit, f"of {units_text('angle')}"))
     return [*lines, *(column_lines(test, "attenuation_uncertainty") or [no_error])]
 
 

@@ -10,6 +10,7 @@ from pydantic import Field
 from pyburgers.common.columns import Cell, Column, TextFilesTable
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table
+from pyburgers.common.units import units_text
 from pyburgers.protocols.experiment import ExperimentFile
 from pyburgers.protocols.microstructure import MicrostructureTable
 from pyburgers.protocols.signs import Compression
@@ -31,14 +32,14 @@ class DataTable(TextFilesTable):
 
     file: str | None = Field(None, description="the data file of the whole test")
     strain_column: Column | None = None
-    strain_unit: str | None = Field(None, description="fraction or percent")
+    strain_unit: str | None = Field(None, description=units_text("strain"))
     time_column: Column | None = Field(
         None,
         description="the time, in place of the strain; beside it, to compare with the stated rates",
     )
-    time_unit: str | None = Field(None, description="s, min or h")
+    time_unit: str | None = Field(None, description=units_text("time"))
     stress_column: Column
-    stress_unit: str = Field(description="Pa, MPa or GPa")
+    stress_unit: str = Field(description=units_text("stress"))
     stress_uncertainty: float | None = Field(
         None, gt=0, description="the standard deviation of a reading in the unit of the stress"
     )

@@ -13,7 +13,7 @@ from pyburgers.common.columns import Column, TextFilesTable, read_columns, write
 from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, read_toml
-from pyburgers.common.units import UNITS
+from pyburgers.common.units import UNITS, units_text
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT
 from pyburgers.protocols.experiment import (
     Experiment,
@@ -154,18 +154,18 @@ class _ImposedTable(Table):
 class _DataTable(TextFilesTable):
     strain_file: str = Field(description="the data file of the strain")
     strain_time_column: Column
-    strain_time_unit: str = Field(description="s, min or h")
+    strain_time_unit: str = Field(description=units_text("time"))
     strain_column: Column
-    strain_unit: str = Field(description="fraction or percent")
+    strain_unit: str = Field(description=units_text("strain"))
     strain_uncertainty_column: Column | None = None
     strain_uncertainty: float | None = Field(
         None, gt=0, description="the standard deviation of every strain, in its unit"
     )
     stress_file: str = Field(description="the data file of the stress")
     stress_time_column: Column
-    stress_time_unit: str = Field(description="s, min or h")
+    stress_time_unit: str = Field(description=units_text("time"))
     stress_column: Column
-    stress_unit: str = Field(description="Pa, MPa or GPa")
+    stress_unit: str = Field(description=units_text("stress"))
     stress_uncertainty_column: Column | None = None
     stress_uncertainty: float | None = Field(
         None, gt=0, description="the standard deviation of every stress, in its unit"

@@ -10,6 +10,7 @@ from pyburgers.common.columns import write_columns
 from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, factor_to_si, read_toml
+from pyburgers.common.units import units_text
 from pyburgers.protocols.experiment import (
     ExperimentFile,
     FloatArray,
@@ -60,8 +61,8 @@ class _OffsetTable(Table):
 
 class _LoadingHistoryFile(ExperimentFile):
     protocol: Literal["loading_history"] = Field(description="the kind of test")
-    stage_time_unit: str = Field("s", description="s, min or h")
-    stage_stress_unit: str = Field("Pa", description="Pa, MPa or GPa")
+    stage_time_unit: str = Field("s", description=units_text("time"))
+    stage_stress_unit: str = Field("Pa", description=units_text("stress"))
     compression: Compression = Field("positive", description="its sign in stages and data")
     stress_measure: Measure = Field("true", description="of the stress, of stages and data")
     strain_measure: Measure = Field("true", description="of the strain, of stages and data")

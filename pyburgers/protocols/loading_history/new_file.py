@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pyburgers.common.units import UNITS
+from pyburgers.common.units import UNITS, units_text
 from pyburgers.protocols.column_facts import Facts, facts_of, read_together
 from pyburgers.protocols.departures import slope_of
 from pyburgers.protocols.experiment import FloatArray
@@ -181,8 +181,10 @@ class LoadingHistoryFile(NewFile):
         """Return the stages and the columns."""
         compression = compression_of(test, test.values[STRESS.name])
         return [
-            line("stage_time_unit", test.columns["time"].unit, "of the stages; s, min or h"),
-            line("stage_stress_unit", "MPa", "of the stages; Pa, MPa or GPa"),
+            line(
+                "stage_time_unit", test.columns["time"].unit, f"of the stages; {units_text('time')}"
+            ),
+            line("stage_stress_unit", "MPa", f"of the stages; {units_text('stress')}"),
             line("compression", compression, "positive or negative: of stages and data"),
             *(
                 line(f"{name}_measure", _measure(test.columns, name), "true or engineering")

@@ -12,7 +12,7 @@ from pydantic import Field
 from pyburgers.common.columns import Column, TextFilesTable, read_columns
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import factor_to_si
-from pyburgers.common.units import count_points
+from pyburgers.common.units import count_points, units_text
 from pyburgers.protocols.experiment import FloatArray
 from pyburgers.protocols.loading_history.thinning import kept_readings
 
@@ -28,9 +28,9 @@ class HistoryDataTable(TextFilesTable):
 
     file: str = Field(description="the data file")
     time_column: Column
-    time_unit: str = Field(description="s, min or h")
+    time_unit: str = Field(description=units_text("time"))
     stress_column: Column | None = None
-    stress_unit: str | None = Field(None, description="Pa, MPa or GPa")
+    stress_unit: str | None = Field(None, description=units_text("stress"))
     stress_uncertainty: float | None = Field(
         None, gt=0, description="the standard deviation of a reading in the unit of the stress"
     )
@@ -41,7 +41,7 @@ class HistoryDataTable(TextFilesTable):
         "holds a modulus of relaxation",
     )
     strain_column: Column | None = None
-    strain_unit: str | None = Field(None, description="fraction or percent")
+    strain_unit: str | None = Field(None, description=units_text("strain"))
     strain_uncertainty: float | None = Field(
         None, gt=0, description="the standard deviation of a reading in the unit of the strain"
     )

@@ -159,11 +159,6 @@ def _write_checked(draft: Path, out: Path, text: str, file: str) -> None:
     """Write an experiment file; `draft` lies beside `out`, whose name it gets.
 
     Where the text file `file` alone is at fault, comments at the top of the draft say so.
-
-    Raises
-    ------
-    InputError
-        If the experiment file would be wrong.
     """
     draft.write_text(text, encoding="utf-8")
     try:
@@ -311,14 +306,9 @@ def _temperature(columns: Columns) -> float | None:
 class _Draft:
     """A file that is being asked about.
 
-    Attributes
-    ----------
-    protocol, new_file
-        The kind of test.
-    test : Description
-        What is known of it, with the answers that options give.
-    proposed : mapping
-        Answers that the text file suggests, whatever the kind of test.
+    `protocol`, `new_file`: the kind of test.
+    `test`: what is known of it, with the answers that options give.
+    `proposed`: answers that the text file suggests, whatever the kind of test.
     """
 
     protocol: str

@@ -113,14 +113,7 @@ def names_between_blanks(line: str, n_columns: int) -> list[str]:
     """Return the names in a line with white space between them.
 
     A unit in brackets belongs to the name before it where there are as many columns only then:
-    ``Strain (%)  Stress (MPa)`` are two names.
-
-    Parameters
-    ----------
-    line : str
-        The line.
-    n_columns : int
-        How many columns the rows below have.
+    ``Strain (%) Stress (MPa)`` are two names.
     """
     words = line.split()
     if len(words) == n_columns:

@@ -115,42 +115,14 @@ def read_columns(
 ) -> tuple[list[FloatArray], tuple[str, ...]]:
     """Read columns of a text file, or of a workbook.
 
-    Where a cell stands for no reading in a column that may not be empty, its row is left out with
-    a note.
-
-    Parameters
-    ----------
-    source : Path
-        The file, one row a line.
-    data : TextFilesTable
-        The table [data] that describes it and says which of its rows are wanted.
-    columns : mapping
-        Keys of `data` that name the wanted columns, each with the key that names its unit and the
-        quantity (a key of `pyburgers.common.units.UNITS`), or with None where it has no unit.
-    where : Path
-        The TOML file, for messages.
-    file_key : str
-        The key in it that names `source`, for messages.
-    may_be_empty : container of str
-        Those of `columns` whose cells may be empty.
-    has_own_clock : bool
-        Whether no other file counts time from the same moment. Time stamps, which count from the
-        first row, are refused else.
-
-    Returns
-    -------
-    columns : list of array, shape (n_rows,)
-        In the order asked for, in SI, finite but for NaN in empty cells.
-    notes : tuple of str
-        Sentences about what was done to read them.
-
-    Raises
-    ------
-    InputError
-        If a unit is not one of its quantity, the file is missing or has no data rows, its rows do
-        not go with its names, a column is missing, no row is one of those wanted, or a cell is
-        empty, not a number, not finite or larger than `LARGEST`; the message names file, line and
-        column.
+    Where a cell stands for no reading in a column that may not be empty, its row is left out with a
+    note. `columns`: keys of `data` that name the wanted columns, each with the key that names its
+    unit and the quantity (a key of `pyburgers.common.units.UNITS`), or with None where it has no
+    unit. Return `columns` (n_rows,): in the order asked for, in SI, finite but for NaN in empty
+    cells. Return `notes`: sentences about what was done to read them. Raise InputError if a unit is
+    not one of its quantity, the file is missing or has no data rows, its rows do not go with its
+    names, a column is missing, no row is one of those wanted, or a cell is empty, not a number, not
+    finite or larger than `LARGEST`; the message names file, line and column.
     """
     units, (found, notes) = all_of(
         lambda: all_of(*(partial(_unit, data, unit, where) for unit in columns.values())),

@@ -28,18 +28,11 @@ SMALL_TABLE = 0.1
 class Layout:
     """What the rows of a file are.
 
-    Attributes
-    ----------
-    width : int
-        How many cells most rows of numbers have.
-    names, hidden_names, units, rows
-        As of `pyburgers.common.text_tables.TextTable`.
-    notes : tuple of str
-        What was done to find the table.
-    problems : tuple of str
-        What keeps it from being found.
-    first_line : int
-        Line of the names, or else of the first row.
+    `width`: how many cells most rows of numbers have.
+    `names`, `hidden_names`, `units`, `rows`: as of `pyburgers.common.text_tables.TextTable`.
+    `notes`: what was done to find the table.
+    `problems`: what keeps it from being found.
+    `first_line`: line of the names, or else of the first row.
     """
 
     width: int
@@ -243,14 +236,8 @@ def separator_of(lines: Sequence[str]) -> str:
 def best_run(rows: Iterable[Sequence[str]]) -> tuple[int, int, frozenset[int]]:
     """Return the longest run of rows that are alike.
 
-    Returns
-    -------
-    score : int
-        How many more numbers than texts it holds.
-    width : int
-        How many cells a row has.
-    numeric : frozenset of int
-        Which of these are numbers, from 0.
+    Return `score`: how many more numbers than texts it holds. Return `width`: how many cells a row
+    has. Return `numeric`: which of these are numbers, from 0.
     """
     best: tuple[int, int, frozenset[int]] = (0, 0, frozenset())
     merged: list[Kind] = []

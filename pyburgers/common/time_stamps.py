@@ -42,21 +42,8 @@ def seconds_of(cells: Sequence[str]) -> tuple[list[float], bool] | None:
 
     Dates with the day or the month first are read in the order in which times grow. A clock without
     dates that passes midnight goes on. Some programs write noon as 12 AM: so it is read where times
-    grow only then.
-
-    Parameters
-    ----------
-    cells : sequence of str
-        A column, in the order of its rows.
-
-    Returns
-    -------
-    times : list of float
-        In s, from any origin.
-    is_noon_am : bool
-        Whether 12 AM was read as noon.
-
-    None where several readings are possible: of ``03/04/2024`` or, of a clock, of ``01:30``.
+    grow only then. Return `times`: in s, from any origin. Return `is_noon_am`: whether 12 AM was
+    read as noon.
     """
     found = [_matched(cell) for cell in cells]
     stamps = [stamp for stamp in found if stamp is not None]

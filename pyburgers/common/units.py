@@ -111,16 +111,7 @@ def unit_in(name: str, quantity: str) -> str | None:
 
 
 def rounded(value: float, sd: float) -> str:
-    """Return a number with as many decimals as two significant digits of `sd` need.
-
-    Parameters
-    ----------
-    value : float
-        What to print.
-    sd : float
-        Standard deviation in the same unit; without a positive one, four significant digits are
-        printed.
-    """
+    """Return a number with as many decimals as two significant digits of `sd` need."""
     if not (math.isfinite(sd) and sd > 0):
         return f"{value:.4g}"
     decimals = max(0, 1 - math.floor(math.log10(sd)))

@@ -42,16 +42,10 @@ NEGLIGIBLE_NOISE = MappingProxyType({"stress_noise": 1.0, "strain_noise": 1e-12}
 class Source:
     """Draws that a prediction is made from.
 
-    Attributes
-    ----------
-    problem : Problem
-        What was fitted.
-    tests : mapping of str to FittedTest
-        What the fit says of each test, by its name.
-    posterior : DataTree
-        Labelled draws of all tests together.
-    cautions : tuple of str
-        What is wrong with the fit: sentences.
+    `problem`: what was fitted.
+    `tests`: what the fit says of each test, by its name.
+    `posterior`: labelled draws of all tests together.
+    `cautions`: what is wrong with the fit: sentences.
     """
 
     problem: Problem
@@ -67,31 +61,10 @@ def values_for(
 
     A shared parameter has the value of all tests, a partially pooled one is drawn from centre and
     spread, a separate one is that of a test of the fit, all separate ones of a draw of the same.
-
-    Parameters
-    ----------
-    source : Source
-        The draws.
-    draws : int or None
-        How many are kept, evenly spaced; None keeps all.
-    separate_from : str or None
-        Test that separate parameters are taken from; None takes each in turn.
-    rng : Generator
-        Of partially pooled parameters.
-
-    Returns
-    -------
-    array of int, shape (n_kept,)
-        Numbers of the draws that are kept, from 0, through all chains.
-    dict of str to array, shape (n_kept,)
-        Parameters by name (SI).
-    list of str
-        Where values of a joint fit are from: sentences.
-
-    Raises
-    ------
-    InputError
-        If `separate_from` is no test of the fit.
+    `draws`: how many are kept, evenly spaced; None keeps all. `separate_from`: test that separate
+    parameters are taken from; None takes each in turn. The result (n_kept,): numbers of the draws
+    that are kept, from 0, through all chains. The result (n_kept,): parameters by name (SI). Raise
+    InputError if `separate_from` is no test of the fit.
     """
     problem, tests = source.problem, source.tests
     if separate_from is not None and separate_from not in tests:
@@ -150,23 +123,7 @@ def of_the_apparatus(
     """Return what belongs to a test and its apparatus (SI), and where it is from.
 
     That of a test which was fitted itself is what the fit inferred for it. That of any other one is
-    as its file states it, or none.
-
-    Parameters
-    ----------
-    source, experiment
-        The draws, and the test.
-    kept : array of int
-        Numbers of the draws.
-    rng : Generator
-        Of what the file states with an error.
-
-    Returns
-    -------
-    dict of str to array, shape of `kept`
-        `OF_A_TEST` by name (SI).
-    list of str
-        Where they are from, if a fit has inferred some: sentences.
+    as its file states it, or none. The result: `OF_A_TEST` by name (SI).
     """
     fitted = _that_was_fitted(source, experiment)
     drawn = xr.Dataset() if fitted is None else fitted.posterior["posterior"].to_dataset()
@@ -259,17 +216,7 @@ def under_conditions(
     """Return values with the errors of the conditions of a new test, and where they are from.
 
     The errors of a fitted test are another's, save where both were made with the same apparatus.
-
-    Parameters
-    ----------
-    source, experiment
-        The draws, and the new test.
-    kept : array of int, shape (n_kept,)
-        Numbers of the draws.
-    values : mapping of str to array, shape (n_kept,)
-        Parameters by name (SI).
-    rng : Generator
-        Of errors that are drawn anew.
+    `kept` (n_kept,): numbers of the draws. `values` (n_kept,): parameters by name (SI).
     """
     others = {name: own for name, own in values.items() if name not in CONDITIONS}
     notes = []
@@ -296,19 +243,8 @@ def with_noises(
 ) -> tuple[dict[str, FloatArray], list[str]]:
     """Return values with the noise of new readings: that of the fit, a stated one, or none.
 
-    Parameters
-    ----------
-    values : mapping of str to array, shape (n_kept,)
-        Parameters by name (SI).
-    fitted : Problem
-        What was fitted.
-    experiment : Experiment
-        What is read anew.
-
-    Raises
-    ------
-    InputError
-        If there are readings whose noise nobody knows.
+    `values` (n_kept,): parameters by name (SI). Raise InputError if there are readings whose noise
+    nobody knows.
     """
     found, notes = dict(values), []
     n_draws = len(next(iter(values.values())))
@@ -374,10 +310,7 @@ def with_laws(
 ) -> tuple[PriorSet, list[str]]:
     """Return priors that give a test the laws of a fit, as far as such a test has them, and notes.
 
-    Raises
-    ------
-    InputError
-        If the test needs a law that the fit has not.
+    Raise InputError if the test needs a law that the fit has not.
     """
     notes = []
     laws = variant_of(fitted.priors[0], fitted.experiments[0])

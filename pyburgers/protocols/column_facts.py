@@ -33,10 +33,7 @@ LEAST_RUN, FLAT = 10, 0.2
 class Facts:
     """What readings do.
 
-    Attributes
-    ----------
-    values : array, shape (n,)
-        Readings that are there, in the order of the rows.
+    `values` (n,): readings that are there, in the order of the rows.
     """
 
     values: FloatArray

@@ -16,12 +16,8 @@ value."""
 class Departure:
     """Readings that are not those of what is imposed.
 
-    Attributes
-    ----------
-    largest : float
-        Largest distance, in the unit of the readings.
-    first : int
-        First reading, from 0, that is too far.
+    `largest`: largest distance, in the unit of the readings.
+    `first`: first reading, from 0, that is too far.
     """
 
     largest: float
@@ -32,13 +28,7 @@ def departure(read: FloatArray, imposed: FloatArray, scale: float) -> Departure 
     """Return how far readings are from what is imposed, None where they are near.
 
     The largest distance counts: a test that turns or changes its rate late is right at most times.
-
-    Parameters
-    ----------
-    read, imposed : array, shape (n,)
-        In one unit.
-    scale : float
-        Largest value, of which distances are shares.
+    `read`, `imposed` (n,): in one unit.
     """
     distance = np.abs(read - imposed)
     far = np.flatnonzero(distance > UNLIKE * scale)

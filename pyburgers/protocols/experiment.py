@@ -37,14 +37,9 @@ LARGEST_TEMPERATURE_SHARE = 0.1
 class Provenance:
     """Where data come from.
 
-    Attributes
-    ----------
-    kind : {"measured", "digitised", "synthetic"}
-        Measured numbers, numbers read off a figure, or the output of a model.
-    source : str
-        Citation or origin.
-    doi, licence, notes : str or None
-        As far as known.
+    `kind`: measured numbers, numbers read off a figure, or the output of a model.
+    `source`: citation or origin.
+    `doi`, `licence`, `notes`: as far as known.
     """
 
     kind: Literal["measured", "digitised", "synthetic"]
@@ -58,14 +53,9 @@ class Provenance:
 class UncertainCondition:
     """A condition of a test that is known up to an error, normal about 0.
 
-    Attributes
-    ----------
-    parameter : str
-        The error: one of `pyburgers.model.parameters.CONDITIONS`.
-    sd : float
-        Its standard deviation (K; 1 of the load cell).
-    apparatus : str or None
-        Furnace or load cell that gives it, with one error in all tests that name it.
+    `parameter`: the error: one of `pyburgers.model.parameters.CONDITIONS`.
+    `sd`: its standard deviation (K; 1 of the load cell).
+    `apparatus`: furnace or load cell that gives it, with one error in all tests that name it.
     """
 
     parameter: str
@@ -247,10 +237,7 @@ E = TypeVar("E", bound=Experiment)
 def of_kind(experiment: Experiment, kind: type[E], expected: str) -> E:
     """Return the experiment of a fit, which has to be of a kind that is `expected` in words.
 
-    Raises
-    ------
-    InputError
-        If it is another.
+    Raise InputError if it is another.
     """
     if not isinstance(experiment, kind):
         raise InputError(
@@ -307,22 +294,8 @@ class ExperimentFile(Table):
 def shared_values(path: Path, file: ExperimentFile) -> dict[str, Any]:
     """Check the keys that all protocols share.
 
-    Parameters
-    ----------
-    path : Path
-        The TOML file, for messages.
-    file : ExperimentFile
-        Its contents.
-
-    Returns
-    -------
-    dict
-        Fields of `Experiment` (SI), without the stress and the notices.
-
-    Raises
-    ------
-    InputError
-        If a value is not what it has to be.
+    The result: fields of `Experiment` (SI), without the stress and the notices. Raise InputError if
+    a value is not what it has to be.
     """
     _, uncertain, true_parameters = all_of(
         lambda: _check_conditions(path, file),
@@ -344,19 +317,7 @@ def shared_values(path: Path, file: ExperimentFile) -> dict[str, Any]:
 def write_experiment(experiment: Experiment, directory: Path, own: Mapping[str, Any]) -> Path:
     """Write ``experiment.toml``.
 
-    Parameters
-    ----------
-    experiment : Experiment
-        What to write.
-    directory : Path
-        An existing folder.
-    own : mapping
-        Keys and tables of the experiment's protocol.
-
-    Returns
-    -------
-    Path
-        The file.
+    `own`: keys and tables of the experiment's protocol.
     """
     table = {
         "id": experiment.id,

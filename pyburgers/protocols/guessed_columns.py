@@ -42,29 +42,19 @@ SAME = 1e-3
 class GuessedColumn:
     """A column of a text file.
 
-    Attributes
-    ----------
-    quantity : str
-        What it holds, a key of `QUANTITIES`, or that with ``_uncertainty``.
-    column : str or int
-        Its name, or its number from 1.
-    name : str
-        Its name with the unit under it.
-    unit : str or None
-        Its unit; None where it has none.
-    told_by : str
-        What says so: its name, its numbers, the column that it shares its unit with, or nothing.
-    numbers : array, shape (n_rows,)
-        What it holds in its unit; NaN where there is no number.
-    is_foreign : bool
-        Whether its name has a unit that experiment files do not know, or says that its numbers are
-        logarithms; it has no unit then.
-    rivals : tuple of GuessedColumn
-        Other columns that may hold the quantity, the likeliest first.
-    is_decided : bool
-        Whether names and units put it before its rivals, or somebody chose it.
-    confined_by : str or int or None
-        Of a stress that may be the total one along the axis, the column of what acts beside it.
+    `quantity`: what it holds, a key of `QUANTITIES`, or that with ``_uncertainty``.
+    `column`: its name, or its number from 1.
+    `name`: its name with the unit under it.
+    `unit`: its unit; None where it has none.
+    `told_by`: what says so: its name, its numbers, the column that it shares its unit with, or
+        nothing.
+    `numbers` (n_rows,): what it holds in its unit; NaN where there is no number.
+    `is_foreign`: whether its name has a unit that experiment files do not know, or says that its
+        numbers are logarithms; it has no unit then.
+    `rivals`: other columns that may hold the quantity, the likeliest first.
+    `is_decided`: whether names and units put it before its rivals, or somebody chose it.
+    `confined_by`: of a stress that may be the total one along the axis, the column of what acts
+        beside it.
     """
 
     quantity: str
@@ -116,13 +106,6 @@ def guess_columns(
     """Return what columns hold, by quantity; their errors are under QUANTITY_uncertainty.
 
     Of a file without names of two or three columns the last is taken as stress.
-
-    Parameters
-    ----------
-    table : TextTable
-        The text file.
-    chosen : mapping
-        Columns that somebody named, by quantity.
     """
     candidates: dict[str, list[tuple[tuple[float, ...], GuessedColumn]]] = {}
     by_name = {column: q for column, q in _named(table).items() if column not in chosen.values()}
@@ -153,19 +136,7 @@ def left_out(
     read: Mapping[str, GuessedColumn],
     used: Mapping[str, str] = MappingProxyType({}),
 ) -> Iterator[str]:
-    """Say which columns a file does not name, and why, a sentence each.
-
-    Parameters
-    ----------
-    table : TextTable
-        The text file.
-    columns : mapping
-        What its columns hold.
-    read : mapping
-        Those of them that the file names.
-    used : mapping
-        What others are used for, by quantity.
-    """
+    """Say which columns a file does not name, and why, a sentence each."""
     taken = {guessed.column for guessed in read.values()}
     reasons: dict[str | int, str] = {}
     for guessed in columns.values():
@@ -302,15 +273,7 @@ def _with_unit(
 
 
 def unit_in_name(name: str, kind: str) -> str | None:
-    """Return the unit in a name, a key of `UNIT_TABLE`; empty for another one, None for none.
-
-    Parameters
-    ----------
-    name : str
-        Of a column.
-    kind : str
-        What the unit is one of.
-    """
+    """Return the unit in a name, a key of `UNIT_TABLE`; empty for another one, None for none."""
     return _unit_in(_plain(name), kind, is_chosen=True)
 
 

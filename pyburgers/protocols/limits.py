@@ -47,10 +47,7 @@ def refuse_impossible(
 ) -> None:
     """Refuse a test with numbers that no test has.
 
-    Raises
-    ------
-    InputError
-        If it has; a sentence for each.
+    Raise InputError if it has; a sentence for each.
     """
     hottest = temperatures[np.argmax(np.abs(temperatures - np.mean(TEMPERATURES)))]
     coarsest = grain_sizes[np.argmax(np.abs(grain_sizes - LARGEST_GRAIN / 2))]

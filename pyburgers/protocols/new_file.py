@@ -41,22 +41,13 @@ UNCERTAIN_CONDITIONS: Mapping[str, tuple[float, str]] = MappingProxyType(
 class Question:
     """Something that a text file does not say of its test.
 
-    Attributes
-    ----------
-    name : str
-        Of the answer; the option has dashes in place of underscores.
-    text : str
-        What is asked.
-    kind : callable
-        Makes the answer from text.
-    choices : sequence of str, optional
-        What it may be.
-    default : object
-        Where nothing is answered; None where something has to be.
-    example : object
-        An answer that stands in where others are checked before this one is given.
-    key : str
-        Key of the file that takes the answer, for its check; empty for that of its name.
+    `name`: of the answer; the option has dashes in place of underscores.
+    `text`: what is asked.
+    `kind`: makes the answer from text.
+    `choices`: what it may be.
+    `default`: where nothing is answered; None where something has to be.
+    `example`: an answer that stands in where others are checked before this one is given.
+    `key`: key of the file that takes the answer, for its check; empty for that of its name.
     """
 
     name: str
@@ -88,16 +79,10 @@ Columns = Mapping[str, GuessedColumn]
 class Description:
     """What is known of a test that a file is written for.
 
-    Attributes
-    ----------
-    file : str
-        Its text file, as seen from the file that is written.
-    table : TextTable
-        How that looks.
-    columns : mapping of str to GuessedColumn
-        What its columns hold.
-    values : mapping
-        Answers, by the name of the question.
+    `file`: its text file, as seen from the file that is written.
+    `table`: how that looks.
+    `columns`: what its columns hold.
+    `values`: answers, by the name of the question.
     """
 
     file: str
@@ -109,16 +94,10 @@ class Description:
 class NewFile(ABC):
     """What a new file of a kind of test needs and says beside what those of all kinds do.
 
-    Attributes
-    ----------
-    experiment : type
-        What the file is read as.
-    needed : sequence of sequences of str
-        Quantities whose columns it needs, one of each.
-    quantities : collection of str
-        Those whose columns its files name.
-    questions : sequence of Question
-        What may be asked for it alone.
+    `experiment`: what the file is read as.
+    `needed`: quantities whose columns it needs, one of each.
+    `quantities`: those whose columns its files name.
+    `questions`: what may be asked for it alone.
     """
 
     experiment: ClassVar[type[Experiment]]
@@ -137,12 +116,7 @@ class NewFile(ABC):
     def proposed(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return answers that the columns suggest, by the name of the question.
 
-        Parameters
-        ----------
-        columns : mapping
-            What is read, by quantity.
-        given : mapping
-            Answers that are there already, None where there is none.
+        `given`: answers that are there already, None where there is none.
         """
         return {}
 

@@ -31,18 +31,13 @@ HISTORIES, TABLES = "loading_history", "attenuation"
 class Problem:
     """One or several tests to be fitted; made by `problem_of`, which checks it.
 
-    Attributes
-    ----------
-    experiments : tuple of Experiment
-        At least one, with data, of different names.
-    given_priors : PriorSet
-        For all tests, not resolved.
-    priors : tuple of PriorSet
-        Of each test, resolved; they differ only where a prior is a share of the largest stress, in
-        the errors of the test's conditions, or in a grain size that stays as it is at the start.
-    pooling : Pooling
-        How the tests hang together; a partially pooled parameter has centre and spread even where
-        one test alone is left.
+    `experiments`: at least one, with data, of different names.
+    `given_priors`: for all tests, not resolved.
+    `priors`: of each test, resolved; they differ only where a prior is a share of the largest
+        stress, in the errors of the test's conditions, or in a grain size that stays as it is at
+        the start.
+    `pooling`: how the tests hang together; a partially pooled parameter has centre and spread even
+        where one test alone is left.
     """
 
     experiments: tuple[Experiment, ...]
@@ -189,14 +184,9 @@ class Problem:
     def without(self, part: str) -> "Problem":
         """Take out a test, or a part of a single one, and keep the prior densities of the rest.
 
-        Where the prior of a shared parameter is a share of the largest stress, it stays that of
-        all tests. Residuals that correlate because of a test that is taken out, whose strain is
-        read, do so in the others too.
-
-        Parameters
-        ----------
-        part : str
-            One of `parts`.
+        Where the prior of a shared parameter is a share of the largest stress, it stays that of all
+        tests. Residuals that correlate because of a test that is taken out, whose strain is read,
+        do so in the others too.
         """
         if len(self.experiments) == 1:
             kept = [self.experiments[0].without_part(part)]
@@ -233,25 +223,10 @@ def problem_of(
 ) -> Problem:
     """Check tests, priors and pooling, and resolve the priors for each test.
 
-    Tests of several protocols are taken as one program takes them (`of_one_program`).
-
-    A prior that is a share of the largest stress takes that of the test, or of all tests where
-    the parameter is shared.
-
-    Parameters
-    ----------
-    experiments : sequence of Experiment
-        Tests with data.
-    priors : PriorSet
-        Priors of every parameter, for all tests.
-    pooling : Pooling, optional
-        How the tests hang together; default not at all.
-
-    Raises
-    ------
-    InputError
-        If tests are of different materials or of protocols that do not go together, have no data
-        or the same name, or a pooling does not go with the priors.
+    Tests of several protocols are taken as one program takes them (`of_one_program`). A prior that
+    is a share of the largest stress takes that of the test, or of all tests where the parameter is
+    shared. Raise InputError if tests are of different materials or of protocols that do not go
+    together, have no data or the same name, or a pooling does not go with the priors.
     """
     for experiment in experiments:
         _check_not_in_prior(experiment, priors)
@@ -305,12 +280,8 @@ def of_one_program(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
     """Return tests as they are, or as one program takes them where their protocols differ.
 
     Tables stand behind the histories then: what tests share has its coordinate in the first one,
-    and those of a history know what a curve fixes.
-
-    Raises
-    ------
-    InputError
-        If one of several protocols cannot be fitted with tests of another.
+    and those of a history know what a curve fixes. Raise InputError if one of several protocols
+    cannot be fitted with tests of another.
     """
     if len({experiment.protocol for experiment in experiments}) == 1:
         return tuple(experiments)
@@ -337,17 +308,8 @@ def coordinates_through(
 ) -> PlainCoordinates:
     """Choose plain coordinates of free parameters, a point of the flow law among them.
 
-    It replaces Q_M, or beta where Q_M cannot be replaced: a parameter with two finite bounds
-    keeps its own coordinate, because its bounds would cut the replaced one obliquely.
-
-    Parameters
-    ----------
-    priors : PriorSet
-        Resolved priors.
-    reference : Parameter
-        The point: one of `pyburgers.model.parameters.REFERENCE_QUANTITIES`.
-    origin, size : float
-        Of its logarithm.
+    It replaces Q_M, or beta where Q_M cannot be replaced: a parameter with two finite bounds keeps
+    its own coordinate, because its bounds would cut the replaced one obliquely.
     """
     replaced = next(
         (

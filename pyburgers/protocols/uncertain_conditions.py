@@ -25,15 +25,7 @@ def condition_priors(experiment: Experiment) -> tuple[Prior, ...]:
 def check_conditions(experiments: Sequence[Experiment]) -> None:
     """Ask for the same uncertain conditions in all tests, and one error of one apparatus.
 
-    Parameters
-    ----------
-    experiments : sequence of Experiment
-        Tests that are fitted together.
-
-    Raises
-    ------
-    InputError
-        If a test cannot have such an error, or lacks one that another has.
+    Raise InputError if a test cannot have such an error, or lacks one that another has.
     """
     for experiment in experiments:
         for one in experiment.uncertain:

@@ -32,14 +32,9 @@ class AttenuationExperiment(Experiment):
 
     `temperature` is that of the sampled flow rate; rows have temperatures of their own.
 
-    Attributes
-    ----------
-    conditions : Conditions
-        Of every row.
-    readings : Readings
-        What was read there.
-    elasticity : Elasticity
-        Whether cycles are axial or of shear, and what relates the two.
+    `conditions`: of every row.
+    `readings`: what was read there.
+    `elasticity`: whether cycles are axial or of shear, and what relates the two.
     """
 
     protocol: ClassVar[str] = "attenuation"
@@ -90,10 +85,7 @@ class AttenuationExperiment(Experiment):
     def without_part(self, name: str) -> Self:
         """Return the table without a temperature.
 
-        Raises
-        ------
-        InputError
-            If it has no such temperature, or no other.
+        Raise InputError if it has no such temperature, or no other.
         """
         if name not in self.parts:
             return super().without_part(name)

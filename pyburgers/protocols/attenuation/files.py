@@ -122,17 +122,8 @@ class _AttenuationFile(ExperimentFile):
 def load_attenuation(path: str | Path) -> AttenuationExperiment:
     """Read and check the file of a table of attenuation and its data file.
 
-    A file with spectra in the place of data is a table that can be simulated.
-
-    Parameters
-    ----------
-    path : str or Path
-        The TOML file (`docs/attenuation_data.md`).
-
-    Raises
-    ------
-    InputError
-        If a file, key, unit or number is not what it has to be.
+    A file with spectra in the place of data is a table that can be simulated. Raise InputError if a
+    file, key, unit or number is not what it has to be.
     """
     path = given_path(path)
     file = read_toml(path, _AttenuationFile)
@@ -160,18 +151,6 @@ def save_attenuation(experiment: AttenuationExperiment, directory: Path) -> Path
     """Write a self-contained copy in SI units: ``experiment.toml``, and ``experiment.csv`` of data.
 
     `load_attenuation` reads back exactly equal contents, notices included.
-
-    Parameters
-    ----------
-    experiment : AttenuationExperiment
-        What to write.
-    directory : Path
-        An existing folder.
-
-    Returns
-    -------
-    Path
-        The TOML file.
     """
     conditions, readings = experiment.conditions, experiment.readings
     elasticity = experiment.elasticity

@@ -43,20 +43,9 @@ def conditions_of(
 ) -> Conditions:
     """Return the rows of listed spectra.
 
-    Parameters
-    ----------
-    spectra : sequence of SpectrumTable
-        At least one.
-    temperature, median_stress, amplitude : float or None
-        Of spectra that have none of their own (K, Pa, Pa).
-    where : str
-        Place in the file, for messages.
-
-    Raises
-    ------
-    InputError
-        If some spectra have an amplitude and others have none, periods do not increase, or a
-        spectrum stands twice.
+    `temperature`, `median_stress`, `amplitude`: of spectra that have none of their own (K, Pa, Pa).
+    Raise InputError if some spectra have an amplitude and others have none, periods do not
+    increase, or a spectrum stands twice.
     """
     sizes = [len(spectrum.periods_s) for spectrum in spectra]
 

@@ -50,12 +50,8 @@ the final strain."""
 class RateSegment:
     """Part of a test at one imposed strain rate.
 
-    Attributes
-    ----------
-    start_strain : float
-        Strain (fraction) from which the rate holds, until the next segment or the end.
-    strain_rate : float
-        Imposed axial strain rate (1/s), positive.
+    `start_strain`: strain (fraction) from which the rate holds, until the next segment or the end.
+    `strain_rate`: imposed axial strain rate (1/s), positive.
     """
 
     start_strain: float
@@ -149,18 +145,9 @@ class ConstantRateExperiment(Experiment):
 def strain_grid(experiment: ConstantRateExperiment, shape: FloatArray) -> FloatArray:
     """Strains spread in the same way over every rate segment.
 
-    Parameters
-    ----------
-    experiment : ConstantRateExperiment
-        Its segments and final strain.
-    shape : array, shape (n_shape,)
-        Positions in a segment, increasing, more than 0 to 1.
-
-    Returns
-    -------
-    array, shape (n_shape * n_segments,)
-        Increasing; the strains of rate steps are among them exactly, since rounding that put
-        one just behind a step would give the solver a segment too short to start in.
+    `shape` (n_shape,): positions in a segment, increasing, more than 0 to 1. The result (n_shape *
+    n_segments,): increasing; the strains of rate steps are among them exactly, since rounding that
+    put one just behind a step would give the solver a segment too short to start in.
     """
     starts = np.array([segment.start_strain for segment in experiment.segments])
     ends = np.append(starts[1:], experiment.final_strain)
@@ -182,18 +169,9 @@ def load_constant_rate(path: str | Path) -> ConstantRateExperiment:
     Strains that are out of order or outside their segment by a reading error (see
     `pyburgers.protocols.constant_rate.curves`) are put right with a notice. Points at zero strain
     are dropped with one: the model starts at rest, with no stress whatever the parameters. Where
-    data files hold time alone, it counts from the start, and strain follows from the imposed
-    rates. Times beside strains are compared with the rates, and a notice says where they differ.
-
-    Parameters
-    ----------
-    path : str or Path
-        The TOML file.
-
-    Raises
-    ------
-    InputError
-        If a file, key, unit or number is not what it has to be.
+    data files hold time alone, it counts from the start, and strain follows from the imposed rates.
+    Times beside strains are compared with the rates, and a notice says where they differ. Raise
+    InputError if a file, key, unit or number is not what it has to be.
     """
     path = given_path(path)
     file = read_toml(path, ConstantRateFile)
@@ -225,18 +203,6 @@ def save_constant_rate(experiment: ConstantRateExperiment, directory: Path) -> P
     """Write a self-contained copy, ``experiment.toml`` and ``experiment.csv``, in SI units.
 
     `load_constant_rate` reads back exactly equal contents, notices included.
-
-    Parameters
-    ----------
-    experiment : ConstantRateExperiment
-        What to write.
-    directory : Path
-        An existing folder.
-
-    Returns
-    -------
-    Path
-        The TOML file.
     """
     data = None
     if experiment.n_points > 0:

@@ -192,17 +192,8 @@ def load_forced_oscillation(path: str | Path) -> OscillationExperiment:
     Strain and stress stand in files (or columns of one file) with clocks of their own that have a
     common origin. What [oscillation] leaves open is estimated or chosen while the record is
     prepared (`pyburgers.protocols.forced_oscillation.preparation.prepare`). A file with imposed
-    cycles in their place is a test that can be simulated.
-
-    Parameters
-    ----------
-    path : str or Path
-        The TOML file.
-
-    Raises
-    ------
-    InputError
-        If a file, key, unit or number is not what it has to be, or the record cannot be prepared.
+    cycles in their place is a test that can be simulated. Raise InputError if a file, key, unit or
+    number is not what it has to be, or the record cannot be prepared.
     """
     path = given_path(path)
     file = read_toml(path, _OscillationFile)
@@ -253,20 +244,8 @@ def save_forced_oscillation(experiment: OscillationExperiment, directory: Path) 
     """Write a self-contained copy in SI units.
 
     The files are ``experiment.toml``, ``experiment_strain.csv`` and ``experiment_stress.csv``, the
-    latter two where there is a record.
-    `load_forced_oscillation` reads back exactly equal contents, notices included.
-
-    Parameters
-    ----------
-    experiment : OscillationExperiment
-        What to write.
-    directory : Path
-        An existing folder.
-
-    Returns
-    -------
-    Path
-        The TOML file.
+    latter two where there is a record. `load_forced_oscillation` reads back exactly equal contents,
+    notices included.
     """
     record, settings = experiment.record, experiment.settings
     if experiment.imposed is not None:
@@ -303,15 +282,7 @@ def save_forced_oscillation(experiment: OscillationExperiment, directory: Path) 
 def with_background(
     experiment: OscillationExperiment, background: Background
 ) -> OscillationExperiment:
-    """Return the same test with its background removed or kept.
-
-    Parameters
-    ----------
-    experiment : OscillationExperiment
-        A test; period and degrees stay as they are.
-    background : {"removed", "kept"}
-        See `pyburgers.protocols.forced_oscillation.preparation.OscillationSettings`.
-    """
+    """Return the same test with its background removed or kept."""
     settings = replace(experiment.settings, background=background, start_stress=None)
     prepared = prepare(experiment.record, settings, experiment.id)
     others = [one for one in experiment.notices if one not in experiment.prepared.notices]

@@ -25,12 +25,9 @@ FloatArray = npt.NDArray[np.float64]
 class ObservedResponse:
     """What the prepared record says about the stress at the period of the test.
 
-    Attributes
-    ----------
-    amplitude, amplitude_standard_error : float
-        Of the fundamental (Pa).
-    lag, lag_standard_error : float
-        Phase of the stress minus that of the driving strain (rad), in [-pi, pi].
+    `amplitude`, `amplitude_standard_error`: of the fundamental (Pa).
+    `lag`, `lag_standard_error`: phase of the stress minus that of the driving strain (rad), in
+        [-pi, pi].
     """
 
     amplitude: float
@@ -43,12 +40,9 @@ class ObservedResponse:
 class PredictedResponse:
     """The same for curves of single draws.
 
-    Attributes
-    ----------
-    amplitude : array, shape (n_curves,)
-        Of the fundamental (Pa).
-    lag : array, shape (n_curves,)
-        Phase of the stress minus that of the driving strain (rad), within pi of the observed one.
+    `amplitude` (n_curves,): of the fundamental (Pa).
+    `lag` (n_curves,): phase of the stress minus that of the driving strain (rad), within pi of the
+        observed one.
     """
 
     amplitude: FloatArray
@@ -58,10 +52,7 @@ class PredictedResponse:
 def oscillation_of(fit: FittedTest) -> OscillationExperiment:
     """Return the experiment of a fit, which has to be a forced oscillation test.
 
-    Raises
-    ------
-    InputError
-        If it is not.
+    Raise InputError if it is not.
     """
     if not isinstance(fit.experiment, OscillationExperiment):
         raise InputError(
@@ -72,13 +63,7 @@ def oscillation_of(fit: FittedTest) -> OscillationExperiment:
 
 
 def observed_response(experiment: OscillationExperiment) -> ObservedResponse:
-    """Return amplitude and lag of the measured stress.
-
-    Parameters
-    ----------
-    experiment : OscillationExperiment
-        A test; the errors follow from the uncertainties of its readings.
-    """
+    """Return amplitude and lag of the measured stress."""
     of_strain, of_stress = experiment.prepared.strain_fit, experiment.prepared.stress_fit
     strain_phase, strain_error = of_strain.phase()
     stress_phase, stress_error = of_stress.phase()
@@ -92,15 +77,7 @@ def observed_response(experiment: OscillationExperiment) -> ObservedResponse:
 def predicted_response(fit: FittedTest) -> PredictedResponse:
     """Return amplitude and lag of the model's stress, without noise.
 
-    Parameters
-    ----------
-    fit : FittedTest
-        Of a forced oscillation test.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
+    Raise InputError if the fit is of another kind of test.
     """
     experiment = oscillation_of(fit)
     stress = fit.posterior["predictions"].to_dataset()["stress"]
@@ -110,15 +87,7 @@ def predicted_response(fit: FittedTest) -> PredictedResponse:
 def replicated_response(fit: FittedTest) -> PredictedResponse:
     """Return amplitude and lag of replicated data, as they would be found in a new record.
 
-    Parameters
-    ----------
-    fit : FittedTest
-        Of a forced oscillation test.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
+    Raise InputError if the fit is of another kind of test.
     """
     experiment = oscillation_of(fit)
     stress = fit.posterior["posterior_predictive"].to_dataset()["stress"]
@@ -129,21 +98,8 @@ def replicated_response(fit: FittedTest) -> PredictedResponse:
 def predicted_oscillation(fit: FittedTest) -> npt.NDArray[np.complex128]:
     """Fundamental of the model's stress (Pa), without noise, as a complex number.
 
-    Parameters
-    ----------
-    fit : FittedTest
-        Of a forced oscillation test.
-
-    Returns
-    -------
-    array, shape (n_draws,)
-        Its size is the amplitude, its angle the phase about that of the record; draws without
-        solution are left out.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
+    The result (n_draws,): its size is the amplitude, its angle the phase about that of the record;
+    draws without solution are left out. Raise InputError if the fit is of another kind of test.
     """
     experiment = oscillation_of(fit)
     stress = fit.posterior["predictions"].to_dataset()["stress"]
@@ -153,21 +109,9 @@ def predicted_oscillation(fit: FittedTest) -> npt.NDArray[np.complex128]:
 def response_table(fit: FittedTest) -> pd.DataFrame:
     """Compare the observed amplitude and lag with what replicated data have.
 
-    Parameters
-    ----------
-    fit : FittedTest
-        Of a forced oscillation test.
-
-    Returns
-    -------
-    DataFrame
-        Index quantity (amplitude, lag), SI units; columns unit, observed, standard_error, median,
-        q5, q95 (of replicated data) and inside: whether the observed value lies between the two.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
+    The result: index quantity (amplitude, lag), SI units; columns unit, observed, standard_error,
+    median, q5, q95 (of replicated data) and inside: whether the observed value lies between the
+    two. Raise InputError if the fit is of another kind of test.
     """
     observed, replicated = observed_response(oscillation_of(fit)), replicated_response(fit)
     rows = {

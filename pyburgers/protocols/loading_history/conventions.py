@@ -12,16 +12,10 @@ from pyburgers.protocols.signs import Compression, sign_of
 class Conventions:
     """How the numbers of a file are meant.
 
-    Attributes
-    ----------
-    time, stress : float
-        Factors to SI of times and stresses in [[stages]].
-    time_unit : str
-        Of times in [[stages]].
-    sign : {1, -1}
-        Of a compression.
-    stress_measure, strain_measure : {"true", "engineering"}
-        Their measures.
+    `time`, `stress`: factors to SI of times and stresses in [[stages]].
+    `time_unit`: of times in [[stages]].
+    `sign`: of a compression.
+    `stress_measure`, `strain_measure`: their measures.
     """
 
     time: float

@@ -46,12 +46,7 @@ def scatter(time: FloatArray, value: FloatArray) -> float:
     """Return how far readings lie from their neighbours, as a standard deviation; 0 for under 3.
 
     From the median distance of a reading from the line through its neighbours, which few jumps or
-    corners do not move.
-
-    Parameters
-    ----------
-    time, value : array, shape (n,)
-        The series, times not decreasing.
+    corners do not move. `time`, `value` (n,): the series, times not decreasing.
     """
     distances = distances_from_neighbours(time, value)
     if distances.size == 0:
@@ -64,11 +59,7 @@ def reading_error(time: FloatArray, value: FloatArray) -> float:
 
     Their scatter, unless corners may be what scatters: it is 0 for under `FEWEST_READINGS`, and
     limited where it is large and the series does not turn as noise does (cycles, for example).
-
-    Parameters
-    ----------
-    time, value : array, shape (n,)
-        The series, times not decreasing.
+    `time`, `value` (n,): the series, times not decreasing.
     """
     if time.size < FEWEST_READINGS:
         return 0.0
@@ -99,12 +90,7 @@ def tolerances(time: FloatArray, value: FloatArray) -> FloatArray:
     """Return how far a line passes from the readings of a series without a stated error, (n,).
 
     It is smaller in a leg whose readings scatter less than those of the whole series do, if that
-    scatter is taken for the error.
-
-    Parameters
-    ----------
-    time, value : array, shape (n,)
-        The series, times increasing.
+    scatter is taken for the error. `time`, `value` (n,): the series, times increasing.
     """
     error = reading_error(time, value)
     allowed = np.full(time.size, tolerance_of(value, error))
@@ -135,18 +121,10 @@ def line_through(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the corners of the line that stands for a series.
 
-    Parameters
-    ----------
-    time, value : array, shape (n,)
-        The series, n at least 2, times increasing.
-    tolerance : float or array, shape (n,)
-        How far the line passes from a reading before its corners are moved, in the unit of
-        `value`; positive. Readings count by its inverse square.
-
-    Returns
-    -------
-    time, value : array, shape (n_corners,)
-        The first and the last time are those of the series.
+    `time`, `value` (n,): the series, n at least 2, times increasing. `tolerance` (n,): how far the
+    line passes from a reading before its corners are moved, in the unit of `value`; positive.
+    Readings count by its inverse square. Return `time`, `value` (n_corners,): the first and the
+    last time are those of the series.
     """
     allowed = np.broadcast_to(np.asarray(tolerance, dtype=np.float64), time.shape)
     corner = _fewest_corners(time, value, allowed)

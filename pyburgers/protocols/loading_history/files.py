@@ -82,17 +82,7 @@ def load_loading_history(path: str | Path) -> LoadingHistory:
     """Read and check the file of a loading history and the data file that it names.
 
     Time counts from the start of the first stage. What is turned, smoothed, left out or thinned is
-    said in a notice.
-
-    Parameters
-    ----------
-    path : str or Path
-        The TOML file.
-
-    Raises
-    ------
-    InputError
-        If a file, key, unit or number is not what it has to be.
+    said in a notice. Raise InputError if a file, key, unit or number is not what it has to be.
     """
     path = given_path(path)
     file = read_toml(path, _LoadingHistoryFile)
@@ -139,18 +129,6 @@ def save_loading_history(experiment: LoadingHistory, directory: Path) -> Path:
     """Write a self-contained copy, ``experiment.toml`` and ``experiment.csv``, in SI units.
 
     `load_loading_history` reads back exactly equal contents, notices included.
-
-    Parameters
-    ----------
-    experiment : LoadingHistory
-        What to write.
-    directory : Path
-        An existing folder.
-
-    Returns
-    -------
-    Path
-        The TOML file.
     """
     own: dict[str, Any] = {"stages": [_stage_table(stage) for stage in experiment.stages]}
     if any(stage.is_force for stage in experiment.stages):

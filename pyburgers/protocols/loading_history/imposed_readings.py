@@ -23,13 +23,6 @@ def unlike_imposed(readings: Readings, stages: Sequence[Stage]) -> list[str]:
     """Say in which stages what was read of the imposed quantity is another one.
 
     Strains count from the first reading of the stage behind its start.
-
-    Parameters
-    ----------
-    readings : Readings
-        True ones.
-    stages : sequence of Stage
-        Of the test.
     """
     legs = legs_of(stages)
     found = []

@@ -32,10 +32,8 @@ _ONLY, _BAND, _PEAK, _ANDRADE, _FASTER, _SLOWER = map(float, range(6))
 def elements_block(tests: Sequence[tuple[LoadingHistory | None, PriorSet]]) -> StanData:
     """Return the elements for some tests: part of the law, place in it, weight.
 
-    Parameters
-    ----------
-    tests : sequence of (LoadingHistory or None, PriorSet)
-        None for a table of attenuation; priors fixed at the values where a solution is asked for.
+    `tests`: None for a table of attenuation; priors fixed at the values where a solution is asked
+    for.
     """
     priors = [own for _, own in tests]
     decades = max(_largest(own["relaxation_time_decades"]) for own in priors)

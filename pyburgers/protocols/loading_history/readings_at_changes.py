@@ -66,20 +66,6 @@ def without_states_before(
     Such a reading is equal to the state before as far as its error tells, and nearer to it than to
     the next reading. Before the first load the state is that at rest; later it lies between the
     last reading and the line through the last two.
-
-    Parameters
-    ----------
-    found : tuple of array
-        Readings of the response.
-    stages : sequence of Stage
-        Of the test.
-    rest : tuple of (float, float)
-        Strain that is read of the sample at rest, and its standard deviation.
-    stated : float or None
-        Standard deviation of a reading of the strain where it is stated; it is told from the
-        readings of the stage where it is not.
-    side_is_said : bool
-        Whether a column of the file says on which side of later jumps a reading is.
     """
     time, stage, value = found
     legs = legs_of(stages)
@@ -140,11 +126,8 @@ def _state_at(now: float, time: FloatArray, strain: FloatArray) -> tuple[float, 
 def check_loaded(path: Path, found: Response, stages: Sequence[Stage]) -> None:
     """Check that something is imposed, and that stresses are not read before.
 
-    Raises
-    ------
-    InputError
-        If one differs from zero, by more than a small share of the largest stress, or the model is
-        at rest throughout.
+    Raise InputError if one differs from zero, by more than a small share of the largest stress, or
+    the model is at rest throughout.
     """
     time, stage, value = found
     legs = legs_of(stages)

@@ -26,14 +26,10 @@ ROUNDING = 1e-9
 class Series:
     """What was read of a quantity over a stage.
 
-    Attributes
-    ----------
-    time, value : array, shape (n,)
-        s since the start of the test, the first and the last the ends of the stage; Pa or fraction.
-    n_read : int
-        Readings among them.
-    gaps : tuple of (float, float)
-        Shares of the stage before the first reading and after the last.
+    `time`, `value` (n,): s since the start of the test, the first and the last the ends of the
+        stage; Pa or fraction.
+    `n_read`: readings among them.
+    `gaps`: shares of the stage before the first reading and after the last.
     """
 
     time: FloatArray
@@ -61,18 +57,7 @@ def own_readings(
 ) -> tuple[FloatArray, FloatArray]:
     """Return times (s) and values of the readings that are of a stage.
 
-    Parameters
-    ----------
-    readings : Readings
-        Of the whole test.
-    quantity : {"stress", "strain"}
-        Of which.
-    stage : int
-        From 0.
-    span : tuple of (float, float)
-        Start and end of the stage (s).
-    shared : tuple of (bool, bool)
-        Whether nothing can jump there, so that a reading of the stage beside counts.
+    `span`: start and end of the stage (s).
     """
     time, value = readings.of(quantity, stage)
     every, values = readings.of(quantity)
@@ -88,12 +73,7 @@ def own_readings(
 def too_long_a_gap(time: FloatArray, span: tuple[float, float]) -> bool:
     """Whether readings leave more of an end of a stage out than they may.
 
-    Parameters
-    ----------
-    time : array, shape (n,)
-        Of the readings (s), n at least 2.
-    span : tuple of (float, float)
-        Start and end of the stage (s).
+    `time` (n,): of the readings (s), n at least 2. `span`: start and end of the stage (s).
     """
     start, end = span
     allowed = LONGEST_GAP * (end - start)
@@ -112,16 +92,8 @@ def with_ends(
 ) -> Series:
     """Add values at the ends of a stage where none was read.
 
-    Parameters
-    ----------
-    readings : Readings
-        Of the whole test.
-    quantity : {"stress", "strain"}
-        Of which.
-    own : tuple of array
-        Times (s) and values of the readings that are of the stage, at least 2.
-    span : tuple of (float, float)
-        Start and end of the stage (s).
+    `own`: times (s) and values of the readings that are of the stage, at least 2. `span`: start and
+    end of the stage (s).
     """
     time, value = own
     n_read, duration = time.size, span[1] - span[0]

@@ -51,10 +51,7 @@ class StageTable(Table):
 def check_keys(path: Path, number: int, table: StageTable) -> None:
     """Check that a table, by its number from 0, has the keys of its control and no others.
 
-    Raises
-    ------
-    InputError
-        If it does not.
+    Raise InputError if it does not.
     """
     own = OWN_KEYS[table.control]
     where = f"in [[stages]] number {number + 1}"

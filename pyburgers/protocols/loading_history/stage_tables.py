@@ -41,26 +41,16 @@ true strain follow it to half a percent."""
 class Test:
     """What stages are read with.
 
-    Attributes
-    ----------
-    path : Path
-        The file, for messages.
-    temperature : float
-        K, of stages that name none.
-    conventions : Conventions
-        How numbers are meant.
-    bounds : array, shape (n_stages + 1,)
-        Starts of the stages and the end of the last (s on the clock of the file).
-    readings : Readings
-        True ones.
-    stress_error, strain_error : float or None
-        Stated standard deviations of readings (Pa, fraction).
-    first_strain : tuple of (float, float)
-        Zero of strain and its standard deviation.
-    compliance : float
-        Of the apparatus (1/Pa): strains that are read include its share.
-    is_copy : bool
-        Whether the file was written after the test was read and checked.
+    `path`: the file, for messages.
+    `temperature`: K, of stages that name none.
+    `conventions`: how numbers are meant.
+    `bounds` (n_stages + 1,): starts of the stages and the end of the last (s on the clock of the
+        file).
+    `readings`: true ones.
+    `stress_error`, `strain_error`: stated standard deviations of readings (Pa, fraction).
+    `first_strain`: zero of strain and its standard deviation.
+    `compliance`: of the apparatus (1/Pa): strains that are read include its share.
+    `is_copy`: whether the file was written after the test was read and checked.
     """
 
     path: Path
@@ -78,24 +68,9 @@ class Test:
 def stage_bounds(path: Path, tables: Sequence[StageTable], time_factor: float) -> FloatArray:
     """Check the times of stages.
 
-    Parameters
-    ----------
-    path : Path
-        The file, for messages.
-    tables : sequence of StageTable
-        At least one.
-    time_factor : float
-        To s.
-
-    Returns
-    -------
-    array, shape (n_stages + 1,)
-        Starts of the stages and the end of the last (s).
-
-    Raises
-    ------
-    InputError
-        If a stage ends before it starts, overlaps the one before, or leaves a gap.
+    `time_factor`: to s. The result (n_stages + 1,): starts of the stages and the end of the last
+    (s). Raise InputError if a stage ends before it starts, overlaps the one before, or leaves a
+    gap.
     """
     for number, table in enumerate(tables, start=1):
         if table.end_time <= table.start_time:
@@ -117,10 +92,8 @@ def stage_bounds(path: Path, tables: Sequence[StageTable], time_factor: float) -
 def read_stages(test: Test, tables: Sequence[StageTable]) -> tuple[tuple[Stage, ...], list[str]]:
     """Return the stages, and sentences about what was turned or smoothed.
 
-    Raises
-    ------
-    InputError
-        If a key is missing, is not one of its control, or does not fit the stages before.
+    Raise InputError if a key is missing, is not one of its control, or does not fit the stages
+    before.
     """
     stages: list[Stage] = []
     notices: list[str] = []

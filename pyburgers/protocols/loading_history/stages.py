@@ -31,24 +31,17 @@ class Stage:
 
     Strain and stress are true ones, positive in compression.
 
-    Attributes
-    ----------
-    control : str
-        What is imposed.
-    start_time, end_time : float
-        Seconds since the start of the test.
-    temperature : float
-        Kelvin.
-    value : float
-        The strain rate (1/s), the stress (Pa) or the stress rate (Pa/s); 0 for a hold and a series.
-    start_stress : float or None
-        Stress (Pa) from which a stress rate starts; None for the other controls.
-    knots : tuple of (float, float)
-        Times (s, the first and the last are those of the stage) and strains (fraction) or stresses
-        (Pa) of a series, linear in between; empty for the other controls. Only differences of
-        strains count.
-    is_force : bool
-        Whether stresses are forces over the first area: the true stress follows from the strain.
+    `control`: what is imposed.
+    `start_time`, `end_time`: seconds since the start of the test.
+    `temperature`: Kelvin.
+    `value`: the strain rate (1/s), the stress (Pa) or the stress rate (Pa/s); 0 for a hold and a
+        series.
+    `start_stress`: stress (Pa) from which a stress rate starts; None for the other controls.
+    `knots`: times (s, the first and the last are those of the stage) and strains (fraction) or
+        stresses (Pa) of a series, linear in between; empty for the other controls. Only differences
+        of strains count.
+    `is_force`: whether stresses are forces over the first area: the true stress follows from the
+        strain.
     """
 
     control: Control
@@ -70,23 +63,15 @@ class Stage:
 class Leg:
     """Part of a stage over which what is imposed is linear in time.
 
-    Attributes
-    ----------
-    driven : {"strain", "stress"}
-        What is imposed.
-    start_time, end_time : float
-        Seconds since the start of the test.
-    start_value : float
-        Stress (Pa) at the start where stress is imposed, with a jump where it differs from that at
-        the end of the leg before; 0 where strain is imposed, which goes on from where it is.
-    rate : float
-        Of what is imposed: 1/s or Pa/s.
-    temperature : float
-        Kelvin.
-    stage : int
-        To which it belongs, from 0.
-    is_force : bool
-        Whether its stresses are forces over the first area.
+    `driven`: what is imposed.
+    `start_time`, `end_time`: seconds since the start of the test.
+    `start_value`: stress (Pa) at the start where stress is imposed, with a jump where it differs
+        from that at the end of the leg before; 0 where strain is imposed, which goes on from where
+        it is.
+    `rate`: of what is imposed: 1/s or Pa/s.
+    `temperature`: Kelvin.
+    `stage`: to which it belongs, from 0.
+    `is_force`: whether its stresses are forces over the first area.
     """
 
     driven: Driven

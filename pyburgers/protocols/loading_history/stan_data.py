@@ -176,12 +176,9 @@ def _tables(
 class Outputs:
     """Where the solver reports along a test: at readings and sections, in the order of time.
 
-    Attributes
-    ----------
-    time, leg : array, shape (n_outputs,)
-        Seconds since the start; leg from 0.
-    of_readings, of_sections : array of int
-        Place of each among them, from 1; 0 of a section that needs no solution.
+    `time`, `leg` (n_outputs,): seconds since the start; leg from 0.
+    `of_readings`, `of_sections`: place of each among them, from 1; 0 of a section that needs no
+        solution.
     """
 
     time: FloatArray
@@ -193,13 +190,8 @@ class Outputs:
 def solver_outputs(experiment: LoadingHistory, sections: Sequence[float | None]) -> Outputs:
     """Return where the solver reports.
 
-    Parameters
-    ----------
-    experiment : LoadingHistory
-        With its readings.
-    sections : sequence of float or None
-        Times (s) of sections, None for those that need no solution. A section at the time of a
-        jump of the stress is ahead of it: the sample was taken out at the end of what was before.
+    `sections`: times (s) of sections, None for those that need no solution. A section at the time
+    of a jump of the stress is ahead of it: the sample was taken out at the end of what was before.
     """
     wanted = np.array([one is not None for one in sections], dtype=np.bool_)
     own = np.array([one for one in sections if one is not None], dtype=np.float64)

@@ -13,12 +13,8 @@ from pyburgers.protocols.loading_history.stages import Stage, legs_of
 class StartStrain:
     """Strain at the start of a stage.
 
-    Attributes
-    ----------
-    value : float
-        True strain of the sample (fraction), without the zero of the readings.
-    slack : float
-        How much it may have changed since it was read; 0 where it was imposed.
+    `value`: true strain of the sample (fraction), without the zero of the readings.
+    `slack`: how much it may have changed since it was read; 0 where it was imposed.
     """
 
     value: float
@@ -32,18 +28,7 @@ def strain_at_start(
 
     After an imposed stress it is the last reading, and what was imposed since. The slack is the
     difference of that reading from the one before, for as long again as stress was imposed after
-    it, at least once.
-
-    Parameters
-    ----------
-    before : sequence of Stage
-        From the first one on.
-    readings : Readings
-        True ones.
-    zero : float
-        Strain that is read of the sample at rest (fraction).
-    read_there : bool
-        Whether a reading at the start of the next stage that belongs to it counts.
+    it, at least once. `zero`: strain that is read of the sample at rest (fraction).
     """
     loaded = [number for number, stage in enumerate(before) if stage.driven == "stress"]
     if not loaded:

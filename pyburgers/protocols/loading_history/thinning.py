@@ -22,15 +22,9 @@ def kept_readings(
 ) -> np.ndarray:
     """Return the indices of the readings that are kept, increasing.
 
-    Parameters
-    ----------
-    time, response : array, shape (n,)
-        Readings of one quantity, times (s) not decreasing, two different ones at least.
-    changes : array, shape (n_changes,)
-        Times (s) at which what is imposed changes its value or rate, the first not after the first
-        reading.
-    n_kept : int
-        How many to keep, at least 2; fewer are where readings lie too far apart.
+    `time`, `response` (n,): readings of one quantity, times (s) not decreasing, two different ones
+    at least. `changes` (n_changes,): times (s) at which what is imposed changes its value or rate,
+    the first not after the first reading.
     """
     if time.size <= n_kept:
         return np.arange(time.size)

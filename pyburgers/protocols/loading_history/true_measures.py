@@ -24,28 +24,13 @@ def true_readings(
 ) -> Readings:
     """Turn engineering measures into true ones.
 
-    With e the shortening over the first length, positive in compression, the true strain is
-    -ln(1 - e). The true stress is that of `true_stress`.
-    Strain that is read of a sample at rest is no shortening: it is taken off before, and put back.
-    Where it is uncertain, its error is one of e, not turned.
-
-    Parameters
-    ----------
-    path : Path
-        The TOML file, for messages.
-    readings : Readings
-        As in the file.
-    stress, strain : {"true", "engineering"}
-        Their measures.
-    zero : float
-        Strain that is read of a sample at rest (fraction), as it is known beforehand.
-    compliance : float
-        Of the apparatus (1/Pa), whose share strains that are read include.
-
-    Raises
-    ------
-    InputError
-        If a sample is shortened by all its length, or a stress has no strain beside it.
+    With e the shortening over the first length, positive in compression, the true strain is -ln(1 -
+    e). The true stress is that of `true_stress`. Strain that is read of a sample at rest is no
+    shortening: it is taken off before, and put back. Where it is uncertain, its error is one of e,
+    not turned. `zero`: strain that is read of a sample at rest (fraction), as it is known
+    beforehand. `compliance`: of the apparatus (1/Pa), whose share strains that are read include.
+    Raise InputError if a sample is shortened by all its length, or a stress has no strain beside
+    it.
     """
     true_strain = readings.strain - zero
     if strain == "engineering":
@@ -71,21 +56,8 @@ def true_stress(
 ) -> FloatArray:
     """Return the true stress σ = f exp(C σ - ε): at constant volume the sample's strain is ε - C σ.
 
-    Parameters
-    ----------
-    force : array
-        f, over the first area (Pa).
-    strain : array
-        ε, a true strain that is read, without its zero.
-    compliance : float
-        C of the apparatus (1/Pa).
-    where : str
-        Place in the file, for messages.
-
-    Raises
-    ------
-    InputError
-        If no stress goes with a force and such a compliance.
+    `force`: f, over the first area (Pa). `compliance`: C of the apparatus (1/Pa). Raise InputError
+    if no stress goes with a force and such a compliance.
     """
     rigid = force * np.exp(-strain)
     if compliance == 0:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import span_text
 from pyburgers.protocols.attenuation.table import (
-    Conditions,
+    CycleConditions,
     Elasticity,
     FloatArray,
     Readings,
@@ -63,7 +63,7 @@ class AttenuationExperiment(Experiment):
         }
     )
     parts_name: ClassVar[str] = "temperatures"
-    conditions: Conditions
+    conditions: CycleConditions
     readings: Readings
     elasticity: Elasticity
 

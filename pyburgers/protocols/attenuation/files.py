@@ -21,7 +21,7 @@ from pyburgers.protocols.attenuation.imagined_spectra import (
 )
 from pyburgers.protocols.attenuation.table import (
     NO_READINGS,
-    Conditions,
+    CycleConditions,
     Deformation,
     Elasticity,
     FloatArray,
@@ -200,7 +200,7 @@ def save_attenuation(experiment: AttenuationExperiment, directory: Path) -> Path
     return write_experiment(experiment, directory, {"attenuation": attenuation, "data": data})
 
 
-def _table(path: Path, file: _AttenuationFile) -> tuple[Conditions, Readings, tuple[str, ...]]:
+def _table(path: Path, file: _AttenuationFile) -> tuple[CycleConditions, Readings, tuple[str, ...]]:
     """Return the rows, measured or imagined, and notes on their file."""
     if (file.data is None) == (not file.spectra):
         found = "neither" if file.data is None else "both"
@@ -220,7 +220,7 @@ def _table(path: Path, file: _AttenuationFile) -> tuple[Conditions, Readings, tu
 
 def _measured(
     path: Path, file: _AttenuationFile, data: _DataTable
-) -> tuple[Conditions, Readings, tuple[str, ...]]:
+) -> tuple[CycleConditions, Readings, tuple[str, ...]]:
     """Read and check the rows, in the order of the data file; return notes on it with them."""
     source = data.folder(path) / data.file
     periods = _one_of(path, data, "period_column", "frequency_column")
@@ -233,7 +233,7 @@ def _measured(
     n_rows = order.size
     with np.errstate(divide="ignore"):  # a frequency of 0 is refused below
         period = order if periods == "period_column" else 1 / order
-    conditions = Conditions(
+    conditions = CycleConditions(
         period=period,
         temperature=found["temperature_column"]
         if "temperature_column" in found
@@ -414,7 +414,7 @@ def _elasticity(path: Path, table: _AttenuationTable) -> Elasticity:
     return Elasticity(table.deformation, table.poisson_ratio, table.bulk_modulus_Pa)
 
 
-def _notices(conditions: Conditions, readings: Readings) -> list[str]:
+def _notices(conditions: CycleConditions, readings: Readings) -> list[str]:
     """Say what the table leaves open, and what was turned."""
     notices = []
     steps = np.diff(conditions.period)[np.diff(conditions.spectrum) == 0]

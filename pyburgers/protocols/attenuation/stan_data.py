@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
-from pyburgers.protocols.attenuation.table import ATTENUATION, Conditions, Elasticity
+from pyburgers.protocols.attenuation.table import ATTENUATION, CycleConditions, Elasticity
 from pyburgers.protocols.stan_data import StanData, ends
 
 FloatArray = npt.NDArray[np.float64]
@@ -146,7 +146,7 @@ def _joined(parts: Iterable[FloatArray]) -> list[float]:
     return [float(one) for part in parts for one in part]
 
 
-def _regimes(conditions: Conditions) -> tuple[FloatArray, IntArray]:
+def _regimes(conditions: CycleConditions) -> tuple[FloatArray, IntArray]:
     """Stresses that rows have in common, shape (n, 2), and which each row has, from 0."""
     both = np.column_stack([conditions.median_stress, conditions.amplitude])
     found, places = np.unique(both, axis=0, return_inverse=True)

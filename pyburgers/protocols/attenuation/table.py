@@ -23,7 +23,7 @@ SHARE_OF_SPECTRUM, MARGIN = 0.9, 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Conditions:
+class CycleConditions:
     """Under which cycles, and at which temperatures, rows of a table were read.
 
     `period`, `temperature` (n_rows,): s, K.
@@ -36,9 +36,9 @@ class Conditions:
     median_stress: FloatArray
     amplitude: FloatArray
 
-    def ordered(self, rows: IntArray) -> "Conditions":
+    def ordered(self, rows: IntArray) -> "CycleConditions":
         """Return some rows in their order."""
-        return Conditions(*(getattr(self, column.name)[rows] for column in fields(self)))
+        return CycleConditions(*(getattr(self, column.name)[rows] for column in fields(self)))
 
     @property
     def rows_in_order(self) -> IntArray:
@@ -158,7 +158,7 @@ class Elasticity:
 
 
 def check_table(
-    conditions: Conditions, readings: Readings, order: FloatArray, where: str, order_name: str
+    conditions: CycleConditions, readings: Readings, order: FloatArray, where: str, order_name: str
 ) -> None:
     """Check rows of a table.
 

@@ -36,7 +36,8 @@ from pyburgers.protocols.loading_history.readings_at_changes import (
 )
 from pyburgers.protocols.loading_history.stage_keys import StageTable
 from pyburgers.protocols.loading_history.stage_tables import (
-    Test,
+    StageSource,
+    check_given_strains,
     read_stages,
     stage_bounds,
 )
@@ -88,6 +89,8 @@ def load_loading_history(path: str | Path) -> LoadingHistory:
     file = read_toml(path, _LoadingHistoryFile)
     values, (test, offset) = all_of(lambda: shared_values(path, file), lambda: _test(path, file))
     stages, changes = read_stages(test, file.stages)
+    if file.data is None or not file.data.is_copy:
+        check_given_strains(test, file.stages, stages)
     changes = [
         *test.readings.notes,
         *_turned(file),
@@ -148,7 +151,7 @@ def save_loading_history(experiment: LoadingHistory, directory: Path) -> Path:
     return write_experiment(experiment, directory, own)
 
 
-def _test(path: Path, file: _LoadingHistoryFile) -> tuple[Test, Stated | None]:
+def _test(path: Path, file: _LoadingHistoryFile) -> tuple[StageSource, Stated | None]:
     """Return what stages are read with, and the zero of strain."""
     conventions = Conventions.of(
         path,
@@ -167,7 +170,7 @@ def _test(path: Path, file: _LoadingHistoryFile) -> tuple[Test, Stated | None]:
         readings = true_readings(
             path, raw, file.stress_measure, file.strain_measure, zero, compliance
         )
-    test = Test(
+    test = StageSource(
         path=path,
         temperature=file.temperature_K,
         conventions=conventions,
@@ -177,7 +180,6 @@ def _test(path: Path, file: _LoadingHistoryFile) -> tuple[Test, Stated | None]:
         strain_error=_uncertainty(path, file.data, "strain"),
         first_strain=(offset.value, offset.sd) if offset else (0.0, 0.0),
         compliance=compliance,
-        is_copy=file.data is not None and file.data.is_copy,
     )
     return test, offset
 
@@ -219,7 +221,7 @@ def _turned(file: _LoadingHistoryFile) -> list[str]:
 
 
 def _used(
-    test: Test, found: Response, stages: tuple[Stage, ...], data: HistoryDataTable | None
+    test: StageSource, found: Response, stages: tuple[Stage, ...], data: HistoryDataTable | None
 ) -> tuple[Response, list[str]]:
     """Return the readings of the response that are used, and sentences about the others."""
     if data is None:

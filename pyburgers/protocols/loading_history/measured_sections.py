@@ -15,7 +15,7 @@ from pyburgers.model.variants import variant_of
 from pyburgers.protocols.loading_history.conventions import Conventions
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.stage_keys import StageTable
-from pyburgers.protocols.loading_history.stage_tables import Test
+from pyburgers.protocols.loading_history.stage_tables import StageSource
 from pyburgers.protocols.loading_history.stages import Leg
 from pyburgers.protocols.microstructure import (
     MeasuredMicrostructure,
@@ -61,7 +61,7 @@ class SectionTable(MeasuredTable, _PlaceTable):
 
 
 def read_sections(
-    test: Test,
+    test: StageSource,
     tables: Sequence[SectionTable],
     stage_tables: Sequence[StageTable],
     legs: Sequence[Leg],
@@ -73,7 +73,7 @@ def read_sections(
 
     Parameters
     ----------
-    test : Test
+    test : StageSource
         The file, and how its numbers are meant.
     tables : sequence of SectionTable
         Its tables.

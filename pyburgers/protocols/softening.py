@@ -28,10 +28,16 @@ SHARES = (-1.0, 2.0)
 class Along:
     """The horizontal axis of the figure, in the unit that is shown.
 
-    `position` (n_grid,): of the predictions.
-    `measured` (n_sections,): where the microstructure was measured.
-    `label`: of the axis.
-    `end`: of the test.
+    Attributes
+    ----------
+    position : array, shape (n_grid,)
+        Of the predictions.
+    measured : array, shape (n_sections,)
+        Where the microstructure was measured.
+    label : str
+        Of the axis.
+    end : float
+        Of the test.
     """
 
     position: FloatArray
@@ -44,7 +50,15 @@ def microstructure_facts(
     measured: Sequence[MeasuredMicrostructure],
     place: Callable[[MeasuredMicrostructure], str],
 ) -> list[tuple[str, str]]:
-    """Say on a page what was measured of the microstructure, if anything."""
+    """Say on a page what was measured of the microstructure, if anything.
+
+    Parameters
+    ----------
+    measured : sequence of MeasuredMicrostructure
+        Of a test.
+    place : callable
+        Says where each was measured, such as ``15 % strain``.
+    """
     if not measured:
         return []
     said = []
@@ -119,7 +133,15 @@ def softening_along(fit: FittedTest, along: Along) -> Figure:
 def softening_shares(predictions: xr.Dataset) -> FloatArray:
     """Return the share that grain size has in the softening (its logarithm) at the end of a test.
 
-    The result (n,): of the draws with any softening.
+    Parameters
+    ----------
+    predictions : Dataset
+        Of a fit, in labelled draws.
+
+    Returns
+    -------
+    array, shape (n,)
+        Of the draws with any softening.
     """
     log_grains, log_fabric = (
         np.log(all_draws(predictions[name])[:, -1].astype(np.float64))

@@ -25,9 +25,12 @@ FloatArray = npt.NDArray[np.float64]
 class ObservedResponse:
     """What the prepared record says about the stress at the period of the test.
 
-    `amplitude`, `amplitude_standard_error`: of the fundamental (Pa).
-    `lag`, `lag_standard_error`: phase of the stress minus that of the driving strain (rad), in
-        [-pi, pi].
+    Attributes
+    ----------
+    amplitude, amplitude_standard_error : float
+        Of the fundamental (Pa).
+    lag, lag_standard_error : float
+        Phase of the stress minus that of the driving strain (rad), in [-pi, pi].
     """
 
     amplitude: float
@@ -40,9 +43,12 @@ class ObservedResponse:
 class PredictedResponse:
     """The same for curves of single draws.
 
-    `amplitude` (n_curves,): of the fundamental (Pa).
-    `lag` (n_curves,): phase of the stress minus that of the driving strain (rad), within pi of the
-        observed one.
+    Attributes
+    ----------
+    amplitude : array, shape (n_curves,)
+        Of the fundamental (Pa).
+    lag : array, shape (n_curves,)
+        Phase of the stress minus that of the driving strain (rad), within pi of the observed one.
     """
 
     amplitude: FloatArray
@@ -52,7 +58,10 @@ class PredictedResponse:
 def oscillation_of(fit: FittedTest) -> OscillationExperiment:
     """Return the experiment of a fit, which has to be a forced oscillation test.
 
-    Raise InputError if it is not.
+    Raises
+    ------
+    InputError
+        If it is not.
     """
     if not isinstance(fit.experiment, OscillationExperiment):
         raise InputError(
@@ -63,7 +72,13 @@ def oscillation_of(fit: FittedTest) -> OscillationExperiment:
 
 
 def observed_response(experiment: OscillationExperiment) -> ObservedResponse:
-    """Return amplitude and lag of the measured stress."""
+    """Return amplitude and lag of the measured stress.
+
+    Parameters
+    ----------
+    experiment : OscillationExperiment
+        A test; the errors follow from the uncertainties of its readings.
+    """
     of_strain, of_stress = experiment.prepared.strain_fit, experiment.prepared.stress_fit
     strain_phase, strain_error = of_strain.phase()
     stress_phase, stress_error = of_stress.phase()
@@ -77,7 +92,15 @@ def observed_response(experiment: OscillationExperiment) -> ObservedResponse:
 def predicted_response(fit: FittedTest) -> PredictedResponse:
     """Return amplitude and lag of the model's stress, without noise.
 
-    Raise InputError if the fit is of another kind of test.
+    Parameters
+    ----------
+    fit : FittedTest
+        Of a forced oscillation test.
+
+    Raises
+    ------
+    InputError
+        If the fit is of another kind of test.
     """
     experiment = oscillation_of(fit)
     stress = fit.posterior["predictions"].to_dataset()["stress"]
@@ -87,7 +110,15 @@ def predicted_response(fit: FittedTest) -> PredictedResponse:
 def replicated_response(fit: FittedTest) -> PredictedResponse:
     """Return amplitude and lag of replicated data, as they would be found in a new record.
 
-    Raise InputError if the fit is of another kind of test.
+    Parameters
+    ----------
+    fit : FittedTest
+        Of a forced oscillation test.
+
+    Raises
+    ------
+    InputError
+        If the fit is of another kind of test.
     """
     experiment = oscillation_of(fit)
     stress = fit.posterior["posterior_predictive"].to_dataset()["stress"]
@@ -98,8 +129,21 @@ def replicated_response(fit: FittedTest) -> PredictedResponse:
 def predicted_oscillation(fit: FittedTest) -> npt.NDArray[np.complex128]:
     """Fundamental of the model's stress (Pa), without noise, as a complex number.
 
-    The result (n_draws,): its size is the amplitude, its angle the phase about that of the record;
-    draws without solution are left out. Raise InputError if the fit is of another kind of test.
+    Parameters
+    ----------
+    fit : FittedTest
+        Of a forced oscillation test.
+
+    Returns
+    -------
+    array, shape (n_draws,)
+        Its size is the amplitude, its angle the phase about that of the record; draws without
+        solution are left out.
+
+    Raises
+    ------
+    InputError
+        If the fit is of another kind of test.
     """
     experiment = oscillation_of(fit)
     stress = fit.posterior["predictions"].to_dataset()["stress"]
@@ -109,9 +153,21 @@ def predicted_oscillation(fit: FittedTest) -> npt.NDArray[np.complex128]:
 def response_table(fit: FittedTest) -> pd.DataFrame:
     """Compare the observed amplitude and lag with what replicated data have.
 
-    The result: index quantity (amplitude, lag), SI units; columns unit, observed, standard_error,
-    median, q5, q95 (of replicated data) and inside: whether the observed value lies between the
-    two. Raise InputError if the fit is of another kind of test.
+    Parameters
+    ----------
+    fit : FittedTest
+        Of a forced oscillation test.
+
+    Returns
+    -------
+    DataFrame
+        Index quantity (amplitude, lag), SI units; columns unit, observed, standard_error, median,
+        q5, q95 (of replicated data) and inside: whether the observed value lies between the two.
+
+    Raises
+    ------
+    InputError
+        If the fit is of another kind of test.
     """
     observed, replicated = observed_response(oscillation_of(fit)), replicated_response(fit)
     rows = {

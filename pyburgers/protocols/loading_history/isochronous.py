@@ -57,7 +57,13 @@ def isochronous_figure(fits: Sequence[FittedTest]) -> tuple[PageFigure, ...]:
 
 
 def isochronous(fits: Sequence[FittedTest]) -> Figure:
-    """Draw stress against strain at a few times."""
+    """Draw stress against strain at a few times.
+
+    Parameters
+    ----------
+    fits : sequence of FittedTest
+        Those that do not begin with creep are left out; at least one does.
+    """
     loaded = _first_loads(fits)
     stress = np.array([load.stress for _, load in loaded])
     shortest = min(load.duration for _, load in loaded)

@@ -47,14 +47,17 @@ LEAST_SHARE = 0.5
 def minimum_rates(fit: FittedTest) -> pd.DataFrame:
     """Return the minimum strain rate wherever a sample creeps forward under a constant stress.
 
-    The result: a row for each of the `creep_intervals` in which at least half of the draws creep
-    forward throughout, all numbers those of such draws; columns stage (from 1), start_time_s,
-    end_time_s, stress_Pa, measured_rate_per_s, measured_rate_sd_per_s (of the readings; NaN where
-    they are few), rate_per_s, rate_q5_per_s, rate_q95_per_s (median and quantiles over the draws),
-    strain, strain_q5, strain_q95 (the same, of draws with a minimum inside; NaN where these are
-    fewer than half), minimum_inside (the share of draws whose rate is slower than at both ends in
-    between) and least_at_end (the share of those whose rate is least, or as good as that, at the
-    end).
+    Returns
+    -------
+    DataFrame
+        A row for each of the `creep_intervals` in which at least half of the draws creep forward
+        throughout, all numbers those of such draws; columns stage (from 1), start_time_s,
+        end_time_s, stress_Pa, measured_rate_per_s, measured_rate_sd_per_s (of the readings; NaN
+        where they are few), rate_per_s, rate_q5_per_s, rate_q95_per_s (median and quantiles over
+        the draws), strain, strain_q5, strain_q95 (the same, of draws with a minimum inside; NaN
+        where these are fewer than half), minimum_inside (the share of draws whose rate is slower
+        than at both ends in between) and least_at_end (the share of those whose rate is least, or
+        as good as that, at the end).
     """
     experiment = loading_history_test(fit)
     predictions = fit.posterior["predictions"].to_dataset()

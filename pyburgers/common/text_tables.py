@@ -18,8 +18,11 @@ from pyburgers.common.cells import (
     THOUSANDS,
     Row,
     as_number,
+    has_clock,
+    has_date,
     missing_numbers,
     names_between_blanks,
+    seconds_of,
 )
 from pyburgers.common.table_layout import (
     COMMENT,
@@ -30,7 +33,6 @@ from pyburgers.common.table_layout import (
     separator_of,
 )
 from pyburgers.common.text_files import Sheet, read_sheets
-from pyburgers.common.time_stamps import has_clock, has_date, seconds_of
 
 FROM_ZERO = re.compile(r"elaps|durat|since|run(?:ning)?.?time|test.?time", re.IGNORECASE)
 """What the name of a clock has that counts from the start of a test."""

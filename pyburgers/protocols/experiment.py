@@ -404,3 +404,13 @@ def _true_parameters(path: Path, file: ExperimentFile) -> Mapping[str, float] | 
                 f"{nearest(name, PARAMETER_BY_NAME)}"
             )
     return MappingProxyType(dict(file.true_parameters))
+
+
+Compression = Literal["positive", "negative"]
+
+SIGNS_WERE_TURNED = "Compression is negative in the file: the signs were turned."
+
+
+def sign_of(compression: Compression) -> int:
+    """Return what turns a number of a file into one whose compression is positive: 1 or -1."""
+    return 1 if compression == "positive" else -1

@@ -9,9 +9,8 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.common.cells import as_number
+from pyburgers.common.cells import as_number, has_date
 from pyburgers.common.text_tables import TextTable
-from pyburgers.common.time_stamps import has_date
 from pyburgers.common.units import FOREIGN_UNIT_NAMES, UNIT_TABLE, Unit, unit_in
 from pyburgers.protocols.quantities import (
     ALONG_AXIS,

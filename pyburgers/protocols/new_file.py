@@ -18,10 +18,9 @@ import numpy as np
 from pyburgers.common.columns import SEPARATORS
 from pyburgers.common.text_tables import TextTable
 from pyburgers.common.units import UNIT_TABLE
-from pyburgers.protocols.experiment import CONDITION_KEYS, Experiment
+from pyburgers.protocols.experiment import CONDITION_KEYS, Compression, Experiment
 from pyburgers.protocols.guessed_columns import GuessedColumn
 from pyburgers.protocols.protocol import NAMES
-from pyburgers.protocols.signs import Compression
 
 NAMED_SEPARATORS = {sign: name for name, sign in SEPARATORS.items()}
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import count_points
 from pyburgers.model.parameters import PARAMETERS
-from pyburgers.protocols.departures import departure, slope_of
+from pyburgers.protocols.limits import departure, slope_of
 
 FloatArray = npt.NDArray[np.float64]
 

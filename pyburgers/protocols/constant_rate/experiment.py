@@ -24,9 +24,11 @@ from pyburgers.protocols.constant_rate.file_tables import (
     check_segments,
 )
 from pyburgers.protocols.experiment import (
+    SIGNS_WERE_TURNED,
     Experiment,
     FloatArray,
     shared_values,
+    sign_of,
     write_experiment,
 )
 from pyburgers.protocols.limits import far_reading
@@ -36,7 +38,6 @@ from pyburgers.protocols.microstructure import (
     microstructure_tables,
     strains_of,
 )
-from pyburgers.protocols.signs import SIGNS_WERE_TURNED, sign_of
 
 LEAST_STRAIN = 1e-12
 """Strain from which on there is a solution: the solver cannot stop at rest."""

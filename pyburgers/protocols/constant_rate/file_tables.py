@@ -11,9 +11,8 @@ from pyburgers.common.columns import Cell, Column, TextFilesTable
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table
 from pyburgers.common.units import units_text
-from pyburgers.protocols.experiment import ExperimentFile
+from pyburgers.protocols.experiment import Compression, ExperimentFile
 from pyburgers.protocols.microstructure import MicrostructureTable
-from pyburgers.protocols.signs import Compression
 
 
 class SegmentTable(Table):

@@ -6,7 +6,7 @@ from typing import Any
 
 from pyburgers.protocols.column_facts import read_together
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.departures import slope_of
+from pyburgers.protocols.limits import slope_of
 from pyburgers.protocols.new_file import (
     STRAIN_RATE,
     STRESS_ERROR,

@@ -12,14 +12,14 @@ from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, factor_to_si, read_toml
 from pyburgers.common.units import units_text
 from pyburgers.protocols.experiment import (
+    SIGNS_WERE_TURNED,
+    Compression,
     ExperimentFile,
     FloatArray,
     shared_values,
     write_experiment,
 )
-from pyburgers.protocols.loading_history.conventions import Conventions
 from pyburgers.protocols.loading_history.experiment import LoadingHistory, Stated
-from pyburgers.protocols.loading_history.imposed_readings import unlike_imposed
 from pyburgers.protocols.loading_history.measured_sections import SectionTable, read_sections
 from pyburgers.protocols.loading_history.readings import (
     NO_READINGS,
@@ -29,22 +29,27 @@ from pyburgers.protocols.loading_history.readings import (
     responses,
     thinned,
 )
-from pyburgers.protocols.loading_history.readings_at_changes import (
-    check_loaded,
-    without_start,
-    without_states_before,
-)
-from pyburgers.protocols.loading_history.stage_keys import StageTable
 from pyburgers.protocols.loading_history.stage_tables import (
     StageSource,
     check_given_strains,
     read_stages,
     stage_bounds,
 )
-from pyburgers.protocols.loading_history.stages import Stage, legs_of
-from pyburgers.protocols.loading_history.true_measures import Measure, true_readings
+from pyburgers.protocols.loading_history.stages import (
+    Conventions,
+    Measure,
+    Stage,
+    StageTable,
+    legs_of,
+)
+from pyburgers.protocols.loading_history.true_readings import (
+    check_loaded,
+    true_readings,
+    unlike_imposed,
+    without_start,
+    without_states_before,
+)
 from pyburgers.protocols.microstructure import microstructure_tables
-from pyburgers.protocols.signs import SIGNS_WERE_TURNED, Compression
 
 
 class _ApparatusTable(Table):

@@ -10,8 +10,8 @@ import numpy as np
 
 from pyburgers.common.units import UNITS, units_text
 from pyburgers.protocols.column_facts import Facts, facts_of, read_together
-from pyburgers.protocols.departures import slope_of
 from pyburgers.protocols.experiment import FloatArray
+from pyburgers.protocols.limits import slope_of
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.new_file import (
     STRAIN_RATE,

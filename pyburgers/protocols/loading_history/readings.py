@@ -14,7 +14,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import factor_to_si
 from pyburgers.common.units import count_points, units_text
 from pyburgers.protocols.experiment import FloatArray
-from pyburgers.protocols.loading_history.thinning import kept_readings
+from pyburgers.protocols.loading_history.driver import kept_readings
 
 IntArray = npt.NDArray[np.int64]
 
@@ -277,27 +277,3 @@ def _check_order(rows: _Rows, time: FloatArray, stage: IntArray) -> None:
             f"{rows.source}: data row {k + 2}: the time {rows.time(time[k + 1])} comes after "
             f"{rows.time(time[k])}, expected times that do not go back within a stage."
         )
-
-
-def one_reading_each(
-    source: Path | None, time: FloatArray, value: FloatArray, text: Callable[[float], str]
-) -> tuple[FloatArray, FloatArray]:
-    """Return readings that drive a stage, of equal ones of one moment the first.
-
-    `time`, `value` (n,): in the order of time. Raise InputError if readings of one moment differ;
-    the message names all such moments.
-    """
-    again = np.diff(time, prepend=-np.inf) == 0
-    if np.any(again[1:] & (np.diff(value) != 0)):
-        moments, counts = np.unique(time[again], return_counts=True)
-        listed = ", ".join(
-            f"{text(moment)} ({count + 1} readings)"
-            for moment, count in zip(moments, counts, strict=True)
-        )
-        raise InputError(
-            f"{source}: found times that occur more than once with different readings, {listed}; "
-            "expected one reading of a moment, because these drive the stage: if the times were "
-            "rounded, write them in full; if one moment was read several times, write the mean; if "
-            'the stress is constant, impose it (control = "stress"), and all readings are kept.'
-        )
-    return time[~again], value[~again]

@@ -10,7 +10,6 @@ import numpy as np
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import counted, span_text
 from pyburgers.protocols.experiment import FloatArray
-from pyburgers.protocols.loading_history.conventions import Conventions
 from pyburgers.protocols.loading_history.driver import (
     TOLERANCE,
     TURNED_TOLERANCE,
@@ -20,17 +19,25 @@ from pyburgers.protocols.loading_history.driver import (
     tolerance_of,
     tolerances,
 )
-from pyburgers.protocols.loading_history.readings import Readings, one_reading_each
+from pyburgers.protocols.loading_history.readings import Readings
 from pyburgers.protocols.loading_history.series import (
     Series,
+    one_reading_each,
     own_readings,
+    strain_at_start,
     too_long_a_gap,
     with_ends,
 )
-from pyburgers.protocols.loading_history.stage_keys import StageTable, check_keys
-from pyburgers.protocols.loading_history.stages import DRIVEN, Control, Stage, legs_of
-from pyburgers.protocols.loading_history.strain_at_start import strain_at_start
-from pyburgers.protocols.loading_history.true_measures import true_stress
+from pyburgers.protocols.loading_history.stages import (
+    DRIVEN,
+    Control,
+    Conventions,
+    Stage,
+    StageTable,
+    check_keys,
+    legs_of,
+)
+from pyburgers.protocols.loading_history.true_readings import true_stress
 
 DISPLACEMENT_STEP = 0.01
 """At constant displacement rate the true strain rate changes with the length: legs this long in

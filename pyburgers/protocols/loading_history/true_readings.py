@@ -1,26 +1,129 @@
-"""Readings at the moment at which something changes: those that say nothing of the state behind it.
-
-The model knows a state at rest, and behind every jump of the stress one that holds the elastic
-strain of the jump. A table often begins with the reading before the load, and some have one at
-later changes: taken as read behind the jump it would say that the modulus is infinite.
-"""
+"""Readings as true measures, and beside what is imposed: before loads, at jumps, in stages."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.special import lambertw
 
 from pyburgers.common.errors import InputError
 from pyburgers.protocols.experiment import FloatArray
+from pyburgers.protocols.limits import departure
 from pyburgers.protocols.loading_history.driver import reading_error
-from pyburgers.protocols.loading_history.readings import Response
+from pyburgers.protocols.loading_history.readings import Readings, Response
 from pyburgers.protocols.loading_history.stages import (
     Driven,
     Leg,
+    Measure,
     Stage,
+    imposed_strains,
     imposed_stresses,
     legs_of,
 )
+
+
+def true_readings(
+    path: Path,
+    readings: Readings,
+    stress: Measure,
+    strain: Measure,
+    zero: float = 0.0,
+    compliance: float = 0.0,
+) -> Readings:
+    """Turn engineering measures into true ones.
+
+    With e the shortening over the first length, positive in compression, the true strain is -ln(1 -
+    e). The true stress is that of `true_stress`. Strain that is read of a sample at rest is no
+    shortening: it is taken off before, and put back. Where it is uncertain, its error is one of e,
+    not turned. `zero`: strain that is read of a sample at rest (fraction), as it is known
+    beforehand. `compliance`: of the apparatus (1/Pa), whose share strains that are read include.
+    Raise InputError if a sample is shortened by all its length, or a stress has no strain beside
+    it.
+    """
+    true_strain = readings.strain - zero
+    if strain == "engineering":
+        if np.any(true_strain >= 1):
+            raise InputError(
+                f"{readings.source}: found an engineering strain of {np.nanmax(true_strain):g},"
+                " expected less than 1 (fraction) in compression: check its unit."
+            )
+        true_strain = -np.log1p(-true_strain)
+    stresses = readings.stress
+    if stress == "engineering":
+        if np.any(np.isfinite(readings.stress) & np.isnan(true_strain)):
+            raise InputError(
+                f"{path}: key 'stress_measure': found 'engineering' and a stress without a strain "
+                f"in {readings.source}, expected the strain of every reading, which tells the area."
+            )
+        stresses = true_stress(readings.stress, true_strain, compliance, where=str(path))
+    return replace(readings, stress=stresses, strain=true_strain + zero)
+
+
+def true_stress(
+    force: FloatArray, strain: FloatArray, compliance: float, *, where: str
+) -> FloatArray:
+    """Return the true stress σ = f exp(C σ - ε): at constant volume the sample's strain is ε - C σ.
+
+    `force`: f, over the first area (Pa). `compliance`: C of the apparatus (1/Pa). Raise InputError
+    if no stress goes with a force and such a compliance.
+    """
+    rigid = force * np.exp(-strain)
+    if compliance == 0:
+        return np.asarray(rigid)
+    if np.any(compliance * rigid > np.exp(-1)):
+        raise InputError(
+            f"{where}: key 'compliance_per_Pa': found {compliance:g}, by which the apparatus takes "
+            f"up a strain of more than {np.exp(-1):.2f} under {np.nanmax(rigid):.3g} Pa, expected "
+            "a smaller compliance: check its unit."
+        )
+    return np.asarray(-lambertw(-compliance * rigid, 0).real / compliance)
+
+
+LEAST_READINGS = 3
+"""Of a stage behind its start, where a reading may still be that of the stage before."""
+
+
+def unlike_imposed(readings: Readings, stages: Sequence[Stage]) -> list[str]:
+    """Say in which stages what was read of the imposed quantity is another one.
+
+    Strains count from the first reading of the stage behind its start.
+    """
+    legs = legs_of(stages)
+    found = []
+    for number, stage in enumerate(stages):
+        time, read = readings.of(stage.driven, number)
+        time, read = time[time > stage.start_time], read[time > stage.start_time]
+        if time.size < LEAST_READINGS:
+            continue
+        imposed = _imposed(legs, number, time)
+        if stage.driven == "strain":
+            read, imposed = read - read[0], imposed - imposed[0]
+        elsewhere = imposed_stresses(legs) if stage.driven == "stress" else imposed_strains(legs)
+        largest = float(np.abs([*read, *imposed, *elsewhere]).max())
+        far = departure(read, imposed, largest)
+        if far is not None:
+            in_mpa = f"{far.largest / 1e6:.3g} MPa"
+            found.append(
+                f"Stage {number + 1}: the {stage.driven} that was read lies up to "
+                f"{in_mpa if stage.driven == 'stress' else f'{far.largest:.3g}'} from the one that "
+                f"is imposed, which it leaves at {time[far.first]:.4g} s; check units, signs and "
+                "what is imposed."
+            )
+    return found
+
+
+def _imposed(legs: Sequence[Leg], number: int, time: FloatArray) -> FloatArray:
+    """Stress (Pa) that a stage imposes at times (s) in it, or strain since its start."""
+    own = [leg for leg in legs if leg.stage == number]
+    starts = np.array([leg.start_time for leg in own])
+    values = np.array([leg.start_value for leg in own])
+    if own[0].driven == "strain":
+        values = np.array([0.0, *imposed_strains(own)[:-1]])
+    k = np.searchsorted(starts, time, side="right") - 1
+    imposed: FloatArray = values[k] + np.array([leg.rate for leg in own])[k] * (time - starts[k])
+    return imposed
+
 
 EQUAL = 3.0
 """How far a reading may be from a state that it is taken for, in standard deviations."""

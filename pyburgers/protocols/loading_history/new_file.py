@@ -14,17 +14,14 @@ from pyburgers.protocols.experiment import FloatArray
 from pyburgers.protocols.limits import slope_of
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.new_file import (
+    LAYOUT,
     STRAIN_RATE,
     Columns,
     Description,
     NewFile,
     Question,
-    column_lines,
     compression_of,
-    layout_lines,
-    line,
-    optional,
-    with_comment,
+    filled,
 )
 from pyburgers.protocols.quantities import ENGINEERING
 
@@ -69,6 +66,42 @@ CONTROL_COMMENTS = {
 }
 
 
+TEMPLATE = f"""
+stage_time_unit = {{time_unit}}  # of the stages; {{time_units}}
+stage_stress_unit = "MPa"  # of the stages; {{stress_units}}
+compression = {{compression}}  # positive or negative: of stages and data
+strain_measure = {{strain_measure}}  # true or engineering
+stress_measure = {{stress_measure}}  # true or engineering
+
+{{stages}}
+[data]
+file = {{file}}
+{LAYOUT}\
+time_column = {{time_column}}  # on the clock of the stages
+time_unit = {{time_unit}}
+strain_column = {{strain_column}}
+strain_unit = {{strain_unit}}
+stress_column = {{stress_column}}
+stress_unit = {{stress_unit}}
+relaxation_strain = {{relaxation_strain}}  # the stress column is the stress over this strain
+# strain_uncertainty = 0.002  # of a reading, in its unit
+# [[microstructure]]  # measured in the sample, at one time or more
+# time = "end"  # of the test; else in stage_time_unit
+# grain_size_m = 165e-6
+# grain_size_sd_m = 8e-6
+"""
+
+STAGE_TEMPLATE = """\
+[[stages]]  # one after the other, without gaps
+control = {control}  # {comment}
+start_time = {start_time}
+end_time = {end_time}
+stress = {stress}  # in stage_stress_unit
+strain_rate_per_s = {strain_rate_per_s}
+
+"""
+
+
 class LoadingHistoryFile(NewFile):
     """Stages of a stress or a rate that is given, or one driven by readings of stress or strain.
 
@@ -80,6 +113,7 @@ class LoadingHistoryFile(NewFile):
     needed = (("time",), ("strain", "stress", "relaxation_modulus"))
     quantities = frozenset({"time", "strain", "stress", "relaxation_modulus"})
     questions = (STRAIN_RATE, STRESS, HOLD_START, HELD_STRAIN, LOADING_TIME)
+    template = TEMPLATE
 
     def suits(self, columns: Columns) -> str | None:
         """Return what the stress and the strain do that is neither at one rate nor a cycle."""
@@ -177,55 +211,29 @@ class LoadingHistoryFile(NewFile):
             stages = "stages end there, and the rate changes its sign"
         return (f"the strain turns back at {turns} {unit}: {stages}",) if turns else ()
 
-    def lines(self, test: Description) -> list[str]:
-        """Return the stages and the columns."""
-        compression = compression_of(test, test.values[STRESS.name])
-        return [
-            line(
-                "stage_time_unit", test.columns["time"].unit, f"of the stages; {units_text('time')}"
-            ),
-            line("stage_stress_unit", "MPa", f"of the stages; {units_text('stress')}"),
-            line("compression", compression, "positive or negative: of stages and data"),
-            *(
-                line(f"{name}_measure", _measure(test.columns, name), "true or engineering")
-                for name in ("strain", "stress")
-            ),
-            "",
-            *_stage_lines(test),
-            "[data]",
-            line("file", test.file),
-            *layout_lines(test),
-            *column_lines(test, "time", comment="on the clock of the stages"),
-            *column_lines(test, "strain"),
-            *column_lines(test, "stress"),
-            *_modulus_lines(test),
-            optional("strain_uncertainty = 0.002", "of a reading, in its unit"),
-            optional("[[microstructure]]", "measured in the sample, at one time or more"),
-            optional('time = "end"', "of the test; else in stage_time_unit"),
-            "# grain_size_m = 165e-6",
-            "# grain_size_sd_m = 8e-6",
-        ]
+    def filling(self, test: Description) -> Mapping[str, object]:
+        """Return the stages, measures and signs, and a modulus of relaxation as a stress."""
+        found: dict[str, object] = {
+            "time_units": units_text("time"),
+            "stress_units": units_text("stress"),
+            "compression": compression_of(test, test.values[STRESS.name]),
+            "strain_measure": _measure(test.columns, "strain"),
+            "stress_measure": _measure(test.columns, "stress"),
+            "stages": _stage_lines(test),
+        }
+        modulus = test.columns.get("relaxation_modulus")
+        if modulus is not None:
+            rate, lasted = _loading(test)
+            second = UNITS["time"][test.columns["time"].unit or "s"]
+            found["stress_column"], found["stress_unit"] = modulus.column, modulus.unit
+            found["relaxation_strain"] = float(f"{abs(rate) * lasted * second:.6g}")
+        return found
 
 
 def _measure(columns: Columns, quantity: str) -> str:
     """Return the measure that the name of a column says."""
     name = columns[quantity].name.lower() if quantity in columns else ""
     return "engineering" if re.search(ENGINEERING, name) else "true"
-
-
-def _modulus_lines(test: Description) -> list[str]:
-    """Return the keys of a modulus of relaxation: a stress over the strain that is held."""
-    modulus = test.columns.get("relaxation_modulus")
-    if modulus is None:
-        return []
-    rate, lasted = _loading(test)
-    second = UNITS["time"][test.columns["time"].unit or "s"]
-    strain = float(f"{abs(rate) * lasted * second:.6g}")
-    return [
-        line("stress_column", modulus.column),
-        line("stress_unit", modulus.unit),
-        line("relaxation_strain", strain, "the stress column is the stress over this strain"),
-    ]
 
 
 def _rows(columns: Columns, *names: str) -> tuple[FloatArray, ...]:
@@ -275,11 +283,11 @@ def _stage_lines(test: Description) -> list[str]:
     start, end = min(0.0, float(times.min())), float(times.max())
     stress, rate = values[STRESS.name], values[STRAIN_RATE.name]
     if stress is not None:
-        return _stage("stress", start, end, line("stress", stress, "in stage_stress_unit"))
+        return _stage("stress", start, end, stress=stress)
     if _is_held(columns, values):
         hold_start, (rate, lasted) = values[HOLD_START.name], _loading(test)
         return [
-            *_stage("strain_rate", hold_start - lasted, hold_start, line(STRAIN_RATE.name, rate)),
+            *_stage("strain_rate", hold_start - lasted, hold_start, strain_rate_per_s=rate),
             *_stage("hold_strain", hold_start, end),
         ]
     turns = _turning_times(columns)
@@ -290,7 +298,7 @@ def _stage_lines(test: Description) -> list[str]:
     return [
         text
         for k, (first, last) in enumerate(itertools.pairwise([start, *turns, end]))
-        for text in _stage("strain_rate", first, last, line(STRAIN_RATE.name, rate * (-1) ** k))
+        for text in _stage("strain_rate", first, last, strain_rate_per_s=rate * (-1) ** k)
     ]
 
 
@@ -300,7 +308,7 @@ def _unread_loading(columns: Columns) -> list[str]:
     if not (time[0] > 0 and strain[0]):
         return []
     rate = float(f"{strain[0] / time[0]:.6g}")
-    return _stage("strain_rate", 0.0, _in_file(columns, time[0]), line(STRAIN_RATE.name, rate))
+    return _stage("strain_rate", 0.0, _in_file(columns, time[0]), strain_rate_per_s=rate)
 
 
 def _in_file(columns: Columns, time: float) -> float:
@@ -336,16 +344,10 @@ def _loading(test: Description) -> tuple[float, float]:
     return rate if strain is None else strain / (lasted * second), lasted
 
 
-def _stage(control: str, start: float, end: float, *imposed: str) -> list[str]:
+def _stage(control: str, start: float, end: float, **imposed: float) -> list[str]:
     comment = CONTROL_COMMENTS.get(control, "what is imposed; others: docs/loading_history.md")
-    return [
-        with_comment("[[stages]]", "one after the other, without gaps"),
-        line("control", control, comment),
-        line("start_time", start),
-        line("end_time", end),
-        *imposed,
-        "",
-    ]
+    values = {"control": control, "comment": comment, "start_time": start, "end_time": end}
+    return list(filled(STAGE_TEMPLATE, {**values, **imposed}))
 
 
 NEW_FILE = LoadingHistoryFile()

@@ -117,7 +117,7 @@ def run(options: argparse.Namespace) -> int:
     name, reason, columns = _decided(table, options)
     new_file = new_files()[name]
     _require_columns(options.csv, name, new_file, columns)
-    read = new_file.read(columns)
+    read = new_file.select_columns(columns)
     for guessed in read.values():
         print(f"guessed: {guessed.sentence}")
     if options.protocol is None:
@@ -131,7 +131,7 @@ def run(options: argparse.Namespace) -> int:
     proposed = {"id": _identifier(table), "temperature_K": _temperature(columns)}
     draft = _Draft(name, new_file, Description(file, table, read, given), proposed)
     answers = _answers(draft)
-    for sentence in new_file.decided(replace(draft.test, values=answers)):
+    for sentence in new_file.describe_decisions(replace(draft.test, values=answers)):
         print(f"decided: {sentence}")
     text = draft.text(answers)
     with writing(out):
@@ -185,7 +185,9 @@ def _decided(table: TextTable, options: argparse.Namespace) -> tuple[str, str, C
         columns = guess_columns(table, chosen)
         guessed, reason = _guess_protocol(columns)
         name = options.protocol or guessed
-        tied = [one for one in new_files()[name].read(columns).values() if not one.is_decided]
+        tied = [
+            one for one in new_files()[name].select_columns(columns).values() if not one.is_decided
+        ]
         if not tied:
             return name, reason, columns
         chosen[tied[0].quantity] = _chosen_column(table, tied[0])
@@ -225,7 +227,7 @@ def _guess_protocol(columns: Columns) -> tuple[str, str]:
     return next(
         (name, reason)
         for name in reversed(NAMES)
-        if (reason := new_files()[name].suits(columns)) is not None
+        if (reason := new_files()[name].recognise(columns)) is not None
     )
 
 
@@ -273,7 +275,7 @@ def _refuse_what_is_not_taken(
 ) -> None:
     """Refuse options that the file would not hold."""
     taken = {question.name for question in (*FIRST, *LAST)}
-    taken |= set(new_file.taken(columns, given))
+    taken |= set(new_file.allowed_answers(columns, given))
     own = [question for question in new_file.questions if given[question.name] is not None]
     others = ", ".join(question.option for question in own if question.name in taken)
     for question in _every_question():
@@ -323,9 +325,9 @@ class _Draft:
     def questions(self, given: Mapping[str, Any]) -> list[Question]:
         """Return what is still to be asked, with what the file suggests."""
         columns = self.test.columns
-        known = {**self.proposed, **self.new_file.proposed(columns, given)}
+        known = {**self.proposed, **self.new_file.propose_answers(columns, given)}
         asked = {question.name for question in (*FIRST, *LAST)}
-        asked |= set(self.new_file.asked(columns, given))
+        asked |= set(self.new_file.required_answers(columns, given))
         return [
             replace(question, default=known.get(question.name, question.default))
             for question in _every_question()

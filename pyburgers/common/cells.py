@@ -33,7 +33,7 @@ _MAY_BE_MISSING = re.compile(rf"(?:{NOTHING.pattern})|-99[0-9.,]*(?:[eE].*)?|-9\
 SENTINELS = frozenset((-999.0, -999.25, -9999.0, -99999.0, -999999.0))
 """Numbers that stand for no reading where all others lie far above them."""
 
-FAR = 3.0
+MIN_SENTINEL_DISTANCE = 3.0
 """Ranges of the other numbers that a sentinel lies below them."""
 
 _KNOWN_UNITS = "|".join(re.escape(unit) for units in UNIT_TABLE.values() for unit in units)
@@ -105,7 +105,7 @@ def missing_numbers(cells: Sequence[str], stated: Sequence[str] | None = None) -
         return set()
     words = {cell for cell in values if cell and NOTHING.fullmatch(cell)}
     highest = max((numbers[cell] for cell in sentinels), default=-math.inf)
-    is_far = min(others) - highest > FAR * (max(others) - min(others))
+    is_far = min(others) - highest > MIN_SENTINEL_DISTANCE * (max(others) - min(others))
     return words | sentinels if is_far else words
 
 

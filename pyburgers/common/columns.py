@@ -30,7 +30,7 @@ SEPARATORS = {"tab": "\t", "whitespace": " "}
 DATA_ROOT_VARIABLE = "PYBURGERS_DATA"
 """Environment variable that takes the place of the key `data_root`."""
 
-LARGEST = 1e100
+MAX_SI_NUMBER = 1e100
 """Size of a number in SI from which on squares and products of readings may not be numbers."""
 
 INFINITE = re.compile(r"[+-]?(?:inf(?:inity)?|[0-9.]+e[+-]?[0-9]+|nan)", re.IGNORECASE)
@@ -39,7 +39,7 @@ INFINITE = re.compile(r"[+-]?(?:inf(?:inity)?|[0-9.]+e[+-]?[0-9]+|nan)", re.IGNO
 MARKED = re.compile(r"[+-]?[0-9]+(?:[.,'_ \u00a0\u202f][0-9]+)+")
 """Cells of digits with more marks between them than a decimal point."""
 
-NAMED_CELLS = 3
+MAX_NAMED_CELLS = 3
 """Cells of a column that are named where they hold no numbers."""
 
 
@@ -122,7 +122,7 @@ def read_columns(
     cells. Return `notes`: sentences about what was done to read them. Raise InputError if a unit is
     not one of its quantity, the file is missing or has no data rows, its rows do not go with its
     names, a column is missing, no row is one of those wanted, or a cell is empty, not a number, not
-    finite or larger than `LARGEST`; the message names file, line and column.
+    finite or larger than `MAX_SI_NUMBER`; the message names file, line and column.
     """
     units, (found, notes) = all_of(
         lambda: all_of(*(partial(_unit, data, unit, where) for unit in columns.values())),
@@ -133,10 +133,10 @@ def read_columns(
             unit.zero + unit.factor * values for values, unit in zip(found, units, strict=True)
         ]
     for key, values in zip(columns, scaled, strict=True):
-        if (np.abs(values) > LARGEST).any():
+        if (np.abs(values) > MAX_SI_NUMBER).any():
             raise InputError(
                 f"{source}: column {getattr(data, key)!r} holds a number that is too large, "
-                f"expected at most {LARGEST:g} in SI."
+                f"expected at most {MAX_SI_NUMBER:g} in SI."
             )
     return scaled, notes
 
@@ -192,11 +192,11 @@ def _numbers(
     notes = table.notes_on({_index(getattr(data, key), table, "") for key in columns})
     if without.any():
         lines = [str(table.rows[k][0]) for k in chosen[without]]
-        more = f" and {len(lines) - NAMED_CELLS} more" if len(lines) > NAMED_CELLS else ""
+        more = f" and {len(lines) - MAX_NAMED_CELLS} more" if len(lines) > MAX_NAMED_CELLS else ""
         notes = (
             *notes,
             f"{source.name}: {counted(len(lines), 'row')} left out, where a column that is read "
-            f"holds no reading (line {', '.join(lines[:NAMED_CELLS])}{more}).",
+            f"holds no reading (line {', '.join(lines[:MAX_NAMED_CELLS])}{more}).",
         )
     return [values[~without] for values in found], notes
 
@@ -304,10 +304,10 @@ def _column(
         if fault is not None:
             sentences.append(f"{table.path}: line {line}, column {column!r}: {fault}.")
         values.append(math.nan if value is None else value)
-    if len(sentences) > NAMED_CELLS:
-        more = len(sentences) - NAMED_CELLS
+    if len(sentences) > MAX_NAMED_CELLS:
+        more = len(sentences) - MAX_NAMED_CELLS
         sentences = [
-            *sentences[:NAMED_CELLS],
+            *sentences[:MAX_NAMED_CELLS],
             f"{table.path}: column {column!r}: {more} more cells are not numbers either.",
         ]
     if sentences:

@@ -20,7 +20,7 @@ SEPARATORS = (";", "\t", ",", " ")
 SAMPLE_LINES = 300
 """Lines from either end of a file that tell its separator."""
 
-SMALL_TABLE = 0.1
+MAX_SMALL_TABLE_SHARE = 0.1
 """Share of the rows of the largest table of a file below which another one is passed over."""
 
 
@@ -190,7 +190,7 @@ def _other_tables(
         alike, n_rows = len(rows[one[0]][1]) == width, one[1] - one[0]
         if one[0] > block[0] and alike:
             return True
-        return n_rows > 1 and (alike or n_rows >= SMALL_TABLE * size)
+        return n_rows > 1 and (alike or n_rows >= MAX_SMALL_TABLE_SHARE * size)
 
     large = [one for one in blocks if one == block or is_rival(one)]
     if len(large) < 2:

@@ -26,7 +26,7 @@ from pyburgers.common.cells import (
 )
 from pyburgers.common.table_layout import (
     COMMENT,
-    SMALL_TABLE,
+    MAX_SMALL_TABLE_SHARE,
     cells_of,
     is_comment,
     layout_of,
@@ -245,7 +245,7 @@ def look_at(
     large = [
         sheet.name
         for sheet, one in zip(sheets, tables, strict=True)
-        if len(one.rows) >= max(2, SMALL_TABLE * len(table.rows))
+        if len(one.rows) >= max(2, MAX_SMALL_TABLE_SHARE * len(table.rows))
     ]
     problems = list(table.problems)
     if len(large) > 1:

@@ -31,7 +31,7 @@ FloatArray = npt.NDArray[np.float64]
 BOX_MARGIN = 0.5
 """Range of a parameter's draws by which the bounds of its coordinate lie outside them."""
 
-OF_A_TEST = ("apparatus_compliance", "strain_offset")
+TEST_PARAMETERS = ("apparatus_compliance", "strain_offset")
 """Parameters of a test and its apparatus, which say nothing of another one."""
 
 NEGLIGIBLE_NOISE = MappingProxyType({"stress_noise": 1.0, "strain_noise": 1e-12})
@@ -54,7 +54,7 @@ class Source:
     cautions: tuple[str, ...]
 
 
-def values_for(
+def draw_values(
     source: Source, draws: int | None, separate_from: str | None, rng: np.random.Generator
 ) -> tuple[npt.NDArray[np.int64], dict[str, FloatArray], list[str]]:
     """Return numbers of draws, every parameter of a new test in them (SI), and where they are from.
@@ -114,7 +114,7 @@ def _of_a_new_test(
     return np.array([plain.value(k, position) for position in real])
 
 
-def of_the_apparatus(
+def apparatus_values(
     source: Source,
     experiment: Experiment,
     kept: npt.NDArray[np.int64],
@@ -123,14 +123,14 @@ def of_the_apparatus(
     """Return what belongs to a test and its apparatus (SI), and where it is from.
 
     That of a test which was fitted itself is what the fit inferred for it. That of any other one is
-    as its file states it, or none. The result: `OF_A_TEST` by name (SI).
+    as its file states it, or none. The result: `TEST_PARAMETERS` by name (SI).
     """
     fitted = _that_was_fitted(source, experiment)
     drawn = xr.Dataset() if fitted is None else fitted.posterior["posterior"].to_dataset()
     same = [] if fitted is None else _same_of_a_test(fitted.experiment, experiment)
     stated = _stated(experiment)
     values = {}
-    for name in OF_A_TEST:
+    for name in TEST_PARAMETERS:
         if name in same and name in drawn:
             values[name] = all_draws(drawn[name])[kept].astype(np.float64)
         elif name in stated:
@@ -162,7 +162,7 @@ def _stated(experiment: Experiment) -> dict[str, Prior]:
 
 
 def _same_of_a_test(fitted: Experiment, experiment: Experiment) -> list[str]:
-    """Return which of `OF_A_TEST` the file of the same test states as when it was fitted."""
+    """Return which of `TEST_PARAMETERS` the file of the same test states as when it was fitted."""
     if not _is_same_test(fitted, experiment):
         return []
     before, now = (
@@ -172,14 +172,14 @@ def _same_of_a_test(fitted: Experiment, experiment: Experiment) -> list[str]:
     none = (np.nan, np.nan)
     return [
         name
-        for name in OF_A_TEST
+        for name in TEST_PARAMETERS
         if np.allclose(
             before.get(name, none), now.get(name, none), rtol=1e-9, atol=0.0, equal_nan=True
         )
     ]
 
 
-def of_any_test(
+def parameters_for_other_test(
     values: Mapping[str, float], fitted: Experiment, experiment: Experiment
 ) -> dict[str, float]:
     """Return parameters of a fitted test (SI) that another one has too, as predictions take them.
@@ -190,7 +190,7 @@ def of_any_test(
     alike = {
         one.parameter for one in experiment.uncertain if _same_apparatus(fitted, experiment, one)
     }
-    others = {*OF_A_TEST, *CONDITIONS} - alike - {*_same_of_a_test(fitted, experiment)}
+    others = {*TEST_PARAMETERS, *CONDITIONS} - alike - {*_same_of_a_test(fitted, experiment)}
     return {name: value for name, value in values.items() if name not in others}
 
 
@@ -206,7 +206,7 @@ def _same_apparatus(
     )
 
 
-def under_conditions(
+def add_condition_errors(
     source: Source,
     experiment: Experiment,
     kept: npt.NDArray[np.int64],
@@ -238,7 +238,7 @@ def under_conditions(
     return others, notes
 
 
-def with_noises(
+def add_noises(
     values: Mapping[str, FloatArray], fitted: Problem, experiment: Experiment
 ) -> tuple[dict[str, FloatArray], list[str]]:
     """Return values with the noise of new readings: that of the fit, a stated one, or none.
@@ -274,7 +274,7 @@ def with_noises(
     return found, notes
 
 
-def holding(values: Mapping[str, FloatArray], fitted: PriorSet) -> PriorSet:
+def bounds_around(values: Mapping[str, FloatArray], fitted: PriorSet) -> PriorSet:
     """Return bounds around draws, so that every draw has coordinates; what was fixed stays so.
 
     Parameters between two bounds keep coordinates of their own, none is that of a point of the
@@ -305,7 +305,7 @@ def _box(fitted: Prior, values: FloatArray) -> Prior:
     )
 
 
-def with_laws(
+def transfer_laws(
     priors: PriorSet, fitted: Problem, experiment: Experiment
 ) -> tuple[PriorSet, list[str]]:
     """Return priors that give a test the laws of a fit, as far as such a test has them, and notes.

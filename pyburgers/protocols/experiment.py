@@ -29,7 +29,7 @@ FloatArray = npt.NDArray[np.float64]
 MetadataValue = str | float | int | bool
 
 
-LARGEST_TEMPERATURE_SHARE = 0.1
+MAX_TEMPERATURE_SD_SHARE = 0.1
 """Largest standard deviation of a temperature over it: a wider error would reach zero kelvin."""
 
 
@@ -380,10 +380,10 @@ def _uncertain_conditions(path: Path, file: ExperimentFile) -> tuple[UncertainCo
                 f"{apparatus!r}."
             )
     sd = file.temperature_sd_K
-    if sd is not None and sd > LARGEST_TEMPERATURE_SHARE * file.temperature_K:
+    if sd is not None and sd > MAX_TEMPERATURE_SD_SHARE * file.temperature_K:
         raise InputError(
             f"{path}: key 'temperature_sd_K': found {sd:g}, expected at most "
-            f"{LARGEST_TEMPERATURE_SHARE:g} of the temperature, {file.temperature_K:g} K."
+            f"{MAX_TEMPERATURE_SD_SHARE:g} of the temperature, {file.temperature_K:g} K."
         )
     return tuple(found)
 

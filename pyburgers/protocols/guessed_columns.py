@@ -26,14 +26,14 @@ from pyburgers.protocols.quantities import (
 
 FloatArray = npt.NDArray[np.float64]
 
-PERCENT_FROM, MEGAPASCAL_UP_TO, CELSIUS_UP_TO = 1.0, 1e5, 200.0
+MIN_PERCENT, MAX_MEGAPASCAL, MAX_CELSIUS = 1.0, 1e5, 200.0
 """Numbers from which strain is taken as percent, and up to which stress as MPa, or temperature as
 degrees Celsius, where names say nothing."""
 
-DIFFERENTIAL, NEGLIGIBLE = 0, 0.05
+DIFFERENTIAL_PLACE, MIN_CONFINING_SHARE = 0, 0.05
 """Place of names of differential stresses; a stress beside the axis below this share is none."""
 
-SAME = 1e-3
+MAX_RELATIVE_DIFFERENCE = 1e-3
 """Relative difference of columns that hold the same numbers in different units."""
 
 
@@ -225,7 +225,15 @@ def _are_alike(one: GuessedColumn, other: GuessedColumn) -> bool:
     """Whether two columns hold the same numbers, be it in different units."""
     mine, yours = one.si, other.si
     scale = float(np.nanmax(np.abs(mine), initial=0.0))
-    return bool(np.allclose(mine, yours, rtol=SAME, atol=SAME * scale, equal_nan=True))
+    return bool(
+        np.allclose(
+            mine,
+            yours,
+            rtol=MAX_RELATIVE_DIFFERENCE,
+            atol=MAX_RELATIVE_DIFFERENCE * scale,
+            equal_nan=True,
+        )
+    )
 
 
 def _confined_by(table: TextTable, stress: GuessedColumn) -> str | int | None:
@@ -233,7 +241,7 @@ def _confined_by(table: TextTable, stress: GuessedColumn) -> str | int | None:
 
     One that its name calls differential does not; else it may where it never is below the other.
     """
-    if _place(stress)[2] == DIFFERENTIAL:
+    if _place(stress)[2] == DIFFERENTIAL_PLACE:
         return None
     for column in table.columns:
         name = _plain(table.described(column))
@@ -243,9 +251,9 @@ def _confined_by(table: TextTable, stress: GuessedColumn) -> str | int | None:
         if unit and table.numbers(column):
             beside = float(np.median(table.numbers(column))) * UNIT_TABLE["stress"][unit].factor
             if (
-                NEGLIGIBLE * np.nanmax(stress.si)
+                MIN_CONFINING_SHARE * np.nanmax(stress.si)
                 < beside
-                <= np.nanmin(stress.si) * (1 + NEGLIGIBLE)
+                <= np.nanmin(stress.si) * (1 + MIN_CONFINING_SHARE)
             ):
                 return column
     return None
@@ -301,11 +309,11 @@ def _unit_of_numbers(kind: str, numbers: FloatArray) -> tuple[str | None, str]:
     largest = float(np.max(np.abs(numbers)))
     match kind:
         case "strain":
-            return ("percent" if largest > PERCENT_FROM else "fraction"), "its numbers"
+            return ("percent" if largest > MIN_PERCENT else "fraction"), "its numbers"
         case "stress":
-            return ("MPa" if largest < MEGAPASCAL_UP_TO else "Pa"), "its numbers"
+            return ("MPa" if largest < MAX_MEGAPASCAL else "Pa"), "its numbers"
         case "temperature":
-            return ("C" if largest < CELSIUS_UP_TO else "K"), "its numbers"
+            return ("C" if largest < MAX_CELSIUS else "K"), "its numbers"
         case "time":
             return "s", "nothing; check it"
         case "frequency":

@@ -131,29 +131,29 @@ class NewFile(ABC):
     template: ClassVar[str]
 
     @abstractmethod
-    def suits(self, columns: Columns) -> str | None:
+    def recognise(self, columns: Columns) -> str | None:
         """Return why a text file looks like such a test, as the end of a sentence, if it does."""
 
-    def read(self, columns: Columns) -> Columns:
+    def select_columns(self, columns: Columns) -> Columns:
         """Return those of the columns of a text file that its files name."""
         return {name: one for name, one in columns.items() if name in self.quantities}
 
-    def proposed(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:
+    def propose_answers(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return answers that the columns suggest, by the name of the question.
 
         `given`: answers that are there already, None where there is none.
         """
         return {}
 
-    def asked(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
+    def required_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return the names of those of its questions that are asked; as for `proposed`."""
-        return self.taken(columns, given)
+        return self.allowed_answers(columns, given)
 
-    def taken(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
+    def allowed_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return the names of those of its questions whose answers the file can hold."""
         return {question.name for question in self.questions}
 
-    def decided(self, test: Description) -> Sequence[str]:
+    def describe_decisions(self, test: Description) -> Sequence[str]:
         """Return sentences about what the lines say that neither columns nor answers say."""
         return ()
 

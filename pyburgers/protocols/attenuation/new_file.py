@@ -65,7 +65,7 @@ class AttenuationFile(NewFile):
     questions = (DEFORMATION, POISSON_RATIO)
     template = TEMPLATE
 
-    def suits(self, columns: Columns) -> str | None:
+    def recognise(self, columns: Columns) -> str | None:
         """Return that attenuation is read, of a table that is no stress or strain."""
         is_table = {"period", "frequency"} & columns.keys() or not {
             "strain",
@@ -76,12 +76,12 @@ class AttenuationFile(NewFile):
         both = {"storage_modulus", "loss_modulus"} <= columns.keys()
         return "there are a storage and a loss modulus" if is_table and both else None
 
-    def read(self, columns: Columns) -> Columns:
+    def select_columns(self, columns: Columns) -> Columns:
         """Return what there is of a table, each quantity once.
 
         The period goes before the frequency, tan delta before two moduli, |M| before M'.
         """
-        found = super().read(columns)
+        found = super().select_columns(columns)
         attenuation = found.get("attenuation")
         needless = {"frequency"} if "period" in found else set()
         if {"storage_modulus", "loss_modulus"} <= found.keys() and (
@@ -96,7 +96,7 @@ class AttenuationFile(NewFile):
             needless.add("modulus_uncertainty")
         return {name: one for name, one in found.items() if name not in needless}
 
-    def taken(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
+    def allowed_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return Poisson's ratio only where the deformation may be shear."""
         axial = given[DEFORMATION.name] == "axial"
         return {DEFORMATION.name} if axial else {DEFORMATION.name, POISSON_RATIO.name}

@@ -42,7 +42,7 @@ from pyburgers.protocols.microstructure import (
 LEAST_STRAIN = 1e-12
 """Strain from which on there is a solution: the solver cannot stop at rest."""
 
-FASTEST_PRESS, SMALL_PART = 1.0, 0.05
+MAX_LIKELY_STRAIN_RATE, MIN_READ_SHARE = 1.0, 0.05
 """A unit may be wrong beyond this strain rate (1/s), and where readings end before this share of
 the final strain."""
 
@@ -118,9 +118,9 @@ class ConstantRateExperiment(Experiment):
         """Say where a rate is that of no press, and where readings end far before the test."""
         found = []
         fastest = max(segment.strain_rate for segment in self.segments)
-        if fastest > FASTEST_PRESS:
+        if fastest > MAX_LIKELY_STRAIN_RATE:
             found.append(f"a strain rate of {fastest:g} 1/s is unlikely; check its unit.")
-        if self.n_points and self.strain[-1] < SMALL_PART * self.final_strain:
+        if self.n_points and self.strain[-1] < MIN_READ_SHARE * self.final_strain:
             found.append(
                 f"readings end at a strain of {self.strain[-1]:g}, a small part of the final "
                 f"{self.final_strain:g}; check the unit of the strains."

@@ -52,30 +52,30 @@ class ConstantRateFile(NewFile):
     questions = (STRAIN_RATE, STRESS_ERROR)
     template = TEMPLATE
 
-    def suits(self, columns: Columns) -> str | None:
+    def recognise(self, columns: Columns) -> str | None:
         """Return that there is a curve; one that oscillates or creeps is asked about before."""
         return f"there are {'strain' if 'strain' in columns else 'time'} and stress"
 
-    def read(self, columns: Columns) -> Columns:
+    def select_columns(self, columns: Columns) -> Columns:
         """Return strain and stress, or time and stress; times beside strains show the rate."""
-        found = dict(super().read(columns))
+        found = dict(super().select_columns(columns))
         if "strain" in found and "time" in found:
             is_usable = found["time"].is_decided and not found["time"].is_foreign
             found = found if is_usable else {k: one for k, one in found.items() if k != "time"}
         return found
 
-    def proposed(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:
+    def propose_answers(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the slope of strain over time as the rate."""
         if not {"strain", "time"} <= columns.keys():
             return {}
         slope = slope_of(*read_together(columns["time"].si, columns["strain"].si))
         return {STRAIN_RATE.name: float(f"{abs(slope):.3g}")} if slope else {}
 
-    def asked(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
+    def required_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return the rate: a fit infers the error of a stress where none is stated."""
         return {STRAIN_RATE.name}
 
-    def decided(self, test: Description) -> Sequence[str]:
+    def describe_decisions(self, test: Description) -> Sequence[str]:
         """Say that columns of engineering measures are taken as they are."""
         return [
             f"column {one.column!r} is taken as true {one.quantity}, though its name says "

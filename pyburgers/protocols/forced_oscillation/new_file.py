@@ -51,7 +51,7 @@ class ForcedOscillationFile(NewFile):
     )
     template = TEMPLATE
 
-    def suits(self, columns: Columns) -> str | None:
+    def recognise(self, columns: Columns) -> str | None:
         """Return that the strain oscillates."""
         if {"time", "strain", "stress"} <= columns.keys() and facts_of(
             columns["strain"]
@@ -59,7 +59,7 @@ class ForcedOscillationFile(NewFile):
             return "the strain goes back and forth"
         return None
 
-    def taken(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
+    def allowed_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return the errors that are not read."""
         return {question.name for question in self.questions} - set(columns)
 

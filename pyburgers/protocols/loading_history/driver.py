@@ -27,10 +27,10 @@ TOLERANCE = 5.0
 """How far a line passes from a reading, in standard deviations of the reading error. Its corners
 are readings with errors of their own, so that 5 are 3.5 of those of a difference."""
 
-FEWEST_READINGS = 20
+MIN_ERROR_READINGS = 20
 """Of fewer readings the error is not told from them: corners may be too large a share."""
 
-FEWEST_IN_A_LEG = 6
+MIN_LEG_READINGS = 6
 """Of fewer readings in a leg the scatter is not told from them."""
 
 PLAIN_SHARE, DOUBTFUL_SHARE = 0.02, 0.01
@@ -57,11 +57,11 @@ def scatter(time: FloatArray, value: FloatArray) -> float:
 def reading_error(time: FloatArray, value: FloatArray) -> float:
     """Return the standard deviation of independent errors of a series, as far as it can be told.
 
-    Their scatter, unless corners may be what scatters: it is 0 for under `FEWEST_READINGS`, and
+    Their scatter, unless corners may be what scatters: it is 0 for under `MIN_ERROR_READINGS`, and
     limited where it is large and the series does not turn as noise does (cycles, for example).
     `time`, `value` (n,): the series, times not decreasing.
     """
-    if time.size < FEWEST_READINGS:
+    if time.size < MIN_ERROR_READINGS:
         return 0.0
     error, span = scatter(time, value), float(np.ptp(value))
     if error <= PLAIN_SHARE * span or _turns_like_noise(value):
@@ -100,7 +100,7 @@ def tolerances(time: FloatArray, value: FloatArray) -> FloatArray:
         closer = allowed.copy()
         for first, last in pairwise(_fewest_corners(time, value, allowed)):
             own = slice(first, last + 1)
-            if last - first + 1 >= FEWEST_IN_A_LEG:
+            if last - first + 1 >= MIN_LEG_READINGS:
                 error = max(scatter(time[own], value[own]), _rounding_error(value[own]))
                 inside = slice(first + 1, last)
                 closest = max(TOLERANCE * error, tolerance_of(value, 0.0))

@@ -21,7 +21,7 @@ from pyburgers.protocols.loading_history.stages import (
 
 IntArray = npt.NDArray[np.int64]
 
-UNREAD_PART = 0.5
+MAX_UNREAD_SHARE = 0.5
 """Share of a stage at either end of the readings from which on their times are doubted."""
 
 
@@ -169,7 +169,7 @@ class LoadingHistory(Experiment):
         found = []
         for k, passed, where in unread:
             duration = self.stages[k].end_time - self.stages[k].start_time
-            if passed > UNREAD_PART * duration:
+            if passed > MAX_UNREAD_SHARE * duration:
                 found.append(
                     f"stage {k + 1} lasts {duration / seconds:.4g} {unit}, of which "
                     f"{passed / seconds:.4g} {unit} are {where} reading; check units and start "

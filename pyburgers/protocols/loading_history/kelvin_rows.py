@@ -19,7 +19,7 @@ ELEMENT_ERROR = 1e-4
 
 Of Andrade creep, which has none, relative to the creep at any time that counts."""
 
-WIDEST = 0.99
+MAX_PRIOR_QUANTILE = 0.99
 """Quantile of a prior without an upper bound that counts as its largest value."""
 
 START_OF_IMAGINED = 1e-3
@@ -83,7 +83,7 @@ def _ends(prior: Prior) -> Iterable[float]:
     if prior.is_fixed:
         return (prior.location,)
     law = prior.distribution()
-    return float(law.ppf(1 - WIDEST)), float(law.ppf(WIDEST))
+    return float(law.ppf(1 - MAX_PRIOR_QUANTILE)), float(law.ppf(MAX_PRIOR_QUANTILE))
 
 
 def _largest(prior: Prior) -> float:
@@ -91,4 +91,4 @@ def _largest(prior: Prior) -> float:
         return prior.location
     if np.isfinite(prior.upper):
         return prior.upper
-    return float(prior.distribution().ppf(WIDEST))
+    return float(prior.distribution().ppf(MAX_PRIOR_QUANTILE))

@@ -25,13 +25,13 @@ from pyburgers.protocols.new_file import (
 )
 from pyburgers.protocols.quantities import ENGINEERING
 
-NO_TIME = 1e-3
+JUMP_DURATION_SHARE = 1e-3
 """Time that loading in no time is given, in shares of the time until the first reading."""
 
-EARLY = 0.05
+MAX_EARLY_SHARE = 0.05
 """Share of a relaxation before its first reading up to which time counts from the hold."""
 
-LEAST_HELD, FALL, AT_ONCE = 0.2, 3.0, 0.8
+MIN_HELD_SHARE, MIN_FALL_RATIO, MAX_SHARE_AT_ONCE = 0.2, 3.0, 0.8
 """Of a strain that is held: the least share of the test, and by how much more the stress falls then
 than the strain changes, relatively. A load that goes down does more than this share at once."""
 
@@ -115,7 +115,7 @@ class LoadingHistoryFile(NewFile):
     questions = (STRAIN_RATE, STRESS, HOLD_START, HELD_STRAIN, LOADING_TIME)
     template = TEMPLATE
 
-    def suits(self, columns: Columns) -> str | None:
+    def recognise(self, columns: Columns) -> str | None:
         """Return what the stress and the strain do that is neither at one rate nor a cycle."""
         if "time" not in columns or not {"strain", "stress", "relaxation_modulus"} & columns.keys():
             return None
@@ -133,13 +133,13 @@ class LoadingHistoryFile(NewFile):
             return "the stress goes in steps and stays the same between"
         return "the strain turns back" if strain.turns else None
 
-    def read(self, columns: Columns) -> Columns:
+    def select_columns(self, columns: Columns) -> Columns:
         """Return time, strain and stress, of which a modulus of relaxation takes the place."""
-        found = super().read(columns)
+        found = super().select_columns(columns)
         needless = "relaxation_modulus" if "stress" in found else ""
         return {name: one for name, one in found.items() if name != needless}
 
-    def proposed(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:
+    def propose_answers(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return when a strain is held, and its size and loading as far as they were read."""
         first = _hold_of(columns)
         if first is None:
@@ -149,7 +149,7 @@ class LoadingHistoryFile(NewFile):
         if first:
             start = _end_of_loading(time, strain, first)
         else:
-            start = 0.0 if 0 <= time[0] <= EARLY * time[-1] else float(time[0])
+            start = 0.0 if 0 <= time[0] <= MAX_EARLY_SHARE * time[-1] else float(time[0])
         known = {HOLD_START.name: start / second}
         if "strain" in columns:
             held = float(f"{strain[-1] - (strain[0] if first else 0.0):.4g}")
@@ -161,7 +161,7 @@ class LoadingHistoryFile(NewFile):
             known[LOADING_TIME.name] = (start - float(time[0])) / second
         return known
 
-    def taken(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
+    def allowed_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return what belongs to the stress or the rate that drives it, of which there is one.
 
         A stress needs readings of the strain, a rate those of the stress. Of rate, strain and time
@@ -179,13 +179,15 @@ class LoadingHistoryFile(NewFile):
                 return names
         return by_stress | by_rate
 
-    def asked(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
+    def required_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return the stress, unless a rate is given or there are readings to drive the test.
 
         Without a column of the strain a rate drives it: the stress is what was read. Where a stress
         falls at a strain that is held, the hold is asked for, and its loading.
         """
-        by_rate = given[STRESS.name] is None and HOLD_START.name in self.taken(columns, given)
+        by_rate = given[STRESS.name] is None and HOLD_START.name in self.allowed_answers(
+            columns, given
+        )
         if by_rate and _is_held(columns, given):
             if given[HOLD_START.name] is None:
                 return (HOLD_START.name,)
@@ -196,7 +198,7 @@ class LoadingHistoryFile(NewFile):
         driven = given[STRAIN_RATE.name] is not None or "stress" in columns
         return () if driven else (STRESS.name,)
 
-    def decided(self, test: Description) -> Sequence[str]:
+    def describe_decisions(self, test: Description) -> Sequence[str]:
         """Say where the strain turns, and how loading in no time is written."""
         values, columns, unit = test.values, test.columns, test.columns["time"].unit
         if values[STRESS.name] is not None:
@@ -251,13 +253,13 @@ def _hold_of(columns: Columns) -> int | None:
     time, strain, falling = _rows(columns, "time", "strain", stress)
     first = Facts(strain).held_from
     stress_then, strain_then = Facts(falling[first:]), Facts(strain[first:])
-    is_long = time[-1] - time[first] >= LEAST_HELD * (time[-1] - time[0]) > 0
-    at_once = np.abs(np.diff(stress_then.values)).max(initial=0.0) > AT_ONCE * np.ptp(
+    is_long = time[-1] - time[first] >= MIN_HELD_SHARE * (time[-1] - time[0]) > 0
+    at_once = np.abs(np.diff(stress_then.values)).max(initial=0.0) > MAX_SHARE_AT_ONCE * np.ptp(
         stress_then.values
     )
     falls = (
         stress_then.only_falls
-        and stress_then.relative_range > FALL * strain_then.relative_range
+        and stress_then.relative_range > MIN_FALL_RATIO * strain_then.relative_range
         and not (first and at_once)
     )
     return first if is_long and falls and np.any(strain_then.values) else None
@@ -340,7 +342,7 @@ def _loading(test: Description) -> tuple[float, float]:
         return rate, abs(strain / rate) / second
     if lasted == 0:
         behind = times[times > values[HOLD_START.name]]
-        lasted = NO_TIME * float(behind.min() - values[HOLD_START.name])
+        lasted = JUMP_DURATION_SHARE * float(behind.min() - values[HOLD_START.name])
     return rate if strain is None else strain / (lasted * second), lasted
 
 

@@ -37,7 +37,7 @@ def one_reading_each(
     return time[~again], value[~again]
 
 
-LONGEST_GAP = 0.05
+MAX_GAP_SHARE = 0.05
 """Share of a stage at either end in which nothing need be read; more where readings lie as far
 apart."""
 
@@ -99,7 +99,7 @@ def too_long_a_gap(time: FloatArray, span: tuple[float, float]) -> bool:
     `time` (n,): of the readings (s), n at least 2. `span`: start and end of the stage (s).
     """
     start, end = span
-    allowed = LONGEST_GAP * (end - start)
+    allowed = MAX_GAP_SHARE * (end - start)
     spacing = np.diff(time)
     return bool(
         time[0] - start > max(allowed, spacing[0]) * (1 + ROUNDING)

@@ -80,7 +80,7 @@ def true_stress(
     return np.asarray(-lambertw(-compliance * rigid, 0).real / compliance)
 
 
-LEAST_READINGS = 3
+MIN_STAGE_READINGS = 3
 """Of a stage behind its start, where a reading may still be that of the stage before."""
 
 
@@ -94,7 +94,7 @@ def unlike_imposed(readings: Readings, stages: Sequence[Stage]) -> list[str]:
     for number, stage in enumerate(stages):
         time, read = readings.of(stage.driven, number)
         time, read = time[time > stage.start_time], read[time > stage.start_time]
-        if time.size < LEAST_READINGS:
+        if time.size < MIN_STAGE_READINGS:
             continue
         imposed = _imposed(legs, number, time)
         if stage.driven == "strain":
@@ -125,16 +125,16 @@ def _imposed(legs: Sequence[Leg], number: int, time: FloatArray) -> FloatArray:
     return imposed
 
 
-EQUAL = 3.0
+MAX_EQUAL_DISTANCE = 3.0
 """How far a reading may be from a state that it is taken for, in standard deviations."""
 
-SAME_STRESS = 1e-6
+MAX_SAME_STRESS_DIFFERENCE = 1e-6
 """Relative difference of stresses that is no jump."""
 
-NOTHING_IMPOSED = 0.1
+MAX_UNLOADED_SHARE = 0.1
 """Share of the largest stress up to which readings before anything is imposed may be error."""
 
-NEAR_ZERO = 0.01
+MAX_ZERO_SHARE = 0.01
 """Share of the largest reading up to which one at rest goes without its size in notices."""
 
 
@@ -150,7 +150,7 @@ def without_start(found: Response, stages: Sequence[Stage]) -> tuple[Response, l
     size = float(np.abs(value[at_start]).max())
     alike = value[stage == stage[0]]
     how_large = ""
-    if size > NEAR_ZERO * float(np.abs(alike).max()):
+    if size > MAX_ZERO_SHARE * float(np.abs(alike).max()):
         how_large = f", {_shown(float(value[at_start][0]), stages[0].driven)},"
     sentence = f"The reading at the start{how_large} was dropped: the model starts at rest."
     return (time[~at_start], stage[~at_start], value[~at_start]), [sentence]
@@ -189,7 +189,7 @@ def without_states_before(
             sd = np.sqrt(2) * error
         next_one = abs(value[own][1] - value[k]) if np.count_nonzero(own) > 1 else np.inf
         distance = max(low - value[k], value[k] - high, 0.0)
-        if distance <= EQUAL * sd and distance < next_one:
+        if distance <= MAX_EQUAL_DISTANCE * sd and distance < next_one:
             kept[k] = False
             where = "start" if number == 0 else f"start of stage {number + 1}"
             notices.append(
@@ -210,7 +210,7 @@ def _jumps(legs: Sequence[Leg], number: int) -> bool:
             return True
         before = legs[first - 1].end_value
     after = legs[first].start_value
-    return abs(after - before) > SAME_STRESS * max(abs(after), abs(before))
+    return abs(after - before) > MAX_SAME_STRESS_DIFFERENCE * max(abs(after), abs(before))
 
 
 def _state_at(now: float, time: FloatArray, strain: FloatArray) -> tuple[float, float]:
@@ -239,7 +239,7 @@ def check_loaded(path: Path, found: Response, stages: Sequence[Stage]) -> None:
     is_stress = np.array([one.driven == "strain" for one in stages])[stage]
     stresses = np.concatenate([imposed_stresses(legs), value[is_stress]])
     largest = float(np.abs(stresses).max(initial=0.0))
-    idle = is_stress & (time < idle_until) & (np.abs(value) > NOTHING_IMPOSED * largest)
+    idle = is_stress & (time < idle_until) & (np.abs(value) > MAX_UNLOADED_SHARE * largest)
     if idle.any():
         raise InputError(
             f"{path}: [[stages]] number {stage[idle][0] + 1}: found a stress of "

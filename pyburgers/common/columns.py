@@ -6,7 +6,8 @@ import re
 from collections.abc import Container, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from types import MappingProxyType
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +19,7 @@ from pyburgers.common.cells import number_in
 from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.paths import given_path
 from pyburgers.common.text_tables import TextTable, look_at
-from pyburgers.common.toml_files import Table, unit_of
+from pyburgers.common.toml_files import Table, factor_to_si, unit_of
 from pyburgers.common.units import Unit, counted
 
 FloatArray = npt.NDArray[np.float64]
@@ -38,6 +39,9 @@ INFINITE = re.compile(r"[+-]?(?:inf(?:inity)?|[0-9.]+e[+-]?[0-9]+|nan)", re.IGNO
 
 MARKED = re.compile(r"[+-]?[0-9]+(?:[.,'_ \u00a0\u202f][0-9]+)+")
 """Cells of digits with more marks between them than a decimal point."""
+
+WRITTEN_LAYOUT = MappingProxyType({"separator": ",", "header": True, "missing": []})
+"""Keys of a table [data] that describe what `write_columns` writes."""
 
 MAX_NAMED_CELLS = 3
 """Cells of a column that are named where they hold no numbers."""
@@ -96,6 +100,23 @@ class TextFilesTable(Table):
         if not override:
             return path.parent / self.data_root
         return given_path(override)
+
+    def in_si(self, key: str, unit_key: str, quantity: str, path: Path) -> float | None:
+        """Return a number of the table in SI, None where none is given; `path` is the TOML file."""
+        number = getattr(self, key)
+        if number is None:
+            return None
+        where = f"{path}: key {unit_key!r} in [data]"
+        return float(number) * factor_to_si(getattr(self, unit_key), quantity, where)
+
+    def check_pairs(self, path: Path, *quantities: str) -> None:
+        """Refuse a column of a quantity without its unit, and a unit without its column."""
+        for quantity in quantities:
+            column, unit = f"{quantity}_column", f"{quantity}_unit"
+            if (getattr(self, column) is None) != (getattr(self, unit) is None):
+                raise InputError(
+                    f"{path}: [data] needs both or neither of the keys {column!r} and {unit!r}."
+                )
 
     @property
     def selection(self) -> str:
@@ -219,6 +240,14 @@ def _unit(data: TextFilesTable, unit: tuple[str, str] | None, where: Path) -> Un
         return Unit()
     key, quantity = unit
     return unit_of(getattr(data, key), quantity, f"{where}: key {key!r} in [data]")
+
+
+def write_data(
+    directory: Path, columns: Mapping[str, Sequence[float] | FloatArray]
+) -> dict[str, Any]:
+    """Write ``experiment.csv``; return the keys of a table [data] that say how it is laid out."""
+    write_columns(directory / "experiment.csv", columns)
+    return {"file": "experiment.csv", **WRITTEN_LAYOUT}
 
 
 def write_columns(path: Path, columns: Mapping[str, Sequence[float] | FloatArray]) -> None:

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
+from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_data
 from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, factor_to_si, read_toml
@@ -171,10 +171,6 @@ def save_attenuation(experiment: AttenuationExperiment, directory: Path) -> Path
         "limit": readings.limit,
     }
     data: dict[str, Any] = {
-        "file": "experiment.csv",
-        "separator": ",",
-        "header": True,
-        "missing": [],
         "period_column": "period_s",
         "period_unit": "s",
         "temperature_column": "temperature_K",
@@ -196,7 +192,7 @@ def save_attenuation(experiment: AttenuationExperiment, directory: Path) -> Path
             "modulus_unit": "Pa",
             "modulus_uncertainty_column": "uncertainty_Pa",
         }
-    write_columns(directory / "experiment.csv", table)
+    data = {**write_data(directory, table), **data}
     return write_experiment(experiment, directory, {"attenuation": attenuation, "data": data})
 
 

@@ -7,10 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from pyburgers.common.columns import read_columns, write_columns
+from pyburgers.common.columns import read_columns, write_data
 from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.paths import given_path
-from pyburgers.common.toml_files import factor_to_si, read_toml
+from pyburgers.common.toml_files import read_toml
 from pyburgers.protocols.constant_rate.curves import (
     Curve,
     join_curves,
@@ -182,7 +182,10 @@ def load_constant_rate(path: str | Path) -> ConstantRateExperiment:
         lambda: check_segments(path, file.segments),
         lambda: _read_curves(path, file, segments),
     )
-    unit = None if file.data is None else file.data.strain_unit
+    unit, uncertainty = None, None
+    if file.data is not None:
+        unit = file.data.strain_unit
+        uncertainty = file.data.in_si("stress_uncertainty", "stress_unit", "stress", path)
     microstructure = measured_microstructure(path, file.microstructure, unit, file.final_strain)
     final_strain = _final_strain(path, file, segments, curves, microstructure)
     strain, stress, changes = join_curves(curves, final_strain)
@@ -194,7 +197,7 @@ def load_constant_rate(path: str | Path) -> ConstantRateExperiment:
         strain=strain,
         stress=stress,
         final_strain=final_strain,
-        stress_uncertainty=_stress_uncertainty(path, file.data),
+        stress_uncertainty=uncertainty,
         microstructure=microstructure,
         notices=tuple(dict.fromkeys([*file.notices, *changes, *remarks_on(strain, stress)])),
     )
@@ -208,12 +211,8 @@ def save_constant_rate(experiment: ConstantRateExperiment, directory: Path) -> P
     data = None
     if experiment.n_points > 0:
         columns = {"strain": experiment.strain, "stress_Pa": experiment.stress}
-        write_columns(directory / "experiment.csv", columns)
         data = {
-            "file": "experiment.csv",
-            "separator": ",",
-            "header": True,
-            "missing": [],
+            **write_data(directory, columns),
             "strain_column": "strain",
             "strain_unit": "fraction",
             "stress_column": "stress_Pa",
@@ -298,14 +297,6 @@ def _read_points(
         imposed = _strain_at(time - time[0] + start, segments)
         notes += unlike_rates(source.name, time, strain, imposed)
     return strain, stress, notes
-
-
-def _stress_uncertainty(path: Path, data: DataTable | None) -> float | None:
-    """Return the standard deviation of a reading in Pa, where it is stated."""
-    if data is None or data.stress_uncertainty is None:
-        return None
-    unit = factor_to_si(data.stress_unit, "stress", f"{path}: key 'stress_unit' in [data]")
-    return data.stress_uncertainty * unit
 
 
 def _steps(segments: Sequence[RateSegment]) -> tuple[FloatArray, FloatArray]:

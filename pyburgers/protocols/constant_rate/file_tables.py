@@ -106,11 +106,4 @@ def check_data_keys(path: Path, file: ConstantRateFile) -> None:
         )
     if data.strain_column is None and data.time_column is None:
         raise InputError(f"{path}: [data] needs a key 'strain_column' or 'time_column'.")
-    for quantity in ("strain", "time"):
-        column = getattr(data, f"{quantity}_column")
-        unit = getattr(data, f"{quantity}_unit")
-        if (column is None) != (unit is None):
-            raise InputError(
-                f"{path}: [data] needs both or neither of the keys '{quantity}_column' and "
-                f"'{quantity}_unit'."
-            )
+    data.check_pairs(path, "strain", "time")

@@ -9,11 +9,17 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
+from pyburgers.common.columns import (
+    WRITTEN_LAYOUT,
+    Column,
+    TextFilesTable,
+    read_columns,
+    write_columns,
+)
 from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, read_toml
-from pyburgers.common.units import UNITS, units_text
+from pyburgers.common.units import units_text
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT
 from pyburgers.protocols.experiment import (
     Experiment,
@@ -254,7 +260,7 @@ def save_forced_oscillation(experiment: OscillationExperiment, directory: Path) 
         "strain": ("fraction", record.strain_time, record.strain, record.strain_uncertainty),
         "stress": ("Pa", record.stress_time, record.stress, record.stress_uncertainty),
     }
-    data: dict[str, Any] = {"separator": ",", "header": True, "missing": []}
+    data: dict[str, Any] = {**WRITTEN_LAYOUT}
     for name, (unit, *columns) in series.items():
         names = ("time_s", name, "uncertainty")
         table = dict(zip(names, columns, strict=True))
@@ -385,5 +391,5 @@ def _read_series(
         == (data.stress_file, data.stress_time_column),
     )
     if not spread:
-        spread = [np.full_like(value, uncertainty * UNITS[name][getattr(data, f"{name}_unit")])]
+        spread = [np.full_like(value, data.in_si(number, *unit, path))]
     return (time, value, *spread), notes

@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from pyburgers.common.columns import write_columns
+from pyburgers.common.columns import write_data
 from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, factor_to_si, read_toml
@@ -204,13 +204,11 @@ def _apparatus(file: _LoadingHistoryFile) -> Stated | None:
 
 def _uncertainty(path: Path, data: HistoryDataTable | None, quantity: str) -> float | None:
     """Return the stated standard deviation of a reading in SI."""
-    stated = getattr(data, f"{quantity}_uncertainty", None)
-    if data is None or stated is None:
+    if data is None:
         return None
-    key = f"{quantity}_unit"
-    factor = factor_to_si(getattr(data, key), quantity, f"{path}: key {key!r} in [data]")
+    stated = data.in_si(f"{quantity}_uncertainty", f"{quantity}_unit", quantity, path)
     over = data.relaxation_strain if quantity == "stress" else None
-    return float(stated) * factor * (over or 1.0)
+    return stated if stated is None or over is None else stated * over
 
 
 def _turned(file: _LoadingHistoryFile) -> list[str]:
@@ -294,10 +292,6 @@ def _write_readings(experiment: LoadingHistory, directory: Path) -> dict[str, An
         "stage": (experiment.reading_stage + 1).astype(np.float64),
     }
     table: dict[str, Any] = {
-        "file": "experiment.csv",
-        "separator": ",",
-        "header": True,
-        "missing": [],
         "time_column": "time_s",
         "time_unit": "s",
         "stage_column": "stage",
@@ -312,5 +306,4 @@ def _write_readings(experiment: LoadingHistory, directory: Path) -> dict[str, An
             columns[quantity] = np.where(own, experiment.reading, np.nan)
             table |= {f"{quantity}_column": quantity, f"{quantity}_unit": unit}
             table |= {f"{quantity}_uncertainty": error} if error is not None else {}
-    write_columns(directory / "experiment.csv", columns)
-    return table
+    return {**write_data(directory, columns), **table}

@@ -189,13 +189,11 @@ def thinned(
 
 
 def _check_pair(path: Path, data: HistoryDataTable, quantity: str) -> None:
-    column, unit = getattr(data, f"{quantity}_column"), getattr(data, f"{quantity}_unit")
-    if (column is None) != (unit is None):
-        raise InputError(
-            f"{path}: [data] needs both or neither of the keys '{quantity}_column' and "
-            f"'{quantity}_unit'."
-        )
-    if unit is None and getattr(data, f"{quantity}_uncertainty") is not None:
+    data.check_pairs(path, quantity)
+    if (
+        getattr(data, f"{quantity}_unit") is None
+        and getattr(data, f"{quantity}_uncertainty") is not None
+    ):
         raise InputError(
             f"{path}: key '{quantity}_uncertainty' in [data]: found it without "
             f"'{quantity}_column', expected both or neither."

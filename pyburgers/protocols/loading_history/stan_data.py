@@ -1,18 +1,19 @@
-"""Data of `stan/loading_history.stan` about its tests."""
+"""Data of `stan/loading_history.stan`: tests, grids, and elements of the Kelvin part."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.model.prior_families import is_fixed_at
+from pyburgers.model.arrhenius import log_slowdown
+from pyburgers.model.kelvin_elements import andrade_elements, band_elements, peak_elements
+from pyburgers.model.prior_families import Prior, is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.attenuation import stan_data as attenuation
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.kelvin_rows import elements_block
 from pyburgers.protocols.loading_history.measured_sections import section_times
 from pyburgers.protocols.microstructure import measured_block, strains_of
 from pyburgers.protocols.stan_data import StanData, ends
@@ -159,7 +160,7 @@ def _grid_entries(test: HistoryOrTable, grid: FloatArray) -> StanData:
         "grid_time_in_leg": times,
         "n_grid_in_leg": counts,
         "grid_time": grid.tolist(),
-        "grid_stage": [test.legs[place].stage for place in leg],
+        "grid_stage": stage_of_times(test, grid).tolist(),
     }
 
 
@@ -209,6 +210,12 @@ def leg_of_times(experiment: LoadingHistory, time: FloatArray) -> IntArray:
     return np.asarray(leg + (np.isin(time, inner) & repeated), dtype=np.int64)
 
 
+def stage_of_times(experiment: LoadingHistory, time: FloatArray) -> IntArray:
+    """Return the stage, from 0, of times (s); shared ends count as in `leg_of_times`."""
+    stage_of_leg = np.array([leg.stage for leg in experiment.legs], dtype=np.int64)
+    return stage_of_leg[leg_of_times(experiment, time)]
+
+
 def times_of_readings(experiment: LoadingHistory) -> tuple[FloatArray, IntArray]:
     """Return times at which a solution holds every reading, and the place of each among them.
 
@@ -237,3 +244,83 @@ def _times_in_legs(
     end = np.array([leg.end_time for leg in experiment.legs])
     since = (time - start[place]) / (end - start)[place]
     return np.clip(since, 0.0, 1.0).tolist(), np.bincount(place, minlength=start.size).tolist()
+
+
+ELEMENT_ERROR = 1e-4
+"""Of the sum, relative to the relaxed compliance, up to the widest band and peak of the priors.
+
+Of Andrade creep, which has none, relative to the creep at any time that counts."""
+
+MAX_PRIOR_QUANTILE = 0.99
+"""Quantile of a prior without an upper bound that counts as its largest value."""
+
+START_OF_IMAGINED = 1e-3
+"""Shortest time that counts of a stage without readings, over its duration."""
+
+_ONLY, _BAND, _PEAK, _ANDRADE, _FASTER, _SLOWER = map(float, range(6))
+"""Parts of a law, as in `stan/physics/relaxation_elements.stan`."""
+
+
+def elements_block(tests: Sequence[tuple[LoadingHistory | None, PriorSet]]) -> StanData:
+    """Return the elements for some tests: part of the law, place in it, weight.
+
+    `tests`: None for a table of attenuation; priors fixed at the values where a solution is asked
+    for.
+    """
+    priors = [own for _, own in tests]
+    decades = max(_largest(own["relaxation_time_decades"]) for own in priors)
+    rows = [[_ONLY, 0.0, 1.0]]
+    if decades > 0:
+        rows = _rows(_BAND, *band_elements(decades * np.log(10), ELEMENT_ERROR))
+    if not all(is_fixed_at(own["peak_strength"], 0.0) for own in priors):
+        width = max(_largest(own["peak_width"]) for own in priors)
+        rows += _rows(_PEAK, *peak_elements(width, ELEMENT_ERROR))
+    if not all(is_fixed_at(own["andrade_exponent"], 0.0) for own in priors):
+        ends = [_log_times(test, own) for test, own in tests if test is not None]
+        shortest, longest = np.transpose(ends)
+        places = andrade_elements(float(shortest.min()), float(longest.max()), ELEMENT_ERROR)
+        rows = _rows(_ANDRADE, *places)
+        rows[0][0], rows[-1][0] = _FASTER, _SLOWER
+    return {"n_elements": len(rows), "element": rows}
+
+
+def _rows(part: float, places: FloatArray, weights: FloatArray) -> list[list[float]]:
+    return [[part, *row] for row in zip(places.tolist(), weights.tolist(), strict=True)]
+
+
+def _log_times(test: LoadingHistory, priors: PriorSet) -> tuple[float, float]:
+    """Return ln of the shortest and longest relaxation time (s at T_0 and d_K) that counts.
+
+    From a leg, or the first reading of a stage, to the whole test, and further by what temperature
+    and grain size may change the times by.
+    """
+    shortest = [leg.end_time - leg.start_time for leg in test.legs]
+    for place, stage in enumerate(test.stages):
+        since = test.time[test.reading_stage == place] - stage.start_time
+        imagined = START_OF_IMAGINED * (stage.end_time - stage.start_time)
+        shortest += since[since > 0].tolist()[:1] or [imagined]
+    reference = priors["kelvin_reference_temperature"].location
+    coarseness = np.log(test.initial_grain_size / priors["kelvin_reference_grain_size"].location)
+    slower = [
+        float(log_slowdown(enthalpy, temperature, reference)) + exponent * coarseness
+        for temperature in test.temperatures
+        for enthalpy in _ends(priors["kelvin_activation_enthalpy"])
+        for exponent in _ends(priors["kelvin_grain_size_exponent"])
+    ]
+    return np.log(min(shortest)) - max(slower), np.log(test.end_time) - min(slower)
+
+
+def _ends(prior: Prior) -> Iterable[float]:
+    """Smallest and largest value that counts."""
+    if prior.is_fixed:
+        return (prior.location,)
+    law = prior.distribution()
+    return float(law.ppf(1 - MAX_PRIOR_QUANTILE)), float(law.ppf(MAX_PRIOR_QUANTILE))
+
+
+def _largest(prior: Prior) -> float:
+    if prior.is_fixed:
+        return prior.location
+    if np.isfinite(prior.upper):
+        return prior.upper
+    return float(prior.distribution().ppf(MAX_PRIOR_QUANTILE))

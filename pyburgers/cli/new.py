@@ -38,7 +38,7 @@ from pyburgers.protocols.quantities import ALONG_AXIS, QUANTITIES
 
 MATERIAL = Question("material", "material", example="ice")
 
-FIRST = (
+FIRST_QUESTIONS = (
     Question("id", "name of the test", example="test"),
     MATERIAL,
     Question("temperature_K", "temperature in kelvin", float, example=263.0),
@@ -50,7 +50,7 @@ FIRST = (
         key="initial_grain_size_m",
     ),
 )
-LAST = (
+LAST_QUESTIONS = (
     Question(
         "kind", "kind of data", choices=("measured", "digitised", "synthetic"), default="measured"
     ),
@@ -58,8 +58,8 @@ LAST = (
 )
 """What is asked about every kind of test, before and after its own questions."""
 
-TEMPERATURE = {"temperature": "its highest value alone is used, as the temperature of the test"}
-EXPECTED = {
+TEMPERATURE_USE = {"temperature": "its highest value alone is used, as the temperature of the test"}
+EXPECTED_COLUMNS = {
     "attenuation": f"tan(delta), 1/Q, log10 of them, or an angle in {units_text('angle')}",
     "relaxation_modulus": "a modulus E(t)",
 }
@@ -71,7 +71,7 @@ def _every_question() -> tuple[Question, ...]:
     own = dict.fromkeys(
         question for new_file in new_files().values() for question in new_file.questions
     )
-    return (*FIRST, *own, *LAST)
+    return (*FIRST_QUESTIONS, *own, *LAST_QUESTIONS)
 
 
 def _column_question(quantity: str) -> Question:
@@ -114,7 +114,7 @@ def run(options: argparse.Namespace) -> int:
     for note in (*table.notes, *table.problems):
         print(shown(f"note: {note}"))
     given = {question.name: vars(options)[question.name] for question in _every_question()}
-    name, reason, columns = _decided(table, options)
+    name, reason, columns = _recognised_kind(table, options)
     new_file = new_files()[name]
     _require_columns(options.csv, name, new_file, columns)
     read = new_file.select_columns(columns)
@@ -122,12 +122,12 @@ def run(options: argparse.Namespace) -> int:
         print(f"guessed: {guessed.sentence}")
     if options.protocol is None:
         print(f"guessed: protocol {name}, because {reason}")
-    suggested = {} if given["temperature_K"] or _temperature(columns) is None else TEMPERATURE
+    suggested = {} if given["temperature_K"] or _temperature(columns) is None else TEMPERATURE_USE
     for sentence in left_out(table, columns, read, suggested):
         print(f"left out: {sentence}")
     _require_units(options.csv, read)
-    _refuse_what_is_not_taken(name, new_file, read, given)
-    file = _named_in_text(os.path.relpath(options.csv, out.parent))
+    _refuse_needless_options(name, new_file, read, given)
+    file = _check_file_name(os.path.relpath(options.csv, out.parent))
     proposed = {"id": _identifier(table), "temperature_K": _temperature(columns)}
     draft = _Draft(name, new_file, Description(file, table, read, given), proposed)
     answers = _answers(draft)
@@ -145,7 +145,7 @@ def run(options: argparse.Namespace) -> int:
     return code
 
 
-def _named_in_text(file: str) -> str:
+def _check_file_name(file: str) -> str:
     """Return the name of a text file, if another file can hold it."""
     if not is_text(file):
         raise InputError(
@@ -165,16 +165,16 @@ def _write_checked(draft: Path, out: Path, text: str, file: str) -> None:
         errors, _ = all_errors(draft, read_tables(draft))
     except InputError as error:  # such as of a control character
         errors = list(error.sentences)
-    told = [error.replace(f"{draft}: ", "").replace(str(draft), str(out)) for error in errors]
+    sentences = [error.replace(f"{draft}: ", "").replace(str(draft), str(out)) for error in errors]
     if not all(error.startswith(str(draft.parent / file)) for error in errors):
-        said = "; ".join(error.rstrip(".") for error in told)
+        said = "; ".join(error.rstrip(".") for error in sentences)
         raise InputError(f"{out}: not written, because it would be wrong: {said}.")
-    if told:
-        head = ["# This draft cannot be used yet:", *(f"# - {error}" for error in told), ""]
+    if sentences:
+        head = ["# This draft cannot be used yet:", *(f"# - {error}" for error in sentences), ""]
         draft.write_text("\n".join([*head, text]), encoding="utf-8")
 
 
-def _decided(table: TextTable, options: argparse.Namespace) -> tuple[str, str, Columns]:
+def _recognised_kind(table: TextTable, options: argparse.Namespace) -> tuple[str, str, Columns]:
     """Return the protocol, why it was guessed, and what columns hold: what ties is asked."""
     chosen = {
         quantity: _column_named(table, question, vars(options)[question.name])
@@ -249,7 +249,7 @@ def _require_units(path: Path, columns: Mapping[str, GuessedColumn]) -> None:
         where = f"{path}: column {guessed.column!r}"
         if guessed.is_foreign:
             units = units_text(guessed.kind) if guessed.kind in UNIT_TABLE else ""
-            what = EXPECTED.get(guessed.quantity, guessed.kind)
+            what = EXPECTED_COLUMNS.get(guessed.quantity, guessed.kind)
             along = " along the axis" if guessed.quantity in ALONG_AXIS else ""
             expected = f"{what}{along} in {units}" if units else what
             raise InputError(
@@ -270,11 +270,11 @@ def _require_units(path: Path, columns: Mapping[str, GuessedColumn]) -> None:
             )
 
 
-def _refuse_what_is_not_taken(
+def _refuse_needless_options(
     protocol: str, new_file: NewFile, columns: Columns, given: Mapping[str, Any]
 ) -> None:
     """Refuse options that the file would not hold."""
-    taken = {question.name for question in (*FIRST, *LAST)}
+    taken = {question.name for question in (*FIRST_QUESTIONS, *LAST_QUESTIONS)}
     taken |= set(new_file.allowed_answers(columns, given))
     own = [question for question in new_file.questions if given[question.name] is not None]
     others = ", ".join(question.option for question in own if question.name in taken)
@@ -326,7 +326,7 @@ class _Draft:
         """Return what is still to be asked, with what the file suggests."""
         columns = self.test.columns
         known = {**self.proposed, **self.new_file.propose_answers(columns, given)}
-        asked = {question.name for question in (*FIRST, *LAST)}
+        asked = {question.name for question in (*FIRST_QUESTIONS, *LAST_QUESTIONS)}
         asked |= set(self.new_file.required_answers(columns, given))
         return [
             replace(question, default=known.get(question.name, question.default))
@@ -379,10 +379,9 @@ def _require_defaults(questions: Sequence[Question]) -> None:
     """Refuse questions that have to be answered where there is no terminal to ask in."""
     missing = [question.option for question in questions if question.default is None]
     if missing:
-        them = "it" if len(missing) == 1 else "them"
         raise InputError(
-            f"{', '.join(missing)}: missing, expected {them} because there is no terminal to ask "
-            "in."
+            f"Missing: {', '.join(missing)}. Prompts are off because standard input is not a "
+            "terminal: give the missing options."
         )
 
 

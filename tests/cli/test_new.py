@@ -114,7 +114,7 @@ def test_a_relaxation_has_to_have_its_loading(
     command = ["new", str(path), *KNOWN, "--protocol", "loading_history"]
     assert main(command) == 2
     assert capsys.readouterr().err.startswith(
-        "pyburgers: --held-strain, --loading-time: missing, expected them"
+        "pyburgers: Missing: --held-strain, --loading-time. Prompts are off"
     )
     loading = ("--hold-start-time", "inf", "--strain-rate-per-s", "0")
     assert main([*command, *loading]) == 2

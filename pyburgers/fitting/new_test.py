@@ -62,9 +62,8 @@ def draw_values(
     A shared parameter has the value of all tests, a partially pooled one is drawn from centre and
     spread, a separate one is that of a test of the fit, all separate ones of a draw of the same.
     `draws`: how many are kept, evenly spaced; None keeps all. `separate_from`: test that separate
-    parameters are taken from; None takes each in turn. The result (n_kept,): numbers of the draws
-    that are kept, from 0, through all chains. The result (n_kept,): parameters by name (SI). Raise
-    InputError if `separate_from` is no test of the fit.
+    parameters are taken from; None takes each in turn, InputError if it is no test of the fit.
+    Numbers count from 0 through all chains; numbers and values have the shape (n_kept,).
     """
     problem, tests = source.problem, source.tests
     if separate_from is not None and separate_from not in tests:

@@ -97,8 +97,8 @@ class Chart(ABC, Generic[E]):
     def reference(self, test: AtMode[E]) -> tuple[Any, FloatArray]:
         """Set the chart up at the mode of a test.
 
-        The result: what the chart is set up with. Return `centre` (n_coordinates,): where the mode
-        lies in it. Raise ChartUnsuited if priors or record do not suit.
+        Return what the chart is set up with, and where the mode lies in it, (n_coordinates,). Raise
+        ChartUnsuited if priors or record do not suit.
         """
 
     def rescaled(self, reference: Any, test: AtMode[E], covariance: FloatArray) -> Any:

@@ -237,7 +237,10 @@ E = TypeVar("E", bound=Experiment)
 def of_kind(experiment: Experiment, kind: type[E], expected: str) -> E:
     """Return the experiment of a fit, which has to be of a kind that is `expected` in words.
 
-    Raise InputError if it is another.
+    Raises
+    ------
+    InputError
+        If it is another.
     """
     if not isinstance(experiment, kind):
         raise InputError(

@@ -91,19 +91,7 @@ def check(path: Path) -> int:
 def all_errors(path: Path, content: Mapping[str, Any]) -> tuple[list[str], object]:
     """Read a file, and as much of it as can be read where keys of it are wrong.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    content : mapping
-        What it holds.
-
-    Returns
-    -------
-    errors : list of str
-        Sentences.
-    loaded : object
-        What it was read into; None where there are errors.
+    Return `loaded`: what it was read into; None where there are errors.
     """
     load = _reader(content)
     try:

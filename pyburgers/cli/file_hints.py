@@ -43,15 +43,7 @@ def looks(path: Path, content: Mapping[str, Any]) -> Iterator[TextTable]:
 
 
 def hints(path: Path, content: Mapping[str, Any]) -> list[str]:
-    """Say what may be behind errors: how the text files look beside what the file says of them.
-
-    Parameters
-    ----------
-    path : Path
-        The experiment file.
-    content : mapping
-        What it holds.
-    """
+    """Say what may be behind errors: how the text files look beside what the file says of them."""
     data = content.get("data")
     if not isinstance(data, dict):
         return []

@@ -22,7 +22,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
 from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.common.toml_files import read_tables
-from pyburgers.common.units import UNIT_NAMES
+from pyburgers.common.units import UNIT_TABLE, units_text
 from pyburgers.model.priors import shipped_prior_files
 from pyburgers.protocols.guessed_columns import GuessedColumn, guess_columns, left_out
 from pyburgers.protocols.new_file import (
@@ -38,7 +38,7 @@ from pyburgers.protocols.quantities import ALONG_AXIS, QUANTITIES
 
 MATERIAL = Question("material", "material", example="ice")
 
-FIRST = (
+FIRST_QUESTIONS = (
     Question("id", "name of the test", example="test"),
     MATERIAL,
     Question("temperature_K", "temperature in kelvin", float, example=263.0),
@@ -50,7 +50,7 @@ FIRST = (
         key="initial_grain_size_m",
     ),
 )
-LAST = (
+LAST_QUESTIONS = (
     Question(
         "kind", "kind of data", choices=("measured", "digitised", "synthetic"), default="measured"
     ),
@@ -58,9 +58,9 @@ LAST = (
 )
 """What is asked about every kind of test, before and after its own questions."""
 
-TEMPERATURE = {"temperature": "its highest value alone is used, as the temperature of the test"}
-EXPECTED = {
-    "attenuation": "tan(delta), 1/Q, log10 of them, or an angle in mrad or rad or deg",
+TEMPERATURE_USE = {"temperature": "its highest value alone is used, as the temperature of the test"}
+EXPECTED_COLUMNS = {
+    "attenuation": f"tan(delta), 1/Q, log10 of them, or an angle in {units_text('angle')}",
     "relaxation_modulus": "a modulus E(t)",
 }
 """Words about columns."""
@@ -71,7 +71,7 @@ def _every_question() -> tuple[Question, ...]:
     own = dict.fromkeys(
         question for new_file in new_files().values() for question in new_file.questions
     )
-    return (*FIRST, *own, *LAST)
+    return (*FIRST_QUESTIONS, *own, *LAST_QUESTIONS)
 
 
 def _column_question(quantity: str) -> Question:
@@ -114,24 +114,24 @@ def run(options: argparse.Namespace) -> int:
     for note in (*table.notes, *table.problems):
         print(shown(f"note: {note}"))
     given = {question.name: vars(options)[question.name] for question in _every_question()}
-    name, reason, columns = _decided(table, options)
+    name, reason, columns = _recognised_kind(table, options)
     new_file = new_files()[name]
     _require_columns(options.csv, name, new_file, columns)
-    read = new_file.read(columns)
+    read = new_file.select_columns(columns)
     for guessed in read.values():
         print(f"guessed: {guessed.sentence}")
     if options.protocol is None:
         print(f"guessed: protocol {name}, because {reason}")
-    suggested = {} if given["temperature_K"] or _temperature(columns) is None else TEMPERATURE
+    suggested = {} if given["temperature_K"] or _temperature(columns) is None else TEMPERATURE_USE
     for sentence in left_out(table, columns, read, suggested):
         print(f"left out: {sentence}")
     _require_units(options.csv, read)
-    _refuse_what_is_not_taken(name, new_file, read, given)
-    file = _named_in_text(os.path.relpath(options.csv, out.parent))
+    _refuse_needless_options(name, new_file, read, given)
+    file = _check_file_name(os.path.relpath(options.csv, out.parent))
     proposed = {"id": _identifier(table), "temperature_K": _temperature(columns)}
     draft = _Draft(name, new_file, Description(file, table, read, given), proposed)
     answers = _answers(draft)
-    for sentence in new_file.decided(replace(draft.test, values=answers)):
+    for sentence in new_file.describe_decisions(replace(draft.test, values=answers)):
         print(f"decided: {sentence}")
     text = draft.text(answers)
     with writing(out):
@@ -145,7 +145,7 @@ def run(options: argparse.Namespace) -> int:
     return code
 
 
-def _named_in_text(file: str) -> str:
+def _check_file_name(file: str) -> str:
     """Return the name of a text file, if another file can hold it."""
     if not is_text(file):
         raise InputError(
@@ -159,27 +159,22 @@ def _write_checked(draft: Path, out: Path, text: str, file: str) -> None:
     """Write an experiment file; `draft` lies beside `out`, whose name it gets.
 
     Where the text file `file` alone is at fault, comments at the top of the draft say so.
-
-    Raises
-    ------
-    InputError
-        If the experiment file would be wrong.
     """
     draft.write_text(text, encoding="utf-8")
     try:
         errors, _ = all_errors(draft, read_tables(draft))
     except InputError as error:  # such as of a control character
         errors = list(error.sentences)
-    told = [error.replace(f"{draft}: ", "").replace(str(draft), str(out)) for error in errors]
+    sentences = [error.replace(f"{draft}: ", "").replace(str(draft), str(out)) for error in errors]
     if not all(error.startswith(str(draft.parent / file)) for error in errors):
-        said = "; ".join(error.rstrip(".") for error in told)
+        said = "; ".join(error.rstrip(".") for error in sentences)
         raise InputError(f"{out}: not written, because it would be wrong: {said}.")
-    if told:
-        head = ["# This draft cannot be used yet:", *(f"# - {error}" for error in told), ""]
+    if sentences:
+        head = ["# This draft cannot be used yet:", *(f"# - {error}" for error in sentences), ""]
         draft.write_text("\n".join([*head, text]), encoding="utf-8")
 
 
-def _decided(table: TextTable, options: argparse.Namespace) -> tuple[str, str, Columns]:
+def _recognised_kind(table: TextTable, options: argparse.Namespace) -> tuple[str, str, Columns]:
     """Return the protocol, why it was guessed, and what columns hold: what ties is asked."""
     chosen = {
         quantity: _column_named(table, question, vars(options)[question.name])
@@ -190,7 +185,9 @@ def _decided(table: TextTable, options: argparse.Namespace) -> tuple[str, str, C
         columns = guess_columns(table, chosen)
         guessed, reason = _guess_protocol(columns)
         name = options.protocol or guessed
-        tied = [one for one in new_files()[name].read(columns).values() if not one.is_decided]
+        tied = [
+            one for one in new_files()[name].select_columns(columns).values() if not one.is_decided
+        ]
         if not tied:
             return name, reason, columns
         chosen[tied[0].quantity] = _chosen_column(table, tied[0])
@@ -230,7 +227,7 @@ def _guess_protocol(columns: Columns) -> tuple[str, str]:
     return next(
         (name, reason)
         for name in reversed(NAMES)
-        if (reason := new_files()[name].suits(columns)) is not None
+        if (reason := new_files()[name].recognise(columns)) is not None
     )
 
 
@@ -251,8 +248,8 @@ def _require_units(path: Path, columns: Mapping[str, GuessedColumn]) -> None:
     for guessed in columns.values():
         where = f"{path}: column {guessed.column!r}"
         if guessed.is_foreign:
-            units = " or ".join(UNIT_NAMES.get(guessed.kind, ()))
-            what = EXPECTED.get(guessed.quantity, guessed.kind)
+            units = units_text(guessed.kind) if guessed.kind in UNIT_TABLE else ""
+            what = EXPECTED_COLUMNS.get(guessed.quantity, guessed.kind)
             along = " along the axis" if guessed.quantity in ALONG_AXIS else ""
             expected = f"{what}{along} in {units}" if units else what
             raise InputError(
@@ -273,12 +270,12 @@ def _require_units(path: Path, columns: Mapping[str, GuessedColumn]) -> None:
             )
 
 
-def _refuse_what_is_not_taken(
+def _refuse_needless_options(
     protocol: str, new_file: NewFile, columns: Columns, given: Mapping[str, Any]
 ) -> None:
     """Refuse options that the file would not hold."""
-    taken = {question.name for question in (*FIRST, *LAST)}
-    taken |= set(new_file.taken(columns, given))
+    taken = {question.name for question in (*FIRST_QUESTIONS, *LAST_QUESTIONS)}
+    taken |= set(new_file.allowed_answers(columns, given))
     own = [question for question in new_file.questions if given[question.name] is not None]
     others = ", ".join(question.option for question in own if question.name in taken)
     for question in _every_question():
@@ -304,22 +301,16 @@ def _temperature(columns: Columns) -> float | None:
     column = columns.get("temperature")
     if column is None or column.is_foreign or not column.is_decided:
         return None
-    highest = float(np.nanmax(column.numbers))
-    return round(highest + (273.15 if column.unit == "C" else 0.0), 6)
+    return round(float(np.nanmax(column.si)), 6)
 
 
 @dataclass(frozen=True)
 class _Draft:
     """A file that is being asked about.
 
-    Attributes
-    ----------
-    protocol, new_file
-        The kind of test.
-    test : Description
-        What is known of it, with the answers that options give.
-    proposed : mapping
-        Answers that the text file suggests, whatever the kind of test.
+    `protocol`, `new_file`: the kind of test.
+    `test`: what is known of it, with the answers that options give.
+    `proposed`: answers that the text file suggests, whatever the kind of test.
     """
 
     protocol: str
@@ -334,9 +325,9 @@ class _Draft:
     def questions(self, given: Mapping[str, Any]) -> list[Question]:
         """Return what is still to be asked, with what the file suggests."""
         columns = self.test.columns
-        known = {**self.proposed, **self.new_file.proposed(columns, given)}
-        asked = {question.name for question in (*FIRST, *LAST)}
-        asked |= set(self.new_file.asked(columns, given))
+        known = {**self.proposed, **self.new_file.propose_answers(columns, given)}
+        asked = {question.name for question in (*FIRST_QUESTIONS, *LAST_QUESTIONS)}
+        asked |= set(self.new_file.required_answers(columns, given))
         return [
             replace(question, default=known.get(question.name, question.default))
             for question in _every_question()
@@ -388,10 +379,9 @@ def _require_defaults(questions: Sequence[Question]) -> None:
     """Refuse questions that have to be answered where there is no terminal to ask in."""
     missing = [question.option for question in questions if question.default is None]
     if missing:
-        them = "it" if len(missing) == 1 else "them"
         raise InputError(
-            f"{', '.join(missing)}: missing, expected {them} because there is no terminal to ask "
-            "in."
+            f"Missing: {', '.join(missing)}. Prompts are off because standard input is not a "
+            "terminal: give the missing options."
         )
 
 

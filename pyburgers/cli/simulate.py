@@ -10,7 +10,7 @@ from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.new_test import of_any_test
+from pyburgers.fitting.new_test import parameters_for_other_test
 from pyburgers.model.variants import parse_choices
 from pyburgers.protocols.doubts import doubts
 from pyburgers.protocols.experiment import Experiment
@@ -95,4 +95,4 @@ def _of_fit(path: Path, test: str | None, draw: str, experiment: Experiment) -> 
             )
         chosen = flat.isel(sample=number - 1)
     values = {str(name): float(value) for name, value in chosen.data_vars.items()}
-    return of_any_test(values, one.experiment, experiment)
+    return parameters_for_other_test(values, one.experiment, experiment)

@@ -3,9 +3,10 @@
 import math
 import re
 from collections.abc import Sequence
+from datetime import date
 from typing import Literal
 
-from pyburgers.common.time_stamps import has_clock, has_date
+from pyburgers.common.units import UNIT_TABLE
 
 Kind = Literal["number", "text", ""]
 
@@ -32,13 +33,15 @@ _MAY_BE_MISSING = re.compile(rf"(?:{NOTHING.pattern})|-99[0-9.,]*(?:[eE].*)?|-9\
 SENTINELS = frozenset((-999.0, -999.25, -9999.0, -99999.0, -999999.0))
 """Numbers that stand for no reading where all others lie far above them."""
 
-FAR = 3.0
+MIN_SENTINEL_DISTANCE = 3.0
 """Ranges of the other numbers that a sentinel lies below them."""
 
-_UNIT = (
-    r"s|sec(?:onds?)?|min(?:utes?)?|h|hrs?|hours?|d|days?|[mµμu]s|%|percent|°?c|k|°?f|deg(?: ?c)?"
-    r"|°|rad|[kmg]?pa|psi|ksi|bar|k?n|lbf?|[mcµμu]?m|in|k?hz|m?v|1|[mµμu]strain|[µμu]ε|ohm"
+_KNOWN_UNITS = "|".join(re.escape(unit) for units in UNIT_TABLE.values() for unit in units)
+_OTHER_UNITS = (
+    r"sec(?:onds?)?|minutes?|hrs?|hours?|d|days?|[mµμu]s|%|°?c|°?f|deg(?: ?c)?|°|kpa|psi|ksi|bar"
+    r"|k?n|lbf?|[cµμ]m|in|khz|m?v|[mµμu]strain|[µμu]ε|ohm"
 )
+_UNIT = rf"{_OTHER_UNITS}|{_KNOWN_UNITS}"
 _UNITS = re.compile(
     rf"(?:{_UNIT})(?: ?[*·/] ?(?:{_UNIT})| (?:{_UNIT}))*(?:\^?[-⁻]?[1-3¹²³])?", re.IGNORECASE
 )
@@ -102,7 +105,7 @@ def missing_numbers(cells: Sequence[str], stated: Sequence[str] | None = None) -
         return set()
     words = {cell for cell in values if cell and NOTHING.fullmatch(cell)}
     highest = max((numbers[cell] for cell in sentinels), default=-math.inf)
-    is_far = min(others) - highest > FAR * (max(others) - min(others))
+    is_far = min(others) - highest > MIN_SENTINEL_DISTANCE * (max(others) - min(others))
     return words | sentinels if is_far else words
 
 
@@ -110,17 +113,146 @@ def names_between_blanks(line: str, n_columns: int) -> list[str]:
     """Return the names in a line with white space between them.
 
     A unit in brackets belongs to the name before it where there are as many columns only then:
-    ``Strain (%)  Stress (MPa)`` are two names.
-
-    Parameters
-    ----------
-    line : str
-        The line.
-    n_columns : int
-        How many columns the rows below have.
+    ``Strain (%) Stress (MPa)`` are two names.
     """
     words = line.split()
     if len(words) == n_columns:
         return words
     names = re.findall(r"\S+(?: [(\[][^)\]]*[)\]])?", " ".join(words))
     return names if len(names) == n_columns else words
+
+
+_CLOCK = (
+    r"(?P<first>\d{1,5}):(?P<second>\d\d?)(?::(?P<third>\d\d?(?:[.,]\d+)?))?(?: ?(?P<half>[AP])M)?"
+)
+_DATE = (
+    r"(?P<year>\d{4})[-/.](?P<month>\d\d?)[-/.](?P<day>\d\d?)"
+    r"|(?P<a>\d\d?)(?P<mark>[-/.])(?P<b>\d\d?)[-/.](?P<late_year>\d{4}|\d\d)"
+    r"|(?P<named_day>\d\d?)[- ](?P<name>[A-Z]{3})[A-Z]*[- ](?P<named_year>\d{4})"
+)
+_STAMP = re.compile(
+    rf"(?:(?P<date>{_DATE})(?:(?:T| +|, *)(?={_CLOCK.replace('?P<', '?P<_')}))?)?"
+    rf"(?P<clock>{_CLOCK})?(?P<zone>Z|[+-]\d\d:?\d\d)?",
+    re.ASCII | re.IGNORECASE,
+)
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+
+DAY = 86400.0
+
+HALF_A_DAY = DAY / 2
+"""A clock that goes back by more than this has passed midnight."""
+
+
+def has_clock(cell: str) -> bool:
+    """Whether a cell holds a time of a clock, with or without a date."""
+    found = _matched(cell)
+    return found is not None and found["clock"] is not None
+
+
+def has_date(cell: str) -> bool:
+    """Whether a cell holds a date, with or without a time of a clock."""
+    found = _matched(cell)
+    return found is not None and found["date"] is not None
+
+
+def seconds_of(cells: Sequence[str]) -> tuple[list[float], bool] | None:
+    """Return the times of cells (s), each a time stamp or without one (NaN).
+
+    Dates with the day or the month first are read in the order in which times grow. A clock without
+    dates that passes midnight goes on. Some programs write noon as 12 AM: so it is read where times
+    grow only then. Return `times`: in s, from any origin. Return `is_noon_am`: whether 12 AM was
+    read as noon.
+    """
+    found = [_matched(cell) for cell in cells]
+    stamps = [stamp for stamp in found if stamp is not None]
+    dated = any(stamp["date"] is not None for stamp in stamps)
+    clocks = [stamp for stamp in stamps if stamp["clock"] is not None]
+    if not dated and not any(stamp["third"] or stamp["half"] for stamp in clocks):
+        return None
+    usual = _readings(found, dated=dated, noon=0)
+    growing = [times for times in usual if _grow(times)]
+    if growing or not any(stamp["half"] for stamp in clocks):
+        times = _the_only(growing or usual)
+        return None if times is None else (times, False)
+    unusual = [times for times in _readings(found, dated=dated, noon=12) if _grow(times)]
+    times = _the_only(unusual or usual)
+    return None if times is None else (times, bool(unusual))
+
+
+def _readings(
+    found: Sequence[re.Match[str] | None], *, dated: bool, noon: int
+) -> list[list[float]]:
+    """Return the times (s) in each order of day and month that gives dates."""
+    readings = []
+    for day_first in (True, False):
+        try:
+            times = [_seconds(stamp, day_first=day_first, noon=noon) for stamp in found]
+        except ValueError:  # no date is in the order that is tried
+            continue
+        readings.append(times if dated else _past_midnight(times))
+    return readings
+
+
+def _the_only(readings: Sequence[list[float]]) -> list[float] | None:
+    """Return one of several readings if all have the same times since the first one."""
+    different = {tuple(_from_first(times)) for times in readings}
+    return readings[0] if len(different) == 1 else None
+
+
+def _matched(cell: str) -> re.Match[str] | None:
+    found = _STAMP.fullmatch(cell)
+    return found if found is not None and (found["date"] or found["clock"]) else None
+
+
+def _seconds(stamp: re.Match[str] | None, *, day_first: bool, noon: int) -> float:
+    """Return a time in s, `noon` the hour of 12 AM; raise ValueError where it has no such date."""
+    if stamp is None:
+        return float("nan")
+    seconds = 0.0
+    if stamp["date"] is not None:
+        seconds += DAY * _day(stamp, day_first=day_first)
+    if stamp["clock"] is not None:
+        hours = int(stamp["first"])
+        if stamp["half"] is not None:
+            is_afternoon = stamp["half"].upper() == "P"
+            hours = hours % 12 + 12 * is_afternoon if hours != 12 or is_afternoon else noon
+        third = (stamp["third"] or "0").replace(",", ".")
+        seconds += 3600.0 * hours + 60.0 * int(stamp["second"]) + float(third)
+    zone = stamp["zone"]
+    if zone is not None and zone not in "Zz":
+        ahead = 3600.0 * int(zone[1:3]) + 60.0 * int(zone[-2:])
+        seconds += ahead if zone[0] == "-" else -ahead
+    return seconds
+
+
+def _day(stamp: re.Match[str], *, day_first: bool) -> int:
+    """Return the number of a day."""
+    if stamp["year"] is not None:
+        return date(int(stamp["year"]), int(stamp["month"]), int(stamp["day"])).toordinal()
+    if stamp["name"] is not None:
+        month = _MONTHS.index(stamp["name"].lower()) + 1
+        return date(int(stamp["named_year"]), month, int(stamp["named_day"])).toordinal()
+    year, a, b = int(stamp["late_year"]), int(stamp["a"]), int(stamp["b"])
+    day, month = (a, b) if day_first or stamp["mark"] == "." else (b, a)
+    return date(year + 2000 * (year < 100), month, day).toordinal()
+
+
+def _from_first(times: Sequence[float]) -> list[str]:
+    """Return times since the first one, as text that compares NaN to NaN."""
+    known = [time for time in times if time == time]
+    return [repr(time - known[0]) for time in times] if known else []
+
+
+def _grow(times: Sequence[float]) -> bool:
+    known = [time for time in times if time == time]
+    return known == sorted(known)
+
+
+def _past_midnight(times: Sequence[float]) -> list[float]:
+    """Return times of a clock that goes on where it starts again at midnight."""
+    days, last, going_on = 0, float("-inf"), []
+    for time in times:
+        days += last - time > HALF_A_DAY
+        last = time if time == time else last
+        going_on.append(time + DAY * days)
+    return going_on

@@ -6,7 +6,8 @@ import re
 from collections.abc import Container, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from types import MappingProxyType
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -18,8 +19,8 @@ from pyburgers.common.cells import number_in
 from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.paths import given_path
 from pyburgers.common.text_tables import TextTable, look_at
-from pyburgers.common.toml_files import Table, factor_to_si
-from pyburgers.common.units import counted
+from pyburgers.common.toml_files import Table, factor_to_si, unit_of
+from pyburgers.common.units import Unit, counted
 
 FloatArray = npt.NDArray[np.float64]
 Separator = Literal[",", ";", "tab", "whitespace"]
@@ -30,7 +31,7 @@ SEPARATORS = {"tab": "\t", "whitespace": " "}
 DATA_ROOT_VARIABLE = "PYBURGERS_DATA"
 """Environment variable that takes the place of the key `data_root`."""
 
-LARGEST = 1e100
+MAX_SI_NUMBER = 1e100
 """Size of a number in SI from which on squares and products of readings may not be numbers."""
 
 INFINITE = re.compile(r"[+-]?(?:inf(?:inity)?|[0-9.]+e[+-]?[0-9]+|nan)", re.IGNORECASE)
@@ -39,7 +40,10 @@ INFINITE = re.compile(r"[+-]?(?:inf(?:inity)?|[0-9.]+e[+-]?[0-9]+|nan)", re.IGNO
 MARKED = re.compile(r"[+-]?[0-9]+(?:[.,'_ \u00a0\u202f][0-9]+)+")
 """Cells of digits with more marks between them than a decimal point."""
 
-NAMED_CELLS = 3
+WRITTEN_LAYOUT = MappingProxyType({"separator": ",", "header": True, "missing": []})
+"""Keys of a table [data] that describe what `write_columns` writes."""
+
+MAX_NAMED_CELLS = 3
 """Cells of a column that are named where they hold no numbers."""
 
 
@@ -97,6 +101,23 @@ class TextFilesTable(Table):
             return path.parent / self.data_root
         return given_path(override)
 
+    def in_si(self, key: str, unit_key: str, quantity: str, path: Path) -> float | None:
+        """Return a number of the table in SI, None where none is given; `path` is the TOML file."""
+        number = getattr(self, key)
+        if number is None:
+            return None
+        where = f"{path}: key {unit_key!r} in [data]"
+        return float(number) * factor_to_si(getattr(self, unit_key), quantity, where)
+
+    def check_pairs(self, path: Path, *quantities: str) -> None:
+        """Refuse a column of a quantity without its unit, and a unit without its column."""
+        for quantity in quantities:
+            column, unit = f"{quantity}_column", f"{quantity}_unit"
+            if (getattr(self, column) is None) != (getattr(self, unit) is None):
+                raise InputError(
+                    f"{path}: [data] needs both or neither of the keys {column!r} and {unit!r}."
+                )
+
     @property
     def selection(self) -> str:
         """Words about the rows that are taken, to follow the name of a file; empty for all."""
@@ -115,54 +136,28 @@ def read_columns(
 ) -> tuple[list[FloatArray], tuple[str, ...]]:
     """Read columns of a text file, or of a workbook.
 
-    Where a cell stands for no reading in a column that may not be empty, its row is left out with
-    a note.
-
-    Parameters
-    ----------
-    source : Path
-        The file, one row a line.
-    data : TextFilesTable
-        The table [data] that describes it and says which of its rows are wanted.
-    columns : mapping
-        Keys of `data` that name the wanted columns, each with the key that names its unit and the
-        quantity (a key of `pyburgers.common.units.UNITS`), or with None where it has no unit.
-    where : Path
-        The TOML file, for messages.
-    file_key : str
-        The key in it that names `source`, for messages.
-    may_be_empty : container of str
-        Those of `columns` whose cells may be empty.
-    has_own_clock : bool
-        Whether no other file counts time from the same moment. Time stamps, which count from the
-        first row, are refused else.
-
-    Returns
-    -------
-    columns : list of array, shape (n_rows,)
-        In the order asked for, in SI, finite but for NaN in empty cells.
-    notes : tuple of str
-        Sentences about what was done to read them.
-
-    Raises
-    ------
-    InputError
-        If a unit is not one of its quantity, the file is missing or has no data rows, its rows do
-        not go with its names, a column is missing, no row is one of those wanted, or a cell is
-        empty, not a number, not finite or larger than `LARGEST`; the message names file, line and
-        column.
+    Where a cell stands for no reading in a column that may not be empty, its row is left out with a
+    note. `columns`: keys of `data` that name the wanted columns, each with the key that names its
+    unit and the quantity (a key of `pyburgers.common.units.UNITS`), or with None where it has no
+    unit. Return `columns` (n_rows,): in the order asked for, in SI, finite but for NaN in empty
+    cells. Return `notes`: sentences about what was done to read them. Raise InputError if a unit is
+    not one of its quantity, the file is missing or has no data rows, its rows do not go with its
+    names, a column is missing, no row is one of those wanted, or a cell is empty, not a number, not
+    finite or larger than `MAX_SI_NUMBER`; the message names file, line and column.
     """
-    factors, (found, notes) = all_of(
-        lambda: all_of(*(partial(_factor, data, unit, where) for unit in columns.values())),
+    units, (found, notes) = all_of(
+        lambda: all_of(*(partial(_unit, data, unit, where) for unit in columns.values())),
         lambda: _numbers(source, data, columns, where, file_key, may_be_empty, has_own_clock),
     )
     with np.errstate(over="ignore"):
-        scaled = [values * factor for values, factor in zip(found, factors, strict=True)]
+        scaled = [
+            unit.zero + unit.factor * values for values, unit in zip(found, units, strict=True)
+        ]
     for key, values in zip(columns, scaled, strict=True):
-        if (np.abs(values) > LARGEST).any():
+        if (np.abs(values) > MAX_SI_NUMBER).any():
             raise InputError(
                 f"{source}: column {getattr(data, key)!r} holds a number that is too large, "
-                f"expected at most {LARGEST:g} in SI."
+                f"expected at most {MAX_SI_NUMBER:g} in SI."
             )
     return scaled, notes
 
@@ -218,11 +213,11 @@ def _numbers(
     notes = table.notes_on({_index(getattr(data, key), table, "") for key in columns})
     if without.any():
         lines = [str(table.rows[k][0]) for k in chosen[without]]
-        more = f" and {len(lines) - NAMED_CELLS} more" if len(lines) > NAMED_CELLS else ""
+        more = f" and {len(lines) - MAX_NAMED_CELLS} more" if len(lines) > MAX_NAMED_CELLS else ""
         notes = (
             *notes,
             f"{source.name}: {counted(len(lines), 'row')} left out, where a column that is read "
-            f"holds no reading (line {', '.join(lines[:NAMED_CELLS])}{more}).",
+            f"holds no reading (line {', '.join(lines[:MAX_NAMED_CELLS])}{more}).",
         )
     return [values[~without] for values in found], notes
 
@@ -239,12 +234,20 @@ def _check_seconds(
         )
 
 
-def _factor(data: TextFilesTable, unit: tuple[str, str] | None, where: Path) -> float:
-    """Return what turns a column into SI."""
+def _unit(data: TextFilesTable, unit: tuple[str, str] | None, where: Path) -> Unit:
+    """Return the unit of a column."""
     if unit is None:
-        return 1.0
+        return Unit()
     key, quantity = unit
-    return factor_to_si(getattr(data, key), quantity, f"{where}: key {key!r} in [data]")
+    return unit_of(getattr(data, key), quantity, f"{where}: key {key!r} in [data]")
+
+
+def write_data(
+    directory: Path, columns: Mapping[str, Sequence[float] | FloatArray]
+) -> dict[str, Any]:
+    """Write ``experiment.csv``; return the keys of a table [data] that say how it is laid out."""
+    write_columns(directory / "experiment.csv", columns)
+    return {"file": "experiment.csv", **WRITTEN_LAYOUT}
 
 
 def write_columns(path: Path, columns: Mapping[str, Sequence[float] | FloatArray]) -> None:
@@ -330,10 +333,10 @@ def _column(
         if fault is not None:
             sentences.append(f"{table.path}: line {line}, column {column!r}: {fault}.")
         values.append(math.nan if value is None else value)
-    if len(sentences) > NAMED_CELLS:
-        more = len(sentences) - NAMED_CELLS
+    if len(sentences) > MAX_NAMED_CELLS:
+        more = len(sentences) - MAX_NAMED_CELLS
         sentences = [
-            *sentences[:NAMED_CELLS],
+            *sentences[:MAX_NAMED_CELLS],
             f"{table.path}: column {column!r}: {more} more cells are not numbers either.",
         ]
     if sentences:

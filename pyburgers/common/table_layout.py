@@ -20,7 +20,7 @@ SEPARATORS = (";", "\t", ",", " ")
 SAMPLE_LINES = 300
 """Lines from either end of a file that tell its separator."""
 
-SMALL_TABLE = 0.1
+MAX_SMALL_TABLE_SHARE = 0.1
 """Share of the rows of the largest table of a file below which another one is passed over."""
 
 
@@ -28,18 +28,11 @@ SMALL_TABLE = 0.1
 class Layout:
     """What the rows of a file are.
 
-    Attributes
-    ----------
-    width : int
-        How many cells most rows of numbers have.
-    names, hidden_names, units, rows
-        As of `pyburgers.common.text_tables.TextTable`.
-    notes : tuple of str
-        What was done to find the table.
-    problems : tuple of str
-        What keeps it from being found.
-    first_line : int
-        Line of the names, or else of the first row.
+    `width`: how many cells most rows of numbers have.
+    `names`, `hidden_names`, `units`, `rows`: as of `pyburgers.common.text_tables.TextTable`.
+    `notes`: what was done to find the table.
+    `problems`: what keeps it from being found.
+    `first_line`: line of the names, or else of the first row.
     """
 
     width: int
@@ -197,7 +190,7 @@ def _other_tables(
         alike, n_rows = len(rows[one[0]][1]) == width, one[1] - one[0]
         if one[0] > block[0] and alike:
             return True
-        return n_rows > 1 and (alike or n_rows >= SMALL_TABLE * size)
+        return n_rows > 1 and (alike or n_rows >= MAX_SMALL_TABLE_SHARE * size)
 
     large = [one for one in blocks if one == block or is_rival(one)]
     if len(large) < 2:
@@ -243,14 +236,8 @@ def separator_of(lines: Sequence[str]) -> str:
 def best_run(rows: Iterable[Sequence[str]]) -> tuple[int, int, frozenset[int]]:
     """Return the longest run of rows that are alike.
 
-    Returns
-    -------
-    score : int
-        How many more numbers than texts it holds.
-    width : int
-        How many cells a row has.
-    numeric : frozenset of int
-        Which of these are numbers, from 0.
+    Return `score`: how many more numbers than texts it holds. Return `width`: how many cells a row
+    has. Return `numeric`: which of these are numbers, from 0.
     """
     best: tuple[int, int, frozenset[int]] = (0, 0, frozenset())
     merged: list[Kind] = []

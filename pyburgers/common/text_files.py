@@ -33,14 +33,9 @@ SAVE_AS_CSV = "save the sheet as CSV UTF-8"
 class Sheet:
     """Lines of a text, or rows of a sheet of a workbook.
 
-    Attributes
-    ----------
-    name : str
-        Of the sheet of a workbook; empty for a text.
-    lines : sequence of str
-        The lines of a text; empty for a workbook.
-    rows : sequence of tuple of str
-        The cells of a workbook; empty for a text.
+    `name`: of the sheet of a workbook; empty for a text.
+    `lines`: the lines of a text; empty for a workbook.
+    `rows`: the cells of a workbook; empty for a text.
     """
 
     name: str
@@ -51,24 +46,8 @@ class Sheet:
 def read_sheets(path: Path, where: str | None = None) -> tuple[list[Sheet], str | None]:
     """Read a text, or the sheets of a workbook that hold something.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    where : str, optional
-        File and key that name `path`, for messages.
-
-    Returns
-    -------
-    sheets : list of Sheet
-        A single one of a text.
-    note : str or None
-        Encoding of a text that is not UTF-8.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or holds neither text nor a workbook.
+    Return `sheets`: a single one of a text. Return `note`: encoding of a text that is not UTF-8.
+    Raise InputError if the file cannot be read, or holds neither text nor a workbook.
     """
     content = read_bytes(path, where)
     if content.startswith(ZIP):

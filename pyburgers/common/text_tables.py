@@ -18,19 +18,21 @@ from pyburgers.common.cells import (
     THOUSANDS,
     Row,
     as_number,
+    has_clock,
+    has_date,
     missing_numbers,
     names_between_blanks,
+    seconds_of,
 )
 from pyburgers.common.table_layout import (
     COMMENT,
-    SMALL_TABLE,
+    MAX_SMALL_TABLE_SHARE,
     cells_of,
     is_comment,
     layout_of,
     separator_of,
 )
 from pyburgers.common.text_files import Sheet, read_sheets
-from pyburgers.common.time_stamps import has_clock, has_date, seconds_of
 
 FROM_ZERO = re.compile(r"elaps|durat|since|run(?:ning)?.?time|test.?time", re.IGNORECASE)
 """What the name of a clock has that counts from the start of a test."""
@@ -40,26 +42,16 @@ FROM_ZERO = re.compile(r"elaps|durat|since|run(?:ning)?.?time|test.?time", re.IG
 class TextTable:
     """The table in a file.
 
-    Attributes
-    ----------
-    path : Path
-        The file.
-    separator : str
-        Semicolon, tab or comma, or a blank for white space; a comma of a workbook.
-    names : tuple of str or None
-        Names above the columns, where there are some.
-    hidden_names : tuple of str or None
-        Names in the last line ahead of the rows that is a comment, as many as there are columns.
-    rows : tuple of (int, tuple of str)
-        Number of the line from 1, and cells as they stand in the file, of the rows of numbers.
-    units : tuple of str or None
-        Cells of a row of units under the names.
-    missing : tuple of str or None
-        Cells that are said to stand for no reading; None where they are to be found.
-    layout_notes : tuple of str
-        Sentences about what was done to find the table.
-    problems : tuple of str
-        Sentences about what keeps the rows from being read.
+    `path`: the file.
+    `separator`: semicolon, tab or comma, or a blank for white space; a comma of a workbook.
+    `names`: names above the columns, where there are some.
+    `hidden_names`: names in the last line ahead of the rows that is a comment, as many as there are
+        columns.
+    `rows`: number of the line from 1, and cells as they stand in the file, of the rows of numbers.
+    `units`: cells of a row of units under the names.
+    `missing`: cells that are said to stand for no reading; None where they are to be found.
+    `layout_notes`: sentences about what was done to find the table.
+    `problems`: sentences about what keeps the rows from being read.
     """
 
     path: Path
@@ -239,23 +231,7 @@ def look_at(
 ) -> TextTable:
     """Find the table in a file.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    separator : str, optional
-        What stands between cells, one of `SEPARATORS`; default as the file looks.
-    header : bool, optional
-        Whether names stand above the rows; default as the file looks.
-    missing : sequence of str, optional
-        Cells that stand for no reading; default such as NaN and -9999.
-    where : str, optional
-        File and key that name `path`, for messages.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read at all.
+    Raise InputError if it cannot be read at all.
     """
     sheets, encoding = read_sheets(path, where)
     tables = [_table_in(path, sheet, separator, header, missing) for sheet in sheets]
@@ -269,7 +245,7 @@ def look_at(
     large = [
         sheet.name
         for sheet, one in zip(sheets, tables, strict=True)
-        if len(one.rows) >= max(2, SMALL_TABLE * len(table.rows))
+        if len(one.rows) >= max(2, MAX_SMALL_TABLE_SHARE * len(table.rows))
     ]
     problems = list(table.problems)
     if len(large) > 1:

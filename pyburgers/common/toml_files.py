@@ -18,7 +18,7 @@ from pydantic_core import ErrorDetails
 
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError, StructureError, nearest
-from pyburgers.common.units import UNITS
+from pyburgers.common.units import UNIT_TABLE, UNITS, Unit
 
 
 class Table(BaseModel):
@@ -27,6 +27,7 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
+T = TypeVar("T")
 TableT = TypeVar("TableT", bound=Table)
 
 NAME = r"^[A-Za-z0-9_][A-Za-z0-9._-]{0,99}$"
@@ -179,29 +180,22 @@ def checked(path: Path, table: Mapping[str, Any], structure: type[TableT]) -> Ta
 
 
 def factor_to_si(unit: str, quantity: str, where: str) -> float:
-    """Return the factor that turns a value in `unit` into SI.
+    """Return the factor to SI of a unit whose zero is that of SI; see `unit_of`."""
+    return _known(unit, UNITS[quantity], quantity, where)
 
-    Parameters
-    ----------
-    unit : str
-        Unit as written in the file, for example ``"MPa"``.
-    quantity : str
-        a key of `pyburgers.common.units.UNITS`, for example ``"stress"``.
-    where : str
-        File and key, for the message.
 
-    Raises
-    ------
-    InputError
-        If `unit` is not a unit of `quantity`.
-    """
-    factors = UNITS[quantity]
-    if unit not in factors:
-        expected = ", ".join(factors)
+def unit_of(unit: str, quantity: str, where: str) -> Unit:
+    """Return a unit of a quantity; raise InputError, with file and key `where`, of another one."""
+    return _known(unit, UNIT_TABLE[quantity], quantity, where)
+
+
+def _known(unit: str, units: Mapping[str, T], quantity: str, where: str) -> T:
+    if unit not in units:
         raise InputError(
-            f"{where}: unit {unit!r} is not a unit of {quantity}; expected one of {expected}."
+            f"{where}: unit {unit!r} is not a unit of {quantity}; expected one of "
+            f"{', '.join(units)}."
         )
-    return factors[unit]
+    return units[unit]
 
 
 def write_toml(path: Path, table: Mapping[str, Any]) -> None:

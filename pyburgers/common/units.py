@@ -5,61 +5,80 @@ Units are converted where files are read and where figures are drawn, nowhere el
 
 import math
 import operator
+import re
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import SupportsIndex
 
-UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
-    {
-        "stress": {"Pa": 1.0, "MPa": 1e6, "GPa": 1e9},
-        "compliance": {"1/Pa": 1.0, "1/GPa": 1e-9},
-        "viscosity": {"Pa s": 1.0, "MPa s": 1e6, "GPa s": 1e9},
-        "strain": {"fraction": 1.0, "percent": 1e-2},
-        "strain rate": {"1/s": 1.0, "1e-6/s": 1e-6},
-        "time": {"s": 1.0, "min": 60.0, "h": 3600.0},
-        "frequency": {"Hz": 1.0, "rad/s": 1 / (2 * math.pi)},
-        "angle": {"deg": math.pi / 180, "mrad": 1e-3, "rad": 1.0},
-        "length": {"m": 1.0, "mm": 1e-3, "um": 1e-6},
-        "molar energy": {"J/mol": 1.0, "kJ/mol": 1e3},
-        "inverse molar energy": {"mol/J": 1.0, "mol/kJ": 1e-3},
-        "temperature": {"K": 1.0},
-        "relative error": {"1": 1.0, "percent": 1e-2},
-        "inverse temperature": {"1/K": 1.0, "1e-6/K": 1e-6},
-        "dimensionless": {"1": 1.0},
-    }
-)
-"""Factor to SI of each unit, by physical quantity."""
 
-UNIT_NAMES: Mapping[str, Mapping[str, str]] = MappingProxyType(
+@dataclass(frozen=True)
+class Unit:
+    """A unit of files: a number x in it is `zero` + `factor` x in SI.
+
+    `spelling` is a pattern that finds it in names of columns in lower case, if names may say it.
+    """
+
+    factor: float = 1.0
+    spelling: str = ""
+    zero: float = 0.0
+
+
+UNIT_TABLE: Mapping[str, Mapping[str, Unit]] = MappingProxyType(
     {
-        "strain": {"percent": r"percent|%|pct", "fraction": r"fraction|m/m|\(-\)|\[-\]"},
         "stress": {
-            "GPa": r"gpa|(?<![a-z])kn/mm\^?2",
-            "MPa": r"mpa|(?<![a-z])(?:n/mm|mn/m)\^?2",
-            "Pa": r"(?<![a-z])(?:pa(?![a-z])|n/m\^?2)",
+            "Pa": Unit(1.0, r"(?<![a-z])(?:pa(?![a-z])|n/m\^?2)"),
+            "MPa": Unit(1e6, r"mpa|(?<![a-z])(?:n/mm|mn/m)\^?2"),
+            "GPa": Unit(1e9, r"gpa|(?<![a-z])kn/mm\^?2"),
         },
+        "compliance": {"1/Pa": Unit(), "1/GPa": Unit(1e-9)},
+        "viscosity": {"Pa s": Unit(), "MPa s": Unit(1e6), "GPa s": Unit(1e9)},
+        "strain": {
+            "fraction": Unit(1.0, r"fraction|m/m|\(-\)|\[-\]"),
+            "percent": Unit(1e-2, r"percent|%|pct"),
+        },
+        "strain rate": {"1/s": Unit(), "1e-6/s": Unit(1e-6)},
         "time": {
-            "min": r"(?<![a-z])min",
-            "h": r"hour|(?<![a-z])(?:hr?s?|std)(?![a-z])",
-            "s": r"(?<![a-zμ])s(?:ec|ek)?(?:onds?)?(?![a-z])",
-        },
-        "temperature": {
-            "C": r"celsius|°c|(?<![a-z])deg_?c|(?<![a-z])c(?![a-z])",
-            "K": r"kelvin|(?<![a-z])k(?![a-z])",
+            "s": Unit(1.0, r"(?<![a-zμ])s(?:ec|ek)?(?:onds?)?(?![a-z])"),
+            "min": Unit(60.0, r"(?<![a-z])min"),
+            "h": Unit(3600.0, r"hour|(?<![a-z])(?:hr?s?|std)(?![a-z])"),
         },
         "frequency": {
-            "rad/s": r"rad|omega|ω|(?<![a-z])ang|circular|(?:kreis|winkel)freq|pulsation"
-            r"|^w(?![a-z])",
-            "Hz": r"(?<![a-zμ])hz",
+            "Hz": Unit(1.0, r"(?<![a-zμ])hz"),
+            "rad/s": Unit(
+                1 / (2 * math.pi),
+                r"rad|omega|ω|(?<![a-z])ang|circular|(?:kreis|winkel)freq|pulsation|^w(?![a-z])",
+            ),
         },
         "angle": {
-            "mrad": r"mrad",
-            "rad": r"(?<![a-zμ])rad",
-            "deg": r"°|(?<![a-z])(?:deg|grad)",
+            "deg": Unit(math.pi / 180, r"°|(?<![a-z])(?:deg|grad)"),
+            "mrad": Unit(1e-3, r"mrad"),
+            "rad": Unit(1.0, r"(?<![a-zμ])rad"),
         },
+        "length": {"m": Unit(), "mm": Unit(1e-3), "um": Unit(1e-6)},
+        "molar energy": {"J/mol": Unit(), "kJ/mol": Unit(1e3)},
+        "inverse molar energy": {"mol/J": Unit(), "mol/kJ": Unit(1e-3)},
+        "temperature": {
+            "K": Unit(1.0, r"kelvin|(?<![a-z])k(?![a-z])"),
+            "C": Unit(1.0, r"celsius|°c|(?<![a-z])deg_?c|(?<![a-z])c(?![a-z])", zero=273.15),
+        },
+        "relative error": {"1": Unit(), "percent": Unit(1e-2)},
+        "inverse temperature": {"1/K": Unit(), "1e-6/K": Unit(1e-6)},
+        "dimensionless": {"1": Unit()},
     }
 )
-"""Units as the names of columns have them, in lower case; the first that is found is taken."""
+"""Every unit of files, by physical quantity: a unit is added here and nowhere else.
+
+Of spellings that are found in a name the last one counts.
+"""
+
+UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
+    {
+        quantity: {name: unit.factor for name, unit in units.items() if unit.zero == 0}
+        for quantity, units in UNIT_TABLE.items()
+    }
+)
+"""Factor to SI of each unit whose zero is that of SI, by physical quantity."""
 
 FOREIGN_UNIT_NAMES: Mapping[str, str] = MappingProxyType(
     {
@@ -76,6 +95,19 @@ FOREIGN_UNIT_NAMES: Mapping[str, str] = MappingProxyType(
     }
 )
 """Units as the names of columns have them, in lower case, that experiment files do not know."""
+
+
+def units_text(quantity: str) -> str:
+    """Return the units of a quantity as a list in words: ``s, min or h``."""
+    *others, last = UNIT_TABLE[quantity]
+    return f"{', '.join(others)} or {last}" if others else last
+
+
+def unit_in(name: str, quantity: str) -> str | None:
+    """Return the unit that a name of a column in lower case spells; None where it spells none."""
+    units = UNIT_TABLE.get(quantity, {}).items()
+    found = [unit for unit, own in units if own.spelling and re.search(own.spelling, name)]
+    return found[-1] if found else None
 
 
 def rounded(value: float, sd: float) -> str:

@@ -31,7 +31,7 @@ FloatArray = npt.NDArray[np.float64]
 BOX_MARGIN = 0.5
 """Range of a parameter's draws by which the bounds of its coordinate lie outside them."""
 
-OF_A_TEST = ("apparatus_compliance", "strain_offset")
+TEST_PARAMETERS = ("apparatus_compliance", "strain_offset")
 """Parameters of a test and its apparatus, which say nothing of another one."""
 
 NEGLIGIBLE_NOISE = MappingProxyType({"stress_noise": 1.0, "strain_noise": 1e-12})
@@ -42,16 +42,10 @@ NEGLIGIBLE_NOISE = MappingProxyType({"stress_noise": 1.0, "strain_noise": 1e-12}
 class Source:
     """Draws that a prediction is made from.
 
-    Attributes
-    ----------
-    problem : Problem
-        What was fitted.
-    tests : mapping of str to FittedTest
-        What the fit says of each test, by its name.
-    posterior : DataTree
-        Labelled draws of all tests together.
-    cautions : tuple of str
-        What is wrong with the fit: sentences.
+    `problem`: what was fitted.
+    `tests`: what the fit says of each test, by its name.
+    `posterior`: labelled draws of all tests together.
+    `cautions`: what is wrong with the fit: sentences.
     """
 
     problem: Problem
@@ -60,38 +54,16 @@ class Source:
     cautions: tuple[str, ...]
 
 
-def values_for(
+def draw_values(
     source: Source, draws: int | None, separate_from: str | None, rng: np.random.Generator
 ) -> tuple[npt.NDArray[np.int64], dict[str, FloatArray], list[str]]:
     """Return numbers of draws, every parameter of a new test in them (SI), and where they are from.
 
     A shared parameter has the value of all tests, a partially pooled one is drawn from centre and
     spread, a separate one is that of a test of the fit, all separate ones of a draw of the same.
-
-    Parameters
-    ----------
-    source : Source
-        The draws.
-    draws : int or None
-        How many are kept, evenly spaced; None keeps all.
-    separate_from : str or None
-        Test that separate parameters are taken from; None takes each in turn.
-    rng : Generator
-        Of partially pooled parameters.
-
-    Returns
-    -------
-    array of int, shape (n_kept,)
-        Numbers of the draws that are kept, from 0, through all chains.
-    dict of str to array, shape (n_kept,)
-        Parameters by name (SI).
-    list of str
-        Where values of a joint fit are from: sentences.
-
-    Raises
-    ------
-    InputError
-        If `separate_from` is no test of the fit.
+    `draws`: how many are kept, evenly spaced; None keeps all. `separate_from`: test that separate
+    parameters are taken from; None takes each in turn, InputError if it is no test of the fit.
+    Numbers count from 0 through all chains; numbers and values have the shape (n_kept,).
     """
     problem, tests = source.problem, source.tests
     if separate_from is not None and separate_from not in tests:
@@ -141,7 +113,7 @@ def _of_a_new_test(
     return np.array([plain.value(k, position) for position in real])
 
 
-def of_the_apparatus(
+def apparatus_values(
     source: Source,
     experiment: Experiment,
     kept: npt.NDArray[np.int64],
@@ -150,30 +122,14 @@ def of_the_apparatus(
     """Return what belongs to a test and its apparatus (SI), and where it is from.
 
     That of a test which was fitted itself is what the fit inferred for it. That of any other one is
-    as its file states it, or none.
-
-    Parameters
-    ----------
-    source, experiment
-        The draws, and the test.
-    kept : array of int
-        Numbers of the draws.
-    rng : Generator
-        Of what the file states with an error.
-
-    Returns
-    -------
-    dict of str to array, shape of `kept`
-        `OF_A_TEST` by name (SI).
-    list of str
-        Where they are from, if a fit has inferred some: sentences.
+    as its file states it, or none. The result: `TEST_PARAMETERS` by name (SI).
     """
     fitted = _that_was_fitted(source, experiment)
     drawn = xr.Dataset() if fitted is None else fitted.posterior["posterior"].to_dataset()
     same = [] if fitted is None else _same_of_a_test(fitted.experiment, experiment)
     stated = _stated(experiment)
     values = {}
-    for name in OF_A_TEST:
+    for name in TEST_PARAMETERS:
         if name in same and name in drawn:
             values[name] = all_draws(drawn[name])[kept].astype(np.float64)
         elif name in stated:
@@ -205,7 +161,7 @@ def _stated(experiment: Experiment) -> dict[str, Prior]:
 
 
 def _same_of_a_test(fitted: Experiment, experiment: Experiment) -> list[str]:
-    """Return which of `OF_A_TEST` the file of the same test states as when it was fitted."""
+    """Return which of `TEST_PARAMETERS` the file of the same test states as when it was fitted."""
     if not _is_same_test(fitted, experiment):
         return []
     before, now = (
@@ -215,14 +171,14 @@ def _same_of_a_test(fitted: Experiment, experiment: Experiment) -> list[str]:
     none = (np.nan, np.nan)
     return [
         name
-        for name in OF_A_TEST
+        for name in TEST_PARAMETERS
         if np.allclose(
             before.get(name, none), now.get(name, none), rtol=1e-9, atol=0.0, equal_nan=True
         )
     ]
 
 
-def of_any_test(
+def parameters_for_other_test(
     values: Mapping[str, float], fitted: Experiment, experiment: Experiment
 ) -> dict[str, float]:
     """Return parameters of a fitted test (SI) that another one has too, as predictions take them.
@@ -233,7 +189,7 @@ def of_any_test(
     alike = {
         one.parameter for one in experiment.uncertain if _same_apparatus(fitted, experiment, one)
     }
-    others = {*OF_A_TEST, *CONDITIONS} - alike - {*_same_of_a_test(fitted, experiment)}
+    others = {*TEST_PARAMETERS, *CONDITIONS} - alike - {*_same_of_a_test(fitted, experiment)}
     return {name: value for name, value in values.items() if name not in others}
 
 
@@ -249,7 +205,7 @@ def _same_apparatus(
     )
 
 
-def under_conditions(
+def add_condition_errors(
     source: Source,
     experiment: Experiment,
     kept: npt.NDArray[np.int64],
@@ -259,17 +215,7 @@ def under_conditions(
     """Return values with the errors of the conditions of a new test, and where they are from.
 
     The errors of a fitted test are another's, save where both were made with the same apparatus.
-
-    Parameters
-    ----------
-    source, experiment
-        The draws, and the new test.
-    kept : array of int, shape (n_kept,)
-        Numbers of the draws.
-    values : mapping of str to array, shape (n_kept,)
-        Parameters by name (SI).
-    rng : Generator
-        Of errors that are drawn anew.
+    `kept` (n_kept,): numbers of the draws. `values` (n_kept,): parameters by name (SI).
     """
     others = {name: own for name, own in values.items() if name not in CONDITIONS}
     notes = []
@@ -291,24 +237,13 @@ def under_conditions(
     return others, notes
 
 
-def with_noises(
+def add_noises(
     values: Mapping[str, FloatArray], fitted: Problem, experiment: Experiment
 ) -> tuple[dict[str, FloatArray], list[str]]:
     """Return values with the noise of new readings: that of the fit, a stated one, or none.
 
-    Parameters
-    ----------
-    values : mapping of str to array, shape (n_kept,)
-        Parameters by name (SI).
-    fitted : Problem
-        What was fitted.
-    experiment : Experiment
-        What is read anew.
-
-    Raises
-    ------
-    InputError
-        If there are readings whose noise nobody knows.
+    `values` (n_kept,): parameters by name (SI). Raise InputError if there are readings whose noise
+    nobody knows.
     """
     found, notes = dict(values), []
     n_draws = len(next(iter(values.values())))
@@ -338,7 +273,7 @@ def with_noises(
     return found, notes
 
 
-def holding(values: Mapping[str, FloatArray], fitted: PriorSet) -> PriorSet:
+def bounds_around(values: Mapping[str, FloatArray], fitted: PriorSet) -> PriorSet:
     """Return bounds around draws, so that every draw has coordinates; what was fixed stays so.
 
     Parameters between two bounds keep coordinates of their own, none is that of a point of the
@@ -369,15 +304,12 @@ def _box(fitted: Prior, values: FloatArray) -> Prior:
     )
 
 
-def with_laws(
+def transfer_laws(
     priors: PriorSet, fitted: Problem, experiment: Experiment
 ) -> tuple[PriorSet, list[str]]:
     """Return priors that give a test the laws of a fit, as far as such a test has them, and notes.
 
-    Raises
-    ------
-    InputError
-        If the test needs a law that the fit has not.
+    Raise InputError if the test needs a law that the fit has not.
     """
     notes = []
     laws = variant_of(fitted.priors[0], fitted.experiments[0])

@@ -12,12 +12,12 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.new_test import (
     Source,
-    holding,
-    of_the_apparatus,
-    under_conditions,
-    values_for,
-    with_laws,
-    with_noises,
+    add_condition_errors,
+    add_noises,
+    apparatus_values,
+    bounds_around,
+    draw_values,
+    transfer_laws,
 )
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
@@ -111,13 +111,13 @@ def predict_test(
         raise InputError(f"draws: found {draws}, expected at least 1.")
     rng = np.random.default_rng(seed)
     protocol = protocol_of(experiment)
-    kept, values, notes = values_for(source, draws, separate_from, rng)
-    of_the_test, apparatus_notes = of_the_apparatus(source, experiment, kept, rng)
+    kept, values, notes = draw_values(source, draws, separate_from, rng)
+    of_the_test, apparatus_notes = apparatus_values(source, experiment, kept, rng)
     values = {**values, **of_the_test}
-    values, condition_notes = under_conditions(source, experiment, kept, values, rng)
-    values, noise_notes = with_noises(values, source.problem, experiment)
-    priors, law_notes = with_laws(
-        holding(values, source.problem.priors[0]), source.problem, experiment
+    values, condition_notes = add_condition_errors(source, experiment, kept, values, rng)
+    values, noise_notes = add_noises(values, source.problem, experiment)
+    priors, law_notes = transfer_laws(
+        bounds_around(values, source.problem.priors[0]), source.problem, experiment
     )
     problem = one_test(experiment, priors)
     (coordinates,) = problem.coordinates

@@ -17,13 +17,5 @@ LET_CORRELATE = (
 
 
 def laws_to_try(free: Collection[str], laws: Mapping[str, str] = OTHER_LAWS) -> str:
-    """Return as options those of some laws that a fit does not have yet; empty for none.
-
-    Parameters
-    ----------
-    free : collection of str
-        Free parameters of the fit.
-    laws : mapping of str to str
-        As `OTHER_LAWS`.
-    """
+    """Return as options those of some laws that a fit does not have yet; empty for none."""
     return " or ".join(f"--variant {law}" for name, law in laws.items() if name not in free)

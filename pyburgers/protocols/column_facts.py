@@ -11,21 +11,21 @@ from pyburgers.protocols.guessed_columns import GuessedColumn
 
 FloatArray = npt.NDArray[np.float64]
 
-STEADY, HELD = 0.05, 0.01
-"""Relative range of readings that count as one value, and of a strain that counts as held."""
+MAX_STEADY_RANGE = 0.05
+"""Relative range of readings that count as one value."""
 
-TURN, LEAST_TURN = 0.2, 0.02
+MIN_TURN_ABOUT_LINE, MIN_TURN = 0.2, 0.02
 """Ways back that count as turning points, in shares of the range about a straight line and of the
 whole range."""
 
-LEAST_CYCLES = 2
+MIN_CYCLES = 2
 """Cycles from which readings count as oscillating."""
 
-GAP, APART, LEAST_READINGS, MOST = 0.1, 2.0, 3, 0.8
+MIN_LEVEL_GAP, MIN_LEVEL_DISTANCE, MIN_LEVEL_READINGS, MIN_LEVELS_SHARE = 0.1, 2.0, 3, 0.8
 """Of levels: the least distance to the next in shares of the range, and in widths of the widest;
 readings of each, and the share of all readings that they are together."""
 
-LEAST_RUN, FLAT = 10, 0.2
+MIN_RUN_READINGS, MAX_RUN_RISE = 10, 0.2
 """Readings of a run that stays, and how little it may rise or fall, in shares of its band."""
 
 
@@ -33,10 +33,7 @@ LEAST_RUN, FLAT = 10, 0.2
 class Facts:
     """What readings do.
 
-    Attributes
-    ----------
-    values : array, shape (n,)
-        Readings that are there, in the order of the rows.
+    `values` (n,): readings that are there, in the order of the rows.
     """
 
     values: FloatArray
@@ -47,7 +44,7 @@ class Facts:
         if self.values.size < 2:
             return False
         level = abs(float(np.median(self.values)))
-        return level > 0 and self._range(max(1, self.values.size // 10)) < STEADY * level
+        return level > 0 and self._range(max(1, self.values.size // 10)) < MAX_STEADY_RANGE * level
 
     @property
     def relative_range(self) -> float:
@@ -59,7 +56,11 @@ class Facts:
     def only_falls(self) -> bool:
         """Whether the first is the largest by size and they fall without a turning point."""
         sizes = np.abs(self.values)
-        return sizes[0] > sizes[-1] and sizes[0] >= (1 - STEADY) * sizes.max() and not self.turns
+        return (
+            sizes[0] > sizes[-1]
+            and sizes[0] >= (1 - MAX_STEADY_RANGE) * sizes.max()
+            and not self.turns
+        )
 
     @cached_property
     def turns(self) -> tuple[int, ...]:
@@ -69,13 +70,13 @@ class Facts:
             return ()
         place = np.arange(n)
         about = self.values - np.polyval(np.polyfit(place, self.values, 1), place)
-        way_back = max(TURN * float(np.ptp(about)), LEAST_TURN * self._range())
+        way_back = max(MIN_TURN_ABOUT_LINE * float(np.ptp(about)), MIN_TURN * self._range())
         return _turning_points(self.values, way_back)
 
     @property
     def oscillates(self) -> bool:
         """Whether they turn as often as those of some cycles."""
-        return len(self.turns) >= 2 * LEAST_CYCLES - 1
+        return len(self.turns) >= 2 * MIN_CYCLES - 1
 
     @property
     def is_in_levels(self) -> bool:
@@ -83,35 +84,38 @@ class Facts:
         if self._is_in_flat_runs:
             return True
         ordered = np.sort(self.values)
-        gaps = np.flatnonzero(np.diff(ordered) > GAP * self._range())
-        levels = [one for one in np.split(ordered, gaps + 1) if one.size >= LEAST_READINGS]
+        gaps = np.flatnonzero(np.diff(ordered) > MIN_LEVEL_GAP * self._range())
+        levels = [one for one in np.split(ordered, gaps + 1) if one.size >= MIN_LEVEL_READINGS]
         widest = max((float(np.ptp(one)) for one in levels), default=0.0)
         return (
             len(levels) > 1
-            and all(low[-1] + APART * widest < high[0] for low, high in itertools.pairwise(levels))
-            and sum(one.size for one in levels) >= MOST * ordered.size
+            and all(
+                low[-1] + MIN_LEVEL_DISTANCE * widest < high[0]
+                for low, high in itertools.pairwise(levels)
+            )
+            and sum(one.size for one in levels) >= MIN_LEVELS_SHARE * ordered.size
         )
 
     @property
     def _is_in_flat_runs(self) -> bool:
         """Whether most readings are in runs that stay, of several values, with ramps between."""
-        band = STEADY * float(np.abs(self.values).max())
+        band = MAX_STEADY_RANGE * float(np.abs(self.values).max())
         starts = [0]
         for k, value in enumerate(self.values):
             if abs(value - self.values[starts[-1]]) > band:
                 starts.append(k)
-        runs = [one for one in np.split(self.values, starts[1:]) if one.size >= LEAST_RUN]
-        flat = [one for one in runs if abs(_second_half_over_first(one)) < FLAT * band]
+        runs = [one for one in np.split(self.values, starts[1:]) if one.size >= MIN_RUN_READINGS]
+        flat = [one for one in runs if abs(_second_half_over_first(one)) < MAX_RUN_RISE * band]
         return (
             any(abs(one.mean() - flat[0].mean()) > band for one in flat)
-            and sum(one.size for one in flat) >= MOST * self.values.size
+            and sum(one.size for one in flat) >= MIN_LEVELS_SHARE * self.values.size
         )
 
     @cached_property
     def held_from(self) -> int:
         """First reading, from 0, from which on all stay at the last one."""
         away = np.flatnonzero(
-            np.abs(self.values - self.values[-1]) > STEADY * np.abs(self.values).max()
+            np.abs(self.values - self.values[-1]) > MAX_STEADY_RANGE * np.abs(self.values).max()
         )
         return int(away[-1]) + 1 if away.size else 0
 

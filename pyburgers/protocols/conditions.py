@@ -31,18 +31,10 @@ a thousandth of a temperature is worth some three percent of a flow rate."""
 def conditions(experiment: Experiment, predictions: xr.Dataset, parameters: xr.Dataset) -> Ranges:
     """Return the smallest and the largest value (SI) of every condition of a test.
 
-    Strain and stress count from zero, and like the strain rate by their size; they are those of
-    the median solution. The strain is that of the material: how its zero was read, and how the
+    Strain and stress count from zero, and like the strain rate by their size; they are those of the
+    median solution. The strain is that of the material: how its zero was read, and how the
     apparatus gave way, is no extrapolation. Tables of attenuation have periods in their place.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        The test.
-    predictions : Dataset
-        Its labelled solutions along the clock, of a fit or of a prediction.
-    parameters : Dataset
-        Its labelled parameters (SI) in the same draws; what is missing has no effect.
+    `parameters`: its labelled parameters (SI) in the same draws; what is missing has no effect.
     """
     protocol = protocol_of(experiment)
     median: dict[str, npt.NDArray[np.float64]] = {}
@@ -90,13 +82,7 @@ def _not_of_the_material(predictions: xr.Dataset, parameters: xr.Dataset) -> xr.
 
 
 def outside(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
-    """Say in which conditions a test leaves those that were fitted, a phrase for each.
-
-    Parameters
-    ----------
-    target, fitted
-        Of `conditions`; the latter of one to many tests. Those that all have are compared.
-    """
+    """Say in which conditions a test leaves those that were fitted, a phrase for each."""
     phrases = []
     for name in (name for name in target if all(name in one for one in fitted)):
         low, high = target[name]
@@ -111,13 +97,7 @@ def outside(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
 
 
 def beyond_sentences(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
-    """Say in one sentence what `outside` finds; none where that is nothing.
-
-    Parameters
-    ----------
-    target, fitted
-        As for `outside`.
-    """
+    """Say in one sentence what `outside` finds; none where that is nothing."""
     beyond = outside(target, fitted)
     return (f"Beyond what was fitted: {'; '.join(beyond)}.",) if beyond else ()
 

@@ -33,16 +33,11 @@ CENTRE, SPREAD = "centre", "spread"
 class PlainCoordinates:
     """Real-line coordinates of the free parameters, as in `stan/charts/plain.stan`.
 
-    Attributes
-    ----------
-    quantities : tuple of str
-        Quantity of each coordinate: a parameter, or in place of one the reference stress or flow
-        rate, as a logarithm.
-    parameters : tuple of str
-        Parameter that each coordinate gives a value to.
-    shift, scale, lower, upper : array, shape (n_coordinates,)
-        Origin, size and bounds of the quantities in SI (ln Pa for the reference stress, ln 1/s for
-        the flow rate).
+    `quantities`: quantity of each coordinate: a parameter, or in place of one the reference stress
+        or flow rate, as a logarithm.
+    `parameters`: parameter that each coordinate gives a value to.
+    `shift`, `scale`, `lower`, `upper` (n_coordinates,): origin, size and bounds of the quantities
+        in SI (ln Pa for the reference stress, ln 1/s for the flow rate).
     """
 
     quantities: tuple[str, ...]
@@ -105,14 +100,9 @@ class PlainCoordinates:
 class Mode:
     """The highest density found, on the real line of the plain coordinates.
 
-    Attributes
-    ----------
-    values : mapping of str to float
-        Every parameter in SI.
-    coordinate : array, shape (n_coordinates,)
-        Plain coordinates.
-    driving_error : array, shape (n_driving_errors,)
-        Errors of what drives the test, standardised.
+    `values`: every parameter in SI.
+    `coordinate` (n_coordinates,): plain coordinates.
+    `driving_error` (n_driving_errors,): errors of what drives the test, standardised.
     """
 
     values: Mapping[str, float]
@@ -124,13 +114,9 @@ class Mode:
 class OtherMode:
     """Another mode of a problem, lower than the one that chains start from.
 
-    Attributes
-    ----------
-    log_weight : float
-        ln of the probability around it over that around the highest one, by the density and the
-        curvature at both.
-    values : mapping of str to mapping of str to float
-        Free parameters in SI, by tests.
+    `log_weight`: ln of the probability around it over that around the highest one, by the density
+        and the curvature at both.
+    `values`: free parameters in SI, by tests.
     """
 
     log_weight: float
@@ -141,14 +127,9 @@ class OtherMode:
 class ProblemMode:
     """The highest density found of a problem.
 
-    Attributes
-    ----------
-    tests : tuple of Mode
-        Values of each test, and its plain coordinates by itself.
-    coordinate : array, shape (n_coordinates,)
-        Plain coordinates of all tests together.
-    others : tuple of OtherMode
-        Other modes that were met on the way.
+    `tests`: values of each test, and its plain coordinates by itself.
+    `coordinate` (n_coordinates,): plain coordinates of all tests together.
+    `others`: other modes that were met on the way.
     """
 
     tests: tuple[Mode, ...]
@@ -163,21 +144,14 @@ class Layout:
     They stand in this order: the first test's, the other tests' own ones, centres, spreads, errors
     of what drives the tests. A value that tests share is the first one's of them.
 
-    Attributes
-    ----------
-    names : tuple of str
-        Parameters with a coordinate in every test by itself.
-    position : array of int, shape (n_tests, n_names)
-        Where the coordinate of each parameter of each test stands, from 0; that of a shared
-        parameter is the same in all tests that share it.
-    source : array of int, shape (n_tests, n_names)
-        Test whose value each is, from 0: another one only of shared parameters.
-    shared, partial : tuple of str
-        Shared (by some tests at least) and partially pooled parameters among them.
-    centre, spread : array of int, shape (n_partial,)
-        Where centres and spreads of the latter stand.
-    errors : tuple of array of int
-        Where the errors of what drives each test stand.
+    `names`: parameters with a coordinate in every test by itself.
+    `position` (n_tests, n_names): where the coordinate of each parameter of each test stands, from
+        0; that of a shared parameter is the same in all tests that share it.
+    `source` (n_tests, n_names): test whose value each is, from 0: another one only of shared
+        parameters.
+    `shared`, `partial`: shared (by some tests at least) and partially pooled parameters among them.
+    `centre`, `spread` (n_partial,): where centres and spreads of the latter stand.
+    `errors`: where the errors of what drives each test stand.
     """
 
     names: tuple[str, ...]
@@ -224,21 +198,7 @@ def layout_of(
     n_errors: Sequence[int] = (),
     sources: Mapping[str, Sequence[int]] = MappingProxyType({}),
 ) -> Layout:
-    """Lay the coordinates of a fit out.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Parameters that are inferred in every test.
-    n_tests : int
-        Number of tests.
-    pooling : Pooling
-        How they hang together.
-    n_errors : sequence of int, optional
-        Errors of what drives each test; default none.
-    sources : mapping of str to sequence of int, optional
-        Of parameters that the pooling does not name: the test whose value each test has.
-    """
+    """Lay the coordinates of a fit out."""
     shared_by_all, partial = (pooling.of_kind(kind, names) for kind in ("shared", "partial"))
     source = np.zeros((n_tests, len(names)), dtype=np.int64)
     for i, name in enumerate(names):

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 from pyburgers.model.plausible import PlausibleRanges, plausible_ranges
 from pyburgers.protocols.experiment import Experiment
 
-COARSE_GRAINS = 0.05
+MAX_LIKELY_GRAIN_SIZE = 0.05
 """Grain size (m) beyond which a unit may be wrong."""
 
-SMALL_STRESS = 1e3
+MIN_LIKELY_STRESS = 1e3
 """Largest stress (Pa) of a test below which a unit may be wrong."""
 
 
@@ -26,7 +26,7 @@ def _of_conditions(experiment: Experiment) -> Iterator[str]:
     """Say which grain size, temperatures and stresses are unlikely."""
     material, grain = experiment.material, experiment.initial_grain_size
     ranges = _ranges(material)
-    if grain > COARSE_GRAINS:
+    if grain > MAX_LIKELY_GRAIN_SIZE:
         yield f"grains of {grain:g} m are unlikely; 230 um is 230e-6."
     hottest, coldest = float(experiment.temperatures.max()), float(experiment.temperatures.min())
     melting, least = ranges.melting_temperature_K, ranges.least_temperature_K
@@ -46,7 +46,7 @@ def unlikely_stress(material: str, largest: float) -> Iterator[str]:
             f"a stress of {largest / 1e9:g} GPa is unlikely in {material} (up to {limit:g} MPa is "
             "plausible); check its unit."
         )
-    elif 0 < largest < SMALL_STRESS:
+    elif 0 < largest < MIN_LIKELY_STRESS:
         yield f"a largest stress of {largest:g} Pa is unlikely; check its unit."
 
 

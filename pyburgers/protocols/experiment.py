@@ -29,7 +29,7 @@ FloatArray = npt.NDArray[np.float64]
 MetadataValue = str | float | int | bool
 
 
-LARGEST_TEMPERATURE_SHARE = 0.1
+MAX_TEMPERATURE_SD_SHARE = 0.1
 """Largest standard deviation of a temperature over it: a wider error would reach zero kelvin."""
 
 
@@ -37,14 +37,9 @@ LARGEST_TEMPERATURE_SHARE = 0.1
 class Provenance:
     """Where data come from.
 
-    Attributes
-    ----------
-    kind : {"measured", "digitised", "synthetic"}
-        Measured numbers, numbers read off a figure, or the output of a model.
-    source : str
-        Citation or origin.
-    doi, licence, notes : str or None
-        As far as known.
+    `kind`: measured numbers, numbers read off a figure, or the output of a model.
+    `source`: citation or origin.
+    `doi`, `licence`, `notes`: as far as known.
     """
 
     kind: Literal["measured", "digitised", "synthetic"]
@@ -58,14 +53,9 @@ class Provenance:
 class UncertainCondition:
     """A condition of a test that is known up to an error, normal about 0.
 
-    Attributes
-    ----------
-    parameter : str
-        The error: one of `pyburgers.model.parameters.CONDITIONS`.
-    sd : float
-        Its standard deviation (K; 1 of the load cell).
-    apparatus : str or None
-        Furnace or load cell that gives it, with one error in all tests that name it.
+    `parameter`: the error: one of `pyburgers.model.parameters.CONDITIONS`.
+    `sd`: its standard deviation (K; 1 of the load cell).
+    `apparatus`: furnace or load cell that gives it, with one error in all tests that name it.
     """
 
     parameter: str
@@ -307,22 +297,8 @@ class ExperimentFile(Table):
 def shared_values(path: Path, file: ExperimentFile) -> dict[str, Any]:
     """Check the keys that all protocols share.
 
-    Parameters
-    ----------
-    path : Path
-        The TOML file, for messages.
-    file : ExperimentFile
-        Its contents.
-
-    Returns
-    -------
-    dict
-        Fields of `Experiment` (SI), without the stress and the notices.
-
-    Raises
-    ------
-    InputError
-        If a value is not what it has to be.
+    The result: fields of `Experiment` (SI), without the stress and the notices. Raise InputError if
+    a value is not what it has to be.
     """
     _, uncertain, true_parameters = all_of(
         lambda: _check_conditions(path, file),
@@ -344,19 +320,7 @@ def shared_values(path: Path, file: ExperimentFile) -> dict[str, Any]:
 def write_experiment(experiment: Experiment, directory: Path, own: Mapping[str, Any]) -> Path:
     """Write ``experiment.toml``.
 
-    Parameters
-    ----------
-    experiment : Experiment
-        What to write.
-    directory : Path
-        An existing folder.
-    own : mapping
-        Keys and tables of the experiment's protocol.
-
-    Returns
-    -------
-    Path
-        The file.
+    `own`: keys and tables of the experiment's protocol.
     """
     table = {
         "id": experiment.id,
@@ -419,10 +383,10 @@ def _uncertain_conditions(path: Path, file: ExperimentFile) -> tuple[UncertainCo
                 f"{apparatus!r}."
             )
     sd = file.temperature_sd_K
-    if sd is not None and sd > LARGEST_TEMPERATURE_SHARE * file.temperature_K:
+    if sd is not None and sd > MAX_TEMPERATURE_SD_SHARE * file.temperature_K:
         raise InputError(
             f"{path}: key 'temperature_sd_K': found {sd:g}, expected at most "
-            f"{LARGEST_TEMPERATURE_SHARE:g} of the temperature, {file.temperature_K:g} K."
+            f"{MAX_TEMPERATURE_SD_SHARE:g} of the temperature, {file.temperature_K:g} K."
         )
     return tuple(found)
 
@@ -443,3 +407,13 @@ def _true_parameters(path: Path, file: ExperimentFile) -> Mapping[str, float] | 
                 f"{nearest(name, PARAMETER_BY_NAME)}"
             )
     return MappingProxyType(dict(file.true_parameters))
+
+
+Compression = Literal["positive", "negative"]
+
+SIGNS_WERE_TURNED = "Compression is negative in the file: the signs were turned."
+
+
+def sign_of(compression: Compression) -> int:
+    """Return what turns a number of a file into one whose compression is positive: 1 or -1."""
+    return 1 if compression == "positive" else -1

@@ -58,19 +58,9 @@ def check_parameters(values: Mapping[str, object], where: str = "parameters") ->
     """Return the values of a forward solution as floats.
 
     ``stress_noise`` may be left out: a solution has none. So may those of
-    `pyburgers.model.parameters.VARIANT_PARAMETERS`.
-
-    Parameters
-    ----------
-    values : mapping
-        Names of `pyburgers.model.parameters.PROGRAM_PARAMETERS` to SI values.
-    where : str
-        File or argument, for messages.
-
-    Raises
-    ------
-    InputError
-        If a name is unknown or missing or a value is not a finite number in the model's domain.
+    `pyburgers.model.parameters.VARIANT_PARAMETERS`. `values`: names of
+    `pyburgers.model.parameters.PROGRAM_PARAMETERS` to SI values. Raise InputError if a name is
+    unknown or missing or a value is not a finite number in the model's domain.
     """
     unknown = [name for name in values if name not in PARAMETER_BY_NAME]
     if unknown:
@@ -115,19 +105,10 @@ def _wanted_instead(name: str, value: float) -> str | None:
 def check_given_together(values: Mapping[str, float], where: str) -> None:
     """Check what is given of a Kelvin element that is not linear, and of a piezometer.
 
-    Parameters
-    ----------
-    values : mapping
-        SI values by name; `pyburgers.model.parameters.VARIANT_PARAMETERS` may be left out.
-    where : str
-        File or argument, for messages.
-
-    Raises
-    ------
-    InputError
-        If the stress exponent of the Kelvin element is below 1, its activation enthalpy negative,
-        or something is missing that either, or the grain size of a piezometer, has no meaning
-        without.
+    `values`: SI values by name; `pyburgers.model.parameters.VARIANT_PARAMETERS` may be left out.
+    Raise InputError if the stress exponent of the Kelvin element is below 1, its activation
+    enthalpy negative, or something is missing that either, or the grain size of a piezometer, has
+    no meaning without.
     """
     for name, others in GIVEN_TOGETHER.items():
         standard = STANDARD_VALUES[name]
@@ -145,12 +126,7 @@ def check_given_together(values: Mapping[str, float], where: str) -> None:
 def with_stated(experiment: Experiment, values: Mapping[str, float]) -> dict[str, float]:
     """Return parameters (SI) with what a test's file states of it where they do not say that.
 
-    Parameters
-    ----------
-    experiment : Experiment
-        Whose compliance of the apparatus and zero of the strain may be stated.
-    values : mapping
-        SI values by name.
+    `values`: SI values by name.
     """
     stated = {
         prior.parameter: prior.location
@@ -164,19 +140,8 @@ def with_laws(
 ) -> dict[str, float]:
     """Return parameters (SI) of the model with the chosen laws.
 
-    Parameters
-    ----------
-    experiment : Experiment
-        The test that is to be simulated.
-    values : mapping
-        SI values by name. A parameter that a chosen law leaves without effect is changed.
-    choices : mapping of str to str
-        Law by part, see `pyburgers.model.variants.ModelVariant`.
-
-    Raises
-    ------
-    InputError
-        If the test does not take a law, or the law has a parameter that is not given.
+    `values`: SI values by name. A parameter that a chosen law leaves without effect is changed.
+    Raise InputError if the test does not take a law, or the law has a parameter that is not given.
     """
     priors = with_variant(given_parameters(experiment.material, values), experiment, choices)
     for name in priors.free:
@@ -191,11 +156,8 @@ def with_laws(
 def checked_positions(experiment: Experiment, at: npt.ArrayLike) -> FloatArray:
     """Return positions on the clock of a test (SI) as an array.
 
-    Raises
-    ------
-    InputError
-        If they are no list of finite numbers, there is none, one decreases or lies outside the
-        test.
+    Raise InputError if they are no list of finite numbers, there is none, one decreases or lies
+    outside the test.
     """
     protocol = protocol_of(experiment)
     low, high = experiment.span
@@ -309,27 +271,10 @@ def simulate_data(
 ) -> E:
     """Put the solution at given parameters, with noise, in the place of what was observed.
 
-    Parameters
-    ----------
-    experiment : Experiment
-        What is driven, and positions and relative uncertainties of the points.
-    values : mapping
-        SI values by name; what is missing of the apparatus is as for `simulate`.
-    rng : Generator
-        Gives the noise.
-    source : str
-        Where the parameters come from, for the provenance.
-
-    Returns
-    -------
-    Experiment
-        Synthetic, of the same protocol; its true parameters are `values`, with what the test states
-        beside them. A record is prepared as a measured one is.
-
-    Raises
-    ------
-    SamplingError
-        If the solver finds no solution.
+    `values`: SI values by name; what is missing of the apparatus is as for `simulate`. The result:
+    synthetic, of the same protocol; its true parameters are `values`, with what the test states
+    beside them. A record is prepared as a measured one is. Raise SamplingError if the solver finds
+    no solution.
     """
     protocol, values = protocol_of(experiment), with_stated(experiment, values)
     solution, model = _solved(

@@ -9,10 +9,9 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.common.cells import as_number
+from pyburgers.common.cells import as_number, has_date
 from pyburgers.common.text_tables import TextTable
-from pyburgers.common.time_stamps import has_date
-from pyburgers.common.units import FOREIGN_UNIT_NAMES, UNIT_NAMES, UNITS
+from pyburgers.common.units import FOREIGN_UNIT_NAMES, UNIT_TABLE, Unit, unit_in
 from pyburgers.protocols.quantities import (
     ALONG_AXIS,
     ANGLES,
@@ -27,14 +26,14 @@ from pyburgers.protocols.quantities import (
 
 FloatArray = npt.NDArray[np.float64]
 
-PERCENT_FROM, MEGAPASCAL_UP_TO, CELSIUS_UP_TO = 1.0, 1e5, 200.0
+MIN_PERCENT, MAX_MEGAPASCAL, MAX_CELSIUS = 1.0, 1e5, 200.0
 """Numbers from which strain is taken as percent, and up to which stress as MPa, or temperature as
 degrees Celsius, where names say nothing."""
 
-DIFFERENTIAL, NEGLIGIBLE = 0, 0.05
+DIFFERENTIAL_PLACE, MIN_CONFINING_SHARE = 0, 0.05
 """Place of names of differential stresses; a stress beside the axis below this share is none."""
 
-SAME = 1e-3
+MAX_RELATIVE_DIFFERENCE = 1e-3
 """Relative difference of columns that hold the same numbers in different units."""
 
 
@@ -42,29 +41,19 @@ SAME = 1e-3
 class GuessedColumn:
     """A column of a text file.
 
-    Attributes
-    ----------
-    quantity : str
-        What it holds, a key of `QUANTITIES`, or that with ``_uncertainty``.
-    column : str or int
-        Its name, or its number from 1.
-    name : str
-        Its name with the unit under it.
-    unit : str or None
-        Its unit; None where it has none.
-    told_by : str
-        What says so: its name, its numbers, the column that it shares its unit with, or nothing.
-    numbers : array, shape (n_rows,)
-        What it holds in its unit; NaN where there is no number.
-    is_foreign : bool
-        Whether its name has a unit that experiment files do not know, or says that its numbers are
-        logarithms; it has no unit then.
-    rivals : tuple of GuessedColumn
-        Other columns that may hold the quantity, the likeliest first.
-    is_decided : bool
-        Whether names and units put it before its rivals, or somebody chose it.
-    confined_by : str or int or None
-        Of a stress that may be the total one along the axis, the column of what acts beside it.
+    `quantity`: what it holds, a key of `QUANTITIES`, or that with ``_uncertainty``.
+    `column`: its name, or its number from 1.
+    `name`: its name with the unit under it.
+    `unit`: its unit; None where it has none.
+    `told_by`: what says so: its name, its numbers, the column that it shares its unit with, or
+        nothing.
+    `numbers` (n_rows,): what it holds in its unit; NaN where there is no number.
+    `is_foreign`: whether its name has a unit that experiment files do not know, or says that its
+        numbers are logarithms; it has no unit then.
+    `rivals`: other columns that may hold the quantity, the likeliest first.
+    `is_decided`: whether names and units put it before its rivals, or somebody chose it.
+    `confined_by`: of a stress that may be the total one along the axis, the column of what acts
+        beside it.
     """
 
     quantity: str
@@ -80,14 +69,14 @@ class GuessedColumn:
 
     @property
     def kind(self) -> str:
-        """What its unit is one of, a key of `UNIT_NAMES` where it has one."""
+        """What its unit is one of, a key of `UNIT_TABLE` where it has one."""
         return QUANTITIES[self.quantity.removesuffix("_uncertainty")].kind
 
     @property
     def si(self) -> FloatArray:
         """Its numbers in SI, where units have factors, shape (n_rows,)."""
-        factors: Mapping[str, float] = UNITS.get(self.kind, {})
-        return self.numbers * factors.get(self.unit or "", 1.0)
+        unit = UNIT_TABLE.get(self.kind, {}).get(self.unit or "", Unit())
+        return unit.zero + unit.factor * self.numbers
 
     @property
     def shares_unit_with(self) -> str | None:
@@ -116,13 +105,6 @@ def guess_columns(
     """Return what columns hold, by quantity; their errors are under QUANTITY_uncertainty.
 
     Of a file without names of two or three columns the last is taken as stress.
-
-    Parameters
-    ----------
-    table : TextTable
-        The text file.
-    chosen : mapping
-        Columns that somebody named, by quantity.
     """
     candidates: dict[str, list[tuple[tuple[float, ...], GuessedColumn]]] = {}
     by_name = {column: q for column, q in _named(table).items() if column not in chosen.values()}
@@ -153,19 +135,7 @@ def left_out(
     read: Mapping[str, GuessedColumn],
     used: Mapping[str, str] = MappingProxyType({}),
 ) -> Iterator[str]:
-    """Say which columns a file does not name, and why, a sentence each.
-
-    Parameters
-    ----------
-    table : TextTable
-        The text file.
-    columns : mapping
-        What its columns hold.
-    read : mapping
-        Those of them that the file names.
-    used : mapping
-        What others are used for, by quantity.
-    """
+    """Say which columns a file does not name, and why, a sentence each."""
     taken = {guessed.column for guessed in read.values()}
     reasons: dict[str | int, str] = {}
     for guessed in columns.values():
@@ -226,14 +196,18 @@ def _quantity_of(name: str) -> str | None:
 
 
 def _kinds_in(name: str) -> set[str]:
-    """Return what the unit in the brackets of a name is one of."""
+    """Return the kinds of which the unit in the brackets of a name is one.
+
+    Those of strain and of angles alone count for none: % and degrees have other uses.
+    """
     units = re.findall(r"[(\[] ?([^()\[\]]+?) ?[)\]]", name)
-    return {
-        kind
-        for kind in ("stress", "time", "temperature", "frequency")
-        for looks in UNIT_NAMES[kind].values()
-        if units and re.fullmatch(looks, units[-1])
-    }
+
+    def is_one_of(kind: str) -> bool:
+        spellings = [unit.spelling for unit in UNIT_TABLE[kind].values()]
+        return bool(units) and any(re.fullmatch(one, units[-1]) for one in spellings)
+
+    kinds = {kind for kind in ("stress", "time", "temperature", "frequency") if is_one_of(kind)}
+    return kinds | {"attenuation"} if kinds and is_one_of("angle") else kinds
 
 
 def _place(guessed: GuessedColumn) -> tuple[float, ...]:
@@ -251,7 +225,15 @@ def _are_alike(one: GuessedColumn, other: GuessedColumn) -> bool:
     """Whether two columns hold the same numbers, be it in different units."""
     mine, yours = one.si, other.si
     scale = float(np.nanmax(np.abs(mine), initial=0.0))
-    return bool(np.allclose(mine, yours, rtol=SAME, atol=SAME * scale, equal_nan=True))
+    return bool(
+        np.allclose(
+            mine,
+            yours,
+            rtol=MAX_RELATIVE_DIFFERENCE,
+            atol=MAX_RELATIVE_DIFFERENCE * scale,
+            equal_nan=True,
+        )
+    )
 
 
 def _confined_by(table: TextTable, stress: GuessedColumn) -> str | int | None:
@@ -259,7 +241,7 @@ def _confined_by(table: TextTable, stress: GuessedColumn) -> str | int | None:
 
     One that its name calls differential does not; else it may where it never is below the other.
     """
-    if _place(stress)[2] == DIFFERENTIAL:
+    if _place(stress)[2] == DIFFERENTIAL_PLACE:
         return None
     for column in table.columns:
         name = _plain(table.described(column))
@@ -267,11 +249,11 @@ def _confined_by(table: TextTable, stress: GuessedColumn) -> str | int | None:
             continue
         unit = _unit_in(name, "stress", is_chosen=True)
         if unit and table.numbers(column):
-            beside = float(np.median(table.numbers(column))) * UNITS["stress"][unit]
+            beside = float(np.median(table.numbers(column))) * UNIT_TABLE["stress"][unit].factor
             if (
-                NEGLIGIBLE * np.nanmax(stress.si)
+                MIN_CONFINING_SHARE * np.nanmax(stress.si)
                 < beside
-                <= np.nanmin(stress.si) * (1 + NEGLIGIBLE)
+                <= np.nanmin(stress.si) * (1 + MIN_CONFINING_SHARE)
             ):
                 return column
     return None
@@ -298,15 +280,7 @@ def _with_unit(
 
 
 def unit_in_name(name: str, kind: str) -> str | None:
-    """Return the unit in a name, a key of `UNIT_NAMES`; empty for another one, None for none.
-
-    Parameters
-    ----------
-    name : str
-        Of a column.
-    kind : str
-        What the unit is one of.
-    """
+    """Return the unit in a name, a key of `UNIT_TABLE`; empty for another one, None for none."""
     return _unit_in(_plain(name), kind, is_chosen=True)
 
 
@@ -314,8 +288,7 @@ def _unit_in(name: str, kind: str, *, is_chosen: bool) -> str | None:
     """Return the unit in the name of a column, empty for one that files do not know, else None."""
     is_angle = kind == "attenuation" and ANGLES.search(name) is not None
     looks = "angle" if is_angle else kind
-    units = UNIT_NAMES.get(looks, {})
-    unit = next((unit for unit, own in units.items() if re.search(own, name)), None)
+    unit = unit_in(name, looks)
     if (kind != "attenuation" and LOGARITHM.search(name)) or (unit == "rad/s" and "hz" in name):
         return ""
     needs_unit = is_angle or (kind == "stress" and FORCES.search(name) and not is_chosen)
@@ -336,11 +309,11 @@ def _unit_of_numbers(kind: str, numbers: FloatArray) -> tuple[str | None, str]:
     largest = float(np.max(np.abs(numbers)))
     match kind:
         case "strain":
-            return ("percent" if largest > PERCENT_FROM else "fraction"), "its numbers"
+            return ("percent" if largest > MIN_PERCENT else "fraction"), "its numbers"
         case "stress":
-            return ("MPa" if largest < MEGAPASCAL_UP_TO else "Pa"), "its numbers"
+            return ("MPa" if largest < MAX_MEGAPASCAL else "Pa"), "its numbers"
         case "temperature":
-            return ("C" if largest < CELSIUS_UP_TO else "K"), "its numbers"
+            return ("C" if largest < MAX_CELSIUS else "K"), "its numbers"
         case "time":
             return "s", "nothing; check it"
         case "frequency":

@@ -26,17 +26,12 @@ NOT_MEASURED = 0.0
 class MeasuredMicrostructure:
     """Microstructure of a sample at one strain or time, as measured.
 
-    Attributes
-    ----------
-    strain : float or None
-        Path strain (fraction, above 0), where that is what is known.
-    grain_size, grain_size_sd : float
-        Mean grain size and its standard deviation (m). The error is lognormal, with the standard
-        deviation over the size as that of the logarithm.
-    fabric_factor, fabric_factor_sd : float or None
-        Fabric factor (1 = isotropic) and its standard deviation, where it was measured.
-    time : float or None
-        Seconds since the start of a loading history, in the place of the strain.
+    `strain`: path strain (fraction, above 0), where that is what is known.
+    `grain_size`, `grain_size_sd`: mean grain size and its standard deviation (m). The error is
+        lognormal, with the standard deviation over the size as that of the logarithm.
+    `fabric_factor`, `fabric_factor_sd`: fabric factor (1 = isotropic) and its standard deviation,
+        where it was measured.
+    `time`: seconds since the start of a loading history, in the place of the strain.
     """
 
     strain: float | None
@@ -101,22 +96,9 @@ def measured_microstructure(
 ) -> tuple[MeasuredMicrostructure, ...]:
     """Check the tables [[microstructure]] of a test along strain.
 
-    Parameters
-    ----------
-    path : Path
-        The TOML file, for messages.
-    tables : sequence of MicrostructureTable
-        Its tables.
-    strain_unit : str or None
-        Of their strains, that of the strains in [data]; None: they are fractions.
-    final_strain : float or None
-        Fraction at which the test is stated to end.
-
-    Raises
-    ------
-    InputError
-        If strains do not increase or lie beyond the end, an error is as large as the grain size, or
-        a fabric factor lacks its own.
+    `strain_unit`: of their strains, that of the strains in [data]; None: they are fractions. Raise
+    InputError if strains do not increase or lie beyond the end, an error is as large as the grain
+    size, or a fabric factor lacks its own.
     """
     factor = strain_factor(path, strain_unit)
     check_increasing(path, "strain", [table.strain for table in tables])
@@ -145,10 +127,7 @@ def strain_factor(path: Path, strain_unit: str | None) -> float:
 def check_increasing(path: Path, key: str, values: Sequence[float | None]) -> None:
     """Check that values of a key of the tables increase, of those that have it.
 
-    Raises
-    ------
-    InputError
-        If they do not.
+    Raise InputError if they do not.
     """
     given = [(number, one) for number, one in enumerate(values, start=1) if one is not None]
     for (_, before), (number, after) in pairwise(given):
@@ -169,21 +148,7 @@ def measured_row(
 ) -> MeasuredMicrostructure:
     """Check what was measured at a strain (fraction) or time (s).
 
-    Parameters
-    ----------
-    path : Path
-        The TOML file, for messages.
-    number : int
-        Of the table, from 1, for messages.
-    table : MeasuredTable
-        What was measured.
-    strain, time : float, optional
-        One of them.
-
-    Raises
-    ------
-    InputError
-        If an error is as large as the grain size, or a fabric factor lacks its own.
+    Raise InputError if an error is as large as the grain size, or a fabric factor lacks its own.
     """
     where = row_text(path, number)
     if (table.fabric_factor is None) != (table.fabric_factor_sd is None):

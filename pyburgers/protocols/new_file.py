@@ -5,23 +5,23 @@ folder.
 """
 
 import json
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 
 from pyburgers.common.columns import SEPARATORS
 from pyburgers.common.text_tables import TextTable
-from pyburgers.common.units import UNITS
-from pyburgers.protocols.experiment import CONDITION_KEYS, Experiment
+from pyburgers.common.units import UNIT_TABLE
+from pyburgers.protocols.experiment import CONDITION_KEYS, Compression, Experiment
 from pyburgers.protocols.guessed_columns import GuessedColumn
 from pyburgers.protocols.protocol import NAMES
-from pyburgers.protocols.signs import Compression
 
 NAMED_SEPARATORS = {sign: name for name, sign in SEPARATORS.items()}
 
@@ -37,26 +37,40 @@ UNCERTAIN_CONDITIONS: Mapping[str, tuple[float, str]] = MappingProxyType(
 """Standard deviations that are proposed, and what they are of, by the condition's error."""
 
 
+HEAD = """\
+id = {id}  # names the run and its files
+material = {material}  # its priors are taken unless --priors is given
+protocol = {protocol}  # the kind of test
+temperature_K = {temperature_K}
+initial_grain_size_m = {grain_size_m}  # mean, at the start
+{conditions}
+"""
+
+PROVENANCE = """
+[provenance]
+kind = {kind}  # measured, digitised or synthetic
+source = {source}  # who, when, where
+# doi = "..."
+"""
+
+LAYOUT = """\
+separator = {separator}  # what stands between columns
+header = {header}  # columns are named by their numbers from 1
+"""
+"""Parts of templates that all kinds of test share."""
+
+
 @dataclass(frozen=True)
 class Question:
     """Something that a text file does not say of its test.
 
-    Attributes
-    ----------
-    name : str
-        Of the answer; the option has dashes in place of underscores.
-    text : str
-        What is asked.
-    kind : callable
-        Makes the answer from text.
-    choices : sequence of str, optional
-        What it may be.
-    default : object
-        Where nothing is answered; None where something has to be.
-    example : object
-        An answer that stands in where others are checked before this one is given.
-    key : str
-        Key of the file that takes the answer, for its check; empty for that of its name.
+    `name`: of the answer; the option has dashes in place of underscores.
+    `text`: what is asked.
+    `kind`: makes the answer from text.
+    `choices`: what it may be.
+    `default`: where nothing is answered; None where something has to be.
+    `example`: an answer that stands in where others are checked before this one is given.
+    `key`: key of the file that takes the answer, for its check; empty for that of its name.
     """
 
     name: str
@@ -88,16 +102,10 @@ Columns = Mapping[str, GuessedColumn]
 class Description:
     """What is known of a test that a file is written for.
 
-    Attributes
-    ----------
-    file : str
-        Its text file, as seen from the file that is written.
-    table : TextTable
-        How that looks.
-    columns : mapping of str to GuessedColumn
-        What its columns hold.
-    values : mapping
-        Answers, by the name of the question.
+    `file`: its text file, as seen from the file that is written.
+    `table`: how that looks.
+    `columns`: what its columns hold.
+    `values`: answers, by the name of the question.
     """
 
     file: str
@@ -109,58 +117,49 @@ class Description:
 class NewFile(ABC):
     """What a new file of a kind of test needs and says beside what those of all kinds do.
 
-    Attributes
-    ----------
-    experiment : type
-        What the file is read as.
-    needed : sequence of sequences of str
-        Quantities whose columns it needs, one of each.
-    quantities : collection of str
-        Those whose columns its files name.
-    questions : sequence of Question
-        What may be asked for it alone.
+    `experiment`: what the file is read as.
+    `needed`: quantities whose columns it needs, one of each.
+    `quantities`: those whose columns its files name.
+    `questions`: what may be asked for it alone.
+    `template`: its part of a file, as `filled` takes it.
     """
 
     experiment: ClassVar[type[Experiment]]
     needed: ClassVar[Sequence[Sequence[str]]]
     quantities: ClassVar[Collection[str]]
     questions: ClassVar[Sequence[Question]] = ()
+    template: ClassVar[str]
 
     @abstractmethod
-    def suits(self, columns: Columns) -> str | None:
+    def recognise(self, columns: Columns) -> str | None:
         """Return why a text file looks like such a test, as the end of a sentence, if it does."""
 
-    def read(self, columns: Columns) -> Columns:
+    def select_columns(self, columns: Columns) -> Columns:
         """Return those of the columns of a text file that its files name."""
         return {name: one for name, one in columns.items() if name in self.quantities}
 
-    def proposed(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:
+    def propose_answers(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return answers that the columns suggest, by the name of the question.
 
-        Parameters
-        ----------
-        columns : mapping
-            What is read, by quantity.
-        given : mapping
-            Answers that are there already, None where there is none.
+        `given`: answers that are there already, None where there is none.
         """
         return {}
 
-    def asked(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
+    def required_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return the names of those of its questions that are asked; as for `proposed`."""
-        return self.taken(columns, given)
+        return self.allowed_answers(columns, given)
 
-    def taken(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
+    def allowed_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return the names of those of its questions whose answers the file can hold."""
         return {question.name for question in self.questions}
 
-    def decided(self, test: Description) -> Sequence[str]:
+    def describe_decisions(self, test: Description) -> Sequence[str]:
         """Return sentences about what the lines say that neither columns nor answers say."""
         return ()
 
-    @abstractmethod
-    def lines(self, test: Description) -> Sequence[str]:
-        """Return the lines about what drives the test, and about its text file."""
+    def filling(self, test: Description) -> Mapping[str, object]:
+        """Return what the template holds beside answers, columns and the text file's layout."""
+        return {}
 
 
 @cache
@@ -174,42 +173,73 @@ def new_files() -> Mapping[str, NewFile]:
 def experiment_text(protocol: str, new_file: NewFile, test: Description) -> str:
     """Return the text of an experiment file of a protocol."""
     values = test.values
-    lines = [
-        line("id", values["id"], "names the run and its files"),
-        line("material", values["material"], "its priors are taken unless --priors is given"),
-        line("protocol", protocol, "the kind of test"),
-        line("temperature_K", values["temperature_K"]),
-        line("initial_grain_size_m", values["grain_size_m"], "mean, at the start"),
-        *(
-            optional(f"{CONDITION_KEYS[name][0]} = {sd}", comment)
-            for name, (sd, comment) in UNCERTAIN_CONDITIONS.items()
-            if name in new_file.experiment.may_be_uncertain
-        ),
-        "",
-        *new_file.lines(test),
-        "",
-        "[provenance]",
-        line("kind", values["kind"], "measured, digitised or synthetic"),
-        line("source", values["source"], "who, when, where"),
-        '# doi = "..."',
+    conditions = [
+        with_comment(f"# {CONDITION_KEYS[name][0]} = {sd}", comment)
+        for name, (sd, comment) in UNCERTAIN_CONDITIONS.items()
+        if name in new_file.experiment.may_be_uncertain
     ]
+    filling = {
+        **values,
+        "protocol": protocol,
+        "conditions": conditions,
+        **_file_values(test),
+        **_column_values(test),
+        **new_file.filling(test),
+    }
+    lines = filled(HEAD + new_file.template + PROVENANCE, filling)
     return "\n".join(lines) + "\n"
+
+
+def filled(template: str, values: Mapping[str, object]) -> Iterator[str]:
+    """Fill a template of a file, line by line, with comments in one column.
+
+    A line ``key = {name}`` is left out where the value of the name is None, and a proposal
+    ``#? key = ...`` where the key or its column has a value. A line ``{name}`` stands for lines. A
+    unit without a comment gets the other units of its quantity as one.
+    """
+    last = ""
+    for template_line in template.splitlines():
+        text, _, comment = template_line.partition("  # ")
+        name = text[text.find("{") + 1 : text.find("}")] if "{" in text else ""
+        if text == f"{{{name}}}":
+            new = list(cast(Sequence[str], values[name]))
+        elif name:
+            key, value = text.partition(" = ")[0], values.get(name)
+            if not comment and key.endswith("_unit"):
+                comment = _other_units(value)
+            new = [] if value is None else [line(key, value, comment.format_map(values))]
+        else:
+            proposal = with_comment(text.replace("#?", "#", 1), comment.format_map(values))
+            new = [] if _is_answered(text, values) else [proposal]
+        for one in new:
+            if one or last:
+                yield one
+            last = one
+
+
+def _is_answered(text: str, values: Mapping[str, object]) -> bool:
+    """Whether a line proposes a key, of which a value or a column of values is there."""
+    found = re.match(r"#\? (\w+?)(_Pa)? =", text)
+    return found is not None and any(
+        values.get(name) is not None for name in (found[1], f"{found[1]}_column")
+    )
+
+
+def _other_units(unit: object) -> str:
+    """Return a comment with the other units of the quantity."""
+    units = next((own for own in UNIT_TABLE.values() if unit in own), {})
+    others = ", ".join(one for one in units if one != unit)
+    return f"or {others}" if others else ""
 
 
 def line(key: str, value: object, comment: str = "") -> str:
     """Return a key with its value and a comment."""
-    text = f"{key} = {_toml(value)}"
-    return with_comment(text, comment) if comment else text
+    return with_comment(f"{key} = {_toml(value)}", comment)
 
 
 def with_comment(text: str, comment: str) -> str:
-    """Return a line with a comment."""
-    return f"{text:<{COMMENTS_AT}}# {comment}"
-
-
-def optional(text: str, comment: str) -> str:
-    """Return a key as a comment, for whoever has it."""
-    return with_comment(f"# {text}", comment)
+    """Return a line with a comment, if there is one."""
+    return f"{text:<{COMMENTS_AT}}# {comment}" if comment else text
 
 
 def _toml(value: object) -> str:
@@ -220,13 +250,24 @@ def _toml(value: object) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-def layout_lines(test: Description) -> Iterator[str]:
-    """Return how the text file is laid out, where it is not as by default."""
-    if test.table.separator != ",":
-        separator = NAMED_SEPARATORS.get(test.table.separator, test.table.separator)
-        yield line("separator", separator, "what stands between columns")
-    if test.table.names is None:
-        yield line("header", False, "columns are named by their numbers from 1")
+def _file_values(test: Description) -> dict[str, object]:
+    """Return the name of the text file, and how it is laid out where it is not as by default."""
+    separator = test.table.separator
+    return {
+        "file": test.file,
+        "separator": None if separator == "," else NAMED_SEPARATORS.get(separator, separator),
+        "header": False if test.table.names is None else None,
+    }
+
+
+def _column_values(test: Description) -> dict[str, object]:
+    """Return the columns and their units."""
+    found: dict[str, object] = {}
+    for quantity, guessed in test.columns.items():
+        found[f"{quantity}_column"] = guessed.column
+        if not quantity.endswith("_uncertainty"):
+            found[f"{quantity}_unit"] = guessed.unit
+    return found
 
 
 def compression_of(test: Description, *imposed: float | None) -> Compression:
@@ -238,18 +279,3 @@ def compression_of(test: Description, *imposed: float | None) -> Compression:
     ]
     known = [*medians, *(value for value in imposed if value is not None)]
     return "negative" if len(known) > 1 and max(known) < 0 else "positive"
-
-
-def column_lines(
-    test: Description, quantity: str, key: str | None = None, comment: str = ""
-) -> list[str]:
-    """Return the keys of a column and its unit, of one that is there."""
-    guessed, key = test.columns.get(quantity), key or quantity
-    if guessed is None:
-        return []
-    lines = [line(f"{key}_column", guessed.column, comment)]
-    units = UNITS.get(guessed.kind, ())
-    if guessed.unit is not None and not quantity.endswith("_uncertainty"):
-        others = ", ".join(unit for unit in units if unit != guessed.unit)
-        lines.append(line(f"{key}_unit", guessed.unit, f"or {others}" if others else ""))
-    return lines

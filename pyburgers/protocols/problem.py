@@ -15,13 +15,12 @@ from pyburgers.model.parameters import (
     Parameter,
 )
 from pyburgers.model.pooling import SEPARATE, Pooling
-from pyburgers.model.prior_families import fixed_prior, is_fixed_at
+from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import WITHOUT_EFFECT, check_variant, variant_of
 from pyburgers.protocols.coordinates import Layout, PlainCoordinates, layout_of
-from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.experiment import CONDITION_KEYS, Experiment
 from pyburgers.protocols.protocol import Protocol, protocol_of, protocols
-from pyburgers.protocols.uncertain_conditions import check_conditions, condition_priors
 
 HISTORIES, TABLES = "loading_history", "attenuation"
 """Protocols that one program takes together."""
@@ -31,18 +30,13 @@ HISTORIES, TABLES = "loading_history", "attenuation"
 class Problem:
     """One or several tests to be fitted; made by `problem_of`, which checks it.
 
-    Attributes
-    ----------
-    experiments : tuple of Experiment
-        At least one, with data, of different names.
-    given_priors : PriorSet
-        For all tests, not resolved.
-    priors : tuple of PriorSet
-        Of each test, resolved; they differ only where a prior is a share of the largest stress, in
-        the errors of the test's conditions, or in a grain size that stays as it is at the start.
-    pooling : Pooling
-        How the tests hang together; a partially pooled parameter has centre and spread even where
-        one test alone is left.
+    `experiments`: at least one, with data, of different names.
+    `given_priors`: for all tests, not resolved.
+    `priors`: of each test, resolved; they differ only where a prior is a share of the largest
+        stress, in the errors of the test's conditions, or in a grain size that stays as it is at
+        the start.
+    `pooling`: how the tests hang together; a partially pooled parameter has centre and spread even
+        where one test alone is left.
     """
 
     experiments: tuple[Experiment, ...]
@@ -189,14 +183,9 @@ class Problem:
     def without(self, part: str) -> "Problem":
         """Take out a test, or a part of a single one, and keep the prior densities of the rest.
 
-        Where the prior of a shared parameter is a share of the largest stress, it stays that of
-        all tests. Residuals that correlate because of a test that is taken out, whose strain is
-        read, do so in the others too.
-
-        Parameters
-        ----------
-        part : str
-            One of `parts`.
+        Where the prior of a shared parameter is a share of the largest stress, it stays that of all
+        tests. Residuals that correlate because of a test that is taken out, whose strain is read,
+        do so in the others too.
         """
         if len(self.experiments) == 1:
             kept = [self.experiments[0].without_part(part)]
@@ -233,25 +222,10 @@ def problem_of(
 ) -> Problem:
     """Check tests, priors and pooling, and resolve the priors for each test.
 
-    Tests of several protocols are taken as one program takes them (`of_one_program`).
-
-    A prior that is a share of the largest stress takes that of the test, or of all tests where
-    the parameter is shared.
-
-    Parameters
-    ----------
-    experiments : sequence of Experiment
-        Tests with data.
-    priors : PriorSet
-        Priors of every parameter, for all tests.
-    pooling : Pooling, optional
-        How the tests hang together; default not at all.
-
-    Raises
-    ------
-    InputError
-        If tests are of different materials or of protocols that do not go together, have no data
-        or the same name, or a pooling does not go with the priors.
+    Tests of several protocols are taken as one program takes them (`of_one_program`). A prior that
+    is a share of the largest stress takes that of the test, or of all tests where the parameter is
+    shared. Raise InputError if tests are of different materials or of protocols that do not go
+    together, have no data or the same name, or a pooling does not go with the priors.
     """
     for experiment in experiments:
         _check_not_in_prior(experiment, priors)
@@ -305,12 +279,8 @@ def of_one_program(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
     """Return tests as they are, or as one program takes them where their protocols differ.
 
     Tables stand behind the histories then: what tests share has its coordinate in the first one,
-    and those of a history know what a curve fixes.
-
-    Raises
-    ------
-    InputError
-        If one of several protocols cannot be fitted with tests of another.
+    and those of a history know what a curve fixes. Raise InputError if one of several protocols
+    cannot be fitted with tests of another.
     """
     if len({experiment.protocol for experiment in experiments}) == 1:
         return tuple(experiments)
@@ -337,17 +307,8 @@ def coordinates_through(
 ) -> PlainCoordinates:
     """Choose plain coordinates of free parameters, a point of the flow law among them.
 
-    It replaces Q_M, or beta where Q_M cannot be replaced: a parameter with two finite bounds
-    keeps its own coordinate, because its bounds would cut the replaced one obliquely.
-
-    Parameters
-    ----------
-    priors : PriorSet
-        Resolved priors.
-    reference : Parameter
-        The point: one of `pyburgers.model.parameters.REFERENCE_QUANTITIES`.
-    origin, size : float
-        Of its logarithm.
+    It replaces Q_M, or beta where Q_M cannot be replaced: a parameter with two finite bounds keeps
+    its own coordinate, because its bounds would cut the replaced one obliquely.
     """
     replaced = next(
         (
@@ -432,3 +393,50 @@ def _check_pooling(problem: Problem) -> None:
             f"--pool: found {', '.join(f'{n}={problem.pooling.kinds[n]}' for n in FLOW_LAW)}, "
             "expected all shared or all separate because they have a joint prior."
         )
+
+
+def condition_priors(experiment: Experiment) -> tuple[Prior, ...]:
+    """Return the priors of the errors of a test's conditions."""
+    return tuple(
+        Prior.of_family(
+            condition.parameter,
+            "normal",
+            {"location": 0.0, "scale": condition.sd},
+            unit=PARAMETER_BY_NAME[condition.parameter].si_unit,
+            source="stated in the file of the test",
+        )
+        for condition in experiment.uncertain
+    )
+
+
+def check_conditions(experiments: Sequence[Experiment]) -> None:
+    """Ask for the same uncertain conditions in all tests, and one error of one apparatus.
+
+    Raise InputError if a test cannot have such an error, or lacks one that another has.
+    """
+    for experiment in experiments:
+        for one in experiment.uncertain:
+            if one.parameter not in experiment.may_be_uncertain:
+                raise InputError(
+                    f"{experiment.id}: key {CONDITION_KEYS[one.parameter][0]!r}: found {one.sd:g}, "
+                    f"expected none because tests of the protocol {experiment.protocol} take it as "
+                    "known."
+                )
+    for name, (sd_key, apparatus_key) in CONDITION_KEYS.items():
+        stated = {
+            test.id: one for test in experiments for one in test.uncertain if one.parameter == name
+        }
+        missing = [test.id for test in experiments if test.id not in stated]
+        if stated and missing:
+            raise InputError(
+                f"{missing[0]}: key {sd_key!r} is missing, expected it because {min(stated)} of "
+                "the same joint fit has it; a condition that is well known has a small one."
+            )
+        for test, one in stated.items():
+            for other, again in stated.items():
+                same = one.apparatus is not None and one.apparatus == again.apparatus
+                if same and one.sd != again.sd:
+                    raise InputError(
+                        f"{test}: key {sd_key!r} is {one.sd:g}, in {other} it is {again.sd:g}, "
+                        f"expected one number for the {apparatus_key} {one.apparatus!r}."
+                    )

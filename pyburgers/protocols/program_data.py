@@ -59,17 +59,8 @@ def program_data(
 ) -> StanData:
     """Return all data, in plain coordinates, of the program for tests of one protocol.
 
-    Parameters
-    ----------
-    problem : Problem
-        Tests, priors, pooling.
-    solver : SolverOptions
-        Tolerance and step limit.
-    grids : sequence of array, optional
-        Positions of each test (SI; strains, or times of an oscillating test) at which to report
-        the solution; default none.
-    use_likelihood : bool
-        False gives the prior.
+    `grids`: positions of each test (SI; strains, or times of an oscillating test) at which to
+    report the solution; default none.
     """
     layout = problem.layout
     return {
@@ -117,16 +108,8 @@ def chart_block(
 ) -> StanData:
     """Return the data of the protocol's chart; no references keep the plain coordinates.
 
-    Parameters
-    ----------
-    problem : Problem
-        Tests, priors, pooling.
-    references : sequence
-        What `pyburgers.protocols.protocol.Chart.reference` gave for each.
-    pooled : array, shape (n_tests, n_partial), optional
-        Real numbers behind the partially pooled parameters at the references; default 0.
-    pooling : array, shape (2, n_partial), optional
-        Their centres, and ln(spread/scale); default 0.
+    `pooled` (n_tests, n_partial): real numbers behind the partially pooled parameters at the
+    references; default 0. `pooling` (2, n_partial): their centres, and ln(spread/scale); default 0.
     """
     layout = problem.layout
     n_partial = len(layout.partial)
@@ -146,12 +129,7 @@ def chart_block(
 def values_of_test(parameter: FloatArray, test: int) -> dict[str, float]:
     """Return the parameters of a test, counted from 0, by name.
 
-    Parameters
-    ----------
-    parameter : array, shape (n_tests, n_parameters)
-        The variable of this name of a program.
-    test : int
-        Number of the test.
+    `parameter` (n_tests, n_parameters): the variable of this name of a program.
     """
     return {p.name: float(v) for p, v in zip(PROGRAM_PARAMETERS, parameter[test], strict=True)}
 
@@ -259,12 +237,7 @@ def _coordinate_block(problem: Problem, layout: Layout) -> StanData:
 def given_parameters(material: str, values: Mapping[str, float]) -> PriorSet:
     """Return priors that fix every parameter.
 
-    Parameters
-    ----------
-    material : str
-        Of the experiment.
-    values : mapping
-        SI values by name; what is missing, such as the noise of a solution without any, is 1.
+    `values`: SI values by name; what is missing, such as the noise of a solution without any, is 1.
     """
     known = {"stress_noise": 1.0, **values}  # a solution has no noise
     return PriorSet(
@@ -290,26 +263,10 @@ def solve(
 ) -> dict[str, FloatArray]:
     """Solve the model once and return every generated quantity of the Stan program.
 
-    Parameters
-    ----------
-    experiment, values, at, solver
-        As for `simulate`; `values` are taken as they are.
-    program : Program, optional
-        That of the protocol, from who solves many times: to load it takes as long as a solution.
-    sections : sequence of MeasuredMicrostructure, optional
-        Where ``microstructure_model`` is wanted too, shape (n_sections, 2).
-
-    Returns
-    -------
-    dict
-        ``grid_*`` arrays, shape (n,), as named in the Stan program, the positions themselves as
-        ``grid_CLOCK``, such as ``grid_strain``, and ``log_reference``, shape (1,), ln of the
-        reference stress (Pa) or flow rate (1/s).
-
-    Raises
-    ------
-    SamplingError
-        If the solver finds no solution.
+    The result: ``grid_*`` arrays, shape (n,), as named in the Stan program, the positions
+    themselves as ``grid_CLOCK``, such as ``grid_strain``, and ``log_reference``, shape (1,), ln of
+    the reference stress (Pa) or flow rate (1/s). Raise SamplingError if the solver finds no
+    solution.
     """
     priors = given_parameters(experiment.material, values)
     protocol = protocol_of(experiment)

@@ -53,24 +53,16 @@ class ChartUnsuited(Exception):  # noqa: N818 - an outcome with a reason, not an
 class AtMode(Generic[E]):
     """A test by itself at its posterior mode, and what a chart may ask its Stan program there.
 
-    Attributes
-    ----------
-    experiment, priors
-        The test and its resolved priors.
-    coordinates : PlainCoordinates
-        What its plain coordinates stand for.
-    mode : Mode
-        The mode.
-    data : dict
-        Data of the program in plain coordinates.
-    solution : callable
-        Solution at positions on the clock, SI (`pyburgers.protocols.program_data.solve`).
-    generated, curvature, covariance : callable
-        Receive changed entries of the data (the last a position before them); return all variables,
-        the Hessian of minus the log density in plain coordinates, and the Laplace approximation.
-    generated_at : callable
-        Receives positions, shape (n, n_coordinates), and changed entries; returns which are solved,
-        and the variables there (`pyburgers.cmdstan.program.Program.generate_at`).
+    `experiment`, `priors`: the test and its resolved priors.
+    `coordinates`: what its plain coordinates stand for.
+    `mode`: the mode.
+    `data`: data of the program in plain coordinates.
+    `solution`: solution at positions on the clock, SI (`pyburgers.protocols.program_data.solve`).
+    `generated`, `curvature`, `covariance`: receive changed entries of the data (the last a position
+        before them); return all variables, the Hessian of minus the log density in plain
+        coordinates, and the Laplace approximation.
+    `generated_at`: receives positions, shape (n, n_coordinates), and changed entries; returns which
+        are solved, and the variables there (`pyburgers.cmdstan.program.Program.generate_at`).
     """
 
     experiment: E
@@ -90,12 +82,8 @@ class Chart(ABC, Generic[E]):
 
     Only the speed of a run depends on them, not its result.
 
-    Attributes
-    ----------
-    name : str
-        As in the option ``--coordinates`` (`docs/coordinates.md`).
-    curvature_tolerance : float or None
-        Tolerance of the solver for curvatures; None takes that of the run.
+    `name`: as in the option ``--coordinates`` (`docs/coordinates.md`).
+    `curvature_tolerance`: tolerance of the solver for curvatures; None takes that of the run.
     """
 
     name: ClassVar[str]
@@ -109,17 +97,8 @@ class Chart(ABC, Generic[E]):
     def reference(self, test: AtMode[E]) -> tuple[Any, FloatArray]:
         """Set the chart up at the mode of a test.
 
-        Returns
-        -------
-        reference
-            What the chart is set up with.
-        centre : array, shape (n_coordinates,)
-            Where the mode lies in it.
-
-        Raises
-        ------
-        ChartUnsuited
-            If priors or record do not suit.
+        Return what the chart is set up with, and where the mode lies in it, (n_coordinates,). Raise
+        ChartUnsuited if priors or record do not suit.
         """
 
     def rescaled(self, reference: Any, test: AtMode[E], covariance: FloatArray) -> Any:
@@ -153,32 +132,19 @@ class FittedTest(typing.Protocol):
 class Protocol(ABC, Generic[E]):
     """A kind of test: how it is read, solved, sampled, simulated and shown.
 
-    Attributes
-    ----------
-    name : str
-        As in experiment files, and of the Stan program.
-    clock : Quantity
-        Along which the test is driven and solutions are given.
-    response : Quantity
-        What is observed; the program names it in ``NAME_model`` and ``NAME_replicated``.
-    noise : str
-        Parameter that is the standard deviation of its readings.
-    reference : Parameter
-        Point of the flow law whose logarithm is sampled in place of Q_M or beta.
-    grid_quantities : mapping of str to (str, str)
-        Variables of the program along the clock: name and SI unit in labelled draws.
-    warmup, target_acceptance : int, float
-        Defaults of the sampler: as little as leaves (almost) no divergences.
-    solver : SolverOptions
-        Default of the solver while sampling.
-    chart : Chart or None
-        Coordinates other than the plain ones.
-    points_together : str or None
-        Why single points cannot be left out; None where they can.
-    figures : tuple of FigureRecipe
-        What a page shows of a fit beside the figures of its posterior, the curve first.
-    reference_text : Markup
-        What the page says about `reference`.
+    `name`: as in experiment files, and of the Stan program.
+    `clock`: along which the test is driven and solutions are given.
+    `response`: what is observed; the program names it in ``NAME_model`` and ``NAME_replicated``.
+    `noise`: parameter that is the standard deviation of its readings.
+    `reference`: point of the flow law whose logarithm is sampled in place of Q_M or beta.
+    `grid_quantities`: variables of the program along the clock: name and SI unit in labelled draws.
+    `warmup`, `target_acceptance`: defaults of the sampler: as little as leaves (almost) no
+        divergences.
+    `solver`: default of the solver while sampling.
+    `chart`: coordinates other than the plain ones.
+    `points_together`: why single points cannot be left out; None where they can.
+    `figures`: what a page shows of a fit beside the figures of its posterior, the curve first.
+    `reference_text`: what the page says about `reference`.
     """
 
     name: ClassVar[str]
@@ -287,15 +253,7 @@ class Protocol(ABC, Generic[E]):
         return found
 
     def priors_of(self, experiments: Sequence[E], priors: PriorSet) -> tuple[PriorSet, ...]:
-        """Return priors for each of some tests, with what their files and readings add.
-
-        Parameters
-        ----------
-        experiments : sequence of Experiment
-            Tests that are fitted together.
-        priors : PriorSet
-            Of all tests.
-        """
+        """Return priors for each of some tests, with what their files and readings add."""
         return tuple(priors for _ in experiments)
 
     @abstractmethod
@@ -308,16 +266,7 @@ class Protocol(ABC, Generic[E]):
     ) -> E:
         """Return the test with responses of the model (SI), and noise, in place of its own.
 
-        Parameters
-        ----------
-        experiment : Experiment
-            What is driven, and positions of the points.
-        response : array, shape (n_points,)
-            Without noise.
-        values : mapping of str to float
-            Parameters, those of the noise among them.
-        rng : Generator
-            Gives the noise.
+        `response` (n_points,): without noise.
         """
 
     def stated_priors(self, experiment: E) -> tuple[Prior, ...]:
@@ -364,10 +313,7 @@ class Protocol(ABC, Generic[E]):
     def without_point(self, experiment: E, point: int) -> E:
         """Return the test without one of its points, counted from 0.
 
-        Raises
-        ------
-        InputError
-            If a point cannot be left out.
+        Raise InputError if a point cannot be left out.
         """
         raise InputError(
             f"{experiment.id}: points cannot be left out one by one, expected a comparison without "

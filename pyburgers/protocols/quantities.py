@@ -30,14 +30,9 @@ ENGINEERING = r"engineering|nominal|(?<![a-z])eng(?![a-z])|technisch"
 class Quantity:
     """What the names of columns of a quantity look like, in lower case without accents.
 
-    Attributes
-    ----------
-    kind : str
-        What its unit is one of, a key of `UNIT_NAMES` where it has one.
-    names : tuple of str
-        Patterns, the surest first.
-    words : tuple of (str, int)
-        Places among columns of one pattern, the lowest first, by what else a name holds; 2 for
+    `kind`: what its unit is one of, a key of `UNIT_TABLE` where it has one.
+    `names`: patterns, the surest first.
+    `words`: places among columns of one pattern, the lowest first, by what else a name holds; 2 for
         names that hold none of it.
     """
 

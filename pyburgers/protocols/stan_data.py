@@ -60,16 +60,6 @@ def decisive(content: Any) -> Any:
 
     Sums of linear algebra end in other last digits where a processor has other vector instructions,
     and a run is to go on wherever it is taken.
-
-    Parameters
-    ----------
-    content : Any
-        Data of a program, or a part of them: numbers, text, lists and dictionaries of such.
-
-    Returns
-    -------
-    Any
-        The same with text of `DECISIVE_DIGITS` digits for each number that is no integer.
     """
     if isinstance(content, float):
         return f"{content + 0.0:.{DECISIVE_DIGITS - 1}e}"

@@ -28,13 +28,6 @@ def pooling_for(
 
     Beside tables of attenuation E_M is separate, and so is what is partially pooled elsewhere if
     one test alone has it.
-
-    Parameters
-    ----------
-    experiments : sequence of Experiment
-        Tests that are fitted together.
-    options : mapping of str to str, optional
-        As for `pyburgers.model.pooling.pooling_of`, which says what is raised.
     """
     if len(experiments) == 1:
         return SEPARATE
@@ -51,10 +44,7 @@ def pooling_for(
 def default_priors_for(experiments: Sequence[Experiment]) -> PriorSet:
     """Return the priors that come with the package for some tests of a material.
 
-    Raises
-    ------
-    InputError
-        If there are none.
+    Raise InputError if there are none.
     """
     material = experiments[0].material
     if has_both(experiments) and material in shipped_prior_files(PRIORS_WITH_TABLES):

@@ -75,31 +75,21 @@ SOLVED = {
 class Pins:
     """What a test's response fixes, along its solution at the posterior mode.
 
-    Attributes
-    ----------
-    knot_time, knot_stress : array, shape (n_knots,)
-        The solution (s, Pa); a time that comes twice is a jump of the stress.
-    knot : array of int, shape (n_pins,)
-        Knots at which the pins are.
-    unit : array, shape (n_pins,)
-        Unit of rates (1/s) of each pin.
-    path_strain, strain_rate, stress_rate : array, shape (n_pins,)
-        The solution there: path strain, strain rate in the unit, stress rate (Pa) in the unit.
-    relative_noise : array, shape (n_pins,)
-        Of a reading near each pin, as a share of the stress; infinite where the pin counts by its
-        time alone, which stands for all since the start of the test.
-    time_spent : array, shape (n_pins,)
-        Time (s) of the dashpot near each pin, where ln S_0 is solved from times; else 0.
-    readings : float
-        Number of readings for each pin that has noise.
-    reference_rate : float
-        Rate (1/s) that ln S_0 belongs to.
-    flow_stress : float
-        Stress (Pa) at which the flow rate is the plain coordinate; 0 where S_0 is.
-    loading_time : float
-        Time (s) of the elastic rise, in which spring and Kelvin element give together.
-    noise : str
-        Parameter that widths follow.
+    `knot_time`, `knot_stress` (n_knots,): the solution (s, Pa); a time that comes twice is a jump
+        of the stress.
+    `knot` (n_pins,): knots at which the pins are.
+    `unit` (n_pins,): unit of rates (1/s) of each pin.
+    `path_strain`, `strain_rate`, `stress_rate` (n_pins,): the solution there: path strain, strain
+        rate in the unit, stress rate (Pa) in the unit.
+    `relative_noise` (n_pins,): of a reading near each pin, as a share of the stress; infinite where
+        the pin counts by its time alone, which stands for all since the start of the test.
+    `time_spent` (n_pins,): time (s) of the dashpot near each pin, where ln S_0 is solved from
+        times; else 0.
+    `readings`: number of readings for each pin that has noise.
+    `reference_rate`: rate (1/s) that ln S_0 belongs to.
+    `flow_stress`: stress (Pa) at which the flow rate is the plain coordinate; 0 where S_0 is.
+    `loading_time`: time (s) of the elastic rise, in which spring and Kelvin element give together.
+    `noise`: parameter that widths follow.
     """
 
     knot_time: FloatArray
@@ -132,19 +122,13 @@ class Pins:
 class ValleyReference:
     """Reference point and pins of the valley coordinates of a test.
 
-    Attributes
-    ----------
-    values : array, shape (n_parameters,)
-        Every parameter at the reference point, the posterior mode.
-    coordinate : array, shape (n_coordinates,)
-        Its plain coordinates.
-    linear_from : array, shape (n_coordinates,)
-        Where a coordinate turns from logarithmic to linear, below 0 in the inverse; 0 keeps the
-        plain one.
-    pins : Pins
-        What the response fixes.
-    noise_exponent : array, shape (n_coordinates,)
-        Power of the noise with which the width of each coordinate grows.
+    `values` (n_parameters,): every parameter at the reference point, the posterior mode.
+    `coordinate` (n_coordinates,): its plain coordinates.
+    `linear_from` (n_coordinates,): where a coordinate turns from logarithmic to linear, below 0 in
+        the inverse; 0 keeps the plain one.
+    `pins`: what the response fixes.
+    `noise_exponent` (n_coordinates,): power of the noise with which the width of each coordinate
+        grows.
     """
 
     values: FloatArray
@@ -197,10 +181,7 @@ class ValleyChart(Chart[E]):
     def pins(self, test: AtMode[E]) -> Pins:
         """Set the pins along the solution at the posterior mode.
 
-        Raises
-        ------
-        ChartUnsuited
-            If the record does not fit the coordinates.
+        Raise ChartUnsuited if the record does not fit the coordinates.
         """
 
     def reference(self, test: AtMode[E]) -> tuple[ValleyReference, FloatArray]:
@@ -256,12 +237,8 @@ def _quantiles(n_flowing: int) -> FloatArray:
 def middle_of_rise(time: FloatArray, stress: FloatArray, elastic_rate: float) -> float:
     """Half of the time (s) up to which the spring takes half of the imposed rate or more.
 
-    Parameters
-    ----------
-    time, stress : array, shape (n_knots,)
-        The reference curve (s, Pa).
-    elastic_rate : float
-        Of the stress, if the spring took all of the imposed rate (Pa/s).
+    `time`, `stress` (n_knots,): the reference curve (s, Pa). `elastic_rate`: of the stress, if the
+    spring took all of the imposed rate (Pa/s).
     """
     slow = np.diff(stress) <= 0.5 * elastic_rate * np.diff(time)
     end = int(np.argmax(slow)) if slow.any() else time.size - 1
@@ -273,21 +250,9 @@ def noise_exponents(
 ) -> FloatArray:
     """Power of the noise with which the posterior width of each coordinate grows.
 
-    Parameters
-    ----------
-    coordinates : PlainCoordinates
-        What the coordinates stand for.
-    priors : PriorSet
-        Resolved priors.
-    covariance : array, shape (n_coordinates, n_coordinates)
-        Laplace approximation of the posterior, in plain coordinates.
-    names : iterable of str
-        Parameters that the response fixes.
-
-    Returns
-    -------
-    array, shape (n_coordinates,)
-        1 - posterior variance/prior variance, between 0 and 1, for these; 0 for others.
+    `covariance` (n_coordinates, n_coordinates): Laplace approximation of the posterior, in plain
+    coordinates. The result (n_coordinates,): 1 - posterior variance/prior variance, between 0 and
+    1, for these; 0 for others.
     """
     rng = np.random.default_rng(0)
     exponents = np.zeros(len(coordinates.quantities))

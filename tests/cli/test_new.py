@@ -114,7 +114,7 @@ def test_a_relaxation_has_to_have_its_loading(
     command = ["new", str(path), *KNOWN, "--protocol", "loading_history"]
     assert main(command) == 2
     assert capsys.readouterr().err.startswith(
-        "pyburgers: --held-strain, --loading-time: missing, expected them"
+        "pyburgers: Missing: --held-strain, --loading-time. Prompts are off"
     )
     loading = ("--hold-start-time", "inf", "--strain-rate-per-s", "0")
     assert main([*command, *loading]) == 2
@@ -376,17 +376,17 @@ def test_a_file_that_is_there_is_left_alone(
 @pytest.mark.parametrize(
     ("names", "protocol", "words"),
     [
-        ("strain,stress (kPa)", "constant_rate", ("'stress (kPa)'", "GPa or MPa or Pa")),
-        ("microstrain,stress", "constant_rate", ("'microstrain'", "percent or fraction")),
+        ("strain,stress (kPa)", "constant_rate", ("'stress (kPa)'", "Pa, MPa or GPa")),
+        ("microstrain,stress", "constant_rate", ("'microstrain'", "fraction or percent")),
         ("shortening (mm),stress", "constant_rate", ("'shortening (mm)'",)),
         ("strain,load_kN", "constant_rate", ("'load_kN'",)),
         (
             "time (days),strain,stress",
             "loading_history",
-            ("'time (days)'", "min or h or s; convert"),
+            ("'time (days)'", "s, min or h; convert"),
         ),
         ("log10 time (s),strain,stress", "loading_history", ("'log10 time (s)'",)),
-        ("frequency (mHz),tan_delta", "attenuation", ("'frequency (mHz)'", "rad/s or Hz")),
+        ("frequency (mHz),tan_delta", "attenuation", ("'frequency (mHz)'", "Hz or rad/s")),
         ("omega (Hz),tan_delta", "attenuation", ("'omega (Hz)'",)),
         ("period_s,ln(1/Q)", "attenuation", ("'ln(1/Q)'", "log10 of them")),
         ("period_s,tan_delta,median_MPa,ampl_Pa", "attenuation", ("found Pa, expected MPa",)),

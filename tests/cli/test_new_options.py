@@ -206,7 +206,7 @@ def test_a_loading_without_a_hold_is_refused(
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--hold-start-time", "5"), "--loading-time: missing, expected it"),
+        (("--hold-start-time", "5"), "Missing: --loading-time."),
         (("--hold-start-time", "nan", "--loading-time", "5"), "not written"),
         (("--hold-start-time", "20", "--loading-time", "25"), "not written"),
         (("--hold-start-time", "0", "--loading-time", "-5"), "not written"),

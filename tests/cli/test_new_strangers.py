@@ -180,7 +180,7 @@ def test_forces_and_foreign_units_are_no_stress(
 ) -> None:
     path = table(**{"strain (%)": PERCENT, name: CURVE})
     assert_refused(
-        ["new", str(path), *KNOWN, *RATE], capsys, "expected stress along the axis in GPa"
+        ["new", str(path), *KNOWN, *RATE], capsys, "expected stress along the axis in Pa"
     )
 
 
@@ -465,7 +465,7 @@ def test_a_table_that_ends_at_an_open_quotation_mark_is_told(
     )
     said = capsys.readouterr()
     assert "note: quote.csv: line 3: found a quotation mark that is not closed" in said.out
-    assert "--strain-rate-per-s: missing" in said.err
+    assert "Missing: --strain-rate-per-s." in said.err
 
 
 def test_time_stamps_have_no_unit_in_their_name(

@@ -7,7 +7,12 @@ import numpy.typing as npt
 import pytest
 from history_twins import history_twin
 
-from pyburgers.fitting.new_test import OF_A_TEST, Source, of_any_test, of_the_apparatus
+from pyburgers.fitting.new_test import (
+    TEST_PARAMETERS,
+    Source,
+    apparatus_values,
+    parameters_for_other_test,
+)
 from pyburgers.fitting.prediction import predict_test
 from pyburgers.fitting.prior_draws import prior_draws
 from pyburgers.model.priors import default_priors
@@ -57,7 +62,7 @@ def test_a_fitted_test_has_the_apparatus_of_its_draws(source: Source) -> None:
     for test in (FITTED, replace(FITTED, id="renamed")):
         prediction = predict_test(source, test)
         own = prediction.posterior["posterior"].to_dataset()
-        for name in OF_A_TEST:
+        for name in TEST_PARAMETERS:
             expected = drawn(source, FITTED.id, name)
             assert np.ptp(expected) > 0
             np.testing.assert_array_equal(own[name].to_numpy().ravel(), expected)
@@ -66,7 +71,7 @@ def test_a_fitted_test_has_the_apparatus_of_its_draws(source: Source) -> None:
 
 def test_another_test_has_that_of_its_file(source: Source) -> None:
     kept = np.arange(2000) % N_DRAWS
-    values, notes = of_the_apparatus(source, OTHER, kept, np.random.default_rng(1))
+    values, notes = apparatus_values(source, OTHER, kept, np.random.default_rng(1))
     assert notes == []
     assert values["strain_offset"].mean() == pytest.approx(2e-4, rel=0.05)
     assert np.unique(values["strain_offset"]).size == kept.size
@@ -75,17 +80,17 @@ def test_another_test_has_that_of_its_file(source: Source) -> None:
 def test_what_its_file_now_states_otherwise_is_that_of_the_file(source: Source) -> None:
     changed = replace(FITTED, strain_offset=Stated(5e-3, 0.0))
     kept = np.arange(N_DRAWS)
-    values, notes = of_the_apparatus(source, changed, kept, np.random.default_rng(1))
+    values, notes = apparatus_values(source, changed, kept, np.random.default_rng(1))
     np.testing.assert_array_equal(values["strain_offset"], 5e-3)
     own = drawn(source, FITTED.id, "apparatus_compliance")
     np.testing.assert_array_equal(values["apparatus_compliance"], own)
     assert notes == [f"{INFERRED} {FITTED.id}: compliance of the apparatus."]
     parameters = {"apparatus_compliance": 1.1e-10, "strain_offset": 1e-4, "maxwell_modulus": 4e9}
     kept_ones = dict(parameters)
-    assert of_any_test(parameters, FITTED, FITTED) == parameters
+    assert parameters_for_other_test(parameters, FITTED, FITTED) == parameters
     del kept_ones["strain_offset"]
-    assert of_any_test(parameters, FITTED, changed) == kept_ones
-    assert of_any_test(parameters, FITTED, OTHER) == {"maxwell_modulus": 4e9}
+    assert parameters_for_other_test(parameters, FITTED, changed) == kept_ones
+    assert parameters_for_other_test(parameters, FITTED, OTHER) == {"maxwell_modulus": 4e9}
 
 
 def test_of_several_fitted_tests_the_name_counts(programs: None) -> None:
@@ -93,6 +98,6 @@ def test_of_several_fitted_tests_the_name_counts(programs: None) -> None:
     copy = replace(FITTED, id="copy")
     joint = source_of(FITTED, copy)
     kept = np.arange(N_DRAWS)
-    values, notes = of_the_apparatus(joint, copy, kept, np.random.default_rng(1))
+    values, notes = apparatus_values(joint, copy, kept, np.random.default_rng(1))
     np.testing.assert_array_equal(values["strain_offset"], drawn(joint, "copy", "strain_offset"))
     assert "inferred it for copy" in notes[0]

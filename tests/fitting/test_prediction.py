@@ -15,7 +15,7 @@ from scipy.special import logsumexp
 
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.new_test import Source, of_any_test, with_noises
+from pyburgers.fitting.new_test import Source, add_noises, parameters_for_other_test
 from pyburgers.fitting.prediction import Prediction, predict_test
 from pyburgers.fitting.prior_draws import prior_draws
 from pyburgers.model.pooling import pooling_of
@@ -350,7 +350,7 @@ def test_a_noise_that_the_fit_took_as_known_is_that_of_new_readings(
     known = problem_of([test], with_fixed(small_problem.priors, {"stress_noise": 1e5}))
     values = {"stress_noise": np.full(4, 1e5)}
     for target in (test, replace(test, strain=np.empty(0), stress=np.empty(0))):
-        found, notes = with_noises(values, known, target)
+        found, notes = add_noises(values, known, target)
         np.testing.assert_array_equal(found["stress_noise"], 1e5)
         assert "of the fit, 0.1 MPa" in notes[0]
 
@@ -437,8 +437,10 @@ def test_a_solution_leaves_out_what_belongs_to_another_apparatus(small_problem: 
     fitted = replace(small_problem.experiment, uncertain=(furnace, cell))
     other = creep(small_problem.experiment, uncertain=(furnace, cell))
     kept = {name: values[name] for name in ("maxwell_modulus", "temperature_error")}
-    assert of_any_test(values, fitted, other) == kept
+    assert parameters_for_other_test(values, fitted, other) == kept
     # An apparatus without a name is that of one test alone.
     kept["stress_calibration_error"] = 0.02
-    assert of_any_test(values, fitted, replace(other, id=fitted.id)) == kept
-    assert of_any_test(values, fitted, replace(other, uncertain=())) == {"maxwell_modulus": 4e9}
+    assert parameters_for_other_test(values, fitted, replace(other, id=fitted.id)) == kept
+    assert parameters_for_other_test(values, fitted, replace(other, uncertain=())) == {
+        "maxwell_modulus": 4e9
+    }

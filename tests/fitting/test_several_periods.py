@@ -10,7 +10,7 @@ import pytest
 from linear_bodies import LAWS, linear_body
 
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
-from pyburgers.protocols.attenuation.table import NO_READINGS, Conditions, Elasticity
+from pyburgers.protocols.attenuation.table import NO_READINGS, CycleConditions, Elasticity
 from pyburgers.protocols.experiment import Provenance
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
@@ -69,7 +69,7 @@ def table() -> AttenuationExperiment:
     return AttenuationExperiment(
         id="rows",
         **ABOUT,
-        conditions=Conditions(
+        conditions=CycleConditions(
             np.sort(PERIODS), TEMPERATURE * rows, np.zeros(2), np.array(AMPLITUDES[::-1])
         ),
         readings=NO_READINGS,

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from pyburgers.protocols.loading_history.driver import (
+    kept_readings,
     line_through,
     reading_error,
     scatter,
     tolerance_of,
     tolerances,
 )
-from pyburgers.protocols.loading_history.thinning import kept_readings
 
 
 def ramps(time: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.kelvin_rows import elements_block
+from pyburgers.protocols.loading_history.stan_data import elements_block
 from pyburgers.protocols.loading_history.valley import LoadingHistoryValley
 from pyburgers.protocols.problem import plain_coordinates, problem_of
 from pyburgers.protocols.program_data import program_data

@@ -27,8 +27,8 @@ from pyburgers.model.relaxation import kelvin_part
 from pyburgers.model.variants import with_variant
 from pyburgers.protocols.experiment import Provenance
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.kelvin_rows import ELEMENT_ERROR, elements_block
 from pyburgers.protocols.loading_history.stages import Stage
+from pyburgers.protocols.loading_history.stan_data import ELEMENT_ERROR, elements_block
 from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.stan_data import SolverOptions

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import span_text
 from pyburgers.protocols.attenuation.table import (
-    Conditions,
+    CycleConditions,
     Elasticity,
     FloatArray,
     Readings,
@@ -34,7 +34,7 @@ class AttenuationExperiment(Experiment):
 
     Attributes
     ----------
-    conditions : Conditions
+    conditions : CycleConditions
         Of every row.
     readings : Readings
         Readings of each row.
@@ -68,7 +68,7 @@ class AttenuationExperiment(Experiment):
         }
     )
     parts_name: ClassVar[str] = "temperatures"
-    conditions: Conditions
+    conditions: CycleConditions
     readings: Readings
     elasticity: Elasticity
 
@@ -90,10 +90,7 @@ class AttenuationExperiment(Experiment):
     def without_part(self, name: str) -> Self:
         """Return the table without a temperature.
 
-        Raises
-        ------
-        InputError
-            If it has no such temperature, or no other.
+        Raise InputError if it has no such temperature, or no other.
         """
         if name not in self.parts:
             return super().without_part(name)

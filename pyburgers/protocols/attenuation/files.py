@@ -7,10 +7,11 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
+from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_data
 from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, factor_to_si, read_toml
+from pyburgers.common.units import UNIT_TABLE, units_text
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.attenuation.forms import Form, loss_of, tan_delta_of
 from pyburgers.protocols.attenuation.imagined_spectra import (
@@ -20,7 +21,7 @@ from pyburgers.protocols.attenuation.imagined_spectra import (
 )
 from pyburgers.protocols.attenuation.table import (
     NO_READINGS,
-    Conditions,
+    CycleConditions,
     Deformation,
     Elasticity,
     FloatArray,
@@ -33,8 +34,6 @@ from pyburgers.protocols.experiment import (
     shared_values,
     write_experiment,
 )
-
-CELSIUS_ZERO = 273.15
 
 MODULI = ("modulus_column", "storage_modulus_column")
 """Keys of columns of which |M| is one, or follows."""
@@ -61,15 +60,15 @@ class _AttenuationTable(Table):
 class _DataTable(TextFilesTable):
     file: str = Field(description="the data file")
     period_column: Column | None = None
-    period_unit: str | None = Field(None, description="s, min or h")
+    period_unit: str | None = Field(None, description=units_text("time"))
     frequency_column: Column | None = None
-    frequency_unit: str | None = Field(None, description="Hz, or rad/s of an angular frequency")
+    frequency_unit: str | None = Field(None, description=units_text("frequency"))
     temperature_column: Column | None = None
-    temperature_unit: Literal["K", "C"] = Field("K", description="K or C")
+    temperature_unit: str = Field("K", description=units_text("temperature"))
     least_temperature: float | None = Field(
         None, description="the temperature below which rows are left out, in its unit"
     )
-    stress_unit: str = Field("MPa", description="Pa, MPa or GPa")
+    stress_unit: str = Field("MPa", description=units_text("stress"))
     median_stress_column: Column | None = Field(
         None, description="the column of the median stress, in stress_unit"
     )
@@ -80,7 +79,9 @@ class _DataTable(TextFilesTable):
     attenuation_form: Form | None = Field(
         None, description="tan_delta (1/Q is the same), log10_tan_delta or loss_angle"
     )
-    attenuation_unit: str | None = Field(None, description="deg, mrad or rad, of a loss_angle")
+    attenuation_unit: str | None = Field(
+        None, description=f"{units_text('angle')}, of a loss_angle"
+    )
     loss_modulus_column: Column | None = Field(
         None, description="the column of M'' in modulus_unit, in place of attenuation_column"
     )
@@ -96,7 +97,7 @@ class _DataTable(TextFilesTable):
     storage_modulus_column: Column | None = Field(
         None, description="the column of M' in place of modulus_column: |M| follows from tan delta"
     )
-    modulus_unit: str | None = Field(None, description="Pa, MPa or GPa")
+    modulus_unit: str | None = Field(None, description=units_text("stress"))
     modulus_uncertainty_column: Column | None = None
     modulus_uncertainty: float | None = Field(
         None, gt=0, description="the standard deviation of every modulus, in its unit"
@@ -121,17 +122,8 @@ class _AttenuationFile(ExperimentFile):
 def load_attenuation(path: str | Path) -> AttenuationExperiment:
     """Read and check the file of a table of attenuation and its data file.
 
-    A file with spectra in the place of data is a table that can be simulated.
-
-    Parameters
-    ----------
-    path : str or Path
-        The TOML file (`docs/attenuation_data.md`).
-
-    Raises
-    ------
-    InputError
-        If a file, key, unit or number is not what it has to be.
+    A file with spectra in the place of data is a table that can be simulated. Raise InputError if a
+    file, key, unit or number is not what it has to be.
     """
     path = given_path(path)
     file = read_toml(path, _AttenuationFile)
@@ -159,18 +151,6 @@ def save_attenuation(experiment: AttenuationExperiment, directory: Path) -> Path
     """Write a self-contained copy in SI units: ``experiment.toml``, and ``experiment.csv`` of data.
 
     `load_attenuation` reads back exactly equal contents, notices included.
-
-    Parameters
-    ----------
-    experiment : AttenuationExperiment
-        What to write.
-    directory : Path
-        An existing folder.
-
-    Returns
-    -------
-    Path
-        The TOML file.
     """
     conditions, readings = experiment.conditions, experiment.readings
     elasticity = experiment.elasticity
@@ -191,10 +171,6 @@ def save_attenuation(experiment: AttenuationExperiment, directory: Path) -> Path
         "limit": readings.limit,
     }
     data: dict[str, Any] = {
-        "file": "experiment.csv",
-        "separator": ",",
-        "header": True,
-        "missing": [],
         "period_column": "period_s",
         "period_unit": "s",
         "temperature_column": "temperature_K",
@@ -216,11 +192,11 @@ def save_attenuation(experiment: AttenuationExperiment, directory: Path) -> Path
             "modulus_unit": "Pa",
             "modulus_uncertainty_column": "uncertainty_Pa",
         }
-    write_columns(directory / "experiment.csv", table)
+    data = {**write_data(directory, table), **data}
     return write_experiment(experiment, directory, {"attenuation": attenuation, "data": data})
 
 
-def _table(path: Path, file: _AttenuationFile) -> tuple[Conditions, Readings, tuple[str, ...]]:
+def _table(path: Path, file: _AttenuationFile) -> tuple[CycleConditions, Readings, tuple[str, ...]]:
     """Return the rows, measured or imagined, and notes on their file."""
     if (file.data is None) == (not file.spectra):
         found = "neither" if file.data is None else "both"
@@ -240,7 +216,7 @@ def _table(path: Path, file: _AttenuationFile) -> tuple[Conditions, Readings, tu
 
 def _measured(
     path: Path, file: _AttenuationFile, data: _DataTable
-) -> tuple[Conditions, Readings, tuple[str, ...]]:
+) -> tuple[CycleConditions, Readings, tuple[str, ...]]:
     """Read and check the rows, in the order of the data file; return notes on it with them."""
     source = data.folder(path) / data.file
     periods = _one_of(path, data, "period_column", "frequency_column")
@@ -248,15 +224,14 @@ def _measured(
     read, notes = read_columns(source, data, columns, where=path, file_key="'file' in [data]")
     found = dict(zip(columns, read, strict=True))
     if data.least_temperature is not None:
-        found = _from_temperature(path, found, data.least_temperature)
+        found = _from_temperature(path, data, found, data.least_temperature)
     order = found[periods]
     n_rows = order.size
-    celsius = CELSIUS_ZERO if data.temperature_unit == "C" else 0.0
     with np.errstate(divide="ignore"):  # a frequency of 0 is refused below
         period = order if periods == "period_column" else 1 / order
-    conditions = Conditions(
+    conditions = CycleConditions(
         period=period,
-        temperature=found["temperature_column"] + celsius
+        temperature=found["temperature_column"]
         if "temperature_column" in found
         else np.full(n_rows, file.temperature_K),
         median_stress=_stress(path, file.attenuation, data, found, "median_stress", n_rows),
@@ -286,7 +261,7 @@ def _columns(path: Path, data: _DataTable, periods: str) -> dict[str, tuple[str,
         periods: ("period_unit", "time")
         if periods == "period_column"
         else ("frequency_unit", "frequency"),
-        "temperature_column": None,
+        "temperature_column": ("temperature_unit", "temperature"),
         "median_stress_column": ("stress_unit", "stress"),
         "amplitude_column": ("stress_unit", "stress"),
         "attenuation_column": None,
@@ -333,18 +308,23 @@ def _check_forms(path: Path, data: _DataTable) -> None:
 
 
 def _from_temperature(
-    path: Path, found: Mapping[str, FloatArray], least: float
+    path: Path, data: _DataTable, found: Mapping[str, FloatArray], least: float
 ) -> dict[str, FloatArray]:
     """Take the rows at least as hot as the file asks for."""
     if "temperature_column" not in found:
         raise InputError(
             f"{path}: key 'least_temperature' in [data] needs the key 'temperature_column'."
         )
-    kept = found["temperature_column"] >= least
+    unit, temperature = (
+        UNIT_TABLE["temperature"][data.temperature_unit],
+        found["temperature_column"],
+    )
+    kept = temperature >= unit.zero + unit.factor * least
     if not kept.any():
+        highest = (temperature.max() - unit.zero) / unit.factor
         raise InputError(
             f"{path}: key 'least_temperature' in [data]: found {least:g}, "
-            f"expected at most the highest of the table, {found['temperature_column'].max():g}."
+            f"expected at most the highest of the table, {highest:g}."
         )
     return {key: column[kept] for key, column in found.items()}
 
@@ -430,7 +410,7 @@ def _elasticity(path: Path, table: _AttenuationTable) -> Elasticity:
     return Elasticity(table.deformation, table.poisson_ratio, table.bulk_modulus_Pa)
 
 
-def _notices(conditions: Conditions, readings: Readings) -> list[str]:
+def _notices(conditions: CycleConditions, readings: Readings) -> list[str]:
     """Say what the table leaves open, and what was turned."""
     notices = []
     steps = np.diff(conditions.period)[np.diff(conditions.spectrum) == 0]

@@ -13,21 +13,8 @@ Form = Literal["tan_delta", "log10_tan_delta", "loss_angle"]
 def tan_delta_of(form: Form, values: FloatArray, radian: float, where: str) -> FloatArray:
     """Return tan(delta) of readings in a form.
 
-    Parameters
-    ----------
-    form : str
-        What was read.
-    values : array, shape (n_rows,)
-        The readings.
-    radian : float
-        Unit of a loss angle in rad.
-    where : str
-        File and key, for messages.
-
-    Raises
-    ------
-    InputError
-        If an angle reaches 90 degrees, or a logarithm is too large.
+    `values` (n_rows,): the readings. `radian`: unit of a loss angle in rad. Raise InputError if an
+    angle reaches 90 degrees, or a logarithm is too large.
     """
     if form == "tan_delta":
         return values
@@ -51,10 +38,7 @@ def tan_delta_of(form: Form, values: FloatArray, radian: float, where: str) -> F
 def loss_of(storage: FloatArray, loss: FloatArray, source: str) -> FloatArray:
     """Return tan(delta) of a storage and a loss modulus in one unit, shape (n_rows,).
 
-    Raises
-    ------
-    InputError
-        If a storage modulus is not positive.
+    Raise InputError if a storage modulus is not positive.
     """
     check_sign(storage > 0, storage, source, "storage modulus", "a positive number")
     return loss / storage

@@ -10,7 +10,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table
 from pyburgers.protocols.attenuation.table import (
     NO_READINGS,
-    Conditions,
+    CycleConditions,
     FloatArray,
     check_table,
 )
@@ -40,30 +40,19 @@ def conditions_of(
     amplitude: float | None,
     *,
     where: str,
-) -> Conditions:
+) -> CycleConditions:
     """Return the rows of listed spectra.
 
-    Parameters
-    ----------
-    spectra : sequence of SpectrumTable
-        At least one.
-    temperature, median_stress, amplitude : float or None
-        Of spectra that have none of their own (K, Pa, Pa).
-    where : str
-        Place in the file, for messages.
-
-    Raises
-    ------
-    InputError
-        If some spectra have an amplitude and others have none, periods do not increase, or a
-        spectrum stands twice.
+    `temperature`, `median_stress`, `amplitude`: of spectra that have none of their own (K, Pa, Pa).
+    Raise InputError if some spectra have an amplitude and others have none, periods do not
+    increase, or a spectrum stands twice.
     """
     sizes = [len(spectrum.periods_s) for spectrum in spectra]
 
     def rows(own: Sequence[float | None], common: float | None) -> FloatArray:
         return np.repeat([(common or 0.0) if one is None else one for one in own], sizes)
 
-    conditions = Conditions(
+    conditions = CycleConditions(
         period=np.concatenate([spectrum.periods_s for spectrum in spectra]),
         temperature=rows([one.temperature_K for one in spectra], temperature),
         median_stress=rows([one.median_stress_Pa for one in spectra], median_stress),
@@ -78,7 +67,7 @@ def conditions_of(
     return conditions
 
 
-def spectra_of(conditions: Conditions) -> list[dict[str, Any]]:
+def spectra_of(conditions: CycleConditions) -> list[dict[str, Any]]:
     """Return tables [[spectra]] from which `conditions_of` makes the rows again."""
     periods = np.split(conditions.period, conditions.first_rows[1:])
     spectra = []

@@ -89,11 +89,8 @@ class Attenuation(Protocol[AttenuationExperiment]):
     def check_priors(self, experiment: AttenuationExperiment, priors: PriorSet) -> None:
         """Ask for what the likelihood and a dashpot without known stress need.
 
-        Raises
-        ------
-        InputError
-            If there is neither a scatter nor a stated error, or the dashpot of a table without
-            amplitudes is not linear.
+        Raise InputError if there is neither a scatter nor a stated error, or the dashpot of a table
+        without amplitudes is not linear.
         """
         readings = experiment.readings
         for name, errors in (

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
-from pyburgers.protocols.attenuation.table import ATTENUATION, Conditions, Elasticity
+from pyburgers.protocols.attenuation.table import ATTENUATION, CycleConditions, Elasticity
 from pyburgers.protocols.stan_data import StanData, ends
 
 FloatArray = npt.NDArray[np.float64]
@@ -52,17 +52,8 @@ def stress_nodes(median_stress: float, amplitude: float) -> FloatArray:
 
     Half a period, from lowest to highest stress, is split where the stress changes sign, and each
     part takes the double exponential rule (Takahasi and Mori 1974, Publ. RIMS 9, 721-741), which
-    does not mind the kink of a power law there.
-
-    Parameters
-    ----------
-    median_stress, amplitude : float
-        In one unit.
-
-    Returns
-    -------
-    array, shape (n_nodes, 2)
-        sin(omega t), and weights times 2/pi.
+    does not mind the kink of a power law there. The result (n_nodes, 2): sin(omega t), and weights
+    times 2/pi.
     """
     ratio = median_stress / amplitude
     edges = [-np.pi / 2, np.pi / 2]
@@ -91,10 +82,7 @@ def tests_block(
 def tables_block(tests: Sequence[AttenuationExperiment | None]) -> StanData:
     """Return the block `stan/data/attenuation.stan` without its grid.
 
-    Parameters
-    ----------
-    tests : sequence of AttenuationExperiment or None
-        None where a test is no table.
+    `tests`: None where a test is no table.
     """
     tables = [test for test in tests if test is not None]
     regimes = [_regimes(e.conditions) for e in tables]
@@ -130,12 +118,7 @@ def grid_block(
 ) -> StanData:
     """Return the readings that are reported apart from the observed ones.
 
-    Parameters
-    ----------
-    experiments : sequence of AttenuationExperiment or None
-        None where a test is no table.
-    grids : sequence of array
-        Places in each table.
+    `experiments`: None where a test is no table.
     """
     found: dict[str, list[float] | list[int]] = {name: [] for name in OF_GRID}
     sizes = []
@@ -163,7 +146,7 @@ def _joined(parts: Iterable[FloatArray]) -> list[float]:
     return [float(one) for part in parts for one in part]
 
 
-def _regimes(conditions: Conditions) -> tuple[FloatArray, IntArray]:
+def _regimes(conditions: CycleConditions) -> tuple[FloatArray, IntArray]:
     """Stresses that rows have in common, shape (n, 2), and which each row has, from 0."""
     both = np.column_stack([conditions.median_stress, conditions.amplitude])
     found, places = np.unique(both, axis=0, return_inverse=True)

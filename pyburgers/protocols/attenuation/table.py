@@ -23,15 +23,12 @@ SHARE_OF_SPECTRUM, MARGIN = 0.9, 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Conditions:
+class CycleConditions:
     """Under which cycles, and at which temperatures, rows of a table were read.
 
-    Attributes
-    ----------
-    period, temperature : array, shape (n_rows,)
-        s, K.
-    median_stress, amplitude : array, shape (n_rows,)
-        Of the stress as the table has it, Pa; an amplitude of 0 was not stated.
+    `period`, `temperature` (n_rows,): s, K.
+    `median_stress`, `amplitude` (n_rows,): of the stress as the table has it, Pa; an amplitude of 0
+        was not stated.
     """
 
     period: FloatArray
@@ -39,9 +36,9 @@ class Conditions:
     median_stress: FloatArray
     amplitude: FloatArray
 
-    def ordered(self, rows: IntArray) -> "Conditions":
+    def ordered(self, rows: IntArray) -> "CycleConditions":
         """Return some rows in their order."""
-        return Conditions(*(getattr(self, column.name)[rows] for column in fields(self)))
+        return CycleConditions(*(getattr(self, column.name)[rows] for column in fields(self)))
 
     @property
     def rows_in_order(self) -> IntArray:
@@ -103,14 +100,12 @@ class Conditions:
 class Readings:
     """What was read in every row of a table.
 
-    Attributes
-    ----------
-    tan_delta, tan_delta_error : array, shape (n_rows,)
-        tan(delta), which 1/Q is taken as, and its stated standard deviation; 0 where none is.
-    limit : array, shape (n_rows,)
-        tan(delta) at or below which a reading only says that it is at most this; 0: none.
-    modulus, modulus_error : array, shape (n_rows,) or (0,)
-        1/|J|, Young's or of shear, and its stated standard deviation, Pa.
+    `tan_delta`, `tan_delta_error` (n_rows,): tan(delta), which 1/Q is taken as, and its stated
+        standard deviation; 0 where none is.
+    `limit` (n_rows,): tan(delta) at or below which a reading only says that it is at most this; 0:
+        none.
+    `modulus`, `modulus_error` (n_rows,) or (0,): 1/|J|, Young's or of shear, and its stated
+        standard deviation, Pa.
     """
 
     tan_delta: FloatArray
@@ -138,12 +133,8 @@ NO_READINGS = Readings(*[np.empty(0)] * 5)
 class Elasticity:
     """How axial compliances are turned into those of a table.
 
-    Attributes
-    ----------
-    deformation : {"axial", "shear"}
-        Of the cycles: modulus and stress are Young's and axial, or of shear.
-    poisson_ratio, bulk_modulus : float or None
-        One of them in shear; 1 and Pa.
+    `deformation`: of the cycles: modulus and stress are Young's and axial, or of shear.
+    `poisson_ratio`, `bulk_modulus`: one of them in shear; 1 and Pa.
     """
 
     deformation: Deformation
@@ -167,23 +158,12 @@ class Elasticity:
 
 
 def check_table(
-    conditions: Conditions, readings: Readings, order: FloatArray, where: str, order_name: str
+    conditions: CycleConditions, readings: Readings, order: FloatArray, where: str, order_name: str
 ) -> None:
     """Check rows of a table.
 
-    Parameters
-    ----------
-    conditions, readings
-        The table; period and temperature are taken in logarithms and reciprocals.
-    order : array, shape (n_rows,)
-        What has to increase along each spectrum.
-    where, order_name : str
-        File, and what `order` is, for messages.
-
-    Raises
-    ------
-    InputError
-        If a number is out of its range, or rows are not in order.
+    `order` (n_rows,): what has to increase along each spectrum. Raise InputError if a number is out
+    of its range, or rows are not in order.
     """
     positive: Sequence[tuple[str, FloatArray]] = (
         ("period or frequency", conditions.period),

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import count_points
 from pyburgers.model.parameters import PARAMETERS
-from pyburgers.protocols.departures import departure, slope_of
+from pyburgers.protocols.limits import departure, slope_of
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -37,18 +37,11 @@ LATE_STRAIN = 0.01
 class Curve:
     """Points of one data file, or of some of its rows, as read.
 
-    Attributes
-    ----------
-    path : Path
-        The data file.
-    selection : str
-        Words about its rows that were taken, to follow its name; empty for all.
-    strain, stress : array, shape (n_rows,)
-        Strain (fraction) and stress (Pa) in the order of the file.
-    lower, upper : float
-        Strains between which the points have to lie.
-    notes : tuple of str
-        Sentences about what was done to read them.
+    `path`: the data file.
+    `selection`: words about its rows that were taken, to follow its name; empty for all.
+    `strain`, `stress` (n_rows,): strain (fraction) and stress (Pa) in the order of the file.
+    `lower`, `upper`: strains between which the points have to lie.
+    `notes`: sentences about what was done to read them.
     """
 
     path: Path
@@ -75,25 +68,11 @@ def join_curves(
 ) -> tuple[FloatArray, FloatArray, list[str]]:
     """Put the points of all files into one curve.
 
-    Parameters
-    ----------
-    curves : sequence of Curve
-        In the order of their segments.
-    final_strain : float
-        Strain (fraction) at the end of the test, which sets the tolerance.
-
-    Returns
-    -------
-    strain, stress : array, shape (n_points,)
-        Strain (fraction, positive, non-decreasing) and stress (Pa).
-    notices : list of str
-        Sentences about what was moved, sorted or dropped.
-
-    Raises
-    ------
-    InputError
-        If strain runs backwards or out of its range by more than a reading error, or no point
-        lies above zero strain or has a stress.
+    `final_strain`: strain (fraction) at the end of the test, which sets the tolerance. Return
+    `strain`, `stress` (n_points,): strain (fraction, positive, non-decreasing) and stress (Pa).
+    Return `notices`: sentences about what was moved, sorted or dropped. Raise InputError if strain
+    runs backwards or out of its range by more than a reading error, or no point lies above zero
+    strain or has a stress.
     """
     tolerance = min(JITTER_STRAIN, JITTER_SHARE * final_strain)
     strains, stresses = [np.empty(0)], [np.empty(0)]
@@ -116,12 +95,8 @@ def join_curves(
 def remarks_on(strain: FloatArray, stress: FloatArray) -> list[str]:
     """Say what a reader should know about a curve that can be used.
 
-    The sentences name no file, so that a saved copy gives the same ones.
-
-    Parameters
-    ----------
-    strain, stress : array, shape (n_points,)
-        Strain (fraction, not decreasing) and stress (Pa).
+    The sentences name no file, so that a saved copy gives the same ones. `strain`, `stress`
+    (n_points,): strain (fraction, not decreasing) and stress (Pa).
     """
     if strain.size == 0:
         return []
@@ -155,14 +130,8 @@ def unlike_rates(
 ) -> tuple[str, ...]:
     """Say where strain over time is not that of the stated rates.
 
-    Parameters
-    ----------
-    name : str
-        Of the data file.
-    time, strain : array, shape (n_rows,)
-        As read, s and fraction.
-    imposed : array, shape (n_rows,)
-        Strain at those times by the rates, from the first reading on.
+    `time`, `strain` (n_rows,): as read, s and fraction. `imposed` (n_rows,): strain at those times
+    by the rates, from the first reading on.
     """
     far = departure(strain, imposed, float(np.abs([*strain, *imposed]).max()))
     if far is None:

@@ -7,10 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from pyburgers.common.columns import read_columns, write_columns
+from pyburgers.common.columns import read_columns, write_data
 from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.paths import given_path
-from pyburgers.common.toml_files import factor_to_si, read_toml
+from pyburgers.common.toml_files import read_toml
 from pyburgers.protocols.constant_rate.curves import (
     Curve,
     join_curves,
@@ -24,9 +24,11 @@ from pyburgers.protocols.constant_rate.file_tables import (
     check_segments,
 )
 from pyburgers.protocols.experiment import (
+    SIGNS_WERE_TURNED,
     Experiment,
     FloatArray,
     shared_values,
+    sign_of,
     write_experiment,
 )
 from pyburgers.protocols.limits import far_reading
@@ -36,12 +38,11 @@ from pyburgers.protocols.microstructure import (
     microstructure_tables,
     strains_of,
 )
-from pyburgers.protocols.signs import SIGNS_WERE_TURNED, sign_of
 
 LEAST_STRAIN = 1e-12
 """Strain from which on there is a solution: the solver cannot stop at rest."""
 
-FASTEST_PRESS, SMALL_PART = 1.0, 0.05
+MAX_LIKELY_STRAIN_RATE, MIN_READ_SHARE = 1.0, 0.05
 """A unit may be wrong beyond this strain rate (1/s), and where readings end before this share of
 the final strain."""
 
@@ -50,12 +51,8 @@ the final strain."""
 class RateSegment:
     """Part of a test at one imposed strain rate.
 
-    Attributes
-    ----------
-    start_strain : float
-        Strain (fraction) from which the rate holds, until the next segment or the end.
-    strain_rate : float
-        Imposed axial strain rate (1/s), positive.
+    `start_strain`: strain (fraction) from which the rate holds, until the next segment or the end.
+    `strain_rate`: imposed axial strain rate (1/s), positive.
     """
 
     start_strain: float
@@ -121,9 +118,9 @@ class ConstantRateExperiment(Experiment):
         """Return doubts about rates that no press has and about missing readings at the end."""
         found = []
         fastest = max(segment.strain_rate for segment in self.segments)
-        if fastest > FASTEST_PRESS:
+        if fastest > MAX_LIKELY_STRAIN_RATE:
             found.append(f"a strain rate of {fastest:g} 1/s is unlikely; check its unit.")
-        if self.n_points and self.strain[-1] < SMALL_PART * self.final_strain:
+        if self.n_points and self.strain[-1] < MIN_READ_SHARE * self.final_strain:
             found.append(
                 f"readings end at a strain of {self.strain[-1]:g}, a small part of the final "
                 f"{self.final_strain:g}; check the unit of the strains."
@@ -149,18 +146,9 @@ class ConstantRateExperiment(Experiment):
 def strain_grid(experiment: ConstantRateExperiment, shape: FloatArray) -> FloatArray:
     """Strains spread in the same way over every rate segment.
 
-    Parameters
-    ----------
-    experiment : ConstantRateExperiment
-        Its segments and final strain.
-    shape : array, shape (n_shape,)
-        Positions in a segment, increasing, more than 0 to 1.
-
-    Returns
-    -------
-    array, shape (n_shape * n_segments,)
-        Increasing; the strains of rate steps are among them exactly, since rounding that put
-        one just behind a step would give the solver a segment too short to start in.
+    `shape` (n_shape,): positions in a segment, increasing, more than 0 to 1. The result (n_shape *
+    n_segments,): increasing; the strains of rate steps are among them exactly, since rounding that
+    put one just behind a step would give the solver a segment too short to start in.
     """
     starts = np.array([segment.start_strain for segment in experiment.segments])
     ends = np.append(starts[1:], experiment.final_strain)
@@ -182,18 +170,9 @@ def load_constant_rate(path: str | Path) -> ConstantRateExperiment:
     Strains that are out of order or outside their segment by a reading error (see
     `pyburgers.protocols.constant_rate.curves`) are put right with a notice. Points at zero strain
     are dropped with one: the model starts at rest, with no stress whatever the parameters. Where
-    data files hold time alone, it counts from the start, and strain follows from the imposed
-    rates. Times beside strains are compared with the rates, and a notice says where they differ.
-
-    Parameters
-    ----------
-    path : str or Path
-        The TOML file.
-
-    Raises
-    ------
-    InputError
-        If a file, key, unit or number is not what it has to be.
+    data files hold time alone, it counts from the start, and strain follows from the imposed rates.
+    Times beside strains are compared with the rates, and a notice says where they differ. Raise
+    InputError if a file, key, unit or number is not what it has to be.
     """
     path = given_path(path)
     file = read_toml(path, ConstantRateFile)
@@ -203,7 +182,10 @@ def load_constant_rate(path: str | Path) -> ConstantRateExperiment:
         lambda: check_segments(path, file.segments),
         lambda: _read_curves(path, file, segments),
     )
-    unit = None if file.data is None else file.data.strain_unit
+    unit, uncertainty = None, None
+    if file.data is not None:
+        unit = file.data.strain_unit
+        uncertainty = file.data.in_si("stress_uncertainty", "stress_unit", "stress", path)
     microstructure = measured_microstructure(path, file.microstructure, unit, file.final_strain)
     final_strain = _final_strain(path, file, segments, curves, microstructure)
     strain, stress, changes = join_curves(curves, final_strain)
@@ -215,7 +197,7 @@ def load_constant_rate(path: str | Path) -> ConstantRateExperiment:
         strain=strain,
         stress=stress,
         final_strain=final_strain,
-        stress_uncertainty=_stress_uncertainty(path, file.data),
+        stress_uncertainty=uncertainty,
         microstructure=microstructure,
         notices=tuple(dict.fromkeys([*file.notices, *changes, *remarks_on(strain, stress)])),
     )
@@ -225,28 +207,12 @@ def save_constant_rate(experiment: ConstantRateExperiment, directory: Path) -> P
     """Write a self-contained copy, ``experiment.toml`` and ``experiment.csv``, in SI units.
 
     `load_constant_rate` reads back exactly equal contents, notices included.
-
-    Parameters
-    ----------
-    experiment : ConstantRateExperiment
-        What to write.
-    directory : Path
-        An existing folder.
-
-    Returns
-    -------
-    Path
-        The TOML file.
     """
     data = None
     if experiment.n_points > 0:
         columns = {"strain": experiment.strain, "stress_Pa": experiment.stress}
-        write_columns(directory / "experiment.csv", columns)
         data = {
-            "file": "experiment.csv",
-            "separator": ",",
-            "header": True,
-            "missing": [],
+            **write_data(directory, columns),
             "strain_column": "strain",
             "strain_unit": "fraction",
             "stress_column": "stress_Pa",
@@ -331,14 +297,6 @@ def _read_points(
         imposed = _strain_at(time - time[0] + start, segments)
         notes += unlike_rates(source.name, time, strain, imposed)
     return strain, stress, notes
-
-
-def _stress_uncertainty(path: Path, data: DataTable | None) -> float | None:
-    """Return the standard deviation of a reading in Pa, where it is stated."""
-    if data is None or data.stress_uncertainty is None:
-        return None
-    unit = factor_to_si(data.stress_unit, "stress", f"{path}: key 'stress_unit' in [data]")
-    return data.stress_uncertainty * unit
 
 
 def _steps(segments: Sequence[RateSegment]) -> tuple[FloatArray, FloatArray]:

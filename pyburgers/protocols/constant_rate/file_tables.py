@@ -10,9 +10,9 @@ from pydantic import Field
 from pyburgers.common.columns import Cell, Column, TextFilesTable
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table
-from pyburgers.protocols.experiment import ExperimentFile
+from pyburgers.common.units import units_text
+from pyburgers.protocols.experiment import Compression, ExperimentFile
 from pyburgers.protocols.microstructure import MicrostructureTable
-from pyburgers.protocols.signs import Compression
 
 
 class SegmentTable(Table):
@@ -31,14 +31,14 @@ class DataTable(TextFilesTable):
 
     file: str | None = Field(None, description="the data file of the whole test")
     strain_column: Column | None = None
-    strain_unit: str | None = Field(None, description="fraction or percent")
+    strain_unit: str | None = Field(None, description=units_text("strain"))
     time_column: Column | None = Field(
         None,
         description="the time, in place of the strain; beside it, to compare with the stated rates",
     )
-    time_unit: str | None = Field(None, description="s, min or h")
+    time_unit: str | None = Field(None, description=units_text("time"))
     stress_column: Column
-    stress_unit: str = Field(description="Pa, MPa or GPa")
+    stress_unit: str = Field(description=units_text("stress"))
     stress_uncertainty: float | None = Field(
         None, gt=0, description="the standard deviation of a reading in the unit of the stress"
     )
@@ -106,11 +106,4 @@ def check_data_keys(path: Path, file: ConstantRateFile) -> None:
         )
     if data.strain_column is None and data.time_column is None:
         raise InputError(f"{path}: [data] needs a key 'strain_column' or 'time_column'.")
-    for quantity in ("strain", "time"):
-        column = getattr(data, f"{quantity}_column")
-        unit = getattr(data, f"{quantity}_unit")
-        if (column is None) != (unit is None):
-            raise InputError(
-                f"{path}: [data] needs both or neither of the keys '{quantity}_column' and "
-                f"'{quantity}_unit'."
-            )
+    data.check_pairs(path, "strain", "time")

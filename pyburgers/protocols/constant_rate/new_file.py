@@ -6,23 +6,41 @@ from typing import Any
 
 from pyburgers.protocols.column_facts import read_together
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.departures import slope_of
+from pyburgers.protocols.limits import slope_of
 from pyburgers.protocols.new_file import (
+    LAYOUT,
     STRAIN_RATE,
     STRESS_ERROR,
     Columns,
     Description,
     NewFile,
-    column_lines,
     compression_of,
-    layout_lines,
-    line,
-    optional,
-    with_comment,
 )
 from pyburgers.protocols.quantities import ENGINEERING
 
-BESIDE = "compared with the rates"
+TEMPLATE = f"""
+compression = {{compression}}  # as in the text file; else positive
+
+[[segments]]  # one for each imposed strain rate
+start_strain = 0.0  # a fraction, where this rate starts
+strain_rate_per_s = {{strain_rate_per_s}}
+
+[data]
+file = {{file}}
+{LAYOUT}\
+strain_column = {{strain_column}}
+strain_unit = {{strain_unit}}
+time_column = {{time_column}}  # {{time_is}}
+time_unit = {{time_unit}}
+stress_column = {{stress_column}}  # differential stress
+stress_unit = {{stress_unit}}
+stress_uncertainty = {{stress_uncertainty}}  # of a reading, in the unit of the stress
+#? stress_uncertainty = 0.05  # of a reading, in the unit of the stress
+# [[microstructure]]  # measured in the sample, at one strain or more
+# strain = {{late_strain}}  # in strain_unit of [data], else a fraction
+# grain_size_m = 165e-6
+# grain_size_sd_m = 8e-6
+"""
 
 
 class ConstantRateFile(NewFile):
@@ -32,31 +50,32 @@ class ConstantRateFile(NewFile):
     needed = (("strain", "time"), ("stress",))
     quantities = frozenset({"strain", "time", "stress"})
     questions = (STRAIN_RATE, STRESS_ERROR)
+    template = TEMPLATE
 
-    def suits(self, columns: Columns) -> str | None:
+    def recognise(self, columns: Columns) -> str | None:
         """Return that there is a curve; one that oscillates or creeps is asked about before."""
         return f"there are {'strain' if 'strain' in columns else 'time'} and stress"
 
-    def read(self, columns: Columns) -> Columns:
+    def select_columns(self, columns: Columns) -> Columns:
         """Return strain and stress, or time and stress; times beside strains show the rate."""
-        found = dict(super().read(columns))
+        found = dict(super().select_columns(columns))
         if "strain" in found and "time" in found:
             is_usable = found["time"].is_decided and not found["time"].is_foreign
             found = found if is_usable else {k: one for k, one in found.items() if k != "time"}
         return found
 
-    def proposed(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:
+    def propose_answers(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the slope of strain over time as the rate."""
         if not {"strain", "time"} <= columns.keys():
             return {}
         slope = slope_of(*read_together(columns["time"].si, columns["strain"].si))
         return {STRAIN_RATE.name: float(f"{abs(slope):.3g}")} if slope else {}
 
-    def asked(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
+    def required_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return the rate: a fit infers the error of a stress where none is stated."""
         return {STRAIN_RATE.name}
 
-    def decided(self, test: Description) -> Sequence[str]:
+    def describe_decisions(self, test: Description) -> Sequence[str]:
         """Say that columns of engineering measures are taken as they are."""
         return [
             f"column {one.column!r} is taken as true {one.quantity}, though its name says "
@@ -65,36 +84,15 @@ class ConstantRateFile(NewFile):
             if re.search(ENGINEERING, one.name.lower())
         ]
 
-    def lines(self, test: Description) -> list[str]:
-        """Return the segment and the columns of the curve."""
-        position = "strain" if "strain" in test.columns else "time"
-        late_strain = 20.0 if test.columns[position].unit == "percent" else 0.2
-        error, of_what = test.values[STRESS_ERROR.name], "of a reading, in the unit of the stress"
-        compression = compression_of(test)
-        return [
-            *(
-                [line("compression", compression, "as in the text file; else positive"), ""]
-                if compression == "negative"
-                else []
-            ),
-            with_comment("[[segments]]", "one for each imposed strain rate"),
-            line("start_strain", 0.0, "a fraction, where this rate starts"),
-            line("strain_rate_per_s", test.values["strain_rate_per_s"]),
-            "",
-            "[data]",
-            line("file", test.file),
-            *layout_lines(test),
-            *column_lines(test, position),
-            *(column_lines(test, "time", comment=BESIDE) if position == "strain" else ()),
-            *column_lines(test, "stress", comment="differential stress"),
-            optional("stress_uncertainty = 0.05", of_what)
-            if error is None
-            else line("stress_uncertainty", error, of_what),
-            optional("[[microstructure]]", "measured in the sample, at one strain or more"),
-            optional(f"strain = {late_strain}", "in strain_unit of [data], else a fraction"),
-            "# grain_size_m = 165e-6",
-            "# grain_size_sd_m = 8e-6",
-        ]
+    def filling(self, test: Description) -> Mapping[str, object]:
+        """Return the sign of a compression that is negative, and what tells strain from time."""
+        has_strain = "strain" in test.columns
+        in_percent = test.columns["strain" if has_strain else "time"].unit == "percent"
+        return {
+            "compression": "negative" if compression_of(test) == "negative" else None,
+            "time_is": "compared with the rates" if has_strain else "",
+            "late_strain": 20.0 if in_percent else 0.2,
+        }
 
 
 NEW_FILE = ConstantRateFile()

@@ -37,16 +37,9 @@ def solver_strains(
 
     A rate step is an output of the segment that ends there (the solver restarts from it). A strain
     that rounding puts beside a step counts as the step: the solver cannot start into so short a
-    segment.
-
-    Returns
-    -------
-    outputs : array, shape (n_outputs,)
-        Strains without repetition.
-    counts : list of int
-        Number of outputs in each segment.
-    positions : array of int, shape (n,)
-        Place of each wanted strain among the outputs, from 0.
+    segment. Return `outputs` (n_outputs,): strains without repetition. Return `counts`: number of
+    outputs in each segment. Return `positions` (n,): place of each wanted strain among the outputs,
+    from 0.
     """
     steps = np.array([segment.start_strain for segment in experiment.segments[1:]])
     snapped = strain.copy()

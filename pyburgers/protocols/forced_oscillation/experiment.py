@@ -9,11 +9,17 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
+from pyburgers.common.columns import (
+    WRITTEN_LAYOUT,
+    Column,
+    TextFilesTable,
+    read_columns,
+    write_columns,
+)
 from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, read_toml
-from pyburgers.common.units import UNITS
+from pyburgers.common.units import units_text
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT
 from pyburgers.protocols.experiment import (
     Experiment,
@@ -153,18 +159,18 @@ class _ImposedTable(Table):
 class _DataTable(TextFilesTable):
     strain_file: str = Field(description="the data file of the strain")
     strain_time_column: Column
-    strain_time_unit: str = Field(description="s, min or h")
+    strain_time_unit: str = Field(description=units_text("time"))
     strain_column: Column
-    strain_unit: str = Field(description="fraction or percent")
+    strain_unit: str = Field(description=units_text("strain"))
     strain_uncertainty_column: Column | None = None
     strain_uncertainty: float | None = Field(
         None, gt=0, description="the standard deviation of every strain, in its unit"
     )
     stress_file: str = Field(description="the data file of the stress")
     stress_time_column: Column
-    stress_time_unit: str = Field(description="s, min or h")
+    stress_time_unit: str = Field(description=units_text("time"))
     stress_column: Column
-    stress_unit: str = Field(description="Pa, MPa or GPa")
+    stress_unit: str = Field(description=units_text("stress"))
     stress_uncertainty_column: Column | None = None
     stress_uncertainty: float | None = Field(
         None, gt=0, description="the standard deviation of every stress, in its unit"
@@ -191,17 +197,8 @@ def load_forced_oscillation(path: str | Path) -> OscillationExperiment:
     Strain and stress stand in files (or columns of one file) with clocks of their own that have a
     common origin. What [oscillation] leaves open is estimated or chosen while the record is
     prepared (`pyburgers.protocols.forced_oscillation.preparation.prepare`). A file with imposed
-    cycles in their place is a test that can be simulated.
-
-    Parameters
-    ----------
-    path : str or Path
-        The TOML file.
-
-    Raises
-    ------
-    InputError
-        If a file, key, unit or number is not what it has to be, or the record cannot be prepared.
+    cycles in their place is a test that can be simulated. Raise InputError if a file, key, unit or
+    number is not what it has to be, or the record cannot be prepared.
     """
     path = given_path(path)
     file = read_toml(path, _OscillationFile)
@@ -252,20 +249,8 @@ def save_forced_oscillation(experiment: OscillationExperiment, directory: Path) 
     """Write a self-contained copy in SI units.
 
     The files are ``experiment.toml``, ``experiment_strain.csv`` and ``experiment_stress.csv``, the
-    latter two where there is a record.
-    `load_forced_oscillation` reads back exactly equal contents, notices included.
-
-    Parameters
-    ----------
-    experiment : OscillationExperiment
-        What to write.
-    directory : Path
-        An existing folder.
-
-    Returns
-    -------
-    Path
-        The TOML file.
+    latter two where there is a record. `load_forced_oscillation` reads back exactly equal contents,
+    notices included.
     """
     record, settings = experiment.record, experiment.settings
     if experiment.imposed is not None:
@@ -274,7 +259,7 @@ def save_forced_oscillation(experiment: OscillationExperiment, directory: Path) 
         "strain": ("fraction", record.strain_time, record.strain, record.strain_uncertainty),
         "stress": ("Pa", record.stress_time, record.stress, record.stress_uncertainty),
     }
-    data: dict[str, Any] = {"separator": ",", "header": True, "missing": []}
+    data: dict[str, Any] = {**WRITTEN_LAYOUT}
     for name, (unit, *columns) in series.items():
         names = ("time_s", name, "uncertainty")
         table = dict(zip(names, columns, strict=True))
@@ -302,15 +287,7 @@ def save_forced_oscillation(experiment: OscillationExperiment, directory: Path) 
 def with_background(
     experiment: OscillationExperiment, background: Background
 ) -> OscillationExperiment:
-    """Return the same test with its background removed or kept.
-
-    Parameters
-    ----------
-    experiment : OscillationExperiment
-        A test; period and degrees stay as they are.
-    background : {"removed", "kept"}
-        See `pyburgers.protocols.forced_oscillation.preparation.OscillationSettings`.
-    """
+    """Return the same test with its background removed or kept."""
     settings = replace(experiment.settings, background=background, start_stress=None)
     prepared = prepare(experiment.record, settings, experiment.id)
     others = [one for one in experiment.notices if one not in experiment.prepared.notices]
@@ -413,5 +390,5 @@ def _read_series(
         == (data.stress_file, data.stress_time_column),
     )
     if not spread:
-        spread = [np.full_like(value, uncertainty * UNITS[name][getattr(data, f"{name}_unit")])]
+        spread = [np.full_like(value, data.in_si(number, *unit, path))]
     return (time, value, *spread), notes

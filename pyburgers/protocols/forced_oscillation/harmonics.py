@@ -39,25 +39,17 @@ TRIALS_PER_PEAK = 10
 class HarmonicFit:
     """A fitted time series; unit U is that of the series.
 
-    Attributes
-    ----------
-    period : float
-        Seconds.
-    n_harmonics, degree : int
-        Harmonics, the fundamental included, and degree of the trend.
-    t_middle, t_half : float
-        Middle and half length (s) of the series: x = (t - t_middle)/t_half.
-    coefficients : array, shape (degree + 1 + 2 n_harmonics,)
-        Legendre coefficients of the trend, then amplitudes of the sines, then of the cosines (U).
-    covariance : array, shape (n_coefficients, n_coefficients)
-        Of the coefficients (U^2).
-    residual_sd : float
-        Standard deviation of the residuals (U), with the degrees of freedom that are left.
-    chi_square : float
-        Sum of squared residuals in units of their uncertainties; of the residual standard
+    `period`: seconds.
+    `n_harmonics`, `degree`: harmonics, the fundamental included, and degree of the trend.
+    `t_middle`, `t_half`: middle and half length (s) of the series: x = (t - t_middle)/t_half.
+    `coefficients` (degree + 1 + 2 n_harmonics,): Legendre coefficients of the trend, then
+        amplitudes of the sines, then of the cosines (U).
+    `covariance` (n_coefficients, n_coefficients): of the coefficients (U^2).
+    `residual_sd`: standard deviation of the residuals (U), with the degrees of freedom that are
+        left.
+    `chi_square`: sum of squared residuals in units of their uncertainties; of the residual standard
         deviation, hence the degrees of freedom, where no uncertainties were given.
-    n_points : int
-        Readings.
+    `n_points`: readings.
     """
 
     period: float
@@ -161,28 +153,11 @@ def fit_harmonics(
 ) -> HarmonicFit:
     """Fit harmonics and a polynomial to a time series by weighted least squares.
 
-    Parameters
-    ----------
-    time : array, shape (n,)
-        Seconds, increasing.
-    value : array, shape (n,)
-        The series, unit U.
-    period : float
-        Period of the fundamental (s).
-    degree : int
-        Degree of the trend.
-    n_harmonics : int
-        Harmonics, the fundamental included.
-    uncertainty : array, shape (n,), optional
-        Standard deviations (U) of the readings, taken as absolute: the covariance follows from
-        them alone. Without them all readings weigh the same and the covariance follows from the
-        residuals.
-
-    Raises
-    ------
-    InputError
-        If there are fewer readings than the coefficients need, or they do not tell the
-        coefficients apart.
+    `time` (n,): seconds, increasing. `value` (n,): the series, unit U. `period`: period of the
+    fundamental (s). `uncertainty` (n,): standard deviations (U) of the readings, taken as absolute:
+    the covariance follows from them alone. Without them all readings weigh the same and the
+    covariance follows from the residuals. Raise InputError if there are fewer readings than the
+    coefficients need, or they do not tell the coefficients apart.
     """
     weight = np.ones_like(value) if uncertainty is None else 1.0 / uncertainty
     design = _design(time, period, degree, n_harmonics)
@@ -219,12 +194,7 @@ def fundamentals(
 ) -> npt.NDArray[np.complex128]:
     """Return sine plus i times cosine of the fundamental of many series (U), shape (...).
 
-    Parameters
-    ----------
-    time, period, degree, uncertainty
-        As in `fit_harmonics`, which finds the same in each of them.
-    series : array, shape (..., n)
-        Values at the same times.
+    `series` (..., n): values at the same times.
     """
     weight = np.ones_like(time) if uncertainty is None else 1.0 / uncertainty
     solver = _solver(
@@ -244,19 +214,9 @@ def trend_projection(
     What is left of a series, over the uncertainties, is its part orthogonal to all trends. Normal
     noise in it has the density of the series with the trend's coefficients integrated out under a
     flat prior. The trend of `fit_harmonics`, fitted together with harmonics, does not do that: what
-    it leaves takes the fundamental as better known than it is.
-
-    Parameters
-    ----------
-    time, degree, uncertainty
-        As in `fit_harmonics`.
-
-    Returns
-    -------
-    shape : array, shape (n, degree + 1)
-        Legendre polynomials at the times.
-    fit : array, shape (degree + 1, n)
-        What turns a series into its Legendre coefficients: the trend is ``shape @ (fit @ series)``.
+    it leaves takes the fundamental as better known than it is. Return `shape` (n, degree + 1):
+    Legendre polynomials at the times. Return `fit` (degree + 1, n): what turns a series into its
+    Legendre coefficients: the trend is ``shape @ (fit @ series)``.
     """
     t_middle, t_half = _span(time)
     shape = np.asarray(legendre.legvander((time - t_middle) / t_half, degree), dtype=np.float64)
@@ -310,23 +270,10 @@ def choose_degree(
     """Choose the degree of the trend by the Bayesian information criterion.
 
     The criterion adds a degree only where the series clearly asks for it; the rate of the trend,
-    whose error grows fast with the degree at the ends of the series, stays quiet that way.
-
-    Parameters
-    ----------
-    time, value, period, n_harmonics, uncertainty
-        As in `fit_harmonics`.
-
-    Returns
-    -------
-    int
-        From 0 to `MAX_DEGREE`, below twice the number of cycles: a polynomial that turns as often
-        as the oscillation could stand in for it.
-
-    Raises
-    ------
-    InputError
-        As `fit_harmonics` does, of a constant trend.
+    whose error grows fast with the degree at the ends of the series, stays quiet that way. The
+    result: from 0 to `MAX_DEGREE`, below twice the number of cycles: a polynomial that turns as
+    often as the oscillation could stand in for it. Raise InputError as `fit_harmonics` does, of a
+    constant trend.
     """
     cycles = (time[-1] - time[0]) / period
     spare = time.size - 2 - 2 * n_harmonics
@@ -356,19 +303,7 @@ def estimate_period(
     """Estimate the period (s) of the fundamental from a series alone.
 
     The highest peak of the periodogram, after a cubic is subtracted, is where a search for the
-    least squares of the whole fit starts.
-
-    Parameters
-    ----------
-    time, value, n_harmonics, uncertainty
-        As in `fit_harmonics`.
-    degree : int, optional
-        Degree of the trend; by default the one that `choose_degree` finds.
-
-    Raises
-    ------
-    InputError
-        As `fit_harmonics` does.
+    least squares of the whole fit starts. Raise InputError as `fit_harmonics` does.
     """
     length = float(time[-1] - time[0])
     cubic = legendre.Legendre.fit(time, value, CUBIC)

@@ -22,18 +22,11 @@ NO_RECORD = OscillationRecord(*[np.empty(0)] * 6)
 class ImposedCycles:
     """Cycles of the strain: amplitude x sin(2 pi t / period) + mean rate x t, from t = 0.
 
-    Attributes
-    ----------
-    period : float
-        Seconds.
-    strain_amplitude : float
-        Fraction.
-    cycles : float
-        How many there are.
-    mean_strain_rate : float
-        Rate (1/s) of the strain beside the cycles.
-    start_stress : float
-        Stress (Pa) at which the model starts, ahead of the cycles.
+    `period`: seconds.
+    `strain_amplitude`: fraction.
+    `cycles`: how many there are.
+    `mean_strain_rate`: rate (1/s) of the strain beside the cycles.
+    `start_stress`: stress (Pa) at which the model starts, ahead of the cycles.
     """
 
     period: float

@@ -6,17 +6,35 @@ from typing import Any
 from pyburgers.protocols.column_facts import facts_of
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.new_file import (
+    LAYOUT,
     STRESS_ERROR,
     Columns,
-    Description,
     NewFile,
     Question,
-    column_lines,
-    layout_lines,
-    line,
-    optional,
-    with_comment,
 )
+
+TEMPLATE = f"""
+[oscillation]  # all optional
+# period_s = 300.0  # else estimated from the strain
+background = "kept"  # or removed: docs/model.md
+
+[data]
+{LAYOUT}\
+strain_file = {{file}}
+strain_time_column = {{time_column}}
+strain_time_unit = {{time_unit}}
+strain_column = {{strain_column}}
+strain_unit = {{strain_unit}}
+strain_uncertainty_column = {{strain_uncertainty_column}}
+strain_uncertainty = {{strain_uncertainty}}  # of every strain, in its unit
+stress_file = {{file}}
+stress_time_column = {{time_column}}
+stress_time_unit = {{time_unit}}
+stress_column = {{stress_column}}
+stress_unit = {{stress_unit}}
+stress_uncertainty_column = {{stress_uncertainty_column}}
+stress_uncertainty = {{stress_uncertainty}}  # of every stress, in its unit
+"""
 
 
 class ForcedOscillationFile(NewFile):
@@ -31,8 +49,9 @@ class ForcedOscillationFile(NewFile):
         ),
         STRESS_ERROR,
     )
+    template = TEMPLATE
 
-    def suits(self, columns: Columns) -> str | None:
+    def recognise(self, columns: Columns) -> str | None:
         """Return that the strain oscillates."""
         if {"time", "strain", "stress"} <= columns.keys() and facts_of(
             columns["strain"]
@@ -40,32 +59,9 @@ class ForcedOscillationFile(NewFile):
             return "the strain goes back and forth"
         return None
 
-    def taken(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
+    def allowed_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return the errors that are not read."""
         return {question.name for question in self.questions} - set(columns)
-
-    def lines(self, test: Description) -> list[str]:
-        """Return the oscillation and the columns of both series."""
-        lines = [
-            with_comment("[oscillation]", "all optional"),
-            optional("period_s = 300.0", "else estimated from the strain"),
-            line("background", "kept", "or removed: docs/model.md"),
-            "",
-            "[data]",
-            *layout_lines(test),
-        ]
-        for quantity in ("strain", "stress"):
-            lines += [
-                line(f"{quantity}_file", test.file),
-                *column_lines(test, "time", f"{quantity}_time"),
-                *column_lines(test, quantity),
-            ]
-            error = f"{quantity}_uncertainty"
-            if error in test.columns:
-                lines += column_lines(test, error)
-            else:
-                lines.append(line(error, test.values[error], f"of every {quantity}, in its unit"))
-        return lines
 
 
 NEW_FILE = ForcedOscillationFile()

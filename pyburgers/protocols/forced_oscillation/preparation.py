@@ -53,16 +53,11 @@ class OscillationRecord:
 
     Strain and stress have clocks of their own with a common origin; each increases strictly.
 
-    Attributes
-    ----------
-    strain_time : array, shape (n_strain,)
-        Seconds.
-    strain, strain_uncertainty : array, shape (n_strain,)
-        Axial strain (fraction) and its standard deviation.
-    stress_time : array, shape (n_stress,)
-        Seconds.
-    stress, stress_uncertainty : array, shape (n_stress,)
-        Differential stress (Pa, compression positive) and its standard deviation.
+    `strain_time` (n_strain,): seconds.
+    `strain`, `strain_uncertainty` (n_strain,): axial strain (fraction) and its standard deviation.
+    `stress_time` (n_stress,): seconds.
+    `stress`, `stress_uncertainty` (n_stress,): differential stress (Pa, compression positive) and
+        its standard deviation.
     """
 
     strain_time: FloatArray
@@ -77,20 +72,16 @@ class OscillationRecord:
 class OscillationSettings:
     """How a record is prepared.
 
-    Attributes
-    ----------
-    period : float or None
-        Seconds; None estimates it from the strain.
-    strain_trend_degree, stress_trend_degree : int or None
-        Degrees of the polynomials; None chooses them by an information criterion.
-    background : {"kept", "removed"}
-        With "kept" the rate of the strain's trend drives the model too, and the stress keeps its
-        bias and its drift. With "removed" only the oscillating parts are used, as in the paper: the
-        trends of strain and stress, constants included, are subtracted. That is another state of
-        the material, from which the truth is not recovered (docs/model.md): a notice says so.
-    start_stress : float or None
-        Stress (Pa) at which the model starts, ahead of the record, where the background is kept;
-        None takes the bias of the stress at the start of the record.
+    `period`: seconds; None estimates it from the strain.
+    `strain_trend_degree`, `stress_trend_degree`: degrees of the polynomials; None chooses them by
+        an information criterion.
+    `background`: with "kept" the rate of the strain's trend drives the model too, and the stress
+        keeps its bias and its drift. With "removed" only the oscillating parts are used, as in the
+        paper: the trends of strain and stress, constants included, are subtracted. That is another
+        state of the material, from which the truth is not recovered (docs/model.md): a notice says
+        so.
+    `start_stress`: stress (Pa) at which the model starts, ahead of the record, where the background
+        is kept; None takes the bias of the stress at the start of the record.
     """
 
     period: float | None = None
@@ -104,35 +95,24 @@ class OscillationSettings:
 class PreparedOscillation:
     """A record in the form that the model takes, SI units; times are those of the record's clock.
 
-    Attributes
-    ----------
-    period : float
-        Seconds.
-    strain_fit, stress_fit : HarmonicFit
-        Fits of the two series; the first drives the model.
-    background : {"removed", "kept"}
-        Whether trends drive the model and stay in the stress.
-    start_stress : float
-        Stress (Pa) at which the model starts; 0 where the background is removed.
-    start : float
-        Time (s) of the first strain or stress reading that is used.
-    time : array, shape (n_points,)
-        Seconds, increasing.
-    stress, uncertainty : array, shape (n_points,)
-        Stress (Pa) that the model is compared with, and its standard deviation.
-    strain_sine, strain_cosine : array, shape (3,)
-        Amplitudes of sin(k w t) and cos(k w t), w = 2 pi / period, in the driving strain.
-    background_rate : array, shape (n_background,)
-        Coefficients (1/s) of powers 0, 1, ... of (t - t_middle)/t_half in the driving strain
-        rate; zeros where the background is removed.
-    strain_error : array, shape (n_errors, 6 + n_background)
-        What one standard deviation of each of the independent errors of the strain's fit adds to
-        `strain_sine`, `strain_cosine` and `background_rate`. Errors of the harmonics, or of the
-        background, are left out where their share (`strain_shares`) is below `NEGLIGIBLE_SHARE`.
-    t_middle, t_half : float
-        Middle and half length (s) of the strain record.
-    notices : tuple of str
-        What the preparation left out: sentences.
+    `period`: seconds.
+    `strain_fit`, `stress_fit`: fits of the two series; the first drives the model.
+    `background`: whether trends drive the model and stay in the stress.
+    `start_stress`: stress (Pa) at which the model starts; 0 where the background is removed.
+    `start`: time (s) of the first strain or stress reading that is used.
+    `time` (n_points,): seconds, increasing.
+    `stress`, `uncertainty` (n_points,): stress (Pa) that the model is compared with, and its
+        standard deviation.
+    `strain_sine`, `strain_cosine` (3,): amplitudes of sin(k w t) and cos(k w t), w = 2 pi / period,
+        in the driving strain.
+    `background_rate` (n_background,): coefficients (1/s) of powers 0, 1, ... of (t -
+        t_middle)/t_half in the driving strain rate; zeros where the background is removed.
+    `strain_error` (n_errors, 6 + n_background): what one standard deviation of each of the
+        independent errors of the strain's fit adds to `strain_sine`, `strain_cosine` and
+        `background_rate`. Errors of the harmonics, or of the background, are left out where their
+        share (`strain_shares`) is below `NEGLIGIBLE_SHARE`.
+    `t_middle`, `t_half`: middle and half length (s) of the strain record.
+    `notices`: what the preparation left out: sentences.
     """
 
     period: float
@@ -222,23 +202,10 @@ def prepare(
     """Prepare a record for the model.
 
     Stress readings that lie outside the strain record by more than half a strain reading are left
-    out with a notice: the strain that drives the model is not extrapolated to them.
-
-    Parameters
-    ----------
-    record : OscillationRecord
-        Raw readings.
-    settings : OscillationSettings
-        Period and degrees where they are given, and what becomes of the background.
-    where : str
-        File or test, for messages.
-
-    Raises
-    ------
-    InputError
-        If a clock does not increase, an uncertainty is not positive, readings are too few for the
-        coefficients, the period does not suit the sampling, a series has fewer than two cycles,
-        or the two clocks do not overlap over two cycles.
+    out with a notice: the strain that drives the model is not extrapolated to them. Raise
+    InputError if a clock does not increase, an uncertainty is not positive, readings are too few
+    for the coefficients, the period does not suit the sampling, a series has fewer than two cycles,
+    or the two clocks do not overlap over two cycles.
     """
     strain = _checked("strain", record.strain_time, record.strain, record.strain_uncertainty, where)
     stress = _checked("stress", record.stress_time, record.stress, record.stress_uncertainty, where)
@@ -374,15 +341,10 @@ def _powers_of_rate(trend: FloatArray, t_half: float) -> FloatArray:
 def strain_shares(strain_fit: HarmonicFit, stress_fit: HarmonicFit) -> tuple[float, float]:
     """Return how much the errors of the strain count beside those of the stress.
 
-    The noise of the stress is that of the residuals, as it is when the model is fitted.
-
-    Returns
-    -------
-    oscillation : float
-        Variance of the strain's fundamental over that of the stress's, both relative.
-    background : float
-        Variance of the mean strain rate over that of the mean stress, both relative: as it counts
-        in a linear dashpot, which is more than in a power law.
+    The noise of the stress is that of the residuals, as it is when the model is fitted. Return
+    `oscillation`: variance of the strain's fundamental over that of the stress's, both relative.
+    Return `background`: variance of the mean strain rate over that of the mean stress, both
+    relative: as it counts in a linear dashpot, which is more than in a power law.
     """
     freedom = stress_fit.n_points - stress_fit.coefficients.size
     residual = max(stress_fit.chi_square / freedom, LEAST_RESIDUAL)

@@ -170,18 +170,13 @@ def grid_block(
 class ShearedReference:
     """What sets the sheared coordinates of a test up, as in `stan/data/sheared.stan`.
 
-    Attributes
-    ----------
-    flow_slope : array, shape (3,)
-        Derivatives of the ln(flow rate s) that fits best by n, p and p ln(d/d_0).
-    flow_reference : array, shape (3,)
-        n, p and epsilon_c1 where the flow rate is not shifted.
-    log_rate_scale : float
-        ln(flow rate s) from which on the coordinate is the rate itself.
-    first_log_rate : float
-        ln(flow rate s) of the first solution, those of the others follow in `LOG_RATE_STEP`.
-    log_dashpot_compliance : array, shape (N_SOLUTIONS,)
-        ln of the dashpot's loss compliance (1/Pa) in the solutions.
+    `flow_slope` (3,): derivatives of the ln(flow rate s) that fits best by n, p and p ln(d/d_0).
+    `flow_reference` (3,): n, p and epsilon_c1 where the flow rate is not shifted.
+    `log_rate_scale`: ln(flow rate s) from which on the coordinate is the rate itself.
+    `first_log_rate`: ln(flow rate s) of the first solution, those of the others follow in
+        `LOG_RATE_STEP`.
+    `log_dashpot_compliance` (N_SOLUTIONS,): ln of the dashpot's loss compliance (1/Pa) in the
+        solutions.
     """
 
     flow_slope: FloatArray

@@ -11,15 +11,7 @@ LAWS = {**OTHER_LAWS, "peak_strength": "kelvin=two_elements"}
 
 
 def advice(free: Collection[str], along: xr.Dataset) -> str | None:
-    """Return what to try, None where stress was read while one stage imposed the strain.
-
-    Parameters
-    ----------
-    free : collection of str
-        Free parameters of the fit.
-    along : Dataset
-        Stages and quantities of the readings (`LoadingHistoryProtocol.observed_positions`).
-    """
+    """Return what to try, None where stress was read while one stage imposed the strain."""
     if not (along["segment"].any() or along["quantity"].any()):
         return None
     laws = laws_to_try(free, LAWS)

@@ -25,14 +25,9 @@ strain is no creep."""
 class CreepInterval:
     """Part of a stage in which a nearly constant compressive stress stands.
 
-    Attributes
-    ----------
-    stage : int
-        To which it belongs, from 0.
-    start_time, end_time : float
-        Seconds since the start of the test.
-    stress : float
-        Mean over time (Pa).
+    `stage`: to which it belongs, from 0.
+    `start_time`, `end_time`: seconds since the start of the test.
+    `stress`: mean over time (Pa).
     """
 
     stage: int

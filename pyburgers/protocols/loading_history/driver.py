@@ -27,10 +27,10 @@ TOLERANCE = 5.0
 """How far a line passes from a reading, in standard deviations of the reading error. Its corners
 are readings with errors of their own, so that 5 are 3.5 of those of a difference."""
 
-FEWEST_READINGS = 20
+MIN_ERROR_READINGS = 20
 """Of fewer readings the error is not told from them: corners may be too large a share."""
 
-FEWEST_IN_A_LEG = 6
+MIN_LEG_READINGS = 6
 """Of fewer readings in a leg the scatter is not told from them."""
 
 PLAIN_SHARE, DOUBTFUL_SHARE = 0.02, 0.01
@@ -46,12 +46,7 @@ def scatter(time: FloatArray, value: FloatArray) -> float:
     """Return how far readings lie from their neighbours, as a standard deviation; 0 for under 3.
 
     From the median distance of a reading from the line through its neighbours, which few jumps or
-    corners do not move.
-
-    Parameters
-    ----------
-    time, value : array, shape (n,)
-        The series, times not decreasing.
+    corners do not move. `time`, `value` (n,): the series, times not decreasing.
     """
     distances = distances_from_neighbours(time, value)
     if distances.size == 0:
@@ -62,15 +57,11 @@ def scatter(time: FloatArray, value: FloatArray) -> float:
 def reading_error(time: FloatArray, value: FloatArray) -> float:
     """Return the standard deviation of independent errors of a series, as far as it can be told.
 
-    Their scatter, unless corners may be what scatters: it is 0 for under `FEWEST_READINGS`, and
+    Their scatter, unless corners may be what scatters: it is 0 for under `MIN_ERROR_READINGS`, and
     limited where it is large and the series does not turn as noise does (cycles, for example).
-
-    Parameters
-    ----------
-    time, value : array, shape (n,)
-        The series, times not decreasing.
+    `time`, `value` (n,): the series, times not decreasing.
     """
-    if time.size < FEWEST_READINGS:
+    if time.size < MIN_ERROR_READINGS:
         return 0.0
     error, span = scatter(time, value), float(np.ptp(value))
     if error <= PLAIN_SHARE * span or _turns_like_noise(value):
@@ -99,12 +90,7 @@ def tolerances(time: FloatArray, value: FloatArray) -> FloatArray:
     """Return how far a line passes from the readings of a series without a stated error, (n,).
 
     It is smaller in a leg whose readings scatter less than those of the whole series do, if that
-    scatter is taken for the error.
-
-    Parameters
-    ----------
-    time, value : array, shape (n,)
-        The series, times increasing.
+    scatter is taken for the error. `time`, `value` (n,): the series, times increasing.
     """
     error = reading_error(time, value)
     allowed = np.full(time.size, tolerance_of(value, error))
@@ -114,7 +100,7 @@ def tolerances(time: FloatArray, value: FloatArray) -> FloatArray:
         closer = allowed.copy()
         for first, last in pairwise(_fewest_corners(time, value, allowed)):
             own = slice(first, last + 1)
-            if last - first + 1 >= FEWEST_IN_A_LEG:
+            if last - first + 1 >= MIN_LEG_READINGS:
                 error = max(scatter(time[own], value[own]), _rounding_error(value[own]))
                 inside = slice(first + 1, last)
                 closest = max(TOLERANCE * error, tolerance_of(value, 0.0))
@@ -135,18 +121,10 @@ def line_through(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the corners of the line that stands for a series.
 
-    Parameters
-    ----------
-    time, value : array, shape (n,)
-        The series, n at least 2, times increasing.
-    tolerance : float or array, shape (n,)
-        How far the line passes from a reading before its corners are moved, in the unit of
-        `value`; positive. Readings count by its inverse square.
-
-    Returns
-    -------
-    time, value : array, shape (n_corners,)
-        The first and the last time are those of the series.
+    `time`, `value` (n,): the series, n at least 2, times increasing. `tolerance` (n,): how far the
+    line passes from a reading before its corners are moved, in the unit of `value`; positive.
+    Readings count by its inverse square. Return `time`, `value` (n_corners,): the first and the
+    last time are those of the series.
     """
     allowed = np.broadcast_to(np.asarray(tolerance, dtype=np.float64), time.shape)
     corner = _fewest_corners(time, value, allowed)
@@ -200,3 +178,49 @@ def _reached(
         + slope**2 * np.cumsum(weight * t**2)
     )
     return within + 1, squares[within]
+
+
+def kept_readings(
+    time: FloatArray, response: FloatArray, changes: FloatArray, n_kept: int
+) -> np.ndarray:
+    """Return the indices of the readings that are kept, increasing.
+
+    `time`, `response` (n,): readings of one quantity, times (s) not decreasing, two different ones
+    at least. `changes` (n_changes,): times (s) at which what is imposed changes its value or rate,
+    the first not after the first reading.
+    """
+    if time.size <= n_kept:
+        return np.arange(time.size)
+    measure = np.mean(
+        [_from_0_to_1(part) for part in (time, _log_time(time, changes), _way(time, response))],
+        axis=0,
+    )
+    wanted = np.linspace(0.0, 1.0, n_kept)
+    return np.unique(np.rint(np.interp(wanted, measure, np.arange(time.size))).astype(np.int64))
+
+
+def _log_time(time: FloatArray, changes: FloatArray) -> FloatArray:
+    """Logarithm of the time since the last change, added up over the changes."""
+    last = np.searchsorted(changes, time, side="right") - 1
+    scale = float(np.median(np.diff(np.unique(time))))
+    within = np.log1p((time - changes[last]) / scale)
+    spans = np.log1p(np.diff(changes) / scale)
+    before = np.concatenate([[0.0], np.cumsum(spans)])
+    added: FloatArray = before[last] + within
+    return added
+
+
+def _way(time: FloatArray, response: FloatArray) -> FloatArray:
+    """Sum of all rises and falls of the response up to each reading."""
+    tolerance = tolerance_of(response, reading_error(time, response))
+    moment, place, count = np.unique(time, return_inverse=True, return_counts=True)
+    corners, values = line_through(moment, np.bincount(place, response) / count, tolerance)
+    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values)))])
+    up_to: FloatArray = np.interp(time, corners, way)
+    return up_to
+
+
+def _from_0_to_1(measure: FloatArray) -> FloatArray:
+    span = measure[-1] - measure[0]
+    scaled: FloatArray = (measure - measure[0]) / span if span > 0 else np.zeros_like(measure)
+    return scaled

@@ -21,7 +21,7 @@ from pyburgers.protocols.loading_history.stages import (
 
 IntArray = npt.NDArray[np.int64]
 
-UNREAD_PART = 0.5
+MAX_UNREAD_SHARE = 0.5
 """Share of a stage at either end of the readings from which on their times are doubted."""
 
 
@@ -29,10 +29,7 @@ UNREAD_PART = 0.5
 class Stated:
     """A number that a file states with its uncertainty, in SI.
 
-    Attributes
-    ----------
-    value, sd : float
-        Mean and standard deviation; with an sd of 0 the number is known.
+    `value`, `sd`: mean and standard deviation; with an sd of 0 the number is known.
     """
 
     value: float
@@ -43,25 +40,18 @@ class Stated:
 class LoadingHistory(Experiment):
     """One test under a history of imposed strain and stress, in SI units.
 
-    Attributes
-    ----------
-    stages : tuple of Stage
-        One after the other without gaps; the first starts at 0 s, where the sample is at rest.
-    time : array, shape (n_points,)
-        Of the readings (s since the start), not decreasing.
-    reading_stage : array of int, shape (n_points,)
-        Stage of each reading, from 0.
-    reading : array, shape (n_points,)
-        True stress (Pa) where strain is imposed, true strain (fraction) where stress is imposed.
-    stress_uncertainty, strain_uncertainty : float or None
-        Standard deviation of a reading (Pa, fraction) where it is stated.
-    apparatus_compliance : Stated or None
-        Strain of the apparatus for a stress, in strain of the sample (1/Pa), that is part of
-        measured and imposed strains; None for none.
-    strain_offset : Stated or None
-        Measured strain of the sample at rest; None for zero.
-    n_readings_in_file : int
-        Before records were thinned.
+    `stages`: one after the other without gaps; the first starts at 0 s, where the sample is at
+        rest.
+    `time` (n_points,): of the readings (s since the start), not decreasing.
+    `reading_stage` (n_points,): stage of each reading, from 0.
+    `reading` (n_points,): true stress (Pa) where strain is imposed, true strain (fraction) where
+        stress is imposed.
+    `stress_uncertainty`, `strain_uncertainty`: standard deviation of a reading (Pa, fraction) where
+        it is stated.
+    `apparatus_compliance`: strain of the apparatus for a stress, in strain of the sample (1/Pa),
+        that is part of measured and imposed strains; None for none.
+    `strain_offset`: measured strain of the sample at rest; None for zero.
+    `n_readings_in_file`: before records were thinned.
     """
 
     protocol: ClassVar[str] = "loading_history"
@@ -179,7 +169,7 @@ class LoadingHistory(Experiment):
         found = []
         for k, passed, where in unread:
             duration = self.stages[k].end_time - self.stages[k].start_time
-            if passed > UNREAD_PART * duration:
+            if passed > MAX_UNREAD_SHARE * duration:
                 found.append(
                     f"stage {k + 1} lasts {duration / seconds:.4g} {unit}, of which "
                     f"{passed / seconds:.4g} {unit} are {where} reading; check units and start "

@@ -6,19 +6,20 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from pyburgers.common.columns import write_columns
+from pyburgers.common.columns import write_data
 from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, factor_to_si, read_toml
+from pyburgers.common.units import units_text
 from pyburgers.protocols.experiment import (
+    SIGNS_WERE_TURNED,
+    Compression,
     ExperimentFile,
     FloatArray,
     shared_values,
     write_experiment,
 )
-from pyburgers.protocols.loading_history.conventions import Conventions
 from pyburgers.protocols.loading_history.experiment import LoadingHistory, Stated
-from pyburgers.protocols.loading_history.imposed_readings import unlike_imposed
 from pyburgers.protocols.loading_history.measured_sections import SectionTable, read_sections
 from pyburgers.protocols.loading_history.readings import (
     NO_READINGS,
@@ -28,21 +29,27 @@ from pyburgers.protocols.loading_history.readings import (
     responses,
     thinned,
 )
-from pyburgers.protocols.loading_history.readings_at_changes import (
-    check_loaded,
-    without_start,
-    without_states_before,
-)
-from pyburgers.protocols.loading_history.stage_keys import StageTable
 from pyburgers.protocols.loading_history.stage_tables import (
-    Test,
+    StageSource,
+    check_given_strains,
     read_stages,
     stage_bounds,
 )
-from pyburgers.protocols.loading_history.stages import Stage, legs_of
-from pyburgers.protocols.loading_history.true_measures import Measure, true_readings
+from pyburgers.protocols.loading_history.stages import (
+    Conventions,
+    Measure,
+    Stage,
+    StageTable,
+    legs_of,
+)
+from pyburgers.protocols.loading_history.true_readings import (
+    check_loaded,
+    true_readings,
+    unlike_imposed,
+    without_start,
+    without_states_before,
+)
 from pyburgers.protocols.microstructure import microstructure_tables
-from pyburgers.protocols.signs import SIGNS_WERE_TURNED, Compression
 
 
 class _ApparatusTable(Table):
@@ -60,8 +67,8 @@ class _OffsetTable(Table):
 
 class _LoadingHistoryFile(ExperimentFile):
     protocol: Literal["loading_history"] = Field(description="the kind of test")
-    stage_time_unit: str = Field("s", description="s, min or h")
-    stage_stress_unit: str = Field("Pa", description="Pa, MPa or GPa")
+    stage_time_unit: str = Field("s", description=units_text("time"))
+    stage_stress_unit: str = Field("Pa", description=units_text("stress"))
     compression: Compression = Field("positive", description="its sign in stages and data")
     stress_measure: Measure = Field("true", description="of the stress, of stages and data")
     strain_measure: Measure = Field("true", description="of the strain, of stages and data")
@@ -81,22 +88,14 @@ def load_loading_history(path: str | Path) -> LoadingHistory:
     """Read and check the file of a loading history and the data file that it names.
 
     Time counts from the start of the first stage. What is turned, smoothed, left out or thinned is
-    said in a notice.
-
-    Parameters
-    ----------
-    path : str or Path
-        The TOML file.
-
-    Raises
-    ------
-    InputError
-        If a file, key, unit or number is not what it has to be.
+    said in a notice. Raise InputError if a file, key, unit or number is not what it has to be.
     """
     path = given_path(path)
     file = read_toml(path, _LoadingHistoryFile)
     values, (test, offset) = all_of(lambda: shared_values(path, file), lambda: _test(path, file))
     stages, changes = read_stages(test, file.stages)
+    if file.data is None or not file.data.is_copy:
+        check_given_strains(test, file.stages, stages)
     changes = [
         *test.readings.notes,
         *_turned(file),
@@ -138,18 +137,6 @@ def save_loading_history(experiment: LoadingHistory, directory: Path) -> Path:
     """Write a self-contained copy, ``experiment.toml`` and ``experiment.csv``, in SI units.
 
     `load_loading_history` reads back exactly equal contents, notices included.
-
-    Parameters
-    ----------
-    experiment : LoadingHistory
-        What to write.
-    directory : Path
-        An existing folder.
-
-    Returns
-    -------
-    Path
-        The TOML file.
     """
     own: dict[str, Any] = {"stages": [_stage_table(stage) for stage in experiment.stages]}
     if any(stage.is_force for stage in experiment.stages):
@@ -169,7 +156,7 @@ def save_loading_history(experiment: LoadingHistory, directory: Path) -> Path:
     return write_experiment(experiment, directory, own)
 
 
-def _test(path: Path, file: _LoadingHistoryFile) -> tuple[Test, Stated | None]:
+def _test(path: Path, file: _LoadingHistoryFile) -> tuple[StageSource, Stated | None]:
     """Return what stages are read with, and the zero of strain."""
     conventions = Conventions.of(
         path,
@@ -188,7 +175,7 @@ def _test(path: Path, file: _LoadingHistoryFile) -> tuple[Test, Stated | None]:
         readings = true_readings(
             path, raw, file.stress_measure, file.strain_measure, zero, compliance
         )
-    test = Test(
+    test = StageSource(
         path=path,
         temperature=file.temperature_K,
         conventions=conventions,
@@ -198,7 +185,6 @@ def _test(path: Path, file: _LoadingHistoryFile) -> tuple[Test, Stated | None]:
         strain_error=_uncertainty(path, file.data, "strain"),
         first_strain=(offset.value, offset.sd) if offset else (0.0, 0.0),
         compliance=compliance,
-        is_copy=file.data is not None and file.data.is_copy,
     )
     return test, offset
 
@@ -218,13 +204,11 @@ def _apparatus(file: _LoadingHistoryFile) -> Stated | None:
 
 def _uncertainty(path: Path, data: HistoryDataTable | None, quantity: str) -> float | None:
     """Return the stated standard deviation of a reading in SI."""
-    stated = getattr(data, f"{quantity}_uncertainty", None)
-    if data is None or stated is None:
+    if data is None:
         return None
-    key = f"{quantity}_unit"
-    factor = factor_to_si(getattr(data, key), quantity, f"{path}: key {key!r} in [data]")
+    stated = data.in_si(f"{quantity}_uncertainty", f"{quantity}_unit", quantity, path)
     over = data.relaxation_strain if quantity == "stress" else None
-    return float(stated) * factor * (over or 1.0)
+    return stated if stated is None or over is None else stated * over
 
 
 def _turned(file: _LoadingHistoryFile) -> list[str]:
@@ -240,7 +224,7 @@ def _turned(file: _LoadingHistoryFile) -> list[str]:
 
 
 def _used(
-    test: Test, found: Response, stages: tuple[Stage, ...], data: HistoryDataTable | None
+    test: StageSource, found: Response, stages: tuple[Stage, ...], data: HistoryDataTable | None
 ) -> tuple[Response, list[str]]:
     """Return the readings of the response that are used, and sentences about the others."""
     if data is None:
@@ -308,10 +292,6 @@ def _write_readings(experiment: LoadingHistory, directory: Path) -> dict[str, An
         "stage": (experiment.reading_stage + 1).astype(np.float64),
     }
     table: dict[str, Any] = {
-        "file": "experiment.csv",
-        "separator": ",",
-        "header": True,
-        "missing": [],
         "time_column": "time_s",
         "time_unit": "s",
         "stage_column": "stage",
@@ -326,5 +306,4 @@ def _write_readings(experiment: LoadingHistory, directory: Path) -> dict[str, An
             columns[quantity] = np.where(own, experiment.reading, np.nan)
             table |= {f"{quantity}_column": quantity, f"{quantity}_unit": unit}
             table |= {f"{quantity}_uncertainty": error} if error is not None else {}
-    write_columns(directory / "experiment.csv", columns)
-    return table
+    return {**write_data(directory, columns), **table}

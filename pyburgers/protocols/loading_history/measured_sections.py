@@ -12,11 +12,9 @@ from pyburgers.common.toml_files import Table
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of
-from pyburgers.protocols.loading_history.conventions import Conventions
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.stage_keys import StageTable
-from pyburgers.protocols.loading_history.stage_tables import Test
-from pyburgers.protocols.loading_history.stages import Leg
+from pyburgers.protocols.loading_history.stage_tables import StageSource
+from pyburgers.protocols.loading_history.stages import Conventions, Leg, StageTable
 from pyburgers.protocols.microstructure import (
     MeasuredMicrostructure,
     MeasuredTable,
@@ -61,7 +59,7 @@ class SectionTable(MeasuredTable, _PlaceTable):
 
 
 def read_sections(
-    test: Test,
+    test: StageSource,
     tables: Sequence[SectionTable],
     stage_tables: Sequence[StageTable],
     legs: Sequence[Leg],
@@ -73,7 +71,7 @@ def read_sections(
 
     Parameters
     ----------
-    test : Test
+    test : StageSource
         The file, and how its numbers are meant.
     tables : sequence of SectionTable
         Its tables.

@@ -8,33 +8,30 @@ from typing import Any
 
 import numpy as np
 
-from pyburgers.common.units import UNITS
+from pyburgers.common.units import UNITS, units_text
 from pyburgers.protocols.column_facts import Facts, facts_of, read_together
-from pyburgers.protocols.departures import slope_of
 from pyburgers.protocols.experiment import FloatArray
+from pyburgers.protocols.limits import slope_of
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.new_file import (
+    LAYOUT,
     STRAIN_RATE,
     Columns,
     Description,
     NewFile,
     Question,
-    column_lines,
     compression_of,
-    layout_lines,
-    line,
-    optional,
-    with_comment,
+    filled,
 )
 from pyburgers.protocols.quantities import ENGINEERING
 
-NO_TIME = 1e-3
+JUMP_DURATION_SHARE = 1e-3
 """Time that loading in no time is given, in shares of the time until the first reading."""
 
-EARLY = 0.05
+MAX_EARLY_SHARE = 0.05
 """Share of a relaxation before its first reading up to which time counts from the hold."""
 
-LEAST_HELD, FALL, AT_ONCE = 0.2, 3.0, 0.8
+MIN_HELD_SHARE, MIN_FALL_RATIO, MAX_SHARE_AT_ONCE = 0.2, 3.0, 0.8
 """Of a strain that is held: the least share of the test, and by how much more the stress falls then
 than the strain changes, relatively. A load that goes down does more than this share at once."""
 
@@ -69,6 +66,42 @@ CONTROL_COMMENTS = {
 }
 
 
+TEMPLATE = f"""
+stage_time_unit = {{time_unit}}  # of the stages; {{time_units}}
+stage_stress_unit = "MPa"  # of the stages; {{stress_units}}
+compression = {{compression}}  # positive or negative: of stages and data
+strain_measure = {{strain_measure}}  # true or engineering
+stress_measure = {{stress_measure}}  # true or engineering
+
+{{stages}}
+[data]
+file = {{file}}
+{LAYOUT}\
+time_column = {{time_column}}  # on the clock of the stages
+time_unit = {{time_unit}}
+strain_column = {{strain_column}}
+strain_unit = {{strain_unit}}
+stress_column = {{stress_column}}
+stress_unit = {{stress_unit}}
+relaxation_strain = {{relaxation_strain}}  # the stress column is the stress over this strain
+# strain_uncertainty = 0.002  # of a reading, in its unit
+# [[microstructure]]  # measured in the sample, at one time or more
+# time = "end"  # of the test; else in stage_time_unit
+# grain_size_m = 165e-6
+# grain_size_sd_m = 8e-6
+"""
+
+STAGE_TEMPLATE = """\
+[[stages]]  # one after the other, without gaps
+control = {control}  # {comment}
+start_time = {start_time}
+end_time = {end_time}
+stress = {stress}  # in stage_stress_unit
+strain_rate_per_s = {strain_rate_per_s}
+
+"""
+
+
 class LoadingHistoryFile(NewFile):
     """Stages of a stress or a rate that is given, or one driven by readings of stress or strain.
 
@@ -80,8 +113,9 @@ class LoadingHistoryFile(NewFile):
     needed = (("time",), ("strain", "stress", "relaxation_modulus"))
     quantities = frozenset({"time", "strain", "stress", "relaxation_modulus"})
     questions = (STRAIN_RATE, STRESS, HOLD_START, HELD_STRAIN, LOADING_TIME)
+    template = TEMPLATE
 
-    def suits(self, columns: Columns) -> str | None:
+    def recognise(self, columns: Columns) -> str | None:
         """Return what the stress and the strain do that is neither at one rate nor a cycle."""
         if "time" not in columns or not {"strain", "stress", "relaxation_modulus"} & columns.keys():
             return None
@@ -99,13 +133,13 @@ class LoadingHistoryFile(NewFile):
             return "the stress goes in steps and stays the same between"
         return "the strain turns back" if strain.turns else None
 
-    def read(self, columns: Columns) -> Columns:
+    def select_columns(self, columns: Columns) -> Columns:
         """Return time, strain and stress, of which a modulus of relaxation takes the place."""
-        found = super().read(columns)
+        found = super().select_columns(columns)
         needless = "relaxation_modulus" if "stress" in found else ""
         return {name: one for name, one in found.items() if name != needless}
 
-    def proposed(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:
+    def propose_answers(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return when a strain is held, and its size and loading as far as they were read."""
         first = _hold_of(columns)
         if first is None:
@@ -115,7 +149,7 @@ class LoadingHistoryFile(NewFile):
         if first:
             start = _end_of_loading(time, strain, first)
         else:
-            start = 0.0 if 0 <= time[0] <= EARLY * time[-1] else float(time[0])
+            start = 0.0 if 0 <= time[0] <= MAX_EARLY_SHARE * time[-1] else float(time[0])
         known = {HOLD_START.name: start / second}
         if "strain" in columns:
             held = float(f"{strain[-1] - (strain[0] if first else 0.0):.4g}")
@@ -127,7 +161,7 @@ class LoadingHistoryFile(NewFile):
             known[LOADING_TIME.name] = (start - float(time[0])) / second
         return known
 
-    def taken(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
+    def allowed_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return what belongs to the stress or the rate that drives it, of which there is one.
 
         A stress needs readings of the strain, a rate those of the stress. Of rate, strain and time
@@ -145,13 +179,15 @@ class LoadingHistoryFile(NewFile):
                 return names
         return by_stress | by_rate
 
-    def asked(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
+    def required_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return the stress, unless a rate is given or there are readings to drive the test.
 
         Without a column of the strain a rate drives it: the stress is what was read. Where a stress
         falls at a strain that is held, the hold is asked for, and its loading.
         """
-        by_rate = given[STRESS.name] is None and HOLD_START.name in self.taken(columns, given)
+        by_rate = given[STRESS.name] is None and HOLD_START.name in self.allowed_answers(
+            columns, given
+        )
         if by_rate and _is_held(columns, given):
             if given[HOLD_START.name] is None:
                 return (HOLD_START.name,)
@@ -162,7 +198,7 @@ class LoadingHistoryFile(NewFile):
         driven = given[STRAIN_RATE.name] is not None or "stress" in columns
         return () if driven else (STRESS.name,)
 
-    def decided(self, test: Description) -> Sequence[str]:
+    def describe_decisions(self, test: Description) -> Sequence[str]:
         """Say where the strain turns, and how loading in no time is written."""
         values, columns, unit = test.values, test.columns, test.columns["time"].unit
         if values[STRESS.name] is not None:
@@ -177,53 +213,29 @@ class LoadingHistoryFile(NewFile):
             stages = "stages end there, and the rate changes its sign"
         return (f"the strain turns back at {turns} {unit}: {stages}",) if turns else ()
 
-    def lines(self, test: Description) -> list[str]:
-        """Return the stages and the columns."""
-        compression = compression_of(test, test.values[STRESS.name])
-        return [
-            line("stage_time_unit", test.columns["time"].unit, "of the stages; s, min or h"),
-            line("stage_stress_unit", "MPa", "of the stages; Pa, MPa or GPa"),
-            line("compression", compression, "positive or negative: of stages and data"),
-            *(
-                line(f"{name}_measure", _measure(test.columns, name), "true or engineering")
-                for name in ("strain", "stress")
-            ),
-            "",
-            *_stage_lines(test),
-            "[data]",
-            line("file", test.file),
-            *layout_lines(test),
-            *column_lines(test, "time", comment="on the clock of the stages"),
-            *column_lines(test, "strain"),
-            *column_lines(test, "stress"),
-            *_modulus_lines(test),
-            optional("strain_uncertainty = 0.002", "of a reading, in its unit"),
-            optional("[[microstructure]]", "measured in the sample, at one time or more"),
-            optional('time = "end"', "of the test; else in stage_time_unit"),
-            "# grain_size_m = 165e-6",
-            "# grain_size_sd_m = 8e-6",
-        ]
+    def filling(self, test: Description) -> Mapping[str, object]:
+        """Return the stages, measures and signs, and a modulus of relaxation as a stress."""
+        found: dict[str, object] = {
+            "time_units": units_text("time"),
+            "stress_units": units_text("stress"),
+            "compression": compression_of(test, test.values[STRESS.name]),
+            "strain_measure": _measure(test.columns, "strain"),
+            "stress_measure": _measure(test.columns, "stress"),
+            "stages": _stage_lines(test),
+        }
+        modulus = test.columns.get("relaxation_modulus")
+        if modulus is not None:
+            rate, lasted = _loading(test)
+            second = UNITS["time"][test.columns["time"].unit or "s"]
+            found["stress_column"], found["stress_unit"] = modulus.column, modulus.unit
+            found["relaxation_strain"] = float(f"{abs(rate) * lasted * second:.6g}")
+        return found
 
 
 def _measure(columns: Columns, quantity: str) -> str:
     """Return the measure that the name of a column says."""
     name = columns[quantity].name.lower() if quantity in columns else ""
     return "engineering" if re.search(ENGINEERING, name) else "true"
-
-
-def _modulus_lines(test: Description) -> list[str]:
-    """Return the keys of a modulus of relaxation: a stress over the strain that is held."""
-    modulus = test.columns.get("relaxation_modulus")
-    if modulus is None:
-        return []
-    rate, lasted = _loading(test)
-    second = UNITS["time"][test.columns["time"].unit or "s"]
-    strain = float(f"{abs(rate) * lasted * second:.6g}")
-    return [
-        line("stress_column", modulus.column),
-        line("stress_unit", modulus.unit),
-        line("relaxation_strain", strain, "the stress column is the stress over this strain"),
-    ]
 
 
 def _rows(columns: Columns, *names: str) -> tuple[FloatArray, ...]:
@@ -241,13 +253,13 @@ def _hold_of(columns: Columns) -> int | None:
     time, strain, falling = _rows(columns, "time", "strain", stress)
     first = Facts(strain).held_from
     stress_then, strain_then = Facts(falling[first:]), Facts(strain[first:])
-    is_long = time[-1] - time[first] >= LEAST_HELD * (time[-1] - time[0]) > 0
-    at_once = np.abs(np.diff(stress_then.values)).max(initial=0.0) > AT_ONCE * np.ptp(
+    is_long = time[-1] - time[first] >= MIN_HELD_SHARE * (time[-1] - time[0]) > 0
+    at_once = np.abs(np.diff(stress_then.values)).max(initial=0.0) > MAX_SHARE_AT_ONCE * np.ptp(
         stress_then.values
     )
     falls = (
         stress_then.only_falls
-        and stress_then.relative_range > FALL * strain_then.relative_range
+        and stress_then.relative_range > MIN_FALL_RATIO * strain_then.relative_range
         and not (first and at_once)
     )
     return first if is_long and falls and np.any(strain_then.values) else None
@@ -273,11 +285,11 @@ def _stage_lines(test: Description) -> list[str]:
     start, end = min(0.0, float(times.min())), float(times.max())
     stress, rate = values[STRESS.name], values[STRAIN_RATE.name]
     if stress is not None:
-        return _stage("stress", start, end, line("stress", stress, "in stage_stress_unit"))
+        return _stage("stress", start, end, stress=stress)
     if _is_held(columns, values):
         hold_start, (rate, lasted) = values[HOLD_START.name], _loading(test)
         return [
-            *_stage("strain_rate", hold_start - lasted, hold_start, line(STRAIN_RATE.name, rate)),
+            *_stage("strain_rate", hold_start - lasted, hold_start, strain_rate_per_s=rate),
             *_stage("hold_strain", hold_start, end),
         ]
     turns = _turning_times(columns)
@@ -288,7 +300,7 @@ def _stage_lines(test: Description) -> list[str]:
     return [
         text
         for k, (first, last) in enumerate(itertools.pairwise([start, *turns, end]))
-        for text in _stage("strain_rate", first, last, line(STRAIN_RATE.name, rate * (-1) ** k))
+        for text in _stage("strain_rate", first, last, strain_rate_per_s=rate * (-1) ** k)
     ]
 
 
@@ -298,7 +310,7 @@ def _unread_loading(columns: Columns) -> list[str]:
     if not (time[0] > 0 and strain[0]):
         return []
     rate = float(f"{strain[0] / time[0]:.6g}")
-    return _stage("strain_rate", 0.0, _in_file(columns, time[0]), line(STRAIN_RATE.name, rate))
+    return _stage("strain_rate", 0.0, _in_file(columns, time[0]), strain_rate_per_s=rate)
 
 
 def _in_file(columns: Columns, time: float) -> float:
@@ -330,20 +342,14 @@ def _loading(test: Description) -> tuple[float, float]:
         return rate, abs(strain / rate) / second
     if lasted == 0:
         behind = times[times > values[HOLD_START.name]]
-        lasted = NO_TIME * float(behind.min() - values[HOLD_START.name])
+        lasted = JUMP_DURATION_SHARE * float(behind.min() - values[HOLD_START.name])
     return rate if strain is None else strain / (lasted * second), lasted
 
 
-def _stage(control: str, start: float, end: float, *imposed: str) -> list[str]:
+def _stage(control: str, start: float, end: float, **imposed: float) -> list[str]:
     comment = CONTROL_COMMENTS.get(control, "what is imposed; others: docs/loading_history.md")
-    return [
-        with_comment("[[stages]]", "one after the other, without gaps"),
-        line("control", control, comment),
-        line("start_time", start),
-        line("end_time", end),
-        *imposed,
-        "",
-    ]
+    values = {"control": control, "comment": comment, "start_time": start, "end_time": end}
+    return list(filled(STAGE_TEMPLATE, {**values, **imposed}))
 
 
 NEW_FILE = LoadingHistoryFile()

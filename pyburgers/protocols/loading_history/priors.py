@@ -24,21 +24,10 @@ def priors_of(
 
     Where strain is read, its noise is free and residuals correlate in time, unless the priors say
     otherwise; they do so too where the priors only say what share of them correlates. Where no
-    stress is read, it has no noise. The compliance of the apparatus and the
-    offset of the strain are those of the test's file, where that states them. What histories have
-    beside the material's has no effect in a table, whose priors are those of the first history.
-
-    Parameters
-    ----------
-    experiments : sequence of LoadingHistory or AttenuationExperiment
-        Tests with readings, histories first.
-    priors : PriorSet
-        Of all of them.
-
-    Raises
-    ------
-    InputError
-        If residuals are to correlate along strain.
+    stress is read, it has no noise. The compliance of the apparatus and the offset of the strain
+    are those of the test's file, where that states them. What histories have beside the material's
+    has no effect in a table, whose priors are those of the first history. Raise InputError if
+    residuals are to correlate along strain.
     """
     histories = [one for one in experiments if isinstance(one, LoadingHistory)]
     for experiment in histories:

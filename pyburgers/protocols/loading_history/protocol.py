@@ -194,12 +194,8 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
     def check_priors(self, experiment: LoadingHistory, priors: PriorSet) -> None:
         """Ask for laws without a stress of their own where the load cell is uncertain.
 
-        Where grains follow the stress, ask for times of measured microstructure.
-
-        Raises
-        ------
-        InputError
-            If one is missing, or there is such a law.
+        Where grains follow the stress, ask for times of measured microstructure. Raise InputError
+        if one is missing, or there is such a law.
         """
         section_times(experiment, priors)
         variant = variant_of(priors, experiment)

@@ -12,9 +12,9 @@ from pydantic import Field
 from pyburgers.common.columns import Column, TextFilesTable, read_columns
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import factor_to_si
-from pyburgers.common.units import count_points
+from pyburgers.common.units import count_points, units_text
 from pyburgers.protocols.experiment import FloatArray
-from pyburgers.protocols.loading_history.thinning import kept_readings
+from pyburgers.protocols.loading_history.driver import kept_readings
 
 IntArray = npt.NDArray[np.int64]
 
@@ -28,9 +28,9 @@ class HistoryDataTable(TextFilesTable):
 
     file: str = Field(description="the data file")
     time_column: Column
-    time_unit: str = Field(description="s, min or h")
+    time_unit: str = Field(description=units_text("time"))
     stress_column: Column | None = None
-    stress_unit: str | None = Field(None, description="Pa, MPa or GPa")
+    stress_unit: str | None = Field(None, description=units_text("stress"))
     stress_uncertainty: float | None = Field(
         None, gt=0, description="the standard deviation of a reading in the unit of the stress"
     )
@@ -41,7 +41,7 @@ class HistoryDataTable(TextFilesTable):
         "holds a modulus of relaxation",
     )
     strain_column: Column | None = None
-    strain_unit: str | None = Field(None, description="fraction or percent")
+    strain_unit: str | None = Field(None, description=units_text("strain"))
     strain_uncertainty: float | None = Field(
         None, gt=0, description="the standard deviation of a reading in the unit of the strain"
     )
@@ -63,18 +63,11 @@ class HistoryDataTable(TextFilesTable):
 class Readings:
     """Rows of a table, in SI; NaN stands for no reading.
 
-    Attributes
-    ----------
-    source : Path or None
-        The file, for messages; None for none.
-    time : array, shape (n_rows,)
-        Seconds since the start of the first stage.
-    stage : array of int, shape (n_rows,)
-        From 0.
-    stress, strain : array, shape (n_rows,)
-        Pa, fraction; compression positive.
-    notes : tuple of str
-        Sentences about what was done to read them.
+    `source`: the file, for messages; None for none.
+    `time` (n_rows,): seconds since the start of the first stage.
+    `stage` (n_rows,): from 0.
+    `stress`, `strain` (n_rows,): Pa, fraction; compression positive.
+    `notes`: sentences about what was done to read them.
     """
 
     source: Path | None
@@ -104,27 +97,9 @@ NO_READINGS = Readings(None, np.empty(0), np.empty(0, dtype=np.int64), np.empty(
 def read_readings(path: Path, data: HistoryDataTable, bounds: FloatArray, sign: int) -> Readings:
     """Read the table of a test.
 
-    Parameters
-    ----------
-    path : Path
-        The TOML file.
-    data : HistoryDataTable
-        Its table [data].
-    bounds : array, shape (n_stages + 1,)
-        Starts of the stages and the end of the last, in s on the clock of the table.
-    sign : {1, -1}
-        Of a compression in the table.
-
-    Returns
-    -------
-    Readings
-        Measures as in the file.
-
-    Raises
-    ------
-    InputError
-        If columns or units are missing or wrong, times go back within a stage, or a reading
-        is outside its stage or every stage.
+    `bounds` (n_stages + 1,): starts of the stages and the end of the last, in s on the clock of the
+    table. The result: measures as in the file. Raise InputError if columns or units are missing or
+    wrong, times go back within a stage, or a reading is outside its stage or every stage.
     """
     columns: dict[str, tuple[str, str] | None] = {"time_column": ("time_unit", "time")}
     for quantity in ("stress", "strain"):
@@ -169,24 +144,8 @@ def responses(
 ) -> Response:
     """Return the readings of the response.
 
-    Parameters
-    ----------
-    path : Path
-        The TOML file, for messages.
-    readings : Readings
-        True ones.
-    response : sequence of {"stress", "strain"}
-        Of each stage.
-
-    Returns
-    -------
-    time, stage, value : array, shape (n_readings,)
-        In the order of time.
-
-    Raises
-    ------
-    InputError
-        If a stage with rows has no reading of its response.
+    Return `time`, `stage`, `value` (n_readings,): in the order of time. Raise InputError if a stage
+    with rows has no reading of its response.
     """
     is_strain = np.array([quantity == "strain" for quantity in response])
     value = np.where(is_strain[readings.stage], readings.strain, readings.stress)
@@ -212,16 +171,9 @@ def thinned(
 ) -> npt.NDArray[np.bool_]:
     """Return which readings are kept, shape (n_readings,), by the rule of `thinning`.
 
-    Half of them are shared equally by the stages, half by the number of their readings.
-
-    Parameters
-    ----------
-    time, stage, value : array, shape (n_readings,)
-        The readings.
-    changes : callable
-        Receives a stage; returns the times (s) in it at which what is imposed changes.
-    most : int
-        How many are kept at most, but for the two ends of each stage.
+    Half of them are shared equally by the stages, half by the number of their readings. `time`,
+    `stage`, `value` (n_readings,): the readings. `changes`: receives a stage; returns the times (s)
+    in it at which what is imposed changes.
     """
     kept = np.ones(time.size, dtype=np.bool_)
     if time.size <= most:
@@ -237,13 +189,11 @@ def thinned(
 
 
 def _check_pair(path: Path, data: HistoryDataTable, quantity: str) -> None:
-    column, unit = getattr(data, f"{quantity}_column"), getattr(data, f"{quantity}_unit")
-    if (column is None) != (unit is None):
-        raise InputError(
-            f"{path}: [data] needs both or neither of the keys '{quantity}_column' and "
-            f"'{quantity}_unit'."
-        )
-    if unit is None and getattr(data, f"{quantity}_uncertainty") is not None:
+    data.check_pairs(path, quantity)
+    if (
+        getattr(data, f"{quantity}_unit") is None
+        and getattr(data, f"{quantity}_uncertainty") is not None
+    ):
         raise InputError(
             f"{path}: key '{quantity}_uncertainty' in [data]: found it without "
             f"'{quantity}_column', expected both or neither."
@@ -254,14 +204,9 @@ def _check_pair(path: Path, data: HistoryDataTable, quantity: str) -> None:
 class _Rows:
     """How messages name the rows of a table.
 
-    Attributes
-    ----------
-    source : str
-        The file, and which of its rows are taken.
-    unit : str
-        Of its times.
-    second : float
-        The unit in s.
+    `source`: the file, and which of its rows are taken.
+    `unit`: of its times.
+    `second`: the unit in s.
     """
 
     source: str
@@ -330,38 +275,3 @@ def _check_order(rows: _Rows, time: FloatArray, stage: IntArray) -> None:
             f"{rows.source}: data row {k + 2}: the time {rows.time(time[k + 1])} comes after "
             f"{rows.time(time[k])}, expected times that do not go back within a stage."
         )
-
-
-def one_reading_each(
-    source: Path | None, time: FloatArray, value: FloatArray, text: Callable[[float], str]
-) -> tuple[FloatArray, FloatArray]:
-    """Return readings that drive a stage, of equal ones of one moment the first.
-
-    Parameters
-    ----------
-    source : Path or None
-        Their file, for the message.
-    time, value : array, shape (n,)
-        In the order of time.
-    text : callable
-        Returns a time with its unit.
-
-    Raises
-    ------
-    InputError
-        If readings of one moment differ; the message names all such moments.
-    """
-    again = np.diff(time, prepend=-np.inf) == 0
-    if np.any(again[1:] & (np.diff(value) != 0)):
-        moments, counts = np.unique(time[again], return_counts=True)
-        listed = ", ".join(
-            f"{text(moment)} ({count + 1} readings)"
-            for moment, count in zip(moments, counts, strict=True)
-        )
-        raise InputError(
-            f"{source}: found times that occur more than once with different readings, {listed}; "
-            "expected one reading of a moment, because these drive the stage: if the times were "
-            "rounded, write them in full; if one moment was read several times, write the mean; if "
-            'the stress is constant, impose it (control = "stress"), and all readings are kept.'
-        )
-    return time[~again], value[~again]

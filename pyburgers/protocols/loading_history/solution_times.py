@@ -21,13 +21,6 @@ def stage_times(experiment: LoadingHistory, shape: FloatArray) -> FloatArray:
     """Return times spread in the same way over every stage, from its start to its end: both count.
 
     The start of a later stage is so the second of two equal times, behind a jump of the stress.
-
-    Parameters
-    ----------
-    experiment : LoadingHistory
-        The test.
-    shape : array
-        Times over the duration of a stage, growing from any number to 1.
     """
     parts = []
     for stage in experiment.stages:

@@ -10,7 +10,6 @@ import numpy as np
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import counted, span_text
 from pyburgers.protocols.experiment import FloatArray
-from pyburgers.protocols.loading_history.conventions import Conventions
 from pyburgers.protocols.loading_history.driver import (
     TOLERANCE,
     TURNED_TOLERANCE,
@@ -20,17 +19,25 @@ from pyburgers.protocols.loading_history.driver import (
     tolerance_of,
     tolerances,
 )
-from pyburgers.protocols.loading_history.readings import Readings, one_reading_each
+from pyburgers.protocols.loading_history.readings import Readings
 from pyburgers.protocols.loading_history.series import (
     Series,
+    one_reading_each,
     own_readings,
+    strain_at_start,
     too_long_a_gap,
     with_ends,
 )
-from pyburgers.protocols.loading_history.stage_keys import StageTable, check_keys
-from pyburgers.protocols.loading_history.stages import DRIVEN, Control, Stage, legs_of
-from pyburgers.protocols.loading_history.strain_at_start import strain_at_start
-from pyburgers.protocols.loading_history.true_measures import true_stress
+from pyburgers.protocols.loading_history.stages import (
+    DRIVEN,
+    Control,
+    Conventions,
+    Stage,
+    StageTable,
+    check_keys,
+    legs_of,
+)
+from pyburgers.protocols.loading_history.true_readings import true_stress
 
 DISPLACEMENT_STEP = 0.01
 """At constant displacement rate the true strain rate changes with the length: legs this long in
@@ -38,29 +45,18 @@ true strain follow it to half a percent."""
 
 
 @dataclass(frozen=True, eq=False)
-class Test:
+class StageSource:
     """What stages are read with.
 
-    Attributes
-    ----------
-    path : Path
-        The file, for messages.
-    temperature : float
-        K, of stages that name none.
-    conventions : Conventions
-        How numbers are meant.
-    bounds : array, shape (n_stages + 1,)
-        Starts of the stages and the end of the last (s on the clock of the file).
-    readings : Readings
-        True ones.
-    stress_error, strain_error : float or None
-        Stated standard deviations of readings (Pa, fraction).
-    first_strain : tuple of (float, float)
-        Zero of strain and its standard deviation.
-    compliance : float
-        Of the apparatus (1/Pa): strains that are read include its share.
-    is_copy : bool
-        Whether the file was written after the test was read and checked.
+    `path`: the file, for messages.
+    `temperature`: K, of stages that name none.
+    `conventions`: how numbers are meant.
+    `bounds` (n_stages + 1,): starts of the stages and the end of the last (s on the clock of the
+        file).
+    `readings`: true ones.
+    `stress_error`, `strain_error`: stated standard deviations of readings (Pa, fraction).
+    `first_strain`: zero of strain and its standard deviation.
+    `compliance`: of the apparatus (1/Pa): strains that are read include its share.
     """
 
     path: Path
@@ -72,30 +68,14 @@ class Test:
     strain_error: float | None
     first_strain: tuple[float, float]
     compliance: float
-    is_copy: bool
 
 
 def stage_bounds(path: Path, tables: Sequence[StageTable], time_factor: float) -> FloatArray:
     """Check the times of stages.
 
-    Parameters
-    ----------
-    path : Path
-        The file, for messages.
-    tables : sequence of StageTable
-        At least one.
-    time_factor : float
-        To s.
-
-    Returns
-    -------
-    array, shape (n_stages + 1,)
-        Starts of the stages and the end of the last (s).
-
-    Raises
-    ------
-    InputError
-        If a stage ends before it starts, overlaps the one before, or leaves a gap.
+    `time_factor`: to s. The result (n_stages + 1,): starts of the stages and the end of the last
+    (s). Raise InputError if a stage ends before it starts, overlaps the one before, or leaves a
+    gap.
     """
     for number, table in enumerate(tables, start=1):
         if table.end_time <= table.start_time:
@@ -114,13 +94,13 @@ def stage_bounds(path: Path, tables: Sequence[StageTable], time_factor: float) -
     return np.array(times) * time_factor
 
 
-def read_stages(test: Test, tables: Sequence[StageTable]) -> tuple[tuple[Stage, ...], list[str]]:
+def read_stages(
+    test: StageSource, tables: Sequence[StageTable]
+) -> tuple[tuple[Stage, ...], list[str]]:
     """Return the stages, and sentences about what was turned or smoothed.
 
-    Raises
-    ------
-    InputError
-        If a key is missing, is not one of its control, or does not fit the stages before.
+    Raise InputError if a key is missing, is not one of its control, or does not fit the stages
+    before.
     """
     stages: list[Stage] = []
     notices: list[str] = []
@@ -131,6 +111,45 @@ def read_stages(test: Test, tables: Sequence[StageTable]) -> tuple[tuple[Stage, 
         reader = _StageReader(test, table, tables[:number], tuple(stages), strain_follows, notices)
         stages.append(reader.read())
     return tuple(stages), notices
+
+
+def check_given_strains(
+    source: StageSource, tables: Sequence[StageTable], stages: Sequence[Stage]
+) -> None:
+    """Check that strains given by knots start where the strain is at the end of earlier stages.
+
+    A copy of a test that was read before holds too few readings to judge that again.
+    """
+    for number, (table, stage) in enumerate(zip(tables, stages, strict=True)):
+        if table.knots is not None and stage.driven == "strain":
+            values = [value for _, value in stage.knots]
+            allowed = TURNED_TOLERANCE * float(np.ptp(values))
+            _check_jump(source, stages[:number], values[0], allowed, given=True)
+
+
+def _check_jump(
+    source: StageSource,
+    before: Sequence[Stage],
+    strain: float,
+    tolerance: float,
+    *,
+    given: bool = False,
+) -> None:
+    """Check that a series starts at the strain at the end of the stages before it.
+
+    Of knots, `given`, only differences count: they may hold the zero of the readings or not.
+    """
+    zero, sd = source.first_strain
+    start = strain_at_start(before, source.readings, zero, read_there=False)
+    if start is None:
+        return
+    jumps = [strain - zero - start.value, *([strain - start.value] if given else [])]
+    if min(map(abs, jumps)) > tolerance + start.slack + TOLERANCE * sd:
+        raise InputError(
+            f"{source.path}: [[stages]] number {len(before) + 1}: found a jump of the strain, from "
+            f"{zero + start.value:g} to {strain:g}, expected a series that starts where the strain "
+            "is (a zero of strain stands in [strain_offset])."
+        )
 
 
 def _given_end(tables: Sequence[StageTable]) -> float | None:
@@ -151,7 +170,7 @@ def _given_end(tables: Sequence[StageTable]) -> float | None:
 class _StageReader:
     """Reads the next stage, given those before it."""
 
-    test: Test
+    test: StageSource
     table: StageTable
     tables_before: Sequence[StageTable]
     before: Sequence[Stage]
@@ -321,8 +340,6 @@ class _StageReader:
             )
         time = given * conventions.time - self.test.bounds[0]
         value = (conventions.sign if strain_driven else stress) * value
-        if strain_driven and not self.test.is_copy:
-            self._check_jump(float(value[0]), TURNED_TOLERANCE * float(np.ptp(value)), given=True)
         return self._series(control, time, value)
 
     def _measured_series(self) -> Stage:
@@ -335,7 +352,7 @@ class _StageReader:
         if strain_driven:
             error = scatter(time, value) if stated is None else stated
             allowed = max(TOLERANCE * error, TURNED_TOLERANCE * float(np.ptp(value)))
-            self._check_jump(float(value[0]), allowed)
+            _check_jump(self.test, self.before, float(value[0]), allowed)
         factor = 1.0 if strain_driven else self.test.conventions.stress
         if self.table.tolerance is not None:
             tolerance = np.array([factor * self.table.tolerance])
@@ -353,23 +370,6 @@ class _StageReader:
             f"{series.unread}"
         )
         return self._series(self.table.control, corners, line)
-
-    def _check_jump(self, strain: float, tolerance: float, *, given: bool = False) -> None:
-        """Check that a series starts where the strain is at the end of the stages before it.
-
-        Of knots, `given`, only differences count: they may hold the zero of the readings or not.
-        """
-        zero, sd = self.test.first_strain
-        start = strain_at_start(self.before, self.test.readings, zero, read_there=False)
-        if start is None:
-            return
-        jumps = [strain - zero - start.value, *([strain - start.value] if given else [])]
-        if min(map(abs, jumps)) > tolerance + start.slack + TOLERANCE * sd:
-            raise InputError(
-                f"{self.where}: found a jump of the strain, from {zero + start.value:g} to "
-                f"{strain:g}, expected a series that starts where the strain is (a zero of strain "
-                "stands in [strain_offset])."
-            )
 
     def _readings(self, quantity: Literal["stress", "strain"], purpose: str) -> Series:
         """Return what was read over the stage."""

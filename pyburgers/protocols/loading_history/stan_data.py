@@ -1,24 +1,27 @@
-"""Data of `stan/loading_history.stan` about its tests."""
+"""Data of `stan/loading_history.stan`: tests, grids, and elements of the Kelvin part."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from itertools import chain
 
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.model.prior_families import is_fixed_at
+from pyburgers.model.arrhenius import log_slowdown
+from pyburgers.model.kelvin_elements import andrade_elements, band_elements, peak_elements
+from pyburgers.model.prior_families import Prior, is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.attenuation import stan_data as attenuation
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.kelvin_rows import elements_block
 from pyburgers.protocols.loading_history.measured_sections import section_times
 from pyburgers.protocols.microstructure import measured_block, strains_of
 from pyburgers.protocols.stan_data import StanData, ends
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+
+HistoryOrTable = LoadingHistory | AttenuationExperiment
 
 REFERENCE_FLOW_RATE_SCALE = 0.2
 """Scale of ln(flow rate s): data fix it to a few hundredths, the prior to about 1."""
@@ -51,72 +54,19 @@ def reference_origin(experiment: LoadingHistory) -> tuple[float, float]:
     return float(np.log(rate)), REFERENCE_FLOW_RATE_SCALE
 
 
-def tests_block(
-    experiments: Sequence[LoadingHistory | AttenuationExperiment], priors: Sequence[PriorSet]
-) -> StanData:
+def tests_block(experiments: Sequence[HistoryOrTable], priors: Sequence[PriorSet]) -> StanData:
     """Return the blocks `stan/data/loading_history.stan` and `stan/data/attenuation.stan`.
 
     Tables of attenuation have no legs; their readings stand among the points.
     """
-    histories = [e for e in experiments if isinstance(e, LoadingHistory)]
-    legs = [
-        [
-            2.0 if leg.is_force else float(leg.driven == "stress"),
-            leg.end_time - leg.start_time,
-            leg.start_value,
-            leg.rate,
-            leg.temperature,
-        ]
-        for experiment in histories
-        for leg in experiment.legs
-    ]
-    outputs = [
-        solver_outputs(e, section_times(e, own))
-        for e, own in zip(experiments, priors, strict=True)
-        if isinstance(e, LoadingHistory)
-    ]
-    times, counts = _times_in_legs(
-        histories, [one.time for one in outputs], [one.leg for one in outputs]
-    )
-    by_history = {id(e): one for e, one in zip(histories, outputs, strict=True)}
+    entries = [_entries(e, own) for e, own in zip(experiments, priors, strict=True)]
     measured = [e.microstructure for e in experiments]
-
-    def by_point(of_history: Callable[[LoadingHistory], npt.NDArray[Any]]) -> npt.NDArray[Any]:
-        """Join numbers of every point, 0 of readings of a table."""
-        return np.concatenate(
-            [
-                of_history(e) if isinstance(e, LoadingHistory) else np.zeros(e.n_points)
-                for e in experiments
-            ]
-        )
-
+    histories, tables = _by_kind(experiments)
     return {
-        "leg_end": ends(len(e.legs) if isinstance(e, LoadingHistory) else 0 for e in experiments),
-        "leg": np.reshape(legs, (-1, 5)).tolist(),
-        "stress_scale": [
-            stress_scale(e) if isinstance(e, LoadingHistory) else e.largest_stress
-            for e in experiments
-        ],
-        "strain_scale": [
-            strain_scale(e) if isinstance(e, LoadingHistory) else LABORATORY_STRAIN
-            for e in experiments
-        ],
-        "response_observed": np.concatenate([e.response for e in experiments]).tolist(),
-        "is_strain": by_point(lambda e: e.response_is_strain).astype(int).tolist(),
-        "output_end": ends(
-            by_history[id(e)].time.size if isinstance(e, LoadingHistory) else 0 for e in experiments
-        ),
-        "output_time_in_leg": np.concatenate([np.empty(0), *times]).tolist(),
-        "n_outputs_in_leg": counts,
-        "output_of_point": by_point(lambda e: by_history[id(e)].of_readings).astype(int).tolist(),
-        "point_time": by_point(lambda e: e.time).tolist(),
-        "point_stage": by_point(lambda e: e.reading_stage).astype(int).tolist(),
-        "measured_end": ends(len(sections) for sections in measured),
-        "output_of_measured": [
-            int(place)
-            for one in outputs
-            for place in one.of_sections  # tables have none
-        ],
+        **_joined(entries),
+        "leg_end": ends(len(own["leg"]) for own in entries),
+        "output_end": ends(len(own["output_time_in_leg"]) for own in entries),
+        "measured_end": ends(map(len, measured)),
         "measured_path_strain": np.concatenate(
             [np.nan_to_num(strains_of(sections)) for sections in measured]
         ).tolist(),
@@ -124,64 +74,103 @@ def tests_block(
         "correlated_residuals": int(
             not all(is_fixed_at(own["residual_correlation_time"], 0.0) for own in priors)
         ),
-        **elements_block(
-            [
-                (test if isinstance(test, LoadingHistory) else None, own)
-                for test, own in zip(experiments, priors, strict=True)
-            ]
-        ),
-        **attenuation.tables_block(_tables(experiments)),
+        **elements_block(list(zip(histories, priors, strict=True))),
+        **attenuation.tables_block(tables),
     }
 
 
-def grid_block(
-    experiments: Sequence[LoadingHistory | AttenuationExperiment], grids: Sequence[FloatArray]
-) -> StanData:
+def grid_block(experiments: Sequence[HistoryOrTable], grids: Sequence[FloatArray]) -> StanData:
     """Return times (s), or places in tables, at which solutions are reported beside the readings.
 
     See `leg_of_times` for times at which legs meet.
     """
-    histories = [
-        (e, grid)
-        for e, grid in zip(experiments, grids, strict=True)
-        if isinstance(e, LoadingHistory)
-    ]
-    own = [grid for _, grid in histories]
-    places = [leg_of_times(e, grid) for e, grid in histories]
-    times, counts = _times_in_legs([e for e, _ in histories], own, places)
-    stages = [
-        np.array([leg.stage for leg in experiment.legs], dtype=np.int64)[place]
-        for (experiment, _), place in zip(histories, places, strict=True)
-    ]
+    entries = [_grid_entries(e, grid) for e, grid in zip(experiments, grids, strict=True)]
     return {
-        "grid_end": ends(
-            grid.size if isinstance(e, LoadingHistory) else 0
-            for e, grid in zip(experiments, grids, strict=True)
-        ),
-        "grid_time_in_leg": np.concatenate([np.empty(0), *times]).tolist(),
-        "n_grid_in_leg": counts,
-        "grid_time": np.concatenate([np.empty(0), *own]).tolist(),
-        "grid_stage": np.concatenate([np.empty(0, dtype=np.int64), *stages]).tolist(),
-        **attenuation.grid_block(_tables(experiments), grids),
+        **_joined(entries),
+        "grid_end": ends(len(own["grid_time"]) for own in entries),
+        **attenuation.grid_block(_by_kind(experiments)[1], grids),
     }
 
 
-def _tables(
-    experiments: Sequence[LoadingHistory | AttenuationExperiment],
-) -> list[AttenuationExperiment | None]:
-    return [None if isinstance(one, LoadingHistory) else one for one in experiments]
+def _by_kind(
+    experiments: Sequence[HistoryOrTable],
+) -> tuple[list[LoadingHistory | None], list[AttenuationExperiment | None]]:
+    """Return the histories and the tables, each as long as the tests, with None for the others."""
+    return (
+        [one if isinstance(one, LoadingHistory) else None for one in experiments],
+        [one if isinstance(one, AttenuationExperiment) else None for one in experiments],
+    )
+
+
+def _joined(entries: Sequence[StanData]) -> StanData:
+    """Return lists of all tests, one behind the other."""
+    return {name: list(chain.from_iterable(own[name] for own in entries)) for name in entries[0]}
+
+
+def _entries(test: HistoryOrTable, priors: PriorSet) -> StanData:
+    """Return what a test adds to lists of the data: of legs, outputs, points and sections."""
+    if isinstance(test, AttenuationExperiment):
+        nothing = [0] * test.n_points
+        return {
+            "leg": [],
+            "stress_scale": [test.largest_stress],
+            "strain_scale": [LABORATORY_STRAIN],
+            "response_observed": test.response.tolist(),
+            "is_strain": nothing,
+            "output_time_in_leg": [],
+            "n_outputs_in_leg": [],
+            "output_of_point": nothing,
+            "point_time": [0.0] * test.n_points,
+            "point_stage": nothing,
+            "output_of_measured": [],
+        }
+    outputs = solver_outputs(test, section_times(test, priors))
+    times, counts = _times_in_legs(test, outputs.time, outputs.leg)
+    return {
+        "leg": [
+            [
+                2.0 if leg.is_force else float(leg.driven == "stress"),
+                leg.end_time - leg.start_time,
+                leg.start_value,
+                leg.rate,
+                leg.temperature,
+            ]
+            for leg in test.legs
+        ],
+        "stress_scale": [stress_scale(test)],
+        "strain_scale": [strain_scale(test)],
+        "response_observed": test.response.tolist(),
+        "is_strain": test.response_is_strain.astype(int).tolist(),
+        "output_time_in_leg": times,
+        "n_outputs_in_leg": counts,
+        "output_of_point": outputs.of_readings.tolist(),
+        "point_time": test.time.tolist(),
+        "point_stage": test.reading_stage.tolist(),
+        "output_of_measured": outputs.of_sections.tolist(),
+    }
+
+
+def _grid_entries(test: HistoryOrTable, grid: FloatArray) -> StanData:
+    """Return what a test adds to lists of the grid; none of a table."""
+    if isinstance(test, AttenuationExperiment):
+        return {"grid_time_in_leg": [], "n_grid_in_leg": [], "grid_time": [], "grid_stage": []}
+    leg = leg_of_times(test, grid)
+    times, counts = _times_in_legs(test, grid, leg)
+    return {
+        "grid_time_in_leg": times,
+        "n_grid_in_leg": counts,
+        "grid_time": grid.tolist(),
+        "grid_stage": stage_of_times(test, grid).tolist(),
+    }
 
 
 @dataclass(frozen=True, eq=False)
 class Outputs:
     """Where the solver reports along a test: at readings and sections, in the order of time.
 
-    Attributes
-    ----------
-    time, leg : array, shape (n_outputs,)
-        Seconds since the start; leg from 0.
-    of_readings, of_sections : array of int
-        Place of each among them, from 1; 0 of a section that needs no solution.
+    `time`, `leg` (n_outputs,): seconds since the start; leg from 0.
+    `of_readings`, `of_sections`: place of each among them, from 1; 0 of a section that needs no
+        solution.
     """
 
     time: FloatArray
@@ -193,13 +182,8 @@ class Outputs:
 def solver_outputs(experiment: LoadingHistory, sections: Sequence[float | None]) -> Outputs:
     """Return where the solver reports.
 
-    Parameters
-    ----------
-    experiment : LoadingHistory
-        With its readings.
-    sections : sequence of float or None
-        Times (s) of sections, None for those that need no solution. A section at the time of a
-        jump of the stress is ahead of it: the sample was taken out at the end of what was before.
+    `sections`: times (s) of sections, None for those that need no solution. A section at the time
+    of a jump of the stress is ahead of it: the sample was taken out at the end of what was before.
     """
     wanted = np.array([one is not None for one in sections], dtype=np.bool_)
     own = np.array([one for one in sections if one is not None], dtype=np.float64)
@@ -226,6 +210,12 @@ def leg_of_times(experiment: LoadingHistory, time: FloatArray) -> IntArray:
     return np.asarray(leg + (np.isin(time, inner) & repeated), dtype=np.int64)
 
 
+def stage_of_times(experiment: LoadingHistory, time: FloatArray) -> IntArray:
+    """Return the stage, from 0, of times (s); shared ends count as in `leg_of_times`."""
+    stage_of_leg = np.array([leg.stage for leg in experiment.legs], dtype=np.int64)
+    return stage_of_leg[leg_of_times(experiment, time)]
+
+
 def times_of_readings(experiment: LoadingHistory) -> tuple[FloatArray, IntArray]:
     """Return times at which a solution holds every reading, and the place of each among them.
 
@@ -247,17 +237,90 @@ def leg_of_readings(experiment: LoadingHistory) -> IntArray:
 
 
 def _times_in_legs(
-    experiments: Sequence[LoadingHistory],
-    times: Sequence[FloatArray],
-    places: Sequence[IntArray],
-) -> tuple[list[FloatArray], list[int]]:
+    experiment: LoadingHistory, time: FloatArray, place: IntArray
+) -> tuple[list[float], list[int]]:
     """Return times since the start of their leg over its duration, and their number in each."""
-    shares: list[FloatArray] = []
-    counts: list[int] = []
-    for experiment, time, place in zip(experiments, times, places, strict=True):
-        start = np.array([leg.start_time for leg in experiment.legs])
-        end = np.array([leg.end_time for leg in experiment.legs])
-        since = (time - start[place]) / (end - start)[place]
-        shares.append(np.clip(since, 0.0, 1.0))
-        counts += np.bincount(place, minlength=start.size).tolist()
-    return shares, counts
+    start = np.array([leg.start_time for leg in experiment.legs])
+    end = np.array([leg.end_time for leg in experiment.legs])
+    since = (time - start[place]) / (end - start)[place]
+    return np.clip(since, 0.0, 1.0).tolist(), np.bincount(place, minlength=start.size).tolist()
+
+
+ELEMENT_ERROR = 1e-4
+"""Of the sum, relative to the relaxed compliance, up to the widest band and peak of the priors.
+
+Of Andrade creep, which has none, relative to the creep at any time that counts."""
+
+MAX_PRIOR_QUANTILE = 0.99
+"""Quantile of a prior without an upper bound that counts as its largest value."""
+
+START_OF_IMAGINED = 1e-3
+"""Shortest time that counts of a stage without readings, over its duration."""
+
+_ONLY, _BAND, _PEAK, _ANDRADE, _FASTER, _SLOWER = map(float, range(6))
+"""Parts of a law, as in `stan/physics/relaxation_elements.stan`."""
+
+
+def elements_block(tests: Sequence[tuple[LoadingHistory | None, PriorSet]]) -> StanData:
+    """Return the elements for some tests: part of the law, place in it, weight.
+
+    `tests`: None for a table of attenuation; priors fixed at the values where a solution is asked
+    for.
+    """
+    priors = [own for _, own in tests]
+    decades = max(_largest(own["relaxation_time_decades"]) for own in priors)
+    rows = [[_ONLY, 0.0, 1.0]]
+    if decades > 0:
+        rows = _rows(_BAND, *band_elements(decades * np.log(10), ELEMENT_ERROR))
+    if not all(is_fixed_at(own["peak_strength"], 0.0) for own in priors):
+        width = max(_largest(own["peak_width"]) for own in priors)
+        rows += _rows(_PEAK, *peak_elements(width, ELEMENT_ERROR))
+    if not all(is_fixed_at(own["andrade_exponent"], 0.0) for own in priors):
+        ends = [_log_times(test, own) for test, own in tests if test is not None]
+        shortest, longest = np.transpose(ends)
+        places = andrade_elements(float(shortest.min()), float(longest.max()), ELEMENT_ERROR)
+        rows = _rows(_ANDRADE, *places)
+        rows[0][0], rows[-1][0] = _FASTER, _SLOWER
+    return {"n_elements": len(rows), "element": rows}
+
+
+def _rows(part: float, places: FloatArray, weights: FloatArray) -> list[list[float]]:
+    return [[part, *row] for row in zip(places.tolist(), weights.tolist(), strict=True)]
+
+
+def _log_times(test: LoadingHistory, priors: PriorSet) -> tuple[float, float]:
+    """Return ln of the shortest and longest relaxation time (s at T_0 and d_K) that counts.
+
+    From a leg, or the first reading of a stage, to the whole test, and further by what temperature
+    and grain size may change the times by.
+    """
+    shortest = [leg.end_time - leg.start_time for leg in test.legs]
+    for place, stage in enumerate(test.stages):
+        since = test.time[test.reading_stage == place] - stage.start_time
+        imagined = START_OF_IMAGINED * (stage.end_time - stage.start_time)
+        shortest += since[since > 0].tolist()[:1] or [imagined]
+    reference = priors["kelvin_reference_temperature"].location
+    coarseness = np.log(test.initial_grain_size / priors["kelvin_reference_grain_size"].location)
+    slower = [
+        float(log_slowdown(enthalpy, temperature, reference)) + exponent * coarseness
+        for temperature in test.temperatures
+        for enthalpy in _ends(priors["kelvin_activation_enthalpy"])
+        for exponent in _ends(priors["kelvin_grain_size_exponent"])
+    ]
+    return np.log(min(shortest)) - max(slower), np.log(test.end_time) - min(slower)
+
+
+def _ends(prior: Prior) -> Iterable[float]:
+    """Smallest and largest value that counts."""
+    if prior.is_fixed:
+        return (prior.location,)
+    law = prior.distribution()
+    return float(law.ppf(1 - MAX_PRIOR_QUANTILE)), float(law.ppf(MAX_PRIOR_QUANTILE))
+
+
+def _largest(prior: Prior) -> float:
+    if prior.is_fixed:
+        return prior.location
+    if np.isfinite(prior.upper):
+        return prior.upper
+    return float(prior.distribution().ppf(MAX_PRIOR_QUANTILE))

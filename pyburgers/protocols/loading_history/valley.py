@@ -171,12 +171,8 @@ def _end_before(experiment: LoadingHistory, curve: _Curve, places: IntArray) -> 
 
     That is so in tests that start under a constant load and have all pins there: errors of the
     level of strain last, and the time that the whole strain takes is what readings fix best, with
-    what comes before the pins. The transient of a later load would lie between pins.
-
-    Returns
-    -------
-    array of int, shape (1,) or (0,)
-        Its place along the curve, if there is one.
+    what comes before the pins. The transient of a later load would lie between pins. The result
+    (1,) or (0,): its place along the curve, if there is one.
     """
     first: Leg = experiment.legs[0]
     one_load = first.driven == "stress" and first.rate == 0 and not curve.leg[places].any()
@@ -215,12 +211,7 @@ def _time_spent(curve: _Curve, before: IntArray, places: IntArray) -> FloatArray
 def _independent_readings(time: FloatArray, values: Mapping[str, float]) -> float:
     """Count the independent readings that fix what changes slowly as well as the readings do.
 
-    Parameters
-    ----------
-    time : array, shape (n_readings,)
-        Of the readings (s).
-    values : mapping
-        Parameters, whose residuals may correlate in time.
+    `time` (n_readings,): of the readings (s).
     """
     drifting = min(1.0, 2 * values["residual_correlation_time"] / float(np.ptp(time)))
     share = values["residual_correlated_share"] if drifting > 0 else 0.0

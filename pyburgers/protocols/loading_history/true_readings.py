@@ -1,37 +1,140 @@
-"""Readings at the moment at which something changes: those that say nothing of the state behind it.
-
-The model knows a state at rest, and behind every jump of the stress one that holds the elastic
-strain of the jump. A table often begins with the reading before the load, and some have one at
-later changes: taken as read behind the jump it would say that the modulus is infinite.
-"""
+"""Readings as true measures, and beside what is imposed: before loads, at jumps, in stages."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.special import lambertw
 
 from pyburgers.common.errors import InputError
 from pyburgers.protocols.experiment import FloatArray
+from pyburgers.protocols.limits import departure
 from pyburgers.protocols.loading_history.driver import reading_error
-from pyburgers.protocols.loading_history.readings import Response
+from pyburgers.protocols.loading_history.readings import Readings, Response
 from pyburgers.protocols.loading_history.stages import (
     Driven,
     Leg,
+    Measure,
     Stage,
+    imposed_strains,
     imposed_stresses,
     legs_of,
 )
 
-EQUAL = 3.0
+
+def true_readings(
+    path: Path,
+    readings: Readings,
+    stress: Measure,
+    strain: Measure,
+    zero: float = 0.0,
+    compliance: float = 0.0,
+) -> Readings:
+    """Turn engineering measures into true ones.
+
+    With e the shortening over the first length, positive in compression, the true strain is -ln(1 -
+    e). The true stress is that of `true_stress`. Strain that is read of a sample at rest is no
+    shortening: it is taken off before, and put back. Where it is uncertain, its error is one of e,
+    not turned. `zero`: strain that is read of a sample at rest (fraction), as it is known
+    beforehand. `compliance`: of the apparatus (1/Pa), whose share strains that are read include.
+    Raise InputError if a sample is shortened by all its length, or a stress has no strain beside
+    it.
+    """
+    true_strain = readings.strain - zero
+    if strain == "engineering":
+        if np.any(true_strain >= 1):
+            raise InputError(
+                f"{readings.source}: found an engineering strain of {np.nanmax(true_strain):g},"
+                " expected less than 1 (fraction) in compression: check its unit."
+            )
+        true_strain = -np.log1p(-true_strain)
+    stresses = readings.stress
+    if stress == "engineering":
+        if np.any(np.isfinite(readings.stress) & np.isnan(true_strain)):
+            raise InputError(
+                f"{path}: key 'stress_measure': found 'engineering' and a stress without a strain "
+                f"in {readings.source}, expected the strain of every reading, which tells the area."
+            )
+        stresses = true_stress(readings.stress, true_strain, compliance, where=str(path))
+    return replace(readings, stress=stresses, strain=true_strain + zero)
+
+
+def true_stress(
+    force: FloatArray, strain: FloatArray, compliance: float, *, where: str
+) -> FloatArray:
+    """Return the true stress σ = f exp(C σ - ε): at constant volume the sample's strain is ε - C σ.
+
+    `force`: f, over the first area (Pa). `compliance`: C of the apparatus (1/Pa). Raise InputError
+    if no stress goes with a force and such a compliance.
+    """
+    rigid = force * np.exp(-strain)
+    if compliance == 0:
+        return np.asarray(rigid)
+    if np.any(compliance * rigid > np.exp(-1)):
+        raise InputError(
+            f"{where}: key 'compliance_per_Pa': found {compliance:g}, by which the apparatus takes "
+            f"up a strain of more than {np.exp(-1):.2f} under {np.nanmax(rigid):.3g} Pa, expected "
+            "a smaller compliance: check its unit."
+        )
+    return np.asarray(-lambertw(-compliance * rigid, 0).real / compliance)
+
+
+MIN_STAGE_READINGS = 3
+"""Of a stage behind its start, where a reading may still be that of the stage before."""
+
+
+def unlike_imposed(readings: Readings, stages: Sequence[Stage]) -> list[str]:
+    """Say in which stages what was read of the imposed quantity is another one.
+
+    Strains count from the first reading of the stage behind its start.
+    """
+    legs = legs_of(stages)
+    found = []
+    for number, stage in enumerate(stages):
+        time, read = readings.of(stage.driven, number)
+        time, read = time[time > stage.start_time], read[time > stage.start_time]
+        if time.size < MIN_STAGE_READINGS:
+            continue
+        imposed = _imposed(legs, number, time)
+        if stage.driven == "strain":
+            read, imposed = read - read[0], imposed - imposed[0]
+        elsewhere = imposed_stresses(legs) if stage.driven == "stress" else imposed_strains(legs)
+        largest = float(np.abs([*read, *imposed, *elsewhere]).max())
+        far = departure(read, imposed, largest)
+        if far is not None:
+            in_mpa = f"{far.largest / 1e6:.3g} MPa"
+            found.append(
+                f"Stage {number + 1}: the {stage.driven} that was read lies up to "
+                f"{in_mpa if stage.driven == 'stress' else f'{far.largest:.3g}'} from the one that "
+                f"is imposed, which it leaves at {time[far.first]:.4g} s; check units, signs and "
+                "what is imposed."
+            )
+    return found
+
+
+def _imposed(legs: Sequence[Leg], number: int, time: FloatArray) -> FloatArray:
+    """Stress (Pa) that a stage imposes at times (s) in it, or strain since its start."""
+    own = [leg for leg in legs if leg.stage == number]
+    starts = np.array([leg.start_time for leg in own])
+    values = np.array([leg.start_value for leg in own])
+    if own[0].driven == "strain":
+        values = np.array([0.0, *imposed_strains(own)[:-1]])
+    k = np.searchsorted(starts, time, side="right") - 1
+    imposed: FloatArray = values[k] + np.array([leg.rate for leg in own])[k] * (time - starts[k])
+    return imposed
+
+
+MAX_EQUAL_DISTANCE = 3.0
 """How far a reading may be from a state that it is taken for, in standard deviations."""
 
-SAME_STRESS = 1e-6
+MAX_SAME_STRESS_DIFFERENCE = 1e-6
 """Relative difference of stresses that is no jump."""
 
-NOTHING_IMPOSED = 0.1
+MAX_UNLOADED_SHARE = 0.1
 """Share of the largest stress up to which readings before anything is imposed may be error."""
 
-NEAR_ZERO = 0.01
+MAX_ZERO_SHARE = 0.01
 """Share of the largest reading up to which one at rest goes without its size in notices."""
 
 
@@ -47,7 +150,7 @@ def without_start(found: Response, stages: Sequence[Stage]) -> tuple[Response, l
     size = float(np.abs(value[at_start]).max())
     alike = value[stage == stage[0]]
     how_large = ""
-    if size > NEAR_ZERO * float(np.abs(alike).max()):
+    if size > MAX_ZERO_SHARE * float(np.abs(alike).max()):
         how_large = f", {_shown(float(value[at_start][0]), stages[0].driven)},"
     sentence = f"The reading at the start{how_large} was dropped: the model starts at rest."
     return (time[~at_start], stage[~at_start], value[~at_start]), [sentence]
@@ -66,20 +169,6 @@ def without_states_before(
     Such a reading is equal to the state before as far as its error tells, and nearer to it than to
     the next reading. Before the first load the state is that at rest; later it lies between the
     last reading and the line through the last two.
-
-    Parameters
-    ----------
-    found : tuple of array
-        Readings of the response.
-    stages : sequence of Stage
-        Of the test.
-    rest : tuple of (float, float)
-        Strain that is read of the sample at rest, and its standard deviation.
-    stated : float or None
-        Standard deviation of a reading of the strain where it is stated; it is told from the
-        readings of the stage where it is not.
-    side_is_said : bool
-        Whether a column of the file says on which side of later jumps a reading is.
     """
     time, stage, value = found
     legs = legs_of(stages)
@@ -100,7 +189,7 @@ def without_states_before(
             sd = np.sqrt(2) * error
         next_one = abs(value[own][1] - value[k]) if np.count_nonzero(own) > 1 else np.inf
         distance = max(low - value[k], value[k] - high, 0.0)
-        if distance <= EQUAL * sd and distance < next_one:
+        if distance <= MAX_EQUAL_DISTANCE * sd and distance < next_one:
             kept[k] = False
             where = "start" if number == 0 else f"start of stage {number + 1}"
             notices.append(
@@ -121,7 +210,7 @@ def _jumps(legs: Sequence[Leg], number: int) -> bool:
             return True
         before = legs[first - 1].end_value
     after = legs[first].start_value
-    return abs(after - before) > SAME_STRESS * max(abs(after), abs(before))
+    return abs(after - before) > MAX_SAME_STRESS_DIFFERENCE * max(abs(after), abs(before))
 
 
 def _state_at(now: float, time: FloatArray, strain: FloatArray) -> tuple[float, float]:
@@ -140,11 +229,8 @@ def _state_at(now: float, time: FloatArray, strain: FloatArray) -> tuple[float, 
 def check_loaded(path: Path, found: Response, stages: Sequence[Stage]) -> None:
     """Check that something is imposed, and that stresses are not read before.
 
-    Raises
-    ------
-    InputError
-        If one differs from zero, by more than a small share of the largest stress, or the model is
-        at rest throughout.
+    Raise InputError if one differs from zero, by more than a small share of the largest stress, or
+    the model is at rest throughout.
     """
     time, stage, value = found
     legs = legs_of(stages)
@@ -153,7 +239,7 @@ def check_loaded(path: Path, found: Response, stages: Sequence[Stage]) -> None:
     is_stress = np.array([one.driven == "strain" for one in stages])[stage]
     stresses = np.concatenate([imposed_stresses(legs), value[is_stress]])
     largest = float(np.abs(stresses).max(initial=0.0))
-    idle = is_stress & (time < idle_until) & (np.abs(value) > NOTHING_IMPOSED * largest)
+    idle = is_stress & (time < idle_until) & (np.abs(value) > MAX_UNLOADED_SHARE * largest)
     if idle.any():
         raise InputError(
             f"{path}: [[stages]] number {stage[idle][0] + 1}: found a stress of "

@@ -30,17 +30,7 @@ UNNAMED = "measured"
 
 @dataclass(frozen=True, eq=False)
 class MeasuredAttenuation:
-    """Points of attenuation, all arrays of one length.
-
-    Attributes
-    ----------
-    frequency : array
-        Hz.
-    tan_delta, standard_deviation : array
-        Attenuation, and its standard deviation, 0 where none is given.
-    series : tuple of str
-        What each point belongs to.
-    """
+    """Points of attenuation, all of one length; frequencies in Hz, deviation 0 if none is given."""
 
     frequency: FloatArray
     tan_delta: FloatArray
@@ -49,14 +39,7 @@ class MeasuredAttenuation:
 
 
 def load_measured_attenuation(path: Path) -> MeasuredAttenuation:
-    """Read points of attenuation (see the module's head).
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, has no points, a column is missing or unknown, or a number is
-        not finite or not positive (a standard deviation: negative).
-    """
+    """Read points of attenuation from a file; raise `InputError` if it is wrong."""
     text = io.StringIO(read_text(path))
     try:
         table = pd.read_csv(text, comment="#", skipinitialspace=True, dtype=str)

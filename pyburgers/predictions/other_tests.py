@@ -47,14 +47,7 @@ def answers(prediction: Prediction) -> tuple[Quantity, ...]:
 def draws_of(prediction: Prediction, answer: Quantity) -> tuple[FloatArray, FloatArray]:
     """Return draws along the clock (SI) of the solution and of new readings, (n_draws, n).
 
-    Where a quantity is imposed nobody reads it: new readings are NaN there.
-
-    Parameters
-    ----------
-    prediction : Prediction
-        The test.
-    answer : Quantity
-        One of `answers`.
+    New readings are NaN where the quantity is imposed.
     """
     protocol = protocol_of(prediction.experiment)
     predictions = prediction.posterior["predictions"].to_dataset()
@@ -76,12 +69,9 @@ def _is_read(prediction: Prediction) -> npt.NDArray[np.bool_]:
 def band_table(prediction: Prediction) -> pd.DataFrame:
     """Return bands of the solution and of new readings along the clock, in SI units.
 
-    Returns
-    -------
-    DataFrame
-        A column of the clock, then for each of `answers` RESPONSE_q5 to RESPONSE_q95 of the
-        solution and new_RESPONSE_q5 to new_RESPONSE_q95 of readings, such as stress_Pa_q5; the
-        latter NaN where the quantity is imposed.
+    After the clock there are RESPONSE_q5 to RESPONSE_q95 and new_RESPONSE_q5 to
+    new_RESPONSE_q95 of each of `answers`, such as stress_Pa_q5; the latter are NaN where the
+    quantity is imposed.
     """
     clock = protocol_of(prediction.experiment).clock
     columns = {clock.column: prediction.posterior["predictions"][clock.name].to_numpy()}
@@ -118,17 +108,9 @@ def overview_table(prediction: Prediction) -> pd.DataFrame:
 def reading_table(prediction: Prediction) -> pd.DataFrame:
     """Return what each reading of a test is predicted to be, and what it is, in SI units.
 
-    Returns
-    -------
-    DataFrame
-        A column of the clock, where several quantities are read also its name, measured_RESPONSE,
-        the columns of `band_table` at the readings, and share_below: the share of predicted
-        readings below the measured one.
-
-    Raises
-    ------
-    InputError
-        If the test has no data.
+    Columns are the clock, the name if several quantities are read, measured_RESPONSE, those of
+    `band_table` at the readings, and share_below, the share of predicted readings below the
+    measured one. Raises `InputError` if the test has no data.
     """
     experiment = _with_data(prediction)
     protocol = protocol_of(experiment)
@@ -158,22 +140,12 @@ def read_quantities(experiment: Experiment) -> list[str]:
 def score_table(prediction: Prediction) -> pd.DataFrame:
     """Score a prediction against the readings of its test.
 
-    What is expected comes from replicated readings, scored in the same way: each set is what the
-    test would give if one of the draws were the truth. Readings of a test hang together, since
-    one truth made all of them, so that the coverage in a test scatters widely about its mean.
-
-    Returns
-    -------
-    DataFrame
-        Index score: "coverage of the 50 % band" and so on, of new readings, and `DENSITY`, the
-        mean over readings of ln of the density (per SI unit) that all draws together give to each
-        by itself; columns found, expected (mean over replicated tests), expected_q5, expected_q95,
-        and share_below: the share of replicated tests with a score below the one found.
-
-    Raises
-    ------
-    InputError
-        If the test has no data, or there is only one draw.
+    Expected scores are those of replicated readings: each set is what the test would give if
+    one draw were the truth. Readings of a test hang together, so that its coverage scatters
+    widely about the mean. The index is score: coverage of bands of new readings, and `DENSITY`,
+    the mean ln density (per SI unit) that all draws give to each reading by itself. Columns are
+    found, expected, expected_q5, expected_q95, and share_below, the share of replicated tests
+    with a lower score. Raises `InputError` if the test has no data, or there is only one draw.
     """
     experiment = _with_data(prediction)
     new = _new_readings(prediction)
@@ -235,13 +207,7 @@ def _share(scores: pd.DataFrame, row: str, column: str) -> str:
 
 
 def save_prediction(prediction: Prediction, path: Path) -> None:
-    """Write all draws of a prediction as netCDF, in one step.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
-    """
+    """Write all draws of a prediction as netCDF, in one step."""
     write_netcdf(path, prediction.posterior)
 
 

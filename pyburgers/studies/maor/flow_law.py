@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from pyburgers.predictions.closed_forms import dashpot_rates
-from pyburgers.predictions.stress_cycles import BREAKDOWN, PARAMETER_NAMES, Regime
+from pyburgers.predictions.closed_forms import flow_rate
+from pyburgers.predictions.stress_cycles import PARAMETER_NAMES
 from pyburgers.protocols.protocol import FittedTest
 from pyburgers.studies.maor.before_data import Knowledge, parameter_draws
 from pyburgers.studies.maor.ice_curves import PEAK_STRESS
@@ -76,13 +76,13 @@ def flow_laws(fit: FittedTest, stress: FloatArray, *, shared_stress: float) -> F
     exponent = draws["stress_exponent"]
     table = np.linspace(1e-3, STEEPEST, 20_001)
     breakdown = shared_stress / np.interp(exponent, table / np.tanh(table), table)
-    zero, one = np.zeros(exponent.size), np.ones(exponent.size)
+    one = np.ones(exponent.size)
     power_law, sinh, linear = (
         _rates(fit, {**draws, **law}, np.append(stress, shared_stress))
         for law in (
-            {BREAKDOWN: zero},
-            {BREAKDOWN: breakdown, "stress_exponent": one},
-            {BREAKDOWN: zero, "stress_exponent": one},
+            {},
+            {"breakdown_stress": breakdown, "stress_exponent": one},
+            {"stress_exponent": one},
         )
     )
     scale = (power_law[:, -1] / sinh[:, -1])[:, np.newaxis]
@@ -92,15 +92,11 @@ def flow_laws(fit: FittedTest, stress: FloatArray, *, shared_stress: float) -> F
 
 def _rates(fit: FittedTest, draws: Mapping[str, FloatArray], stress: FloatArray) -> FloatArray:
     """Rates of the undeformed material, shape (n_draws, n)."""
-    largest = float(stress.max())
-    shape = draws["stress_exponent"].shape
-    return dashpot_rates(
-        draws,
-        Regime(0.0, largest),
-        stress / largest,
+    return flow_rate(
+        {name: values[:, np.newaxis] for name, values in draws.items()},
+        stress,
         temperature=fit.experiment.temperature,
-        grain_size=np.full(shape, fit.experiment.initial_grain_size),
-        fabric_factor=np.ones(shape),
+        grain_size=fit.experiment.initial_grain_size,
     )
 
 
@@ -141,7 +137,6 @@ def sensitivity_statement(known: Mapping[str, Knowledge]) -> Statement:
     def changes(fit: FittedTest, name: str) -> FloatArray:
         """Relative change of the stress at one rate when a parameter is `A_LITTLE` larger."""
         draws = {own: parameter_draws(fit, own) for own in PARAMETER_NAMES}
-        draws[BREAKDOWN] = np.zeros(draws[name].size)
         stress = np.array([PEAK_STRESS.observed(fit)])
         before, after = (
             _rates(fit, {**draws, name: factor * draws[name]}, stress)[:, 0]

@@ -81,18 +81,10 @@ THRESHOLDS_TEXT = (
 
 @dataclass(frozen=True)
 class Bound:
-    """A bound of a prior at which the posterior piles up.
+    """A bound of a prior (SI) at which the posterior piles up.
 
-    Attributes
-    ----------
-    side : {"lower", "upper"}
-        Which one.
-    value : float
-        The bound (SI).
-    share : float
-        Share of the draws within `NEAR_BOUND` standard deviations of it.
-    is_physical : bool
-        Whether the model itself ends there, such as at zero.
+    The share is that of the draws within `NEAR_BOUND` standard deviations of the bound. A bound
+    is physical if the model itself ends there, such as at zero.
     """
 
     side: Literal["lower", "upper"]
@@ -105,27 +97,11 @@ class Bound:
 class Influence:
     """Who decides one quantity.
 
-    Attributes
-    ----------
-    name : str
-        The quantity.
-    moves : mapping of str to float
-        By prior (of a parameter, or `JOINT_PRIOR`): how far the posterior mean moves, in posterior
-        standard deviations, if the prior moves by one of its own; of `JOINT_PRIOR` the furthest.
-    chance : float
-        Share of the priors of other quantities that chance alone gives.
-    distance : float or None
-        Mean of the posterior in standard deviations from the median of the quantity's own prior,
-        counted by probability; None where it has none.
-    conflict_probability : float
-        Probability that any quantity of a fit of a correct model is that far out; 1 where it
-        cannot be told.
-    bound : Bound or None
-        Where draws pile up.
-    read_off : frozenset of str
-        Priors that were read off the data of the fit.
-    usable : bool
-        Whether anything can be concluded from the draws.
+    Moves say, by prior, how far the posterior mean moves if the prior moves by one of its
+    standard deviations; of `JOINT_PRIOR` it is the furthest. Chance is the share that priors of
+    other quantities have by chance alone. The distance of the posterior mean from the prior's
+    median is in standard deviations, counted by probability. The conflict probability is that
+    of any quantity of a fit of a correct model to be that far out; 1 if unknown.
     """
 
     name: str
@@ -193,24 +169,13 @@ def prior_influence(
     derived: Mapping[str, FloatArray] = MappingProxyType({}),
     read_off: frozenset[str] = frozenset(),
 ) -> dict[str, Influence]:
-    """Tell for every sampled quantity who decides it.
+    """Return for every sampled quantity who decides it.
 
-    Parameters
-    ----------
-    posterior : DataTree
-        Labelled draws of one test; in a joint fit a part of the draws of all tests.
-    priors : PriorSet
-        Priors of the test, resolved.
-    spread_scales : mapping of str to float
-        Scale of the prior of the spread of each partially pooled parameter. Its prior is that of
-        the centre, which is told as well, as is the spread.
-    family : int, optional
-        Number of quantities of the whole fit among which a conflict may be found by chance; default
-        those of the test.
-    derived : mapping of str to array, shape (n,)
-        Draws of further quantities, chains one after the other.
-    read_off : frozenset of str
-        Priors that were read off the data of the fit (`PriorSet.read_off`).
+    The priors are those of one test, resolved; in a joint fit the draws are a part of those of
+    all tests. A partially pooled parameter has the prior of its centre; the scale is that of
+    the prior of its spread. The family is the number of quantities of the whole fit in which a
+    conflict may be found by chance, by default of the test. Derived draws have the shape (n,),
+    chains one after the other.
     """
     draws = posterior["posterior"].to_dataset()
     values = {name: all_draws(draws[name]) for name in free_parameters(posterior)}
@@ -327,17 +292,7 @@ READ_OFF = " [read off these data]"
 def decision_text(
     name: str, decided_by: str, by_prior_of: str, symbol: Callable[[str], str] = symbol_of
 ) -> str:
-    """Say in a few words who decides a quantity, such as ``prior (of Q_M)``.
-
-    Parameters
-    ----------
-    name : str
-        The quantity.
-    decided_by, by_prior_of : str
-        From `decision_columns`.
-    symbol : callable
-        Returns the symbol of a parameter or of `JOINT_PRIOR`.
-    """
+    """Say who decides a quantity, from its `decision_columns`, such as ``prior (of Q_M)``."""
     if by_prior_of in ("", name):
         return decided_by
     shown = [

@@ -100,20 +100,7 @@ def sentences(comparison: Comparison) -> tuple[str, ...]:
 
 
 def about_gaps(correlated: Sequence[str], n_fits: int) -> tuple[str, ...]:
-    """Say what elpd compares where residuals correlate in some fits and in others not.
-
-    Parameters
-    ----------
-    correlated : sequence of str
-        What the fits with correlated residuals are called.
-    n_fits : int
-        Of all fits.
-
-    Returns
-    -------
-    tuple of str
-        A sentence; none where all fits are alike in that.
-    """
+    """Say what elpd compares if residuals correlate in some fits, the named, and not in all."""
     if not 0 < len(correlated) < n_fits:
         return ()
     return (

@@ -61,13 +61,7 @@ SI_UNITS: Mapping[str, str] = {
 
 @dataclass(frozen=True)
 class PeakStrain:
-    """Strain at which the tests of a table peak.
-
-    Attributes
-    ----------
-    mean, sd : float
-        What is known of the mean over the tests: a value (fraction) and its standard deviation.
-    """
+    """Strain (fraction) at which tests peak: mean over the tests, and its standard deviation."""
 
     mean: float
     sd: float
@@ -135,12 +129,10 @@ class PeakStressData:
 
 
 def without_test(data: PeakStressData, experiment: Experiment) -> PeakStressData:
-    """Leave out the rows of a table that may be a test, so that they can be the prior of its curve.
+    """Leave out rows that may be a test, so that the table can be the prior of its curve.
 
-    Raises
-    ------
-    InputError
-        If the test has no peak, none of the rows may be it, or fewer than `LEAST_POINTS` are left.
+    Raises `InputError` if the test has no peak, no row may be it, or fewer than `LEAST_POINTS`
+    rows are left.
     """
     test = protocol_of(experiment).peak_test(experiment)
     if test is None:
@@ -237,22 +229,7 @@ def load_peak_stress(path: str | Path) -> PeakStressData:
 
 
 def save_peak_stress(data: PeakStressData, directory: Path) -> Path:
-    """Write a self-contained copy, ``peak_stress.toml`` and ``peak_stress.csv``, in SI units.
-
-    `load_peak_stress` reads back equal contents.
-
-    Parameters
-    ----------
-    data : PeakStressData
-        What to write.
-    directory : Path
-        An existing folder.
-
-    Returns
-    -------
-    Path
-        The TOML file.
-    """
+    """Write ``peak_stress.toml``, which is returned, and ``peak_stress.csv``, in SI units."""
     columns = {name: getattr(data, name) for name in COLUMNS}
     write_columns(directory / "peak_stress.csv", columns)
     table = {
@@ -273,21 +250,10 @@ def save_peak_stress(data: PeakStressData, directory: Path) -> Path:
 
 
 def least_squares(data: PeakStressData) -> dict[str, tuple[float, float]]:
-    """Exponents across the peaks by plain least squares, without softening or temperature.
+    """Return exponents, with standard errors, by least squares without softening or temperature.
 
-    ln(stress), which is measured, is regressed on ln(strain rate), which is imposed, and on
-    ln(grain size).
-
-    Parameters
-    ----------
-    data : PeakStressData
-        The table.
-
-    Returns
-    -------
-    dict
-        Value and standard error (first order) of stress_exponent and, where grain sizes differ,
-        grain_size_exponent; empty where rows are too few, or too much alike, to tell.
+    ln(stress) is regressed on ln(strain rate) and ln(grain size), if grain sizes differ. The
+    result is empty if rows are too few, or too much alike, to tell.
     """
     columns = [np.ones(data.n_points), np.log(data.strain_rate)]
     if np.ptp(data.grain_size) > 0:
@@ -391,15 +357,7 @@ def load_peak_stress_priors(path: str | Path) -> PriorSet:
 
 
 def save_peak_stress_priors(priors: PriorSet, path: Path) -> None:
-    """Write a prior file in SI units; `load_peak_stress_priors` reads back an equal set.
-
-    Parameters
-    ----------
-    priors : PriorSet
-        Priors of `FLOW_LAW_PARAMETERS`.
-    path : Path
-        The TOML file; its folder must exist.
-    """
+    """Write a prior file in SI units that `load_peak_stress_priors` reads back equal."""
     save_priors(priors, path, FLOW_LAW_PARAMETERS)
 
 
@@ -421,17 +379,10 @@ def default_peak_stress_priors(material: str) -> PriorSet:
 
 
 def with_curve_flow_law(priors: PriorSet, curve: PriorSet) -> PriorSet:
-    """Take the priors of n, p, Q_M and beta from those of a curve.
+    """Take the priors of n, p, Q_M and beta of a table from those of a curve.
 
-    For a flow law that is handed on to a curve in place of the curve's own priors of these: what
-    they say is then kept, and agrees with the softening that is simulated with them.
-
-    Parameters
-    ----------
-    priors : PriorSet
-        For a table of peak stresses.
-    curve : PriorSet
-        For a curve of the same material.
+    A flow law that is handed on to this curve then keeps its priors, and agrees with the
+    softening that is simulated with them.
     """
     taken = {name: curve[name] for name in FLOW_LAW}
     return replace(

@@ -17,7 +17,7 @@ import numpy.typing as npt
 import xarray as xr
 from scipy.special import logsumexp
 
-from pyburgers.checks.prior_influence import read_off_sentences
+from pyburgers.checks.prior_sentences import read_off_sentences
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError

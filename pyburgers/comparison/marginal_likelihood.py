@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 from scipy.special import expit
 from scipy.stats import multivariate_normal
 
-from pyburgers.checks.prior_influence import read_off_sentences
+from pyburgers.checks.prior_sentences import read_off_sentences
 from pyburgers.cmdstan.draw_files import read_draws
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError, SamplingError

@@ -13,11 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from pyburgers.checks.prior_influence import (
-    decision_columns,
-    decision_text,
-    symbol_of,
-)
+from pyburgers.checks.prior_sentences import decision_columns, decision_text, symbol_of
 from pyburgers.common.units import rounded
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit

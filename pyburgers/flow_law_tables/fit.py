@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -142,12 +142,11 @@ class PeakStressFit(SampledFit):
     Attributes
     ----------
     directory, posterior, manifest
-        As of every `SampledFit`; groups of the draws: posterior, sample_stats, log_likelihood (of
-        each ln(peak stress)), log_prior, model_response, posterior_predictive, predictions (strain
-        rates by group and stress, of undeformed material and of peaks; softening; flow rate of
-        another test), observed_data, constant_data.
+        As of every `SampledFit`. The group log_likelihood is of each ln(peak stress). The group
+        predictions has strain rates by group and stress (of undeformed material and of peaks),
+        softening, and the flow rate of another test.
     data : PeakStressData
-        What was fitted.
+        The fitted table.
     priors : PriorSet
         Priors of `pyburgers.flow_law_tables.inputs.FLOW_LAW_PARAMETERS` in SI.
     softening : SofteningPrior
@@ -160,7 +159,7 @@ class PeakStressFit(SampledFit):
 
     @property
     def provenance(self) -> Provenance:
-        """Where the table comes from."""
+        """Origin of the table."""
         return self.data.provenance
 
     def influences(
@@ -189,8 +188,7 @@ class PeakStressFit(SampledFit):
         Raises
         ------
         InputError
-            If it is not a run of this kind, has no finished chain, or a file of it was damaged or
-            has changed.
+            If it is no run of this kind, has no finished chain, or a file was damaged or changed.
         """
         run = RunDirectory(given_path(path))
         run.read_manifest()
@@ -201,19 +199,20 @@ class PeakStressFit(SampledFit):
             )
         run.require_a_chain()
         manifest = run.read_manifest(RunManifest)
-        run.require_unchanged()
-        data = load_peak_stress(run.inputs / TABLE_FILE)
-        priors = load_peak_stress_priors(run.priors_file)
-        posterior = load_posterior(run)
+        with run.unchanged_copy(manifest) as copy:
+            data = load_peak_stress(copy.inputs / TABLE_FILE)
+            priors = load_peak_stress_priors(copy.priors_file)
+            softening = SofteningPrior.load(copy.inputs / SOFTENING_FILE)
+        posterior = load_posterior(run, manifest)
         if posterior is None or "model_response" not in posterior.children:
-            posterior = _build_posterior(run, data, priors)
+            posterior = _build_posterior(run, data, priors, manifest)
         return cls(
             run,
             posterior,
             {**manifest, "chains": run.chain_records()},
             data,
             priors,
-            SofteningPrior.load(run.inputs / SOFTENING_FILE),
+            softening,
         )
 
 
@@ -245,7 +244,7 @@ def fit_peak_stress(
     use_likelihood : bool
         False samples the prior.
     command : str
-        What regenerates the run, for the manifest.
+        Command that repeats the run, for the manifest.
 
     Raises
     ------
@@ -308,10 +307,10 @@ def is_peak_stress_run(path: str | Path) -> bool:
 
 
 def flow_law_prior(fit: PeakStressFit) -> FlowLawPrior:
-    """Return the flow law of another test (see `FlowLawPrior`) as the posterior has it.
+    """Return the posterior flow law of another test (see `FlowLawPrior`).
 
-    It scatters about that of all tests as they do among each other, in ln(S_0) by the scatter of
-    ln(peak stress). Where this is one of single readings, not of samples, the prior is too wide.
+    Its ln(S_0) scatters like ln(peak stress) of the tests. If that scatter is one of readings, not
+    of samples, the prior is too wide.
 
     Raises
     ------
@@ -354,9 +353,12 @@ def _draw_start(
     }
 
 
-def _build_posterior(run: RunDirectory, data: PeakStressData, priors: PriorSet) -> xr.DataTree:
+def _build_posterior(
+    run: RunDirectory, data: PeakStressData, priors: PriorSet, manifest: Mapping[str, Any]
+) -> xr.DataTree:
     """Gather the finished chains into labelled draws and save them."""
-    chains = read_draws(run.draws_files())
+    with run.unchanged_copy(manifest, with_draws=True) as copy:
+        chains = read_draws(copy.draws_files())
     identifiers = {"chain": list(run.finished_chains())}
     contents = {
         name: dataset.assign_coords(identifiers)

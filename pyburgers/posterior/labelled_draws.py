@@ -134,12 +134,12 @@ def keep_posterior(
     return tree
 
 
-def load_posterior(run: RunDirectory) -> xr.DataTree | None:
+def load_posterior(run: RunDirectory, manifest: Mapping[str, Any]) -> xr.DataTree | None:
     """Return labelled draws of a run, or None if they are not complete or lack finished draws.
 
     Raises `InputError` if the file has changed since the run, by its hash.
     """
-    noted = run.read_manifest().get("posterior_sha256")
+    noted = manifest.get("posterior_sha256")
     if not run.posterior_file.is_file() or noted is None:
         return None
     if sha256_of_bytes(content := run.posterior_file.read_bytes()) != noted:

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
+from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.model.priors import FLOW_LAW
 from pyburgers.model.relaxation import KelvinPart
 from pyburgers.predictions.stress_cycles import Regime, parameter_columns
@@ -95,6 +96,8 @@ def flow_rate(
 
     Raises
     ------
+    InputError
+        If a number is not finite.
     ToolchainError
         If CmdStan or a compiler is missing.
     """
@@ -120,11 +123,20 @@ def flow_rate(
 
 
 def _solved(data: Mapping[str, object], materials: FloatArray) -> dict[str, FloatArray]:
-    """Return generated quantities of materials along the last axis, by name."""
+    """Return generated quantities of materials along the last axis, by name.
+
+    Raises `InputError` if a number is not finite, and `SamplingError` if the program stops.
+    """
+    if not np.isfinite(materials).all():
+        raise InputError(
+            "parameters: found draws that are not finite, expected finite numbers (SI)."
+        )
     shape = materials.shape[:-1]
     program = load_program(stan_directory() / "stress_cycles.stan")
     points = materials.reshape(-1, materials.shape[-1])
-    _, found = program.generate_at(data, "material", points, digits=DIGITS)
+    solved, found = program.generate_at(data, "material", points, digits=DIGITS)
+    if not solved.all():
+        raise SamplingError("The closed form has no value at some draws; check their units (SI).")
     return {
         name: np.reshape(found[name][0], (*shape, *variable.dimensions))
         for name, variable in found.variables.items()

@@ -116,6 +116,14 @@ def test_the_flow_rate_is_that_of_the_flow_law(breakdown: float) -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_draws_that_are_not_finite_are_refused(value: float) -> None:
+    draws = random_draws((3,))
+    draws["kelvin_viscosity"][1] = value
+    with pytest.raises(InputError, match="draws that are not finite"):
+        spectrum_of(draws)
+
+
 def test_fluidity_of_a_fourth_power_is_a_polynomial() -> None:
     expected = [
         FLUIDITY * (4 * r.median_stress**3 + 3 * r.median_stress * r.amplitude**2)

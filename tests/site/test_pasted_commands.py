@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from itertools import takewhile
 from pathlib import Path
 
 import pytest
@@ -15,12 +16,13 @@ BLOCK = re.compile(r"^```(\S*)[^\n]*\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 
 
 def commands_of(page: Path) -> list[list[str]]:
-    """The words of each command of pyburgers in the blocks of code of a page."""
+    """The words of each command of pyburgers in code of a page, up to a file for output."""
     text = page.read_text(encoding="utf-8")
     shell = "".join(block for language, block in BLOCK.findall(text) if language in ("", "shell"))
     lines = re.findall(r"^\S*pyburgers .*$", shell.replace("\\\n", " "), re.MULTILINE)
     words = [shlex.split(line, comments=True) for line in lines]
-    return [line[1:] for line in words if line and Path(line[0]).name == "pyburgers"]
+    own = [line[1:] for line in words if line and Path(line[0]).name == "pyburgers"]
+    return [list(takewhile(lambda word: word != ">", line)) for line in own]
 
 
 COMMANDS = [(page, words) for page in documents() for words in commands_of(page)]

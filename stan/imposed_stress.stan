@@ -6,6 +6,7 @@ functions {
 #include physics/flow_law.stan
 #include physics/kelvin_element.stan
 #include physics/microstructure.stan
+#include protocols/material_at_stress.stan
 #include protocols/imposed_stress_dynamics.stan
 }
 data {
@@ -24,6 +25,13 @@ data {
   int<lower=1, upper=n_times> n_in_hold; // times up to 0
 #include data/solver.stan
 }
+transformed data {
+  array[n_materials] vector[n_parameters()] material = parameter; // its modulus at the temperature
+  for (k in 1 : n_materials) {
+    material[k][i_maxwell_modulus()]
+      = maxwell_modulus_at(parameter[k], rep_vector(temperature, 1))[1];
+  }
+}
 generated quantities {
   vector[n_times] stress; // Pa
   array[n_materials] vector[n_times] strain; // elastic + Kelvin + dashpot
@@ -39,20 +47,20 @@ generated quantities {
   for (k in 1 : n_materials) {
     array[n_times] vector[evolves ? 4 : 2] solution
       = imposed_stress_solution(time, n_in_hold, hold_time, median_stress, amplitude,
-                                2 * pi() * frequency, parameter[k], temperature, initial[k],
+                                2 * pi() * frequency, material[k], temperature, initial[k],
                                 evolves, tolerance, max_num_steps);
     for (i in 1 : n_times) {
       kelvin_strain[k, i] = solution[i][1];
       dashpot_strain[k, i] = solution[i][2];
-      strain[k, i] = stress[i] / parameter[k][i_maxwell_modulus()] + kelvin_strain[k, i]
+      strain[k, i] = stress[i] / material[k][i_maxwell_modulus()] + kelvin_strain[k, i]
                      + dashpot_strain[k, i];
       if (evolves) {
         path_strain[k, i] = solution[i][3];
         grain_size[k, i] = solution[i][4];
         fabric_factor[k, i]
           = microstructure_at(solution[i][3], initial[k][2],
-                              parameter[k][i_steady_state_fabric_factor()],
-                              parameter[k][i_critical_strain_fabric()]);
+                              material[k][i_steady_state_fabric_factor()],
+                              material[k][i_critical_strain_fabric()]);
       }
     }
   }

@@ -181,6 +181,7 @@ def programs() -> None:
                 stan_directory() / f"{name}.stan"
                 for name in (
                     "imposed_stress",
+                    "stress_cycles",
                     "peak_stress",
                     "peaks",
                     "reference/six_state",

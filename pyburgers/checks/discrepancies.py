@@ -101,31 +101,13 @@ needs no other readings to be compared with."""
 
 @dataclass(frozen=True, eq=False)
 class Leftover:
-    """What a fit leaves over of one test.
+    """What a fit leaves over of one test, n readings in the order of their positions.
 
-    Attributes
-    ----------
-    name : str
-        Of the test.
-    group : DataTree
-        Its labelled draws.
-    protocol : Protocol
-        What is observed, along which clock.
-    position : array, shape (n,)
-        Of the readings on the clock (SI), not decreasing.
-    segment : array of int, shape (n,)
-        Part of the test that each reading belongs to, from 0.
-    quantity : array of int, shape (n,)
-        What each reading is of: number in the protocol's `read`.
-    observed : array, shape (draws, n)
-        Residuals of the data, SI; where readings have errors of their own, over these, times their
-        mean. Of several quantities each is weighed by what replicates leave over of it.
-    weight : array, shape (n,)
-        What residuals are multiplied by for that; 1 where they do not differ.
-    discrepancies : dict of str to (array, array)
-        Numbers of the data, shape (draws,), and of replicated data that are fitted as the data
-        were, shape (replicates, their draws); large ones speak against the model. Only those for
-        which there are enough readings.
+    Residuals (draws, n) are SI; if readings have errors of their own, over these, times their
+    mean. Those of several quantities are weighed by what replicates leave over of each. Every
+    discrepancy has numbers of the data, shape (draws,), and of refitted replicates, shape
+    (replicates, their draws); large ones speak against the model. Only those with enough
+    readings are there.
     """
 
     name: str
@@ -169,14 +151,9 @@ class Leftover:
 class Judged:
     """Numbers of the data beside those of replicates that are fitted as the data were.
 
-    Attributes
-    ----------
-    table : DataFrame
-        Index discrepancy and test; columns found (mean over the draws) and at_most (the largest
-        that passes), both rounded as they are printed, probability (that a replicate has as much)
-        and family_probability (that a replicate has any discrepancy as improbable).
-    n_replicates : int
-        Number of replicates.
+    The table has the index discrepancy and test. Its columns are found (mean over the draws),
+    at_most (the largest that passes), probability (that a replicate has as much), and
+    family_probability (that a replicate has any discrepancy as improbable).
     """
 
     table: pd.DataFrame
@@ -206,15 +183,7 @@ class Judged:
 
 @dataclass(frozen=True, eq=False)
 class Family(Judged):
-    """All discrepancies of a fit.
-
-    Attributes
-    ----------
-    table, n_replicates
-        As of every `Judged`.
-    tests : dict of str to Leftover
-        What is left over of each test.
-    """
+    """All discrepancies of a fit, and the leftovers of its tests by name."""
 
     tests: Mapping[str, Leftover]
 
@@ -243,13 +212,7 @@ def inside_text(row: "pd.Series[Any]", readings: str) -> str:
 
 
 def beside_replicates(pairs: Mapping[tuple[str, str], Pair]) -> Judged:
-    """Compare numbers of the data with those of replicates that are fitted as the data were.
-
-    Parameters
-    ----------
-    pairs : mapping of (str, str) to (array, array)
-        By discrepancy and test, as `Leftover.discrepancies` has them.
-    """
+    """Compare discrepancies, by name and test, with those of refitted replicates."""
     tails = {
         key: Tail.of(refits.ravel(), TAIL_EXPONENTS.get(key[0], 1.0))
         for key, (_, refits) in pairs.items()
@@ -278,14 +241,9 @@ def beside_replicates(pairs: Mapping[tuple[str, str], Pair]) -> Judged:
 
 
 def family_probability(probability: float, least: FloatArray) -> float:
-    """Probability that the worst discrepancy of a replicate is as improbable.
+    """Return the probability that the worst discrepancy of a replicate is as improbable.
 
-    Parameters
-    ----------
-    probability : float
-        Of a discrepancy of the data.
-    least : array, shape (replicates,)
-        Least probability of each replicate that was fitted as the data were.
+    The least probability of each refitted replicate has the shape (replicates,).
     """
     return float(Tail.of(-np.log(least)).share(-np.log(probability)))
 
@@ -293,14 +251,7 @@ def family_probability(probability: float, least: FloatArray) -> float:
 def _largest_mean(tail: Tail, about_mean: FloatArray, allowed: float) -> float:
     """Return the largest mean of a discrepancy that has a probability, its spread as it is.
 
-    Parameters
-    ----------
-    tail : Tail
-        Of the discrepancy.
-    about_mean : array, shape (draws,)
-        What was found of the data, less its mean.
-    allowed : float
-        The probability.
+    The spread is that of the data less their mean, shape (draws,).
     """
     # Of several means with the probability the largest.
     least = allowed * (1.0 - 1e-9)
@@ -382,19 +333,11 @@ def data_and_refits(
     *,
     correlated: bool,
 ) -> dict[str, Pair]:
-    """Numbers of the data, and of replicates that are fitted as the data were.
+    """Return numbers of the data, and of replicates that are fitted as the data were.
 
-    Parameters
-    ----------
-    observed, replicated : array, shape (draws, n)
-        Residuals of the data, and of the replicated data of each draw.
-    band : array, shape (2, n)
-        Predictive band about the mean response of the model; the share of readings outside is one
-        more number. Replicates have widths of their own.
-    numbers : callable
-        Of residuals, shape (any, n); arrays of shape (any,).
-    correlated : bool
-        Whether residuals correlate in the model.
+    Residuals of the data, and of the replicated data of each draw, have the shape (draws, n),
+    the predictive band about the mean response (2, n). The share of readings outside the band
+    is one more number; replicates have widths of their own.
     """
     means = refitted_means(observed, replicated, correlated=correlated)
     found = numbers(observed)

@@ -41,20 +41,10 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, eq=False)
 class CheckedDraws:
-    """What checks look at.
+    """Labelled draws, and what the sampler reports, for checks.
 
-    Attributes
-    ----------
-    posterior : DataTree
-        Labelled draws (`pyburgers.posterior.build.build_posterior`).
-    failures : tuple of ChainFailure
-        Chains that did not finish.
-    max_treedepth : int
-        The sampler's limit.
-    diverged_before : tuple of int
-        How many trajectories had diverged each time that chains went on with shorter steps.
-    other_modes : tuple of OtherMode
-        Modes that the climbs to the posterior mode met beside it.
+    Diverged before counts the trajectories that had diverged each time that chains went on with
+    shorter steps; other modes are those that the climbs to the posterior mode met beside it.
     """
 
     posterior: xr.DataTree
@@ -84,18 +74,7 @@ class Finding(NamedTuple):
 class Check:
     """A check; called with draws it gives its result.
 
-    Attributes
-    ----------
-    name : str
-        Short name for people.
-    kind : CheckKind
-        What it asks.
-    find : callable
-        Looks at draws.
-    least_draws : int
-        Draws of all chains without which it cannot tell.
-    least_readings : int
-        Readings without which it cannot tell, of the test that has most.
+    Below its least number of draws, or of readings of the longest test, a check cannot tell.
     """
 
     name: str

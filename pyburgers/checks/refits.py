@@ -33,25 +33,13 @@ def evenly(n_draws: int, wanted: int) -> npt.NDArray[np.int64]:
 
 
 def refitted_means(observed: FloatArray, noise: FloatArray, *, correlated: bool) -> FloatArray:
-    """Mean residuals of replicated data over their own posteriors.
+    """Return mean residuals of replicated data over their own posteriors, shape (replicates, n).
 
+    Residuals of the data, and of the replicated data of each draw, have the shape (draws, n).
     With q the deviations of the draws of the response from their mean, V the covariance of the
-    noise and K = cov(q) / V the share of a change of the data that the posterior mean follows, a
-    replicate that lies a from the mean response of the data's fit leaves a - K (a - r), where r is
-    what the data leave.
-
-    Parameters
-    ----------
-    observed : array, shape (draws, n)
-        Residuals of the data at each draw.
-    noise : array, shape (draws, n)
-        Residuals of the replicated data of each draw, at this draw.
-    correlated : bool
-        Whether residuals correlate in the model; else V is diagonal.
-
-    Returns
-    -------
-    array, shape (replicates, n)
+    noise (diagonal if residuals do not correlate) and K = cov(q) / V the share of a change of
+    the data that the posterior mean follows, a replicate that lies a from the mean response of
+    the data's fit leaves a - K (a - r), where r is the residual of the data.
     """
     mean = observed.mean(axis=0)
     deviation = observed - mean
@@ -68,11 +56,9 @@ def refitted_means(observed: FloatArray, noise: FloatArray, *, correlated: bool)
 
 
 def scale_of(means: FloatArray) -> FloatArray:
-    """Size of what each replicate leaves over that of all, with which its noise and widths go.
+    """Return the size of each replicate's means over that of all, shape (replicates, 1).
 
-    Returns
-    -------
-    array, shape (replicates, 1)
+    Noise and widths of a replicate go with it.
     """
     squares = np.mean(means**2, axis=1, keepdims=True)
     size: FloatArray = np.sqrt(squares / max(float(squares.mean()), TINY))
@@ -80,19 +66,10 @@ def scale_of(means: FloatArray) -> FloatArray:
 
 
 def refitted_residuals(observed: FloatArray, means: FloatArray) -> Iterator[FloatArray]:
-    """Residuals of replicated data at draws of their own posteriors.
+    """Yield residuals of replicated data at draws of their own posteriors.
 
-    Parameters
-    ----------
-    observed : array, shape (draws, n)
-        Residuals of the data at each draw.
-    means : array, shape (replicates, n)
-        From `refitted_means`.
-
-    Yields
-    ------
-    array, shape (some replicates, `DRAWS_OF_REFIT`, n)
-        All replicates in turn.
+    Residuals of the data have the shape (draws, n), means (replicates, n); each part has the
+    shape (some replicates, `DRAWS_OF_REFIT`, n).
     """
     deviation = (observed - observed.mean(axis=0))[evenly(len(observed), DRAWS_OF_REFIT)]
     scale = scale_of(means)

@@ -16,18 +16,9 @@ FEWEST_NEIGHBOURS = 5
 
 
 def autocorrelation(residuals: FloatArray, joined: BoolArray) -> FloatArray:
-    """Lag-1 autocorrelation about zero.
+    """Return the lag-1 autocorrelation about zero of residuals (..., n), shape (...,).
 
-    Parameters
-    ----------
-    residuals : array, shape (..., n)
-        Along the clock.
-    joined : array of bool, shape (n - 1,)
-        Whether a point and the next one are of one segment, and so count as a pair.
-
-    Returns
-    -------
-    array, shape (...,)
+    Joined says which of the n - 1 pairs of neighbours are of one segment, and so count.
     """
     pairs = residuals[..., 1:] * residuals[..., :-1]
     found: FloatArray = pairs @ joined / np.maximum((residuals**2).sum(-1), TINY)
@@ -35,18 +26,10 @@ def autocorrelation(residuals: FloatArray, joined: BoolArray) -> FloatArray:
 
 
 def signed_ranks(residuals: FloatArray) -> FloatArray:
-    """Rank of the size of each residual, from 1, over the number of residuals, with its sign.
+    """Return the rank of each residual's size, from 1, over their number, with its sign.
 
-    A few bad readings hold most of the squares and hide how the others go together; no rank is
-    more than 1.7 times the root mean square of all.
-
-    Parameters
-    ----------
-    residuals : array, shape (..., n)
-
-    Returns
-    -------
-    array, shape (..., n)
+    The shape (..., n) stays. A few bad readings hold most of the squares and hide how the
+    others go together; no rank is more than 1.7 times the root mean square of all.
     """
     order = np.abs(residuals).argsort(axis=-1)
     ranks = np.empty_like(residuals)
@@ -56,18 +39,9 @@ def signed_ranks(residuals: FloatArray) -> FloatArray:
 
 
 def longest_runs(residuals: FloatArray, joined: BoolArray) -> FloatArray:
-    """Length of the longest run of residuals of one sign in one segment.
+    """Return the longest run of one sign in one segment of residuals (draws, n), shape (draws,).
 
-    Parameters
-    ----------
-    residuals : array, shape (draws, n)
-        Along the clock.
-    joined : array of bool, shape (n - 1,)
-        As for `autocorrelation`.
-
-    Returns
-    -------
-    array, shape (draws,)
+    Joined is that of `autocorrelation`.
     """
     positive = residuals > 0
     run = np.ones(residuals.shape[0])
@@ -80,14 +54,9 @@ def longest_runs(residuals: FloatArray, joined: BoolArray) -> FloatArray:
 
 
 def longest_run(residuals: FloatArray, joined: BoolArray) -> tuple[int, int]:
-    """Return the first and the last point, from 0, of the longest run of one sign in one segment.
+    """Return first and last point, from 0, of the longest run of one sign in one segment.
 
-    Parameters
-    ----------
-    residuals : array, shape (n,)
-        Along the clock.
-    joined : array of bool, shape (n - 1,)
-        As for `autocorrelation`.
+    Residuals have the shape (n,); joined is that of `autocorrelation`.
     """
     ends = np.flatnonzero((np.diff(residuals > 0) != 0) | ~joined) + 1
     edges = np.concatenate([[0], ends, [residuals.size]])
@@ -105,19 +74,10 @@ def largest_residual(residuals: FloatArray) -> FloatArray:
 
 
 def offsets(residuals: FloatArray, quantity: npt.NDArray[np.int64]) -> FloatArray:
-    """How far residuals of each quantity lie from zero as a whole.
+    """Return how far residuals (draws, n) of each quantity lie from zero, (quantities, draws).
 
-    Parameters
-    ----------
-    residuals : array, shape (draws, n)
-    quantity : array, shape (n,)
-        What each reading is of.
-
-    Returns
-    -------
-    array, shape (quantities, draws)
-        Mean residual in its standard errors, were residuals of the quantity independent and about
-        zero: at most the root of their number.
+    It is the mean residual in its standard errors, were residuals of the quantity independent
+    and about zero: at most the root of their number.
     """
     found = []
     for one in np.unique(quantity):
@@ -134,21 +94,11 @@ def over_scatter(
     quantity: npt.NDArray[np.int64],
     least: FloatArray,
 ) -> FloatArray:
-    """Root mean square of residuals over the error that their neighbours tell.
+    """Return the root mean square of residuals over the error that their neighbours tell.
 
-    Parameters
-    ----------
-    residuals : array, shape (any, n)
-        Along the clock.
-    position, segment, quantity : array, shape (n,)
-        Of the readings; only those of one segment and quantity are neighbours.
-    least : array, shape (n,)
-        Least error of a reading.
-
-    Returns
-    -------
-    array, shape (quantities, any)
-        Of quantities with `FEWEST_NEIGHBOURS` readings between two others.
+    Residuals have the shape (any, n), readings and their least errors (n,). Only those of one
+    segment and quantity are neighbours. The result has the shape (quantities, any), of
+    quantities with `FEWEST_NEIGHBOURS` readings between two others.
     """
     found = []
     for one in np.unique(quantity):
@@ -170,22 +120,10 @@ def over_scatter(
 def segment_parts(
     residuals: FloatArray, segment: npt.NDArray[np.int64], position: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """How much of a test's residuals each segment holds, as a straight line and in all.
+    """Return trend and spread of residuals (draws, n) in each segment, (segments, draws).
 
-    Parameters
-    ----------
-    residuals : array, shape (draws, n)
-        Along the clock.
-    segment, position : array, shape (n,)
-        Of the readings.
-
-    Returns
-    -------
-    trend : array, shape (segments, draws)
-        Sum of squares of the straight line through the residuals of the segment, over the mean
-        square of all.
-    spread : array, shape (segments, draws)
-        Mean square of the segment over that of all.
+    Trend is the sum of squares of the straight line through the residuals of the segment,
+    spread the mean square of the segment, both over the mean square of all.
     """
     squares = residuals**2
     mean_square = np.maximum(squares.mean(axis=1), TINY)

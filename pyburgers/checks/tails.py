@@ -23,20 +23,9 @@ MOST_SCALES = 600.0
 class Tail:
     """How often numbers are as large as a value, beyond the largest of them too.
 
-    An exponential law of a power of the numbers takes the place of the largest.
-
-    Attributes
-    ----------
-    ordered : array, shape (n,)
-        The numbers, ascending.
-    exponent : float
-        The power.
-    start : float
-        Number to this power where the law begins.
-    beyond : float
-        Share of the numbers above it.
-    scale : float
-        Mean distance of the powers of these from it; positive.
+    An exponential law of a power of the numbers takes the place of the largest: from its start,
+    a number to this power, with a scale that is the mean distance from there. Beyond is the
+    share of the numbers above the start.
     """
 
     ordered: FloatArray

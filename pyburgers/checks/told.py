@@ -14,18 +14,9 @@ from pyburgers.protocols.advice import LET_CORRELATE, laws_to_try
 
 
 class Told(NamedTuple):
-    """A discrepancy of a test in words.
+    """A discrepancy in words: of a model that is right in it, and of one that misses something.
 
-    Attributes
-    ----------
-    good : str
-        What it is, for a model that is right in it.
-    bad : str
-        What is missed, and where.
-    remedy : str
-        What to try.
-    where : str
-        Segment, strain or time; empty where it is all of the test.
+    The place is a segment, strain or time; it is empty if it is all of the test.
     """
 
     good: str

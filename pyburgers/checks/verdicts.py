@@ -10,17 +10,7 @@ from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
 
 @dataclass(frozen=True)
 class Verdict:
-    """The answer to one of the two questions.
-
-    Attributes
-    ----------
-    kind : CheckKind
-        The question.
-    outcome : Outcome
-        The answer.
-    sentence : str
-        The answer in words, with its reason.
-    """
+    """The answer to one of the two questions, with its reason in words."""
 
     kind: CheckKind
     outcome: Outcome
@@ -68,15 +58,10 @@ def verdicts_record(results: Sequence[CheckResult]) -> dict[str, Any]:
 
 
 def verdicts(results: Sequence[CheckResult]) -> dict[CheckKind, Verdict]:
-    """Answer both questions from what the checks of a fit found.
+    """Answer both questions from the results of the checks of a fit.
 
-    One failed check is enough for a no. A yes wants that every check of the question could tell,
-    and about the data also that the draws are usable.
-
-    Parameters
-    ----------
-    results : sequence of CheckResult
-        Of both kinds; none of the description where the data took no part.
+    One failed check is enough for a no. A yes needs that every check of the question could
+    tell, and about the data also that the draws are usable.
     """
     return {kind: _verdict(kind, results) for kind in CheckKind}
 

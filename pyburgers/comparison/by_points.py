@@ -17,7 +17,7 @@ import numpy.typing as npt
 import xarray as xr
 from scipy.special import logsumexp
 
-from pyburgers.checks.prior_influence import read_off_sentences
+from pyburgers.checks.prior_sentences import read_off_sentences
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError
@@ -103,15 +103,10 @@ def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Compariso
 def leave_one_out(posterior: xr.DataTree) -> LeaveOneOut:
     """Return the elpd of every point by Pareto smoothed importance sampling.
 
-    ArviZ's function has one relative efficiency for all points, of the parameters, and takes draws
-    in another container in each of its major versions.
-
-    Parameters
-    ----------
-    posterior : DataTree
-        Labelled draws with the group log_likelihood: one variable with dimensions chain, draw,
-        point. Where residuals are correlated, the density of a point given all others takes its
-        place (Bürkner, Gabry and Vehtari 2021, Computational Statistics 36, 1243-1261).
+    ArviZ's function has one relative efficiency for all points, and takes draws in another
+    container in each major version. If residuals are correlated, the density of a point given
+    all others is used (Bürkner, Gabry and Vehtari 2021, Computational Statistics 36,
+    1243-1261).
     """
     pointwise = pointwise_log_density(posterior)
     by_point = all_draws(pointwise).T
@@ -146,25 +141,9 @@ def _all_tests(results: Sequence[LeaveOneOut], doubts: tuple[str, ...]) -> Leave
 def leave_out_exactly(
     one: Fit, result: LeaveOneOut, points: Sequence[int], folder: Path
 ) -> LeaveOneOut:
-    """Replace the elpd of single points by that of fits without them.
+    """Replace the elpd of points, numbered from 0, by that of fits without them in ``point_K``.
 
-    Parameters
-    ----------
-    one : Fit
-        A fit of a test whose points can be left out.
-    result : LeaveOneOut
-        Of all its points.
-    points : sequence of int
-        Points to leave out, from 0.
-    folder : Path
-        Where the fits go, ``point_K``; those that are there already are used.
-
-    Raises
-    ------
-    InputError
-        If single points of such tests cannot be left out.
-    SamplingError
-        If a fit fails.
+    Finished fits are used again. Raises `InputError` if such points cannot be left out.
     """
     elpd, exact, doubts = result.elpd.copy(), result.exact.copy(), result.doubts
     for point in points:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.checks.prior_influence import read_off_sentences
+from pyburgers.checks.prior_sentences import read_off_sentences
 from pyburgers.common.errors import InputError
 from pyburgers.common.tasks import ALL_HERE, Workers
 from pyburgers.comparison.doubts import sampling_doubts
@@ -66,14 +66,9 @@ def compare_by_test(
 
 
 def fit_without_tests(joints: Mapping[str, Fit], *, workers: Workers, command: str) -> None:
-    """Repeat joint fits without each of their tests, with the same prior densities of what is left.
+    """Repeat joint fits without each test, with the same prior densities, in ``leave_out/TEST``.
 
-    The fits go to ``leave_out/TEST`` in the run directories; those that are there are continued.
-
-    Parameters
-    ----------
-    joints, workers, command
-        As for `compare_by_test`, which says what is raised.
+    Fits that are there are continued. Raises as `compare_by_test` does.
     """
     for joint in joints.values():
         check_several_tests(joint)
@@ -101,19 +96,7 @@ def _without(joint: Fit, test: str) -> Task:
 
 
 def compare_kept_by_test(joints: Mapping[str, Fit]) -> ComparisonByTest | None:
-    """Compare those joint fits by test for which an earlier comparison left every test out.
-
-    Parameters
-    ----------
-    joints
-        As for `compare_by_test`.
-
-    Returns
-    -------
-    ComparisonByTest or None
-        Of the fits without single tests in the run directories, None where there are none. Nothing
-        is fitted.
-    """
+    """Compare joint fits by test where earlier fits left every test out; None if there are none."""
     check_same_data(joints)
     found = {}
     for name, joint in joints.items():
@@ -145,13 +128,7 @@ def _is_complete(folder: Path) -> bool:
 
 
 def check_several_tests(joint: Fit) -> None:
-    """Check that a test, or a part of a single one, can be left out of a fit.
-
-    Raises
-    ------
-    InputError
-        If it is of one test without parts.
-    """
+    """Raise `InputError` unless a test, or a part of a single one, can be left out of a fit."""
     if len(joint.problem.parts) < 2:
         raise InputError(
             f"{joint.directory.path}: is not a joint fit, it is a fit of {joint.problem.name} "
@@ -165,15 +142,7 @@ def leave_one_test_out(
     workers: Workers = ALL_HERE,
     command: str = "pyburgers.comparison.by_tests.leave_one_test_out(...)",
 ) -> LeaveOneTestOut:
-    """Leave each test of a joint fit out in turn, fitting again without it (`fit_without_tests`).
-
-    Parameters
-    ----------
-    joint : Fit
-        Of at least two tests, with their data.
-    workers, command
-        As for `compare_by_test`, which says what is raised.
-    """
+    """Leave each test of a joint fit out in turn, by fits without it (`fit_without_tests`)."""
     fit_without_tests({joint.problem.name: joint}, workers=workers, command=command)
     return _left_out(joint)
 

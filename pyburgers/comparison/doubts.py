@@ -5,22 +5,7 @@ from pyburgers.fitting.fit import Fit
 
 
 def sampling_doubts(one: Fit, name: str, consequence: str) -> tuple[str, ...]:
-    """Say which checks of its draws a fit failed.
-
-    Parameters
-    ----------
-    one : Fit
-        Of one test or of several.
-    name : str
-        What it is a fit of.
-    consequence : str
-        What that means for a comparison.
-
-    Returns
-    -------
-    tuple of str
-        A sentence; none where the fit was sampled well.
-    """
+    """Say which checks of its draws a fit of something failed, and what that means here."""
     failed = [
         result.name
         for result in one.checks()

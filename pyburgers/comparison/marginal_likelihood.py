@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 from scipy.special import expit
 from scipy.stats import multivariate_normal
 
-from pyburgers.checks.prior_influence import read_off_sentences
+from pyburgers.checks.prior_sentences import read_off_sentences
 from pyburgers.cmdstan.draw_files import read_draws
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError, SamplingError
@@ -86,30 +86,13 @@ def log_integral(
     *,
     seed: int,
 ) -> LogIntegral:
-    """Integrate a density over all of space from draws of it.
+    """Integrate a density over all of space from draws of it, (n_chains, n_draws, n_dimensions).
 
-    Parameters
-    ----------
-    draws : array, shape (n_chains, n_draws, n_dimensions)
-        Of the normalised density, in coordinates in which it is not far from normal.
-    log_density_at_draws : array, shape (n_chains, n_draws)
-        Log of the density up to a factor, which is what the integral finds.
-    log_density : callable
-        The same at points of shape (n_points, n_dimensions); minus infinity where the density is 0.
-    seed : int
-        Of the proposal's draws.
-
-    Returns
-    -------
-    LogIntegral
-        With an error that takes the autocorrelation of the draws into account.
-
-    Raises
-    ------
-    InputError
-        If there are too few draws to fit a proposal to.
-    SamplingError
-        If draws have no spread in some direction, or no draw of the proposal has a density.
+    The draws are in coordinates in which the density is not far from normal. Its logarithm is
+    known up to a factor, at the draws (n_chains, n_draws) and as a function of points
+    (n_points, n_dimensions). The error takes autocorrelation into account. Raises `InputError`
+    if there are too few draws, and `SamplingError` if draws have no spread or no proposal has a
+    density.
     """
     n_dimensions = draws.shape[2]
     middle = draws.shape[1] // 2
@@ -158,23 +141,10 @@ def _from_half(
 def bridge(at_draws: FloatArray, at_proposals: FloatArray) -> LogIntegral:
     """Combine draws of a density and of a proposal in the optimal way.
 
-    Parameters
-    ----------
-    at_draws : array, shape (n_chains, n_draws)
-        ln of unnormalised density over proposal density, at draws of the former.
-    at_proposals : array, shape (n_proposals,)
-        The same at independent draws of the proposal; minus infinity where the density is 0.
-
-    Returns
-    -------
-    LogIntegral
-        The error is that of Frühwirth-Schnatter (2004, The Econometrics Journal 7, 143-167), to
-        first order, with the effective number of the autocorrelated draws.
-
-    Raises
-    ------
-    SamplingError
-        If no draw of the proposal has a density.
+    Given is ln of unnormalised density over proposal density, at draws of the former (n_chains,
+    n_draws) and at independent draws of the latter (n_proposals,). The error is that of
+    Frühwirth-Schnatter (2004, The Econometrics Journal 7, 143-167), to first order, with the
+    effective number of draws. Raises `SamplingError` if no proposal has a density.
     """
     if not np.isfinite(at_proposals).any():
         raise SamplingError(

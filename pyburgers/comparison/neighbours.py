@@ -16,12 +16,9 @@ MOVED = " moved"
 
 
 def what_a_yes_leaves_open(fit: Fit) -> tuple[str, ...]:
-    """Return what a fit that describes its data does not exclude, and commands that show it.
+    """Return a sentence on laws that a yes does not exclude, then commands that try them.
 
-    Returns
-    -------
-    tuple of str
-        A sentence, then commands; empty where the model is not shown to describe the data.
+    It is empty if the model is not shown to describe the data.
     """
     if fit.verdicts()[CheckKind.DESCRIPTION].outcome is not Outcome.YES:
         return ()
@@ -62,19 +59,11 @@ def _command(*words: str | Path) -> str:
 
 
 def parameter_shifts(fits: Mapping[str, Fit]) -> pd.DataFrame:
-    """Return how far each parameter moves from the first fit to the others.
+    """Return how far each parameter moves from the first fit of the data to the others.
 
-    Parameters
-    ----------
-    fits : mapping of str to Fit
-        Of the same data, at least two.
-
-    Returns
-    -------
-    DataFrame
-        Index parameter, of those that all fits infer; columns unit, mean and sd (of the first fit,
-        SI), then for each other fit ``NAME mean`` and ``NAME moved``, the difference of the means
-        over the sd.
+    The index is parameter, of those that all fits infer. Columns are unit, mean and sd of the
+    first fit (SI), then for each other fit ``NAME mean`` and ``NAME moved``, the difference of
+    the means over the sd.
     """
     summaries = {name: fit.summary("SI") for name, fit in fits.items()}
     (_, first), *others = summaries.items()
@@ -86,13 +75,7 @@ def parameter_shifts(fits: Mapping[str, Fit]) -> pd.DataFrame:
 
 
 def shift_sentences(fits: Mapping[str, Fit]) -> tuple[str, ...]:
-    """Say how far each parameter moves from the first fit to each other one, the farthest first.
-
-    Parameters
-    ----------
-    fits : mapping of str to Fit
-        As for `parameter_shifts`.
-    """
+    """Say how far each parameter moves from the first fit to each other one, the farthest first."""
     table = parameter_shifts(fits).filter(like=MOVED)
     sentences = []
     for name in table:

@@ -30,16 +30,10 @@ class PairOutcome(StrEnum):
 
 @dataclass(frozen=True)
 class Pair:
-    """Two fits of the same data and how far apart they are.
+    """Two fits of the same data, the higher elpd first, and how far apart they are.
 
-    Attributes
-    ----------
-    better, worse : str
-        Their names, that of the higher elpd first.
-    difference, error : float
-        Of their elpd, not negative, and its standard error.
-    doubt : str
-        Why these numbers decide nothing, in words after "because"; none where they do.
+    The doubt says why these numbers decide nothing, in words after "because"; it is empty if
+    they do.
     """
 
     better: str
@@ -84,14 +78,8 @@ class Pair:
 def doubt_about(units: str, n_units: int, unreliable: Sequence[str]) -> str:
     """Say why the numbers of two fits decide nothing, as `Pair.doubt`.
 
-    Parameters
-    ----------
-    units : str
-        What the standard error is over, with its number: "2 tests".
-    n_units : int
-        That number.
-    unreliable : sequence of str
-        Names of those of the fits whose elpd may be far off.
+    Units, such as "2 tests", are those of the standard error; unreliable fits are those whose
+    elpd may be far off.
     """
     reasons = []
     if n_units < LEAST_UNITS:
@@ -104,18 +92,9 @@ def doubt_about(units: str, n_units: int, unreliable: Sequence[str]) -> str:
 def weight_sentence(
     best: str, other: str, weights: tuple[float, float], gains: FloatArray, *, unit: str = "points"
 ) -> str | None:
-    """Say why a fit of lower elpd has the larger weight in the best mixture, where it has.
+    """Say why a fit of lower elpd has the larger weight in the best mixture; None if it has not.
 
-    Parameters
-    ----------
-    best, other : str
-        Names of the fit of the highest elpd and of another one.
-    weights : (float, float)
-        Their weights.
-    gains : array, shape (n,)
-        What the other predicts better than the best, in log density, by point or by test.
-    unit : str
-        What `gains` goes by.
+    Gains (n,) say what the other predicts better than the best, in log density, by unit.
     """
     if weights[1] <= weights[0]:
         return None

@@ -55,15 +55,7 @@ BY_TEST_TEXT = (
 
 @dataclass(frozen=True)
 class LogIntegral:
-    """Logarithm of an integral.
-
-    Attributes
-    ----------
-    value : float
-        Natural logarithm.
-    error : float
-        Its Monte Carlo standard error.
-    """
+    """Natural logarithm of an integral, and its Monte Carlo standard error."""
 
     value: float
     error: float
@@ -80,22 +72,12 @@ class LogIntegral:
 
 @dataclass(frozen=True, eq=False)
 class LeaveOneOut:
-    """How well a fit predicts each point from the others.
+    """How well a fit predicts each point from the others; arrays have the shape (n_points,).
 
-    Attributes
-    ----------
-    elpd : array, shape (n_points,)
-        Log predictive density of each point given all others; of a stress in Pa (1/Pa).
-    pareto_k : array, shape (n_points,)
-        Shape of the tail of the importance weights of each point.
-    exact : array of bool, shape (n_points,)
-        Whether the point was left out by fitting again, so that its `pareto_k` does not matter.
-    lppd : float
-        Log pointwise predictive density of the points that the fit has seen, summed.
-    doubts : tuple of str
-        A sentence for the fit, and for each one without a point, whose draws failed a check.
-    notes : tuple of str
-        Which priors were read off the data (`pyburgers.checks.prior_influence`).
+    The elpd is the log predictive density of each point given all others, of a stress in Pa. A
+    point is exact if it was left out by fitting again, so that its Pareto k does not matter.
+    The lppd is the log density of the points that the fit has seen, summed. Doubts name fits
+    whose draws failed a check, notes the priors that were read off the data.
     """
 
     elpd: FloatArray
@@ -222,24 +204,12 @@ def _of_points(better: str, worse: str, pointwise: FloatArray, failed: Sequence[
 
 @dataclass(frozen=True, eq=False)
 class LeaveOneTestOut:
-    """How well a joint fit predicts each test from the others.
+    """How well a joint fit predicts each test from the others; arrays have the shape (n_tests,).
 
-    Attributes
-    ----------
-    tests : tuple of str
-        Names, sorted.
-    n_points : array of int, shape (n_tests,)
-        Readings of each.
-    all_tests : LogIntegral
-        Log marginal likelihood of the joint fit, of stresses in Pa.
-    without : tuple of LogIntegral
-        Those of the fits without each test.
-    doubts : tuple of str
-        A sentence for each of these fits whose draws failed a check.
-    kind : str
-        What is left out, in the plural: tests, or parts of a single one.
-    notes : tuple of str
-        Which priors were read off the data (`pyburgers.checks.prior_influence`).
+    Kept are the log marginal likelihoods of the fit of all tests and of those without each, of
+    stresses in Pa. The kind names in the plural what is left out: tests, or parts of a single
+    one. Doubts name fits whose draws failed a check, notes the priors that were read off the
+    data.
     """
 
     tests: tuple[str, ...]
@@ -319,11 +289,7 @@ def has_several_tests(comparison: Comparison) -> bool:
 
 
 def difference_by_test(one: LeaveOneTestOut, other: LeaveOneTestOut) -> tuple[float, float, float]:
-    """Compare how well two joint fits of the same tests predict the tests left out.
-
-    Total of one less that of the other; its standard error over the tests; the error that comes
-    from the draws.
-    """
+    """Return the difference of two totals, its standard error over tests, and that of the draws."""
     by_test = one.elpd - other.elpd
     # A fit less itself has no error.
     monte_carlo = 0.0 if one is other else float(np.hypot(one.total_error, other.total_error))
@@ -338,11 +304,10 @@ def standard_error(pointwise: FloatArray) -> float:
 
 
 def comparison_table(comparison: Comparison) -> pd.DataFrame:
-    """Numbers of a comparison, a row for each fit, the best first.
+    """Return the numbers of a comparison, a row for each fit, the best first.
 
-    Index name; columns variant (what differs from the standard model), elpd, se (its standard
-    error), difference (to the best), difference_se, weight, n_effective, high_k (points with a
-    Pareto k above 0.7), left_out (of these, left out in earnest).
+    Columns are variant, elpd, se, difference (to the best), difference_se, weight, n_effective,
+    high_k (points with a Pareto k above 0.7), left_out (of these, left out in earnest).
     """
     best = next(iter(comparison.results.values()))
     rows = {}
@@ -365,7 +330,7 @@ def comparison_table(comparison: Comparison) -> pd.DataFrame:
 def pointwise_table(comparison: Comparison) -> pd.DataFrame:
     """Return every point's numbers, a row for each point, numbered from 1.
 
-    Columns test (of joint fits only), strain or time_s, and for each fit ``NAME elpd``,
+    Columns are test (of joint fits only), strain or time_s, and for each fit ``NAME elpd``,
     ``NAME pareto_k`` and ``NAME left_out``.
     """
     columns: dict[str, npt.NDArray[Any]] = {}
@@ -384,11 +349,11 @@ def pointwise_table(comparison: Comparison) -> pd.DataFrame:
 
 
 def table_of_fits(comparison: ComparisonByTest) -> pd.DataFrame:
-    """Numbers of a comparison, a row for each fit, the best first.
+    """Return the numbers of a comparison by test, a row for each fit, the best first.
 
-    Index fit; columns variant (what differs from the standard model), elpd (sum over the tests left
-    out), monte_carlo_error (its own), per_point, difference (to the best), difference_se (over the
-    tests), difference_monte_carlo_error, weight.
+    Columns are variant, elpd (sum over the tests left out), monte_carlo_error, per_point,
+    difference (to the best), difference_se (over the tests), difference_monte_carlo_error,
+    weight.
     """
     best = next(iter(comparison.results.values()))
     rows = {}
@@ -408,9 +373,10 @@ def table_of_fits(comparison: ComparisonByTest) -> pd.DataFrame:
 
 
 def table_of_tests(comparison: ComparisonByTest) -> pd.DataFrame:
-    """Log density of every left-out test under every fit, by test.
+    """Return the log density of every left-out test under every fit, a row for each test.
 
-    Columns points, and for each fit ``NAME elpd``, ``NAME monte_carlo_error``, ``NAME per_point``.
+    Columns are points, and for each fit ``NAME elpd``, ``NAME monte_carlo_error``, ``NAME
+    per_point``.
     """
     first = next(iter(comparison.results.values()))
     columns: dict[str, npt.NDArray[Any]] = {"points": first.n_points}

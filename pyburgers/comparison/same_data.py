@@ -43,18 +43,7 @@ def data_hash(one: Fit) -> str:
 
 
 def check_same_data(fits: Mapping[str, Fit]) -> None:
-    """Check that fits can be compared.
-
-    Parameters
-    ----------
-    fits : mapping of str to Fit
-        At least one, by name.
-
-    Raises
-    ------
-    InputError
-        If they are of different data, or one has no likelihood.
-    """
+    """Raise `InputError` if fits are of different data, or one has no likelihood."""
     (first, one), *others = fits.items()
     for name, other in fits.items():
         if not other.manifest["use_likelihood"]:
@@ -69,20 +58,7 @@ def check_same_data(fits: Mapping[str, Fit]) -> None:
 
 
 def fits_alone(joint: Fit, separate: Sequence[Fit]) -> dict[str, Fit | None]:
-    """Return the first fit of the same data, or None, for every test of a joint fit.
-
-    Parameters
-    ----------
-    joint : Fit
-        The joint fit.
-    separate : sequence of Fit
-        Fits of single tests.
-
-    Returns
-    -------
-    dict
-        By the names of the tests, in the order of the joint fit.
-    """
+    """Return the first fit of the same data, or None, for every test of a joint fit."""
     hashes = [(data_hash(other), other) for other in separate]
     found: dict[str, Fit | None] = {}
     for name, fit in joint.tests().items():
@@ -99,15 +75,7 @@ def _data_text(one: Fit) -> str:
 
 
 def origins(fits: Mapping[str, Fit], *, command: str) -> dict[str, Any]:
-    """Return what the record of a comparison says about where its numbers come from.
-
-    Parameters
-    ----------
-    fits : mapping of str to Fit
-        The fits that were compared.
-    command : str
-        What regenerates the comparison.
-    """
+    """Return where the numbers of a comparison come from, with the command that regenerates it."""
     return {
         "command": command,
         "fits": {
@@ -124,19 +92,10 @@ def origins(fits: Mapping[str, Fit], *, command: str) -> dict[str, Any]:
 
 
 def stacking_weights(elpd: FloatArray) -> FloatArray:
-    """Weights of a mixture of predictions that maximise its leave-one-out density.
+    """Return weights of a mixture of predictions that maximise its leave-one-out density.
 
+    The elpd has the shape (n_fits, n_points); the weights are not negative and add up to 1.
     ArviZ weighs only results of its own leave-one-out.
-
-    Parameters
-    ----------
-    elpd : array, shape (n_fits, n_points)
-        Log predictive density of each left-out point.
-
-    Returns
-    -------
-    array, shape (n_fits,)
-        Not negative, adding up to 1.
     """
     # Any factor common to all fits at a point drops out.
     density = np.exp(elpd - elpd.max(axis=0))

@@ -23,12 +23,8 @@ from pyburgers.checks.fit_checks import (
     Outcome,
     run_checks,
 )
-from pyburgers.checks.prior_influence import (
-    Influence,
-    conflict_sentence,
-    decision_columns,
-    decision_sentences,
-)
+from pyburgers.checks.prior_influence import Influence
+from pyburgers.checks.prior_sentences import conflict_sentence, decision_columns, decision_sentences
 from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.verdicts import Verdict, verdicts, verdicts_record
 from pyburgers.common.atomic_files import json_text, write_text

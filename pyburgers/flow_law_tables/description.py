@@ -58,22 +58,10 @@ ONE_LAW = "see whether another mechanism rules there, and fit its tests as a tab
 
 @dataclass(frozen=True, eq=False)
 class TableLeftover:
-    """What the fit of a table leaves over of ln(peak stress).
+    """What the fit of a table leaves over of ln(peak stress); arrays have the shape (n,).
 
-    Attributes
-    ----------
-    residual : array, shape (n,)
-        Mean over the draws.
-    weight : array, shape (n,)
-        What residuals are multiplied by, so that all are uncertain alike.
-    log_rate : array, shape (n,)
-        ln(strain rate s).
-    group : array of int, shape (n,)
-        Number of each row's group, from 0.
-    conditions : DataFrame
-        Strain rate (1/s), temperature (K) and grain size (m) of the rows.
-    judged : Judged
-        Its numbers beside those of replicates.
+    Residuals are means over the draws, and weights make all uncertain alike. Rates are
+    ln(strain rate s), conditions strain rate (1/s), temperature (K) and grain size (m).
     """
 
     residual: FloatArray

@@ -101,19 +101,7 @@ def peak_stress_data(
     *,
     use_likelihood: bool = True,
 ) -> StanData:
-    """Return all data of `stan/peak_stress.stan`.
-
-    Parameters
-    ----------
-    data : PeakStressData
-        The table.
-    priors : PriorSet
-        Priors of `pyburgers.flow_law_tables.inputs.FLOW_LAW_PARAMETERS` in SI.
-    softening : SofteningPrior
-        Prior of the softening at the peaks of the table.
-    use_likelihood : bool
-        False gives the prior.
-    """
+    """Return all data of `stan/peak_stress.stan`, priors in SI; without likelihood, the prior's."""
     coordinates = peak_stress_coordinates(data, priors)
     place = {p.name: k for k, p in enumerate(FLOW_LAW_PARAMETERS, start=1)}
     mean = data.mean_conditions

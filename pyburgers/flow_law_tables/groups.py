@@ -21,16 +21,9 @@ GRID_MARGIN = 1.3
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Tests at one grain size and about one temperature, which share a line of the flow law.
+    """Tests at one grain size (m) and about one temperature (harmonic mean, K) on one line.
 
-    Attributes
-    ----------
-    points : array of int, shape (n,)
-        Positions in the table.
-    temperature, grain_size : float
-        Harmonic mean (K), and grain size (m).
-    stress : array, shape (GRID_STRESSES,)
-        Stresses (Pa) at which the line is drawn.
+    Points (n,) are positions in the table; the line is drawn at GRID_STRESSES stresses (Pa).
     """
 
     points: npt.NDArray[np.int64]

@@ -61,13 +61,7 @@ SI_UNITS: Mapping[str, str] = {
 
 @dataclass(frozen=True)
 class PeakStrain:
-    """Strain at which the tests of a table peak.
-
-    Attributes
-    ----------
-    mean, sd : float
-        What is known of the mean over the tests: a value (fraction) and its standard deviation.
-    """
+    """Strain (fraction) at which tests peak: mean over the tests, and its standard deviation."""
 
     mean: float
     sd: float
@@ -135,7 +129,7 @@ class PeakStressData:
 
 
 def without_test(data: PeakStressData, experiment: Experiment) -> PeakStressData:
-    """Leave out the rows of a table that may be a test, so that they can be the prior of its curve.
+    """Leave out rows that may be a test, so that the table can be the prior of its curve.
 
     Parameters
     ----------
@@ -244,22 +238,7 @@ def load_peak_stress(path: str | Path) -> PeakStressData:
 
 
 def save_peak_stress(data: PeakStressData, directory: Path) -> Path:
-    """Write a self-contained copy, ``peak_stress.toml`` and ``peak_stress.csv``, in SI units.
-
-    `load_peak_stress` reads back equal contents.
-
-    Parameters
-    ----------
-    data : PeakStressData
-        What to write.
-    directory : Path
-        An existing folder.
-
-    Returns
-    -------
-    Path
-        The TOML file.
-    """
+    """Write ``peak_stress.toml``, which is returned, and ``peak_stress.csv``, in SI units."""
     columns = {name: getattr(data, name) for name in COLUMNS}
     write_columns(directory / "peak_stress.csv", columns)
     table = {
@@ -280,21 +259,10 @@ def save_peak_stress(data: PeakStressData, directory: Path) -> Path:
 
 
 def least_squares(data: PeakStressData) -> dict[str, tuple[float, float]]:
-    """Exponents across the peaks by plain least squares, without softening or temperature.
+    """Return exponents, with standard errors, by least squares without softening or temperature.
 
-    ln(stress), which is measured, is regressed on ln(strain rate), which is imposed, and on
-    ln(grain size).
-
-    Parameters
-    ----------
-    data : PeakStressData
-        The table.
-
-    Returns
-    -------
-    dict
-        Value and standard error (first order) of stress_exponent and, where grain sizes differ,
-        grain_size_exponent; empty where rows are too few, or too much alike, to tell.
+    ln(stress) is regressed on ln(strain rate) and ln(grain size), if grain sizes differ. The
+    result is empty if rows are too few, or too much alike, to tell.
     """
     columns = [np.ones(data.n_points), np.log(data.strain_rate)]
     if np.ptp(data.grain_size) > 0:
@@ -398,15 +366,7 @@ def load_peak_stress_priors(path: str | Path) -> PriorSet:
 
 
 def save_peak_stress_priors(priors: PriorSet, path: Path) -> None:
-    """Write a prior file in SI units; `load_peak_stress_priors` reads back an equal set.
-
-    Parameters
-    ----------
-    priors : PriorSet
-        Priors of `FLOW_LAW_PARAMETERS`.
-    path : Path
-        The TOML file; its folder must exist.
-    """
+    """Write a prior file in SI units that `load_peak_stress_priors` reads back equal."""
     save_priors(priors, path, FLOW_LAW_PARAMETERS)
 
 
@@ -428,7 +388,7 @@ def default_peak_stress_priors(material: str) -> PriorSet:
 
 
 def with_curve_flow_law(priors: PriorSet, curve: PriorSet) -> PriorSet:
-    """Take the priors of n, p, Q_M and beta from those of a curve.
+    """Take the priors of n, p, Q_M and beta of a table from those of a curve.
 
     If the fitted flow law replaces these priors of the curve, their information is kept. It then
     agrees with the softening, which is simulated with them.

@@ -76,25 +76,11 @@ class _SofteningTable(Table):
 class SofteningPrior:
     """Softening s = ln(S_0/peak stress) about the mean conditions of a table.
 
-    With h_1 the softening at the mean conditions, and x the distance from them,
-
-        s = h_1 + h_2 x_rate + h_3 x_stress + h_4 x_grain_size
-
-    in ln(strain rate), ln(peak stress) and ln(grain size). The vector w = [ln h_1, h_2/h_1,
-    ln(h_3/h_1), h_4/h_1] is normal, with a mean that is linear in ln n and ln p.
-
-    Attributes
-    ----------
-    coefficients : array, shape (4, 3)
-        Mean of w by 1, ln n and ln p less `centre`.
-    centre : array, shape (2,)
-        Mean ln n and ln p of the simulated materials.
-    factor : array, shape (4, 4)
-        Lower Cholesky factor of the covariance of w.
-    peak_strain : array, shape (3,)
-        5 %, 50 % and 95 % quantile of the strain of the peak.
-    n_effective : float
-        Independent materials behind the numbers.
+    With h_1 the softening at the mean conditions, and x the distance in ln(strain rate),
+    ln(peak stress) and ln(grain size), s = h_1 + h_2 x_rate + h_3 x_stress + h_4 x_grain_size.
+    The vector w = [ln h_1, h_2/h_1, ln(h_3/h_1), h_4/h_1] is normal. Coefficients (4, 3) give
+    its mean by 1, ln n and ln p less the centre (2,), the factor (4, 4) is the lower Cholesky
+    factor of its covariance. Peak strain (3,) has the 5, 50 and 95 % quantiles.
     """
 
     coefficients: FloatArray
@@ -110,13 +96,7 @@ class SofteningPrior:
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Read what `save` wrote.
-
-        Raises
-        ------
-        InputError
-            If the file was damaged.
-        """
+        """Read a saved prior; raise `InputError` if the file was damaged."""
         numbers = read_json_table(path, _SofteningTable).model_dump()
         n_effective = numbers.pop("n_effective")
         arrays = {name: np.array(value) for name, value in numbers.items()}
@@ -134,17 +114,7 @@ class SofteningPrior:
 
 @dataclass(frozen=True, eq=False)
 class Peaks:
-    """Peaks of materials at conditions; arrays of shape (n_materials, n_conditions).
-
-    Attributes
-    ----------
-    log_stress : array
-        ln(peak stress/Pa).
-    strain : array
-        Of the peak.
-    softening : array
-        ln(S_0/peak stress).
-    """
+    """Peaks of materials: ln(stress/Pa), strain, ln(S_0/stress); (n_materials, n_conditions)."""
 
     log_stress: FloatArray
     strain: FloatArray
@@ -160,23 +130,11 @@ def simulate_peaks(
     temperature: FloatArray,
     peak_stress: FloatArray | None = None,
 ) -> Peaks:
-    """Solve tests from rest to 20 % strain and find their peaks.
+    """Solve tests of materials (SI) from rest to 20 % strain and find their peaks.
 
-    Parameters
-    ----------
-    material : str
-        Of the tests.
-    values : sequence of mapping
-        Parameters (SI) of each material by name.
-    strain_rate, grain_size, temperature : array, shape (n_conditions,)
-        1/s, m at the start, K.
-    peak_stress : array, shape (n_conditions,), optional
-        Pa; Q_M of each material is changed so that its test has this peak.
-
-    Raises
-    ------
-    SamplingError
-        If the solver finds no solution.
+    Strain rate (1/s), grain size at the start (m), temperature (K) and peak stress (Pa) have
+    the shape (n_conditions,). If peak stresses are given, Q_M of each material is changed to
+    have them. Raises `SamplingError` if the solver finds no solution.
     """
     given = [given_parameters(material, one) for one in values]
     wanted = np.zeros(strain_rate.size) if peak_stress is None else peak_stress
@@ -209,26 +167,10 @@ def simulate_peaks(
 def softening_prior(data: PeakStressData, curve: PriorSet, *, seed: int) -> SofteningPrior:
     """Simulate the softening at the peaks of a table with the priors of a curve.
 
-    Every material drawn has the mean peak stress of the table at its mean conditions: its Q_M is
-    changed to that. What the softening is at given n and p does not depend on their priors: they
-    are drawn where the table has them. Where the table states the strain of its peaks, it is that
-    of the materials.
-
-    Parameters
-    ----------
-    data : PeakStressData
-        The table.
-    curve : PriorSet
-        Priors of every parameter of a curve of the material.
-    seed : int
-        Of the draws.
-
-    Raises
-    ------
-    InputError
-        If next to no material has a peak at the strain that the table states.
-    SamplingError
-        If the solver finds no solution.
+    Every material drawn has the mean peak stress of the table at its mean conditions, by its
+    Q_M. Softening at given n and p does not depend on their priors; they are drawn where the
+    table has them. If the table states the strain of its peaks, the materials have it. Raises
+    `InputError` if next to no material has such a peak, and `SamplingError` without a solution.
     """
     rng = np.random.default_rng(seed)
     curve = curve.resolved(float(data.stress.max()))
@@ -321,12 +263,9 @@ def _principal_axes(data: PeakStressData) -> tuple[FloatArray, FloatArray]:
 def _peaks_about(
     data: PeakStressData, materials: Sequence[Mapping[str, float]], shifts: FloatArray
 ) -> Peaks:
-    """Find peaks of materials at distances from the mean conditions of a table.
+    """Find peaks at shifts (n_conditions, 3) from the mean conditions of a table.
 
-    Parameters
-    ----------
-    shifts : array, shape (n_conditions, 3)
-        Of ln(strain rate), ln(peak stress) and ln(grain size).
+    Shifts are those of ln(strain rate), ln(peak stress) and ln(grain size).
     """
     at, factors = data.mean_conditions, np.exp(shifts.T)
     return simulate_peaks(

@@ -53,32 +53,15 @@ def build_posterior(
 ) -> xr.DataTree:
     """Gather the finished chains of a run into labelled draws and save them.
 
-    Every kept draw is evaluated again at the reference tolerance of the solver, which gives the
-    predictive bands and the log ratios for the solver check (Timonen et al. 2023, Stat 12,
-    e614).
-
-    Parameters
-    ----------
-    run : RunDirectory
-        A run with at least one finished chain.
-    problem : Problem
-        What was fitted.
-    manifest : mapping
-        Of the run, as it was read with the problem.
-
-    Returns
-    -------
-    DataTree
-        Of a single test, groups posterior, sample_stats, log_likelihood (of each point given those
-        before it), log_likelihood_given_others (where residuals are correlated; elsewhere the
-        same), log_prior, model_response and posterior_predictive (at the observed points, without
-        and with noise), predictions (on a grid of the protocol's clock), posterior_mean_solution,
-        observed_data, constant_data, `MICROSTRUCTURE` where it was measured, and `DRIVING_ERRORS`
-        where errors of what drives the tests were sampled; dimensions chain, draw, point, and the
-        clock. Stresses of an oscillating test are without trend where its background is removed,
-        save that of posterior_mean_solution. Of several tests these in tests/ID for each, with
-        `OF_ALL_TESTS`; and at the top those of points of all tests, one after the other, and of
-        draws: shared parameters by their names, others as NAME[TESTS], NAME[centre], NAME[spread].
+    Every kept draw is evaluated again at the reference tolerance of the solver, for the
+    predictive bands and the solver check (Timonen et al. 2023, Stat 12, e614). Groups of a test
+    are posterior, sample_stats, log_likelihood (of each point given those before it),
+    log_likelihood_given_others (if residuals are correlated), log_prior, model_response and
+    posterior_predictive (at the observed points), predictions (on a grid of the clock),
+    posterior_mean_solution, observed_data, constant_data, `MICROSTRUCTURE` and
+    `DRIVING_ERRORS`. Those of several tests are in tests/ID, with `OF_ALL_TESTS`; the top has
+    the points of all tests and all draws, shared parameters by their names, others as
+    NAME[TESTS], NAME[centre], NAME[spread].
     """
     with run.unchanged_copy(manifest, with_draws=True) as copy:
         groups = _groups_of(copy, problem, manifest)
@@ -238,12 +221,9 @@ def _all_draws(
 
 
 def driving_errors(fit: Draws, experiments: Sequence[Experiment]) -> xr.Dataset:
-    """Standardised errors of what drives the tests, the last of the coordinates.
+    """Return standardised errors of what drives the tests, by chain and draw.
 
-    Returns
-    -------
-    Dataset, dimensions chain, draw
-        A variable for each, driving_error[K], of several tests driving_error[TEST, K].
+    Their names are driving_error[K], of several tests driving_error[TEST, K].
     """
     labels = [
         str(k) if len(experiments) == 1 else f"{experiment.id}, {k}"
@@ -263,22 +243,9 @@ def stats_with_solver(
     unit: Sequence[float],
     use_likelihood: bool,
 ) -> xr.Dataset:
-    """Sampler's columns, and the log ratio of reference to sampled likelihood of every draw.
+    """Return the sampler's columns, and log ratios of reference to sampled likelihood.
 
     The log density is that of the coordinates; CmdStan's is that of their numbers in units.
-
-    Parameters
-    ----------
-    fit : Draws
-        Chains of a program for curves.
-    checked : Dataset
-        From `reference_solution`.
-    chains : mapping
-        Coordinate of the dimension chain.
-    unit : sequence of float
-        Of each coordinate, as in the Stan data.
-    use_likelihood : bool
-        Whether the data took part.
     """
     reference = checked["log_lik"].sum("log_lik_dim_0", skipna=False).assign_coords(chains)
     stats = sample_stats(fit).assign_coords(chains)
@@ -299,21 +266,7 @@ def groups_of_test(
     experiment: Experiment,
     priors: PriorSet,
 ) -> dict[str, xr.Dataset]:
-    """Return the groups of one test.
-
-    Parameters
-    ----------
-    draws : Dataset
-        Labelled draws of its parameters.
-    at_points : Dataset
-        From `drawn_at_points`.
-    stats : Dataset
-        From `stats_with_solver`.
-    checked : Dataset
-        Its solutions on the prediction grid, from `reference_solution`.
-    experiment, priors
-        The test and its resolved priors.
-    """
+    """Return the groups of one test, its priors resolved, from draws and reference solutions."""
     return {
         "posterior": draws,
         "sample_stats": stats,
@@ -331,22 +284,9 @@ def reference_solution(
     *,
     seed: int,
 ) -> xr.Dataset:
-    """Log likelihood and grid of solutions of every draw at the reference tolerance.
+    """Return log likelihood and grid of solutions of every draw at the reference tolerance.
 
-    A draw that has no solution there has NaN.
-
-    Parameters
-    ----------
-    model : Program
-        The program.
-    data : dict
-        Its data, with the grid.
-    files : sequence of Path
-        Its chains.
-    variables : mapping of str to int
-        Generated quantities on the grid, and their sizes.
-    seed : int
-        Of replicated data.
+    Variables name quantities on the grid and their sizes; a draw without solution has NaN.
     """
     data = {**data, **solver_block(REFERENCE_SOLVER)}
     try:

@@ -19,22 +19,9 @@ PRIOR_DENSITY = "lprior"
 
 
 def drawn_at_points(fit: Draws, chains: Mapping[str, list[int]], response: Quantity) -> xr.Dataset:
-    """Draws at the points of a program's data.
+    """Return responses with and without noise and densities by chain, draw and point.
 
-    Parameters
-    ----------
-    fit : Draws
-        Chains of a program for curves.
-    chains : mapping
-        Coordinate of the dimension chain.
-    response : Quantity
-        What was observed.
-
-    Returns
-    -------
-    Dataset, dimensions chain, draw, point
-        responses without noise and replicated, log_lik, and `GIVEN_OTHERS` where residuals are
-        correlated.
+    If residuals are correlated, `GIVEN_OTHERS` is there too.
     """
     names = [f"{response.name}_model", f"{response.name}_replicated", "log_lik"]
     if GIVEN_OTHERS in fit:
@@ -45,15 +32,7 @@ def drawn_at_points(fit: Draws, chains: Mapping[str, list[int]], response: Quant
 
 
 def groups_at_points(at_points: xr.Dataset, experiment: Experiment) -> dict[str, xr.Dataset]:
-    """Return the groups of one test that are about its points.
-
-    Parameters
-    ----------
-    at_points : Dataset
-        From `drawn_at_points`.
-    experiment : Experiment
-        The test, with data.
-    """
+    """Return the groups of one test that are about its points, from `drawn_at_points`."""
     protocol = protocol_of(experiment)
     response = protocol.response.name
     return {
@@ -70,15 +49,7 @@ def groups_at_points(at_points: xr.Dataset, experiment: Experiment) -> dict[str,
 
 
 def point_groups(at_points: xr.Dataset, experiments: Sequence[Experiment]) -> dict[str, xr.Dataset]:
-    """Return the groups of what belongs to points, those of several tests one after the other.
-
-    Parameters
-    ----------
-    at_points : Dataset
-        From `drawn_at_points`, all points of the tests; of a fit with `PRIOR_DENSITY`.
-    experiments : sequence of Experiment
-        The tests.
-    """
+    """Return the groups of points of a fit with `PRIOR_DENSITY`, tests one after the other."""
     response = protocol_of(experiments[0]).response
     name = response.name
     observed = np.concatenate([experiment.response for experiment in experiments])
@@ -98,15 +69,7 @@ def point_groups(at_points: xr.Dataset, experiments: Sequence[Experiment]) -> di
 
 
 def grid_group(checked: xr.Dataset, experiment: Experiment) -> xr.Dataset:
-    """Return solutions on the prediction grid of a test, its clock as coordinate.
-
-    Parameters
-    ----------
-    checked : Dataset
-        Generated quantities on that grid, as programs name them.
-    experiment : Experiment
-        The test.
-    """
+    """Return solutions on the prediction grid of a test, its clock as coordinate."""
     protocol = protocol_of(experiment)
     clock = protocol.clock.name
     variables = {}

@@ -83,18 +83,9 @@ def response_in(posterior: xr.DataTree, group: str) -> xr.DataArray:
 
 
 def pointwise_log_density(posterior: xr.DataTree) -> xr.DataArray:
-    """Log density of each point given all others and the parameters, from labelled draws.
+    """Return the log density of each point given all others, by chain, draw and point.
 
-    What leave-one-out needs: of independent residuals the log likelihood of the point.
-
-    Parameters
-    ----------
-    posterior : DataTree
-        Labelled draws with the group log_likelihood, one variable.
-
-    Returns
-    -------
-    DataArray, dimensions chain, draw, point
+    Of independent residuals it is the log likelihood of the point.
     """
     return response_in(
         posterior, CORRELATED if CORRELATED in posterior.children else "log_likelihood"
@@ -102,17 +93,7 @@ def pointwise_log_density(posterior: xr.DataTree) -> xr.DataArray:
 
 
 def total_log_likelihood(posterior: xr.DataTree) -> xr.DataArray:
-    """Log likelihood of all data that took part: in a test of a joint fit those of all tests.
-
-    Parameters
-    ----------
-    posterior : DataTree
-        Labelled draws with the group log_likelihood, one variable.
-
-    Returns
-    -------
-    DataArray, dimensions chain, draw
-    """
+    """Return the log likelihood of all data by chain and draw, in a joint fit of all tests."""
     if OF_ALL_TESTS in posterior.children:
         return posterior[OF_ALL_TESTS].to_dataset()["total"]
     total = response_in(posterior, "log_likelihood").sum("point")
@@ -154,7 +135,7 @@ def keep_posterior(
 
 
 def load_posterior(run: RunDirectory, manifest: Mapping[str, Any]) -> xr.DataTree | None:
-    """Labelled draws of a run, or None where they are not complete or lack finished draws.
+    """Return labelled draws of a run, or None if they are not complete or lack finished draws.
 
     Raises `InputError` if the bytes that are read have another hash than `manifest` notes.
     """
@@ -216,13 +197,10 @@ def sampled_draws(posterior: xr.DataTree) -> xr.Dataset:
 
 
 def convergence_table(posterior: xr.DataTree) -> pd.DataFrame:
-    """R-hat and effective sample sizes, a row for each of `sampled_draws`.
+    """Return R-hat and effective sample sizes, a row for each of `sampled_draws`.
 
-    Returns
-    -------
-    DataFrame
-        Index parameter; columns rhat (NaN of a single chain), ess_bulk, ess_tail (Vehtari et al.
-        2021, rank-normalised; the tail is the worse one of the 5 and 95 % quantiles).
+    Columns are rhat (NaN of a single chain), ess_bulk and ess_tail, the worse one of the 5 and
+    95 % quantiles (Vehtari et al. 2021, rank-normalised).
     """
     draws = sampled_draws(posterior)
     alone = draws.sizes["chain"] == 1
@@ -239,17 +217,9 @@ def convergence_table(posterior: xr.DataTree) -> pd.DataFrame:
 
 
 def largest_rhat(posterior: xr.DataTree) -> float:
-    """Largest R-hat over the sampled quantities, between the halves of a chain where it is alone.
+    """Return the largest R-hat of sampled quantities, between the halves of a single chain.
 
-    Parameters
-    ----------
-    posterior : DataTree
-        Labelled draws.
-
-    Returns
-    -------
-    float
-        NaN where draws of a quantity never moved.
+    It is NaN if draws of a quantity never moved.
     """
     draws = sampled_draws(posterior)
     if draws.sizes["chain"] == 1:
@@ -263,13 +233,7 @@ def largest_rhat(posterior: xr.DataTree) -> float:
 
 
 def draws_table(posterior: xr.DataTree) -> pd.DataFrame:
-    """Table of the sampled quantities in SI units.
-
-    Returns
-    -------
-    DataFrame
-        Index parameter; columns unit, mean, sd, q5, q95, ess_bulk, ess_tail, rhat.
-    """
+    """Return unit, mean, sd, q5, q95, ess_bulk, ess_tail, rhat of the sampled quantities, in SI."""
     draws = posterior["posterior"].to_dataset()[free_parameters(posterior)]
     rows = {
         str(name): {
@@ -324,14 +288,10 @@ def width_beside_prior(draws: FloatArray, prior: Prior) -> float:
 
 
 def summary_table(posterior: xr.DataTree, priors: PriorSet) -> pd.DataFrame:
-    """Posterior table in SI units with the prior beside it.
+    """Return the posterior table in SI units with the prior beside it.
 
-    Returns
-    -------
-    DataFrame
-        Columns of `draws_table`, then prior, prior_mean, prior_sd, prior_q5, prior_q95 and
-        width_beside_prior (as the function says it). The reference stress or flow rate has none:
-        NaN there.
+    Columns are those of `draws_table`, then prior, prior_mean, prior_sd, prior_q5, prior_q95
+    and width_beside_prior; NaN for the reference stress or flow rate.
     """
     table, draws = draws_table(posterior), posterior["posterior"].to_dataset()
     rows: dict[str, dict[str, Any]] = {}
@@ -352,19 +312,11 @@ def summary_table(posterior: xr.DataTree, priors: PriorSet) -> pd.DataFrame:
 
 
 def grain_size_share(posterior: xr.DataTree) -> xr.DataArray:
-    """Share of the softening beyond the stress peak that grain size does; fabric does the rest.
+    """Return the share of grain size in the softening beyond the stress peak, by chain and draw.
 
-    Tells the two arms of the valley in the critical strains apart (`docs/coordinates.md`).
-
-    Parameters
-    ----------
-    posterior : DataTree
-        Labelled draws.
-
-    Returns
-    -------
-    DataArray, dimensions chain and draw
-        ln of the strength lost to grain size between peak and end over ln of all that is lost.
+    It is ln of the strength lost to grain size between peak and end over ln of all that is
+    lost, and tells the two arms of the valley in the critical strains apart
+    (`docs/coordinates.md`).
     """
     predictions = posterior["predictions"].to_dataset()
     peak = predictions["stress"].argmax("strain")
@@ -381,22 +333,11 @@ def grain_size_share(posterior: xr.DataTree) -> xr.DataArray:
 def smooth_weights(
     log_ratios: FloatArray, *, relative_efficiency: float = 1.0
 ) -> tuple[FloatArray, float]:
-    """Pareto smoothed importance weights (PSIS; Vehtari et al. 2024, JMLR 25(72)).
+    """Return the logarithms of Pareto smoothed importance weights (n,), and Pareto k.
 
-    Parameters
-    ----------
-    log_ratios : array, shape (n,)
-        Log ratios of target to proposal density.
-    relative_efficiency : float
-        Effective over nominal number of draws; sets how many of them count as the tail.
-
-    Returns
-    -------
-    log_weights : array, shape (n,)
-        Logarithms of weights that add up to 1.
-    pareto_k : float
-        Shape of the generalised Pareto tail of the ratios; minus infinity where they are all the
-        same, infinity where they are too few to have a tail.
+    Log ratios (n,) are those of target to proposal density; the weights add up to 1 (PSIS;
+    Vehtari et al. 2024, JMLR 25(72)). The relative efficiency sets how many draws count as the
+    tail. Pareto k is minus infinity if all ratios are the same, infinity if they are too few.
     """
     ratios = log_ratios.ravel()
     if np.ptp(ratios) < 1e-12:
@@ -414,17 +355,9 @@ def pareto_k(log_ratios: FloatArray) -> float:
 
 
 def relative_efficiency(values: xr.DataArray) -> FloatArray:
-    """Effective over nominal number of draws of the mean of what was drawn.
+    """Return effective over nominal number of draws of means along the third dimension, (n,).
 
-    Parameters
-    ----------
-    values : DataArray, dimensions chain, draw and one more
-        Draws.
-
-    Returns
-    -------
-    array, shape (n,)
-        Along the other dimension; 1 where the draws never vary.
+    It is 1 if the draws never vary.
     """
     with np.errstate(invalid="ignore", divide="ignore"):  # draws that never moved
         found = az.ess(xr.Dataset({"values": values}), method="mean")

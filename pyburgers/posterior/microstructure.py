@@ -19,24 +19,12 @@ LOG_LIKELIHOOD = "microstructure_log_lik"
 def microstructure_group(
     fit: Draws, experiments: Sequence[Experiment], chains: Mapping[str, list[int]]
 ) -> xr.Dataset:
-    """Gather what was measured of the microstructure of tests, and draws of it.
+    """Gather measured microstructure of tests, and draws of it, by section and quantity.
 
-    Parameters
-    ----------
-    fit : Draws
-        Chains of a program whose tests have measured microstructure.
-    experiments : sequence of Experiment
-        The tests, whose measurements stand one after the other.
-    chains : mapping
-        Coordinate of the dimension chain.
-
-    Returns
-    -------
-    Dataset, dimensions chain, draw, section, quantity
-        model, replicated and log_likelihood (0 where nothing was measured); and without draws
-        measured (NaN there) and error, the standard deviation of the fabric factor, and of the
-        logarithm of the grain size; quantities are `COLUMNS`, the grain size in m. Path strain
-        and time (s) of each section are coordinates, NaN where the other one stands.
+    Variables are model, replicated and log_likelihood (0 if nothing was measured), and without
+    draws measured and error, the standard deviation of the fabric factor and of the logarithm
+    of the grain size (m). Path strain and time (s) of each section are coordinates; one of them
+    is NaN.
     """
     drawn = {
         "model": "microstructure_model",

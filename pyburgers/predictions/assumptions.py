@@ -14,8 +14,7 @@ import xarray as xr
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, number
-from pyburgers.model.parameters import PIEZOMETER
-from pyburgers.predictions.closed_forms import piezometer_grain_size
+from pyburgers.predictions.stress_cycles import EVOLUTION
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -23,72 +22,32 @@ CRITICAL_SHARE = 0.1
 """Default share of the critical strain: it brings grain size or fabric a tenth of their way, which
 makes a dashpot with n = 4 that will halve its strength faster by a fifth."""
 
-EVOLUTION = (
-    "critical_strain_grain_size",
-    "critical_strain_fabric",
-    "steady_state_grain_size",
-    "steady_state_fabric_factor",
-)
-"""Parameters that say how the microstructure evolves."""
-
 LIKELY = 0.5
 """Share of draws from which on a part of a curve is marked."""
 
 
 def critical_strain(
-    parameters: Mapping[str, npt.ArrayLike],
+    parameters: Mapping[str, FloatArray],
     grain_size: FloatArray,
     fabric_factor: FloatArray,
-    median_stress: float,
+    final_grain_size: FloatArray,
 ) -> FloatArray:
     """Return the smaller critical strain of what evolves from a microstructure.
 
-    Grain size or fabric that is at its steady state does not evolve any more. What will change by
-    several times its own size does so in as many times less strain, and its critical strain is
-    divided by that number; grains under a piezometer at low stress are such a case.
-
-    Parameters
-    ----------
-    parameters : mapping of str to array
-        `EVOLUTION`, and a piezometer if the grain size follows one.
-    grain_size, fabric_factor : array, shape of the draws
-        m and 1.
-    median_stress : float
-        Pa; what a piezometer is asked about.
-
-    Returns
-    -------
-    array, shape of the draws
-        Infinite where nothing evolves; NaN, nothing is known about it, without `EVOLUTION`.
-
-    Raises
-    ------
-    InputError
-        If shapes differ.
+    Grain size or fabric at its steady state evolves no more. If it will change by several times its
+    own size, it does so in as many times less strain, and its critical strain is divided by that
+    number: so do grains under a piezometer at low stress. The result is infinite where nothing
+    evolves, and NaN without `EVOLUTION`. Grain size (m) and fabric have the shape of the draws, the
+    final grain size and the result that of the draws and regimes.
     """
     if any(name not in parameters for name in EVOLUTION):
-        return np.full(grain_size.shape, np.nan)
-    values = {
-        name: np.asarray(parameters[name], dtype=np.float64)
-        for name in (*EVOLUTION, *PIEZOMETER)
-        if name in parameters
-    }
-    for name, of_draws in values.items():
-        if of_draws.shape != grain_size.shape:
-            raise InputError(
-                f"parameters: {name!r} has the shape {of_draws.shape}, expected "
-                f"{grain_size.shape}, that of the draws."
-            )
-    final_size = values["steady_state_grain_size"]
-    if PIEZOMETER[0] in values:
-        largest, exponent, floor = (values[name] for name in PIEZOMETER)
-        preferred = piezometer_grain_size(median_stress, largest, exponent, floor)
-        final_size = np.where(largest > 0, preferred, final_size)
+        return np.full(final_grain_size.shape, np.nan)
+    of_grains, of_fabric, _, final_fabric = (
+        parameters[name][..., np.newaxis] for name in EVOLUTION
+    )
     smaller: FloatArray = np.minimum(
-        _relative(values["critical_strain_grain_size"], grain_size, final_size),
-        _relative(
-            values["critical_strain_fabric"], fabric_factor, values["steady_state_fabric_factor"]
-        ),
+        _relative(of_grains, grain_size[..., np.newaxis], final_grain_size),
+        _relative(of_fabric, fabric_factor[..., np.newaxis], final_fabric),
     )
     return smaller
 
@@ -106,13 +65,7 @@ def exceeds(strain: xr.DataArray, critical: xr.DataArray, share: float) -> xr.Da
 
 
 def checked_share(share: float) -> float:
-    """Return a share of the critical strain.
-
-    Raises
-    ------
-    InputError
-        If it is not positive and finite.
-    """
+    """Return a share of the critical strain; raise `InputError` if it is not positive."""
     if not (np.isfinite(share) and share > 0):
         raise InputError(f"critical_share: found {share:g}, expected a positive number.")
     return float(share)
@@ -147,27 +100,9 @@ def likely_fails(spectrum: xr.Dataset) -> npt.NDArray[np.bool_]:
 def frozen_limit_frequency(spectrum: xr.Dataset, share: float | None = None) -> FloatArray:
     """Return the frequency (Hz) below which a cycle strains too much for frozen microstructure.
 
-    The path strain of a cycle grows towards low frequency. Where it passes the share of the
-    critical strain is found between the frequencies of the spectrum on logarithmic scales. The hold
-    is not looked at: see `hold_fails`.
-
-    Parameters
-    ----------
-    spectrum : Dataset
-        Of `pyburgers.predictions.attenuation.attenuation_spectrum` or `predict_attenuation`.
-    share : float, optional
-        Of the critical strain; default that of the spectrum.
-
-    Returns
-    -------
-    array, shape (n_draws, n_regimes)
-        0 where no frequency of the spectrum is below the limit, infinite where all are, and NaN
-        where the critical strain is not known.
-
-    Raises
-    ------
-    InputError
-        If `share` is not positive.
+    The path strain of a cycle grows towards low frequency, and is interpolated on logarithmic
+    scales. The limit is 0 if no frequency is below it, infinite if all are, and NaN if the critical
+    strain is not known; shape (n_draws, n_regimes). The hold is left out: see `hold_fails`.
     """
     limit = checked_share(float(spectrum["critical_share"]) if share is None else share)
     ordered = spectrum.sortby("frequency")

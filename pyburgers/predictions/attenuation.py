@@ -16,11 +16,6 @@ are those of one Kelvin element, those of other laws are in `pyburgers.model.rel
 
 The dashpot's fluidity B depends on the regime of stresses but not on frequency. Higher harmonics
 of the strain and its steady drift do not enter: tan(delta) is that of the fundamental.
-
-The flow law g stands in `pyburgers.predictions.closed_forms` although the physics is otherwise in
-``stan/physics/`` alone: a whole posterior times frequencies times regimes is one array expression
-this way. Tests compare it with the Stan function ``dashpot_strain_rate`` and the spectrum with
-simulations in time (`pyburgers.predictions.imposed_stress`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,7 +26,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from pyburgers.common.netcdf_files import write_netcdf
-from pyburgers.model.relaxation import KelvinPart, kelvin_part
+from pyburgers.model.relaxation import kelvin_part
 from pyburgers.predictions.assumptions import (
     CRITICAL_SHARE,
     checked_share,
@@ -39,12 +34,7 @@ from pyburgers.predictions.assumptions import (
     cycle_fails,
     hold_fails,
 )
-from pyburgers.predictions.closed_forms import (
-    cycle_strain,
-    dashpot_rates,
-    fluidity,
-    half_period,
-)
+from pyburgers.predictions.closed_forms import closed_forms
 from pyburgers.predictions.material import Material, fitted_material
 from pyburgers.predictions.stress_cycles import (
     DRAW_DIMENSIONS,
@@ -54,7 +44,6 @@ from pyburgers.predictions.stress_cycles import (
     checked_frequencies,
     checked_hold_time,
     checked_inputs,
-    modulus_at,
 )
 from pyburgers.protocols.protocol import FittedTest
 
@@ -83,7 +72,7 @@ def attenuation_spectrum(
     ----------
     parameters : mapping of str to array
         Draws of `PARAMETER_NAMES` (SI), all of one shape: ``()``, ``(draw,)`` or ``(chain, draw)``.
-        With `pyburgers.predictions.assumptions.EVOLUTION` the result shows failures of frozen
+        With `pyburgers.predictions.stress_cycles.EVOLUTION` the result shows failures of frozen
         microstructure. With `pyburgers.model.relaxation.RELAXATION_PARAMETERS` the Kelvin part
         follows another linear law. Other names are ignored.
     frequencies : array, shape (n_frequencies,)
@@ -101,7 +90,7 @@ def attenuation_spectrum(
     critical_share : float
         Share of the critical strain beyond which frozen microstructure fails.
     with_strains : bool
-        False leaves out the strains of the assumption, which take ten times as long as the rest.
+        False leaves out the strains of the assumption, which take half of the time.
 
     Returns
     -------
@@ -119,41 +108,26 @@ def attenuation_spectrum(
     InputError
         If a parameter is missing, shapes differ, the Kelvin part is not linear, or a frequency
         or condition is out of range.
+    ToolchainError
+        If CmdStan or a compiler is missing.
     """
     draws, size, fabric = checked_inputs(parameters, temperature, grain_size, fabric_factor)
     frequency = checked_frequencies(frequencies)
     hold_time = checked_hold_time(hold_time)
-    omega = 2 * np.pi * frequency
     kelvin = kelvin_part(parameters, temperature, size)
-    draws["maxwell_modulus"] = modulus_at(parameters, draws["maxwell_modulus"], temperature)
-    storage, kelvin_loss = kelvin.compliance(omega)
-    storage = storage + 1 / draws["maxwell_modulus"][..., np.newaxis]
-    by_regime: dict[str, list[FloatArray]] = {
-        name: [] for name in ("fluidity", "hold", "cycle", "critical")
-    }
-    for regime in regimes:
-        sine = half_period(regime)
-        rates = dashpot_rates(
-            draws,
-            regime,
-            np.append(sine, 0.0),
-            temperature=temperature,
-            grain_size=size,
-            fabric_factor=fabric,
-        )
-        cycling, held = rates[..., :-1], rates[..., -1]
-        by_regime["fluidity"].append(fluidity(cycling, sine, regime.amplitude))
-        if not with_strains:
-            continue
-        recoverable = 1 / draws["maxwell_modulus"] + kelvin.creep(hold_time)
-        by_regime["hold"].append(regime.median_stress * recoverable + held * hold_time)
-        amplitudes = regime.amplitude * storage, regime.amplitude * kelvin_loss
-        by_regime["cycle"].append(cycle_strain(cycling, sine, *amplitudes, frequency))
-        critical = critical_strain(parameters, size, fabric, regime.median_stress)
-        by_regime["critical"].append(critical)
-    background = np.stack(by_regime["fluidity"], axis=-1)
-    storage, loss = storage[..., np.newaxis, :], kelvin_loss[..., np.newaxis, :]
-    loss = loss + background[..., np.newaxis] / omega
+    found = closed_forms(
+        draws,
+        regimes,
+        frequency,
+        kelvin,
+        temperature=temperature,
+        grain_size=size,
+        fabric_factor=fabric,
+        with_strains=with_strains,
+    )
+    storage = found["storage_compliance"][..., np.newaxis, :]
+    background = found["fluidity"][..., np.newaxis] / (2 * np.pi * frequency)
+    loss = found["kelvin_loss"][..., np.newaxis, :] + background
     draw_dimensions = DRAW_DIMENSIONS[size.ndim]
     regime_dimensions = (*draw_dimensions, "regime")
     dimensions = (*regime_dimensions, "frequency")
@@ -163,7 +137,7 @@ def attenuation_spectrum(
             "tan_delta": (dimensions, loss / storage, number_of_one),
             "storage_compliance": (dimensions, np.broadcast_to(storage, loss.shape), compliance),
             "loss_compliance": (dimensions, loss, compliance),
-            "debye_peak": (regime_dimensions, _has_peak(kelvin, draws, background)),
+            "debye_peak": (regime_dimensions, found["has_peak"] > 0),
             "grain_size": (draw_dimensions, size, {"units": "m"}),
             "fabric_factor": (draw_dimensions, fabric, number_of_one),
         },
@@ -179,10 +153,13 @@ def attenuation_spectrum(
     )
     if not with_strains:
         return spectrum
-    hold, critical = (np.stack(by_regime[name], axis=-1) for name in ("hold", "critical"))
+    recoverable = 1 / found["maxwell_modulus"] + kelvin.creep(hold_time)
+    median_stress = spectrum["median_stress"].to_numpy()
+    hold = median_stress * recoverable[..., np.newaxis] + found["held_rate"] * hold_time
+    critical = critical_strain(draws, size, fabric, found["wanted_grain_size"])
     spectrum = spectrum.assign(
         hold_strain=(regime_dimensions, hold, number_of_one),
-        cycle_strain=(dimensions, np.stack(by_regime["cycle"], axis=-2), number_of_one),
+        cycle_strain=(dimensions, found["cycle_strain"], number_of_one),
         critical_strain=(regime_dimensions, critical, number_of_one),
     )
     fails = (cycle_fails(spectrum) + hold_fails(spectrum)).clip(max=1.0)
@@ -209,16 +186,29 @@ def predict_attenuation(
 
     Parameters
     ----------
-    fit, microstructure, temperature, grain_size, fabric_factor, elastic_modulus, \
-    elastic_modulus_sd, seed
-        As for `pyburgers.predictions.material.fitted_material`.
+    fit : FittedTest
+        A finished fit of one test, or what a joint fit says of one, such as ``fit["PIL40"]``.
+    microstructure : {"initial", "steady_state"}
+        Initial: the experiment's initial grain size, and F = 1. Steady state: each draw's own grain
+        size and fabric factor, with wide bands if the test does not reach it. Under a piezometer
+        the grain size is the number that the prior file fixes; give `grain_size` for another.
+    temperature : float, optional
+        K; default the experiment's.
+    grain_size, fabric_factor : float, optional
+        m and 1; take the place of those of `microstructure`.
+    elastic_modulus, elastic_modulus_sd : float, optional
+        Pa; mean and standard deviation of a log-normal distribution that takes the place of E_M,
+        of a test at constant rate mostly the stiffness of the apparatus.
+    seed : int
+        Of the draws of the elastic modulus.
     frequencies, regimes, hold_time, critical_share, with_strains
         As for `attenuation_spectrum`.
 
     Returns
     -------
     Dataset
-        As of `material_spectrum`.
+        As of `attenuation_spectrum`, with the chain and draw numbers of the fit, and attributes
+        that say what was predicted.
 
     Raises
     ------
@@ -255,21 +245,7 @@ def material_spectrum(
     critical_share: float = CRITICAL_SHARE,
     with_strains: bool = True,
 ) -> xr.Dataset:
-    """Spectrum of every draw of a material.
-
-    Parameters
-    ----------
-    material : Material
-        Of `pyburgers.predictions.material.fitted_material`.
-    frequencies, regimes, hold_time, critical_share, with_strains
-        As for `attenuation_spectrum`.
-
-    Returns
-    -------
-    Dataset
-        As of `attenuation_spectrum`, with the chain and draw numbers of the fit, and the attributes
-        of the material.
-    """
+    """Return the `attenuation_spectrum` of a material, with its attributes."""
     spectrum = attenuation_spectrum(
         material.parameters,
         frequencies,
@@ -287,13 +263,7 @@ def material_spectrum(
 
 
 def save_spectrum(spectrum: xr.Dataset, path: Path) -> None:
-    """Write a spectrum as netCDF, in single precision and compressed, in one step.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
-    """
+    """Write a spectrum as netCDF, in single precision and compressed, in one step."""
     encoding = {
         name: {"dtype": "float32", "zlib": True}
         for name, variable in spectrum.data_vars.items()
@@ -314,33 +284,3 @@ def regime_peaks(spectrum: xr.Dataset) -> BoolArray:
     peak = spectrum["debye_peak"].transpose(..., "regime").to_numpy()
     flat: BoolArray = peak.reshape(-1, peak.shape[-1])
     return flat
-
-
-def _has_peak(
-    kelvin: KelvinPart, draws: Mapping[str, FloatArray], dashpot_fluidity: FloatArray
-) -> BoolArray:
-    """Whether a peak of the Kelvin part stands out of the dashpot's background.
-
-    Of one element, with r = E_K/E_M and c = B eta_K, the slope of tan(delta) changes sign twice
-    along frequency, at a dip and a peak, if and only if (1 + r)(1 + c) > 9 r c, that is r <= 1/8 or
-    c < (1 + r)/(8 r - 1); else tan(delta) falls with frequency everywhere. Of other laws it is
-    looked for at frequencies across all relaxation times, those of a second element or of a peak on
-    top of a band among them.
-    """
-    if kelvin.is_one_element:
-        ratio = (draws["kelvin_modulus"] / draws["maxwell_modulus"])[..., np.newaxis]
-        viscosity = kelvin.longest_time * draws["kelvin_modulus"]
-        background = dashpot_fluidity * viscosity[..., np.newaxis]
-        peak: BoolArray = (1 + ratio) * (1 + background) > 9 * ratio * background
-        return peak
-    below_longest = kelvin.values["peak_time_decades"] + kelvin.values["peak_width"] / np.log(10)
-    decades = np.maximum(kelvin.values["relaxation_time_decades"], below_longest).max()
-    reach = np.logspace(-3, 3 + decades, int(10 * (6 + decades)))
-    omega = reach / kelvin.longest_time[..., np.newaxis]
-    storage, loss = kelvin.compliance(omega)
-    storage = storage + 1 / draws["maxwell_modulus"][..., np.newaxis]
-    rises = [
-        (np.diff((loss + of_regime[..., np.newaxis] / omega) / storage, axis=-1) > 0).any(axis=-1)
-        for of_regime in np.moveaxis(dashpot_fluidity, -1, 0)
-    ]
-    return np.stack(rises, axis=-1)

@@ -94,16 +94,8 @@ def attenuation(
 ) -> Figure:
     """Draw median and bands of attenuation against frequency, a colour for each regime.
 
-    Parameters
-    ----------
-    spectrum : Dataset
-        What is drawn.
-    title : str
-        Heading.
-    comparison : Dataset, optional
-        Of `pyburgers.predictions.evolving.evolving_attenuation`, in the same regimes.
-    measured : MeasuredAttenuation, optional
-        Points to draw over it.
+    A comparison is of `pyburgers.predictions.evolving.evolving_attenuation` in the same
+    regimes; measured points are drawn over it.
     """
     spectrum = spectrum.sortby("frequency")
     with style():
@@ -194,16 +186,7 @@ def attenuation_draws(spectrum: xr.Dataset, title: str) -> Figure:
 
 
 def amplitude_dependence(spectrum: xr.Dataset, title: str) -> Figure:
-    """Draw what the amplitude does: spectra, and their ratios to that of the smallest amplitude.
-
-    Parameters
-    ----------
-    spectrum : Dataset
-        Regimes that share a median stress
-        (`pyburgers.predictions.stress_cycles.amplitude_regimes`).
-    title : str
-        Heading.
-    """
+    """Draw spectra of one median stress, and their ratios to that of the smallest amplitude."""
     spectrum = spectrum.sortby("frequency")
     tan_delta = flat_draws(spectrum["tan_delta"])
     smallest = int(spectrum["amplitude"].to_numpy().argmin())
@@ -277,14 +260,9 @@ def _draw_bands(
 ) -> list[Line2D]:
     """Draw a median and nested bands for each regime; return what is in the legend.
 
-    The medians are drawn pale first, then again where frozen microstructure does not fail.
-
-    Parameters
-    ----------
-    values : array, shape (n_draws, n_regimes, n_frequencies)
-        What is drawn.
-    opacities : sequence of float
-        Of the 90 % band and, where there is a second, of the 50 % band inside it.
+    Values have the shape (n_draws, n_regimes, n_frequencies); opacities are those of the 90 %
+    band and, if there is a second, of the 50 % band. Medians are drawn pale first, then again
+    where frozen microstructure does not fail.
     """
     frequency = spectrum["frequency"].to_numpy()
     marker = "o" if frequency.size < FEW_FREQUENCIES else ""

@@ -25,20 +25,12 @@ OVERVIEW_FREQUENCIES = 5
 
 
 def quantile_table(spectrum: xr.Dataset) -> pd.DataFrame:
-    """Posterior quantiles of tan(delta), a row for each regime and frequency.
+    """Return posterior quantiles of tan(delta), a row for each regime and frequency.
 
-    Parameters
-    ----------
-    spectrum : Dataset
-        Of `attenuation_spectrum` or `predict_attenuation`, with draws.
-
-    Returns
-    -------
-    DataFrame
-        Columns median_stress_MPa, amplitude_MPa, frequency_Hz, mean, sd, q5, q25, q50, q75, q95;
-        medians hold_strain and cycle_strain, and shares of draws in which the hold, a cycle, or
-        one of them strains too much for frozen microstructure: p_hold_fails, p_cycle_fails,
-        p_frozen_fails.
+    Columns are median_stress_MPa, amplitude_MPa, frequency_Hz, mean, sd, q5, q25, q50, q75,
+    q95; medians hold_strain and cycle_strain; p_hold_fails, p_cycle_fails, p_frozen_fails, the
+    shares of draws in which the hold, a cycle, or one of them strains too much for frozen
+    microstructure.
     """
     tan_delta = flat_draws(spectrum["tan_delta"])
     n_regimes, n_frequencies = tan_delta.shape[1:]
@@ -79,15 +71,10 @@ def _by_row(share: xr.DataArray) -> FloatArray:
 
 
 def overview_table(spectrum: xr.Dataset) -> pd.DataFrame:
-    """Attenuation at a few frequencies for people, a row for each regime.
+    """Return attenuation at a few frequencies as text, a row for each regime.
 
-    Returns
-    -------
-    DataFrame
-        Text. Columns regime, frozen microstructure: where it fails
-        (`pyburgers.predictions.assumptions`), one for each of at most `OVERVIEW_FREQUENCIES`
-        frequencies with median and 5 and 95 % of the draws, and Debye peak: the share of draws
-        that have one.
+    Columns are regime, frozen microstructure (where it fails), one for each of at most
+    `OVERVIEW_FREQUENCIES` frequencies with median and 5 and 95 % of the draws, and Debye peak.
     """
     frequency = spectrum["frequency"].to_numpy()
     n_shown = min(OVERVIEW_FREQUENCIES, frequency.size)

@@ -1,55 +1,70 @@
-"""Closed forms of a frozen material under a hold and stress cycles: rates, fluidity, strain.
+"""Closed forms of a frozen material under a hold and stress cycles (`stan/stress_cycles.stan`)."""
 
-Draws are arrays of one shape; regimes and frequencies are further dimensions behind it.
-"""
-
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.common.units import UNITS
-from pyburgers.model.arrhenius import GAS_CONSTANT
+from pyburgers.cmdstan.program import load_program
+from pyburgers.cmdstan.toolchain import stan_directory
+from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.model.priors import FLOW_LAW
-from pyburgers.predictions.stress_cycles import BREAKDOWN, Regime
+from pyburgers.model.relaxation import KelvinPart
+from pyburgers.predictions.stress_cycles import Regime, parameter_columns
+from pyburgers.protocols.attenuation.stan_data import stress_nodes
+from pyburgers.protocols.stan_data import ends
 
 FloatArray = npt.NDArray[np.float64]
 
-_NODES = 64
-_NODES_SIGN_CHANGE = 1024
-"""Nodes in half a period of stress. The fluidity is good to 1e-10 for stress exponents from 2.5;
-where stress changes sign, the flow law has a kink in a higher derivative and the sum converges less
-fast."""
+DIGITS = 17
+"""Of the numbers that the program writes: a grain size in its steady state stays exactly that."""
+
+CYCLE_NODES = 64
+"""Nodes in half a period for the strain of a cycle: the kink of |rate| limits it to about 1e-3."""
+
+ELEMENTS = ("maxwell_modulus", "kelvin_modulus", "kelvin_viscosity")
+
+DELAYS_PER_DECADE = 10
+"""Where a peak of a Kelvin part with many relaxation times is looked for."""
 
 
-def half_period(regime: Regime) -> FloatArray:
-    """Return sin(omega t) at the midpoints of equal steps from lowest to highest stress."""
-    n_nodes = _NODES_SIGN_CHANGE if regime.amplitude > regime.median_stress else _NODES
-    nodes: FloatArray = np.sin(np.pi * ((np.arange(n_nodes) + 0.5) / n_nodes - 0.5))
-    return nodes
-
-
-def dashpot_rates(
+def closed_forms(
     draws: Mapping[str, FloatArray],
-    regime: Regime,
-    sine: FloatArray,
+    regimes: Sequence[Regime],
+    frequency: FloatArray,
+    kelvin: KelvinPart,
     *,
     temperature: float,
     grain_size: FloatArray,
     fabric_factor: FloatArray,
-) -> FloatArray:
-    """Strain rate of the dashpot (1/s) where sin(omega t) has given values, shape of the draws + n.
+    with_strains: bool,
+) -> dict[str, FloatArray]:
+    """Return the generated quantities of `stan/stress_cycles.stan`, shape of the draws + their own.
 
-    `draws` are as of `pyburgers.predictions.stress_cycles.checked_inputs`; `sine` has shape (n,),
-    and is 0 in the hold; temperature is in K, grain sizes in m.
+    Conditions are in K, m and 1, frequencies in Hz.
     """
-    return flow_rate(
-        {name: values[..., np.newaxis] for name, values in draws.items()},
-        regime.median_stress + regime.amplitude * sine,
-        temperature=temperature,
-        grain_size=grain_size[..., np.newaxis],
-        fabric_factor=fabric_factor[..., np.newaxis],
-    )
+    stresses = [(regime.median_stress, regime.amplitude) for regime in regimes]
+    nodes = [stress_nodes(*one) for one in stresses]
+    angles = np.pi * ((np.arange(CYCLE_NODES) + 0.5) / CYCLE_NODES - 0.5)
+    sine = np.sin(angles) if with_strains else np.empty(0)
+    log_delay = _log_delays(kelvin)
+    data = {
+        "temperature": temperature,
+        "n_frequencies": frequency.size,
+        "frequency": frequency.tolist(),
+        "n_regimes": len(regimes),
+        "median_stress": [median for median, _ in stresses],
+        "amplitude": [amplitude for _, amplitude in stresses],
+        "node_end": ends(len(own) for own in nodes),
+        "node": np.concatenate(nodes).tolist(),
+        "n_sines": sine.size,
+        "sine": sine.tolist(),
+        "n_delays": log_delay.size,
+        "log_delay": log_delay.tolist(),
+    }
+    columns = parameter_columns(draws, grain_size.shape)
+    materials = np.stack([*columns, grain_size, fabric_factor, np.zeros(grain_size.shape)], axis=-1)
+    return _solved(data, materials)
 
 
 def flow_rate(
@@ -78,76 +93,65 @@ def flow_rate(
     -------
     array
         1/s; all arguments are broadcast against each other.
+
+    Raises
+    ------
+    InputError
+        If a number is not finite.
+    ToolchainError
+        If CmdStan or a compiler is missing.
     """
-    exponent, p, enthalpy, beta, breakdown, size, fabric, load = (
-        np.asarray(values, dtype=np.float64)
-        for values in (
-            *(parameters[name] for name in FLOW_LAW),
-            parameters.get(BREAKDOWN, 0.0),
-            grain_size,
-            fabric_factor,
-            stress,
+    draws = {
+        name: np.asarray(parameters[name], dtype=np.float64)
+        for name in (*FLOW_LAW, "breakdown_stress")
+        if name in parameters
+    }
+    state = [np.asarray(one, dtype=np.float64) for one in (grain_size, fabric_factor, stress)]
+    shape = np.broadcast_shapes(*(one.shape for one in (*draws.values(), *state)))
+    # The rate needs no elements; these only keep their compliance finite.
+    elements = {name: np.ones(()) for name in ELEMENTS}
+    columns = parameter_columns({**elements, **draws}, shape)
+    materials = np.stack([*columns, *(np.broadcast_to(one, shape) for one in state)], axis=-1)
+    lists = ("frequency", "median_stress", "amplitude", "node", "sine", "log_delay")
+    data = {
+        "temperature": temperature,
+        "node_end": [0],
+        **dict.fromkeys(("n_frequencies", "n_regimes", "n_sines", "n_delays"), 0),
+        **{name: [] for name in lists},
+    }
+    return _solved(data, materials)["dashpot_rate"]
+
+
+def _solved(data: Mapping[str, object], materials: FloatArray) -> dict[str, FloatArray]:
+    """Return generated quantities of materials along the last axis, by name.
+
+    Raises `InputError` if a number is not finite, and `SamplingError` if the program stops.
+    """
+    if not np.isfinite(materials).all():
+        raise InputError(
+            "parameters: found draws that are not finite, expected finite numbers (SI)."
         )
-    )
-    log_fluidity = (
-        enthalpy * (beta - 1 / (GAS_CONSTANT * temperature))
-        - p * np.log(size)
-        - exponent * np.log(fabric)
-    )
-    limit = breakdown * fabric
-    if limit.any():
-        load = limit * np.sinh(load / limit)
-    with np.errstate(divide="ignore"):  # no load, no flow
-        # As a logarithm, stress to the power n neither over- nor underflows.
-        rates: FloatArray = np.sign(load) * np.exp(log_fluidity + exponent * np.log(np.abs(load)))
-    return rates
+    shape = materials.shape[:-1]
+    program = load_program(stan_directory() / "stress_cycles.stan")
+    points = materials.reshape(-1, materials.shape[-1])
+    solved, found = program.generate_at(data, "material", points, digits=DIGITS)
+    if not solved.all():
+        raise SamplingError("The closed form has no value at some draws; check their units (SI).")
+    return {
+        name: np.reshape(found[name][0], (*shape, *variable.dimensions))
+        for name, variable in found.variables.items()
+    }
 
 
-def piezometer_grain_size(
-    stress: float,
-    reference_grain_size: FloatArray,
-    exponent: FloatArray,
-    stress_floor: FloatArray,
-) -> FloatArray:
-    """Grain size (m) that a stress (Pa) wants, d_1 (sqrt(stress^2 + floor^2)/1 MPa)^-m."""
-    floored = np.hypot(stress, stress_floor) / UNITS["stress"]["MPa"]
-    size: FloatArray = reference_grain_size * floored**-exponent
-    return size
+def _log_delays(kelvin: KelvinPart) -> FloatArray:
+    """Return ln(angular frequency times longest relaxation time) across all relaxation times.
 
-
-def fluidity(rates: FloatArray, sine: FloatArray, amplitude: float) -> FloatArray:
-    """Return the dashpot's B = 1/(pi sigma_0) * integral of rate sin(x) dx, 1/(Pa s).
-
-    Rates (1/s) are those of `dashpot_rates` at the nodes of `half_period`, the amplitude sigma_0 is
-    in Pa. Both halves of the period give the same trapezoidal sum, so one is enough.
+    A second element, or a peak on top of a band, is covered; one element needs none.
     """
-    values: FloatArray = rates @ (2 / sine.size * sine) / amplitude
-    return values
-
-
-def cycle_strain(
-    rates: FloatArray,
-    sine: FloatArray,
-    storage_amplitude: FloatArray,
-    loss_amplitude: FloatArray,
-    frequency: FloatArray,
-) -> FloatArray:
-    """Return the path strain of a settled cycle, the integral of |strain rate| over a period.
-
-    Spring and Kelvin element strain at the rate omega (a cos(omega t) + b sin(omega t)), a and b
-    (of shape draws + n_frequencies) being the storage and loss amplitude; the dashpot's rates are
-    those of `dashpot_rates` at the nodes of `half_period`. The times x and pi - x differ in the
-    sign of the cosine alone, and |u + v| + |u - v| = 2 max(|u|, |v|).
-    """
-    in_phase = 2 * np.pi * storage_amplitude
-    behind = 2 * np.pi * loss_amplitude
-    period = 1 / frequency
-    total = np.zeros(np.broadcast_shapes(in_phase.shape, behind.shape))
-    stride = max(1, sine.size // _NODES)  # the kink of |rate| limits it to about 1e-3 anyway
-    nodes = range(stride // 2, sine.size, stride)
-    for k in nodes:
-        even = behind * sine[k] + rates[..., k, np.newaxis] * period
-        odd = in_phase * np.sqrt(1 - sine[k] ** 2)
-        total += np.maximum(np.abs(even), odd)
-    path: FloatArray = total / len(nodes)
-    return path
+    if kelvin.is_one_element:
+        return np.empty(0)
+    values = kelvin.values
+    below_longest = values["peak_time_decades"] + values["peak_width"] / np.log(10)
+    decades = float(np.maximum(values["relaxation_time_decades"], below_longest).max())
+    n_delays = int(DELAYS_PER_DECADE * (6 + decades))
+    return np.asarray(np.log(10) * np.linspace(-3, 3 + decades, n_delays))

@@ -65,38 +65,14 @@ def evolving_attenuation(
     cycles: int = CYCLES,
     max_draws: int = MAX_DRAWS,
 ) -> xr.Dataset:
-    """Solve hold and cycles with evolving microstructure, and compare with the frozen closed form.
+    """Solve hold and cycles (at least 2) with evolving microstructure, beside the closed form.
 
-    Parameters
-    ----------
-    material : Material
-        Of `pyburgers.predictions.material.fitted_material`; its microstructure is that at the start
-        of the hold.
-    frequencies : array, shape (n_frequencies,)
-        Hz.
-    regimes : sequence of Regime
-        Imposed stresses.
-    hold_time : float
-        Seconds at the median stress before the cycles.
-    cycles : int
-        Cycles after the hold that tan(delta) is read off, at least 2.
-    max_draws : int
-        Evenly spaced draws that are solved, at most.
-
-    Returns
-    -------
-    Dataset
-        Dimensions draw, regime, frequency: ``tan_delta_frozen``, ``tan_delta_evolving``,
-        ``fluidity_ratio`` (loss compliance of the dashpot, evolving over frozen), and
-        ``path_strain``, ``grain_size`` (m) and ``fabric_factor`` at the end of the cycles.
-        Coordinates as of a spectrum, and ``cycles``; attributes of the material.
-
-    Raises
-    ------
-    InputError
-        If a number is out of range, or the Kelvin part not one linear element.
-    SamplingError
-        If the solver finds no solution.
+    At most `max_draws` evenly spaced draws are solved, from the microstructure of the material at
+    the start of the hold. Dimensions are draw, regime, frequency; variables ``tan_delta_frozen``,
+    ``tan_delta_evolving``, ``fluidity_ratio`` (loss of the dashpot, evolving over frozen), and
+    ``path_strain``, ``grain_size`` (m) and ``fabric_factor`` at the end of the cycles. Raises
+    `InputError` if a number is out of range, or the Kelvin part not one linear element, and
+    `SamplingError` if the solver finds no solution.
     """
     frequency, hold = checked_frequencies(frequencies), checked_hold_time(hold_time)
     for name, given, least in (("cycles", cycles, 2), ("max_draws", max_draws, 1)):
@@ -161,19 +137,11 @@ def evolving_attenuation(
 
 
 def evolving_table(comparison: xr.Dataset) -> pd.DataFrame:
-    """Quantiles of tan(delta) with frozen and evolving microstructure.
+    """Return quantiles of tan(delta) with frozen and evolving microstructure.
 
-    Parameters
-    ----------
-    comparison : Dataset
-        Of `evolving_attenuation`.
-
-    Returns
-    -------
-    DataFrame
-        A row for each regime and frequency. Columns median_stress_MPa, amplitude_MPa, frequency_Hz;
-        frozen_q5 to frozen_q95, evolving_q5 to evolving_q95, fluidity_ratio_q5 to _q95; medians
-        path_strain, grain_size_m, fabric_factor at the end of the cycles; cycles and draws.
+    There is a row for each regime and frequency. Columns are median_stress_MPa, amplitude_MPa,
+    frequency_Hz; frozen_q5 to frozen_q95, evolving_q5 to evolving_q95, fluidity_ratio_q5 to _q95;
+    medians of path_strain, grain_size_m, fabric_factor at the end of the cycles; cycles and draws.
     """
     n_draws, _, n_frequencies = flat_draws(comparison["tan_delta_frozen"]).shape
     table = {

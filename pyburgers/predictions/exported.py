@@ -13,11 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from pyburgers.checks.prior_influence import (
-    decision_columns,
-    decision_text,
-    symbol_of,
-)
+from pyburgers.checks.prior_sentences import decision_columns, decision_text, symbol_of
 from pyburgers.common.units import rounded
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
@@ -40,28 +36,11 @@ LEFT_OUT = CONDITIONS | {
 
 @dataclass(frozen=True, eq=False)
 class Exported:
-    """Mean and covariance of the parameters of a material, in SI units.
+    """Mean (n,) and covariance (n, n) of the parameters of a material, in SI units.
 
-    Attributes
-    ----------
-    test, material, variant, run : str
-        What was fitted, and where that is.
-    sampled_well, describes_data : str
-        Both verdicts.
-    names : tuple of str
-        Parameters, sampled ones and fixed ones, and `LOG_FACTOR`.
-    mean : array, shape (n,)
-        Posterior means.
-    covariance : array, shape (n, n)
-        Posterior covariance; zero of what is fixed.
-    n_draws : int
-        Draws that they are of.
-    decided_by, by_prior_of : tuple of str
-        Of each parameter, as `Fit.summary` has them; "fixed" and nothing of a fixed one.
-    notes : tuple of str
-        Conflicts, and numbers that the data alone do not decide, in sentences.
-    laws : mapping of str to object
-        Laws that were fitted, and their microstructures (`pyburgers.predictions.stated_laws`).
+    Names hold parameters, sampled ones and fixed ones, and `LOG_FACTOR`; a fixed one has no
+    covariance and is decided by "fixed". Notes are conflicts, and numbers that the data alone
+    do not decide. Laws are those that were fitted (`pyburgers.predictions.stated_laws`).
     """
 
     test: str
@@ -86,13 +65,7 @@ class Exported:
 
 
 def exported(fit: Fit) -> Exported:
-    """Return what other codes need of a fit of one test, or of a test of a joint fit.
-
-    Raises
-    ------
-    InputError
-        If it is a joint fit.
-    """
+    """Return what other codes need of a fit of one test; raise `InputError` of a joint one."""
     names = [name for name in fit.priors.priors if name not in LEFT_OUT]
     one = fit.experiment
     laws, variant = laws_of(fit.priors, one), fit.variant.short_text

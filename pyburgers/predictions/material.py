@@ -11,14 +11,7 @@ from pyburgers.common.draws import evenly_spaced
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, number
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
-from pyburgers.model.parameters import PIEZOMETER
-from pyburgers.model.relaxation import RELAXATION_PARAMETERS
-from pyburgers.predictions.assumptions import EVOLUTION
-from pyburgers.predictions.stress_cycles import (
-    BREAKDOWN,
-    MODULUS_OF_TEMPERATURE,
-    PARAMETER_NAMES,
-)
+from pyburgers.predictions.stress_cycles import OTHER_PARAMETERS, PARAMETER_NAMES
 from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
@@ -27,21 +20,10 @@ Microstructure = Literal["initial", "steady_state"]
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """Draws of a material, and the state in which the stresses find it.
+    """Draws (SI) of a material, shape (n_chains, n_draws), and its state under the stresses.
 
-    Attributes
-    ----------
-    parameters : mapping of str to array, shape (n_chains, n_draws)
-        SI.
-    temperature : float
-        K.
-    grain_size, fabric_factor : array, shape (n_chains, n_draws)
-        m; 1 = isotropic.
-    chain, draw : array
-        Their numbers in the fit.
-    attributes : mapping of str to str
-        title, experiment, material, data_kind, microstructure and elastic_modulus (empty where it
-        is that of the fit).
+    Chain and draw are their numbers in the fit. Attributes are title, experiment, material,
+    data_kind, microstructure and elastic_modulus, which is empty if it is that of the fit.
     """
 
     parameters: Mapping[str, FloatArray]
@@ -77,40 +59,17 @@ def fitted_material(
 ) -> Material:
     """Return the material of a fit, in a chosen state.
 
-    Parameters
-    ----------
-    fit : FittedTest
-        A finished fit of one test, or what a joint fit says of one, such as ``fit["PIL40"]``.
-    microstructure : {"initial", "steady_state"}
-        Initial: the experiment's initial grain size, and F = 1. Steady state: each draw's own
-        steady-state grain size and fabric factor. A draw may reach it only at strains beyond the
-        test, and then it is an extrapolation, with wide bands. Where grain size follows a
-        piezometer the parameter is not a result of the fit but the number that its prior file
-        fixes; give `grain_size` for another.
-    temperature : float, optional
-        K; default the experiment's.
-    grain_size, fabric_factor : float, optional
-        Take the place of what `microstructure` says; m and 1.
-    elastic_modulus, elastic_modulus_sd : float, optional
-        Pa; mean and standard deviation of a log-normal distribution that takes the place of E_M,
-        of a test at constant rate mostly the stiffness of the apparatus.
-    seed : int
-        Of the draws of the elastic modulus.
-
-    Raises
-    ------
-    InputError
-        If `microstructure` is unknown, the modulus out of range, or the fit a joint one.
+    Arguments are those of `pyburgers.predict_attenuation`. Raises `InputError` if the
+    microstructure is unknown, the modulus out of range, or the fit a joint one.
     """
     if microstructure not in get_args(Microstructure):
         expected = " or ".join(map(repr, get_args(Microstructure)))
         raise InputError(f"microstructure: found {microstructure!r}, expected {expected}.")
     experiment = fit.experiment
     draws = fit.posterior["posterior"].to_dataset().transpose("chain", "draw", ...)
-    names = (*PARAMETER_NAMES, BREAKDOWN, *RELAXATION_PARAMETERS, *MODULUS_OF_TEMPERATURE)
     parameters = {
         name: draws[name].to_numpy().astype(np.float64)
-        for name in (*names, *EVOLUTION, *PIEZOMETER)
+        for name in (*PARAMETER_NAMES, *OTHER_PARAMETERS)
         if name in draws
     }
     shape = parameters["maxwell_modulus"].shape
@@ -118,7 +77,7 @@ def fitted_material(
         parameters["maxwell_modulus"] = _modulus_draws(
             elastic_modulus, elastic_modulus_sd, shape, seed
         )
-        for name in MODULUS_OF_TEMPERATURE:
+        for name in ("modulus_temperature_coefficient", "modulus_reference_temperature"):
             parameters.pop(name, None)
     if microstructure == "initial":
         size, fabric = np.full(shape, experiment.initial_grain_size), np.ones(shape)

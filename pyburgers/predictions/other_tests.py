@@ -47,14 +47,7 @@ def answers(prediction: Prediction) -> tuple[Quantity, ...]:
 def draws_of(prediction: Prediction, answer: Quantity) -> tuple[FloatArray, FloatArray]:
     """Return draws along the clock (SI) of the solution and of new readings, (n_draws, n).
 
-    Where a quantity is imposed nobody reads it: new readings are NaN there.
-
-    Parameters
-    ----------
-    prediction : Prediction
-        The test.
-    answer : Quantity
-        One of `answers`.
+    New readings are NaN where the quantity is imposed.
     """
     protocol = protocol_of(prediction.experiment)
     predictions = prediction.posterior["predictions"].to_dataset()
@@ -76,12 +69,9 @@ def _is_read(prediction: Prediction) -> npt.NDArray[np.bool_]:
 def band_table(prediction: Prediction) -> pd.DataFrame:
     """Return bands of the solution and of new readings along the clock, in SI units.
 
-    Returns
-    -------
-    DataFrame
-        A column of the clock, then for each of `answers` RESPONSE_q5 to RESPONSE_q95 of the
-        solution and new_RESPONSE_q5 to new_RESPONSE_q95 of readings, such as stress_Pa_q5; the
-        latter NaN where the quantity is imposed.
+    After the clock there are RESPONSE_q5 to RESPONSE_q95 and new_RESPONSE_q5 to
+    new_RESPONSE_q95 of each of `answers`, such as stress_Pa_q5; the latter are NaN where the
+    quantity is imposed.
     """
     clock = protocol_of(prediction.experiment).clock
     columns = {clock.column: prediction.posterior["predictions"][clock.name].to_numpy()}
@@ -118,17 +108,9 @@ def overview_table(prediction: Prediction) -> pd.DataFrame:
 def reading_table(prediction: Prediction) -> pd.DataFrame:
     """Return what each reading of a test is predicted to be, and what it is, in SI units.
 
-    Returns
-    -------
-    DataFrame
-        A column of the clock, where several quantities are read also its name, measured_RESPONSE,
-        the columns of `band_table` at the readings, and share_below: the share of predicted
-        readings below the measured one.
-
-    Raises
-    ------
-    InputError
-        If the test has no data.
+    Columns are the clock, the name if several quantities are read, measured_RESPONSE, those of
+    `band_table` at the readings, and share_below, the share of predicted readings below the
+    measured one. Raises `InputError` if the test has no data.
     """
     experiment = _with_data(prediction)
     protocol = protocol_of(experiment)
@@ -251,13 +233,7 @@ def _share(scores: pd.DataFrame, row: str, column: str) -> str:
 
 
 def save_prediction(prediction: Prediction, path: Path) -> None:
-    """Write all draws of a prediction as netCDF, in one step.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
-    """
+    """Write all draws of a prediction as netCDF, in one step."""
     write_netcdf(path, prediction.posterior)
 
 

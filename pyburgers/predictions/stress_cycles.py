@@ -1,7 +1,4 @@
-"""Stress cycles about a median stress, and checks of what is driven by them.
-
-What the closed form of the attenuation and the simulation in time have in common.
-"""
+"""Stress cycles about a median stress, and checks of materials under them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +9,8 @@ import numpy.typing as npt
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import number
 from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
-from pyburgers.model.parameters import STANDARD_VALUES
+from pyburgers.model.parameters import PIEZOMETER, PROGRAM_PARAMETERS
+from pyburgers.model.relaxation import RELAXATION_PARAMETERS
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -27,14 +25,26 @@ PARAMETER_NAMES = (
 )
 """Parameters that a spectrum needs."""
 
-BREAKDOWN = "breakdown_stress"
-"""That of a dashpot which is a hyperbolic sine; 0, or left out, in all draws of a power law."""
+EVOLUTION = (
+    "critical_strain_grain_size",
+    "critical_strain_fabric",
+    "steady_state_grain_size",
+    "steady_state_fabric_factor",
+)
+"""Parameters that say how the microstructure evolves."""
+
+OTHER_PARAMETERS = (
+    *RELAXATION_PARAMETERS,
+    "breakdown_stress",
+    "modulus_temperature_coefficient",
+    "modulus_reference_temperature",
+    *PIEZOMETER,
+    *EVOLUTION,
+)
+"""Parameters that may be left out: those of variants, and of an evolving microstructure."""
 
 HOLD_TIME = 5400.0
 """Time (s) at the median stress before the cycles: the middle of the paper's 1 to 2 h."""
-
-MODULUS_OF_TEMPERATURE = ("modulus_temperature_coefficient", "modulus_reference_temperature")
-"""By how much the Maxwell modulus changes with temperature, and where it is given."""
 
 DRAW_DIMENSIONS = {0: (), 1: ("draw",), 2: ("chain", "draw")}
 
@@ -91,17 +101,9 @@ _PAPER_REGIME_BY_NAME = {number(r.median_stress * STRESS_FACTOR): r for r in PAP
 
 
 def regimes_named(names: Sequence[str]) -> tuple[Regime, ...]:
-    """Return some of the paper's regimes by their median stress in MPa.
+    """Return some of the paper's regimes by their median stress in MPa, such as ``"1.5"``.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Each one of ``"1"``, ``"1.5"``, ``"2"``, ``"4"``.
-
-    Raises
-    ------
-    InputError
-        If a name is none of these.
+    Raises `InputError` if there is none of a name.
     """
     for name in names:
         if name not in _PAPER_REGIME_BY_NAME:
@@ -113,20 +115,7 @@ def regimes_named(names: Sequence[str]) -> tuple[Regime, ...]:
 
 
 def amplitude_regimes(median_stress: float, amplitudes: Sequence[float]) -> tuple[Regime, ...]:
-    """Return regimes that share a median stress, to see what the amplitude does.
-
-    Parameters
-    ----------
-    median_stress : float
-        Pa.
-    amplitudes : sequence of float
-        Pa.
-
-    Raises
-    ------
-    InputError
-        If a stress is out of range (see `Regime`).
-    """
+    """Return regimes of one median stress and several amplitudes (Pa)."""
     return tuple(Regime(median_stress, amplitude) for amplitude in amplitudes)
 
 
@@ -136,31 +125,25 @@ def checked_inputs(
     grain_size: npt.ArrayLike,
     fabric_factor: npt.ArrayLike,
 ) -> tuple[dict[str, FloatArray], FloatArray, FloatArray]:
-    """Return draws, grain size and fabric factor as arrays of one shape.
+    """Return draws, grain size (m) and fabric factor as arrays of one shape.
 
-    Parameters
-    ----------
-    parameters, temperature, grain_size, fabric_factor
-        As for `pyburgers.predictions.attenuation.attenuation_spectrum`.
-
-    Raises
-    ------
-    InputError
-        If a parameter is missing, shapes differ or a condition is not positive.
+    Raises `InputError` if a parameter is missing, shapes differ or a condition is not positive.
     """
     missing = [name for name in PARAMETER_NAMES if name not in parameters]
     if missing:
         raise InputError(f"parameters: {missing[0]!r} is missing, expected its draws.")
-    draws = {name: np.asarray(parameters[name], dtype=np.float64) for name in PARAMETER_NAMES}
+    draws = {
+        name: np.asarray(parameters[name], dtype=np.float64)
+        for name in (*PARAMETER_NAMES, *OTHER_PARAMETERS)
+        if name in parameters
+    }
     shape = draws[PARAMETER_NAMES[0]].shape
-    power_law = np.full(shape, STANDARD_VALUES[BREAKDOWN])
-    draws[BREAKDOWN] = np.asarray(parameters.get(BREAKDOWN, power_law), dtype=np.float64)
     if len(shape) not in DRAW_DIMENSIONS:
         raise InputError(
             f"parameters: found draws of shape {shape}, expected (chain, draw), (draw,) or ()."
         )
     for name, values in draws.items():
-        if values.shape != shape:
+        if values.shape != shape and not (name in OTHER_PARAMETERS and values.shape == ()):
             raise InputError(
                 f"parameters: {name!r} has the shape {values.shape}, expected {shape} as "
                 f"{PARAMETER_NAMES[0]!r} has."
@@ -182,25 +165,18 @@ def checked_inputs(
     return draws, frozen[0], frozen[1]
 
 
-def modulus_at(
-    parameters: Mapping[str, npt.ArrayLike], modulus: FloatArray, temperature: float
-) -> FloatArray:
-    """Return the Maxwell modulus (Pa) at a temperature (K), E_M [1 + a_E (T - T_E)].
+def parameter_columns(
+    parameters: Mapping[str, FloatArray], shape: tuple[int, ...]
+) -> list[FloatArray]:
+    """Return draws in the order of the programs, each of one shape (SI).
 
-    Parameters
-    ----------
-    parameters : mapping of str to array
-        With `MODULUS_OF_TEMPERATURE`, or it is the same at all temperatures.
-    modulus : array, shape of the draws
-        E_M, Pa.
-    temperature : float
-        K.
+    A parameter that is not given has no effect: on a frozen microstructure, or on stresses without
+    noise.
     """
-    coefficient, reference = (
-        np.asarray(parameters.get(name, STANDARD_VALUES[name]), dtype=np.float64)
-        for name in MODULUS_OF_TEMPERATURE
-    )
-    return np.asarray(modulus * (1 + coefficient * (temperature - reference)))
+    return [
+        np.broadcast_to(parameters.get(p.name, np.array(p.standard or 0.0)), shape)
+        for p in PROGRAM_PARAMETERS
+    ]
 
 
 def _check_positive(name: str, unit: str, values: FloatArray) -> None:
@@ -210,13 +186,7 @@ def _check_positive(name: str, unit: str, values: FloatArray) -> None:
 
 
 def checked_frequencies(frequencies: Sequence[float] | FloatArray) -> FloatArray:
-    """Return frequencies (Hz) as an array.
-
-    Raises
-    ------
-    InputError
-        If there is none, or one is not positive and finite.
-    """
+    """Return frequencies (Hz) as an array; raise `InputError` if one is not positive and finite."""
     frequency = np.asarray(frequencies, dtype=np.float64)
     if frequency.ndim != 1 or frequency.size == 0:
         raise InputError(
@@ -228,13 +198,7 @@ def checked_frequencies(frequencies: Sequence[float] | FloatArray) -> FloatArray
 
 
 def checked_hold_time(hold_time: float) -> float:
-    """Return the length of the hold (s).
-
-    Raises
-    ------
-    InputError
-        If it is not positive and finite.
-    """
+    """Return the length of the hold (s); raise `InputError` if it is not positive and finite."""
     if not (np.isfinite(hold_time) and hold_time > 0):
         raise InputError(f"hold_time: found {hold_time:g}, expected a positive number of s.")
     return float(hold_time)

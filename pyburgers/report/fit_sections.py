@@ -8,7 +8,8 @@ from typing import Any
 import pandas as pd
 
 from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
-from pyburgers.checks.prior_influence import Influence, Origin, influence_numbers
+from pyburgers.checks.prior_influence import Influence, Origin
+from pyburgers.checks.prior_sentences import influence_numbers
 from pyburgers.common.atomic_files import write_text
 from pyburgers.comparison.neighbours import shift_sentences, what_a_yes_leaves_open
 from pyburgers.comparison.same_data import data_hash

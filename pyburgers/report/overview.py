@@ -7,9 +7,8 @@ import numpy as np
 import pandas as pd
 
 from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome, coverage
-from pyburgers.checks.prior_influence import (
-    Influence,
-    Origin,
+from pyburgers.checks.prior_influence import Influence, Origin
+from pyburgers.checks.prior_sentences import (
     conflict_text,
     conflicts,
     decision_columns,

@@ -13,7 +13,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
-from pyburgers.checks.prior_influence import CONFLICT_MEANING, THRESHOLDS_TEXT
+from pyburgers.checks.prior_sentences import CONFLICT_MEANING, THRESHOLDS_TEXT
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_json

@@ -27,8 +27,8 @@ real microstructure_rate(real value, real steady_state, real critical_strain, re
  * @param exponent m
  * @param stress_floor Pa
  */
-real piezometer_grain_size(real stress, real reference_grain_size, data real exponent,
-                           data real stress_floor) {
+real piezometer_grain_size(real stress, real reference_grain_size, real exponent,
+                           real stress_floor) {
   return reference_grain_size
          * pow(square(1e-6 * stress_floor) + square(1e-6 * stress), -0.5 * exponent);
 }

@@ -68,3 +68,11 @@ real true_temperature(vector parameter, data real stated) {
 real stress_reading_factor(vector parameter) {
   return 1 + parameter[i_stress_calibration_error()];
 }
+
+/** Elastic modulus at a temperature (K), E_M [1 + a_E (T - T_E)], Pa. */
+vector maxwell_modulus_at(vector parameter, vector temperature) {
+  return parameter[i_maxwell_modulus()]
+         * (1
+            + parameter[i_modulus_temperature_coefficient()]
+              * (temperature - parameter[i_modulus_reference_temperature()]));
+}

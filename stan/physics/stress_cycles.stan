@@ -14,7 +14,7 @@
  * ln of B over rate factor and d^-p without a median stress (F = 1): sigma_0^(n-1) times
  * 2/sqrt(pi) Gamma(n/2 + 1)/Gamma(n/2 + 3/2).
  */
-real log_fluidity_about_zero(real stress_exponent, data real amplitude) {
+real log_fluidity_about_zero(real stress_exponent, real amplitude) {
   return (stress_exponent - 1) * log(amplitude) + log(2) - 0.5 * log(pi())
          + lgamma(0.5 * stress_exponent + 1) - lgamma(0.5 * stress_exponent + 1.5);
 }
@@ -26,7 +26,7 @@ real log_fluidity_about_zero(real stress_exponent, data real amplitude) {
  * @param sine, weight nodes and weights of the integral over half a period, from lowest to
  *   highest stress, times 2/pi
  */
-real log_fluidity_about(data real median_stress, data real amplitude, real stress_exponent,
+real log_fluidity_about(real median_stress, real amplitude, real stress_exponent,
                         real breakdown_stress, data vector sine, data vector weight) {
   real log_peak = log(power_law_stress(median_stress + amplitude, breakdown_stress, 1,
                                        stress_exponent));
@@ -46,7 +46,7 @@ real log_fluidity_about(data real median_stress, data real amplitude, real stres
  * @param amplitude sigma_0, Pa; 0: so small that it was not said, which a linear dashpot
  *   (n = 1) has no use for
  */
-real log_fluidity_of_stress(data real median_stress, data real amplitude, real stress_exponent,
+real log_fluidity_of_stress(real median_stress, real amplitude, real stress_exponent,
                             real breakdown_stress, data vector sine, data vector weight) {
   if (amplitude == 0) {
     return 0;

@@ -7,14 +7,6 @@
  * A row of `conversion` says which holds: 1/modulus = c_1/E_M - c_2, other compliances times c_3.
  */
 
-/** Elastic modulus at a temperature, E_M [1 + a_E (T - T_E)]; T of every reading. */
-vector maxwell_modulus_at(vector parameter, data vector temperature) {
-  return parameter[i_maxwell_modulus()]
-         * (1
-            + parameter[i_modulus_temperature_coefficient()]
-              * (temperature - parameter[i_modulus_reference_temperature()]));
-}
-
 /**
  * ln of the fluidity of the dashpot (axial, 1/(Pa s)) in every reading.
  *

@@ -26,28 +26,6 @@ real cyclic_stress(real time, real median_stress, real amplitude, real angular_f
   return median_stress + amplitude * sin(angular_frequency * time);
 }
 
-/** Rate of the dashpot (1/s) at a stress (Pa), grain size (m) and fabric factor. */
-real dashpot_rate_at(real stress, real grain_size, real fabric_factor, data vector parameter,
-                     data real temperature) {
-  return dashpot_strain_rate(power_law_stress(stress, parameter[i_breakdown_stress()],
-                                              fabric_factor, parameter[i_stress_exponent()]),
-                             grain_size, fabric_factor, parameter[i_stress_exponent()],
-                             parameter[i_grain_size_exponent()],
-                             log_rate_factor(parameter[i_activation_enthalpy()],
-                                             parameter[i_beta()], temperature));
-}
-
-/** Grain size that the material would have in the end, over the initial one. */
-real preferred_grain_size(real stress, data vector parameter, data real initial_grain_size) {
-  if (parameter[i_piezometer_reference_grain_size()] > 0) {
-    return piezometer_grain_size(stress, parameter[i_piezometer_reference_grain_size()],
-                                 parameter[i_piezometer_exponent()],
-                                 parameter[i_piezometer_stress_floor()])
-           / initial_grain_size;
-  }
-  return parameter[i_steady_state_grain_size()] / initial_grain_size;
-}
-
 /**
  * Right-hand side; see the head of this file.
  *
@@ -90,7 +68,7 @@ vector imposed_stress_rhs(real time, vector state, data real median_stress, data
       = spring_rate + driving_stress * largest_stress / kelvin_viscosity + dashpot_rate;
     rate[3] = fmax(strain_rate, -strain_rate);
     rate[4] = microstructure_rate(state[4],
-                                  preferred_grain_size(stress, parameter, initial[1]),
+                                  preferred_grain_size(stress, parameter) / initial[1],
                                   parameter[i_critical_strain_grain_size()], rate[3]);
   }
   return rate;
@@ -126,7 +104,7 @@ array[] vector imposed_stress_solution(data array[] real time, data int n_in_hol
   if (evolves) {
     state[3] = loading_strain;
     state[4] = microstructure_at(loading_strain, 1,
-                                 preferred_grain_size(median_stress, parameter, initial[1]),
+                                 preferred_grain_size(median_stress, parameter) / initial[1],
                                  parameter[i_critical_strain_grain_size()]);
     scale[4] = initial[1];
   }

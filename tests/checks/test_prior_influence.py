@@ -20,17 +20,14 @@ from linear_priors import (
 )
 from scipy import stats
 
-from pyburgers.checks.prior_influence import (
-    Bound,
-    Influence,
-    Origin,
+from pyburgers.checks.prior_influence import Bound, Influence, Origin, prior_influence
+from pyburgers.checks.prior_sentences import (
     conflict_sentence,
     conflicts,
     decision_columns,
     decision_sentences,
     decision_text,
     influence_numbers,
-    prior_influence,
 )
 from pyburgers.fitting.fit import fit
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior

@@ -16,7 +16,6 @@ from synthetic_fit import make_fit
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.predictions.assumptions import (
-    EVOLUTION,
     frozen_limit_frequency,
     frozen_limit_texts,
     frozen_sentence,
@@ -27,7 +26,7 @@ from pyburgers.predictions.assumptions import (
 )
 from pyburgers.predictions.attenuation import attenuation_spectrum, predict_attenuation
 from pyburgers.predictions.attenuation_tables import overview_table, quantile_table
-from pyburgers.predictions.stress_cycles import PAPER_REGIMES, Regime
+from pyburgers.predictions.stress_cycles import EVOLUTION, PAPER_REGIMES, Regime
 
 FloatArray = npt.NDArray[np.float64]
 

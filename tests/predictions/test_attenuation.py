@@ -24,6 +24,7 @@ from pyburgers.predictions.attenuation import (
     save_spectrum,
 )
 from pyburgers.predictions.attenuation_tables import overview_table, quantile_table
+from pyburgers.predictions.closed_forms import flow_rate
 from pyburgers.predictions.imposed_stress import simulate_imposed_stress
 from pyburgers.predictions.stress_cycles import (
     PAPER_REGIMES,
@@ -93,6 +94,34 @@ def test_the_values_of_an_independent_computation() -> None:
     regimes = (PAPER_REGIMES[0], PAPER_REGIMES[3])
     expected = [[0.63270, 1.06305, 0.64634], [36.20369, 8.76002, 3.65217]]
     np.testing.assert_allclose(spectrum_of(material(), regimes)["tan_delta"], expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize("breakdown", [0.0, 5e5])
+def test_the_flow_rate_is_that_of_the_flow_law(breakdown: float) -> None:
+    """Draws along the first axis, stresses of both signs along the second."""
+    exponents, stress = np.array([[2.5], [3.7]]), np.array([-2e6, 0.0, 1e6])
+    parameters = {**material(grain_size_exponent=0.5), "stress_exponent": exponents}
+    found = flow_rate(
+        {**parameters, "breakdown_stress": breakdown},
+        stress,
+        temperature=250.0,
+        grain_size=2e-4,
+        fabric_factor=0.7,
+    )
+    slower = np.exp(60e3 / oracle.GAS_CONSTANT * (1 / TEMPERATURE - 1 / 250.0))
+    load = stress / 0.7
+    if breakdown > 0:
+        load = breakdown * np.sinh(load / breakdown)
+    expected = FLUIDITY * slower * 2e-4**-0.5 * np.sign(load) * np.abs(load) ** exponents
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_draws_that_are_not_finite_are_refused(value: float) -> None:
+    draws = random_draws((3,))
+    draws["kelvin_viscosity"][1] = value
+    with pytest.raises(InputError, match="draws that are not finite"):
+        spectrum_of(draws)
 
 
 def test_fluidity_of_a_fourth_power_is_a_polynomial() -> None:

@@ -10,7 +10,7 @@ from synthetic_olivine_fit import make_olivine_fit, oscillating
 from pyburgers.common.draws import central_band
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
-from pyburgers.predictions.imposed_stress import phase_lag
+from pyburgers.protocols.forced_oscillation.harmonics import choose_degree, fit_harmonics
 from pyburgers.protocols.forced_oscillation.response import (
     observed_response,
     oscillation_of,
@@ -28,18 +28,26 @@ def fit(tmp_path_factory: pytest.TempPathFactory) -> Fit:
 def test_the_record_has_the_amplitude_and_lag_of_its_two_series(fit: Fit) -> None:
     experiment = oscillation_of(fit)
     observed, record = observed_response(experiment), experiment.record
-    lag = phase_lag(
-        record.strain_time,
-        record.strain,
-        record.stress_time,
-        record.stress,
-        period=experiment.prepared.period,
-        strain_uncertainty=record.strain_uncertainty,
-        stress_uncertainty=record.stress_uncertainty,
+    period = experiment.prepared.period
+    strain, stress = (
+        fit_harmonics(
+            time,
+            value,
+            period=period,
+            degree=choose_degree(time, value, period=period, uncertainty=uncertainty),
+            uncertainty=uncertainty,
+        )
+        for time, value, uncertainty in (
+            (record.strain_time, record.strain, record.strain_uncertainty),
+            (record.stress_time, record.stress, record.stress_uncertainty),
+        )
     )
-    assert observed.lag == pytest.approx(lag.radians, rel=1e-9)
-    assert observed.lag_standard_error == pytest.approx(lag.standard_error, rel=1e-9)
-    assert observed.amplitude == pytest.approx(lag.stress_amplitude, rel=1e-9)
+    (stress_phase, stress_error), (strain_phase, strain_error) = stress.phase(), strain.phase()
+    assert observed.lag == pytest.approx(stress_phase - strain_phase, rel=1e-9)
+    assert observed.lag_standard_error == pytest.approx(
+        np.hypot(stress_error, strain_error), rel=1e-9
+    )
+    assert observed.amplitude == pytest.approx(stress.amplitude()[0], rel=1e-9)
 
 
 def test_the_background_changes_neither_amplitude_nor_lag_of_the_record(

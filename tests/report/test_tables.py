@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from synthetic_fit import TRUTH, make_fit, make_prior, uniform
 
-from pyburgers.checks.prior_influence import Origin, decision_text
+from pyburgers.checks.prior_influence import Origin
+from pyburgers.checks.prior_sentences import decision_text
 from pyburgers.common.units import number, rounded
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import prior_text, shown_quantity, symbol_text, unit_text

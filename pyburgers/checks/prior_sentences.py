@@ -1,0 +1,172 @@
+"""Who decides numbers (`pyburgers.checks.prior_influence`), in tables and sentences."""
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+
+import numpy as np
+import pandas as pd
+
+from pyburgers.checks.prior_influence import (
+    AT_BOUND,
+    CONFLICT_LEVEL,
+    LEAST_SHARE,
+    NEAR_BOUND,
+    PRIOR_SHARE,
+    Bound,
+    Influence,
+    Origin,
+)
+from pyburgers.common.units import number
+from pyburgers.model.display import shown_quantity, symbol_text, unit_after_number
+from pyburgers.model.priors import JOINT_PRIOR
+
+THRESHOLDS_TEXT = (
+    "If the mean of a prior moved by one of its standard deviations, the number would move too; "
+    "the square of that move, in standard deviations of the posterior, is the share of the prior "
+    f"in the number. Prior: all priors together have a share of {PRIOR_SHARE:.2f} or more. Data: "
+    f"they have less than {LEAST_SHARE:g}. Both: between. The brackets name the strongest "
+    "priors, which have two thirds of that share, unless there is only the quantity's own. "
+    f"Bound: at least {100 * AT_BOUND:.0f} % of the draws lie within {NEAR_BOUND:g} standard "
+    "deviations of a bound of the prior, and the data took off half of its variance. Conflict: "
+    "the posterior mean lies further from the median of the prior than chance allows, given how "
+    "much the data narrow the prior; a fit whose model and priors are right reports any conflict "
+    f"with a probability of {CONFLICT_LEVEL:g}. Cannot tell: the draws are too few. Priors count "
+    "on a scale on which they are normal."
+)
+
+
+def symbol_of(name: str) -> str:
+    """Return the symbol of a quantity, also of a centre or spread, or of `JOINT_PRIOR`."""
+    if name == JOINT_PRIOR:
+        return "the flow law"
+    base, bracket, owner = name.partition("[")
+    return symbol_text(shown_quantity(base)) + bracket + owner
+
+
+def decision_columns(influence: Influence | None) -> dict[str, object]:
+    """Return the columns of a table of numbers that say who decides one; empty where unknown."""
+    if influence is None:
+        return {"decided_by": "", "by_prior_of": "", "prior_share": np.nan}
+    marked = (f"{name}{READ_OFF * influence.was_read_off(name)}" for name in influence.priors)
+    return {
+        "decided_by": influence.origin.value,
+        "by_prior_of": "; ".join(marked),
+        "prior_share": influence.prior_share,
+    }
+
+
+READ_OFF = " [read off these data]"
+"""Behind the name of a prior that was read off the data of the fit."""
+
+
+def decision_text(
+    name: str, decided_by: str, by_prior_of: str, symbol: Callable[[str], str] = symbol_of
+) -> str:
+    """Say who decides a quantity, from its `decision_columns`, such as ``prior (of Q_M)``."""
+    if by_prior_of in ("", name):
+        return decided_by
+    shown = [
+        symbol(one.removesuffix(READ_OFF)) + READ_OFF * one.endswith(READ_OFF)
+        for one in by_prior_of.split("; ")
+    ]
+    return f"{decided_by} (of {', '.join(shown)})"
+
+
+def influence_numbers(influences: Mapping[str, Influence]) -> pd.DataFrame:
+    """Return every number of `Influence`, a row for each quantity and a column for each prior."""
+    rows = {
+        name: {
+            **decision_columns(one),
+            "chance": one.chance,
+            "distance": one.distance,
+            "conflict_probability": one.conflict_probability,
+            "share_at_bound": 0.0 if one.bound is None else one.bound.share,
+            **{f"moved_by_{prior}": move for prior, move in one.moves.items()},
+        }
+        for name, one in influences.items()
+    }
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("parameter")
+
+
+def conflicts(influences: Mapping[str, Influence]) -> list[str]:
+    """Return the quantities about which prior and data disagree, those furthest out first."""
+    found = [name for name, influence in influences.items() if influence.is_conflict]
+    return sorted(found, key=lambda name: -abs(influences[name].distance or 0.0))
+
+
+def conflict_text(label: str, influence: Influence) -> str:
+    """Say how far what a label names is from its prior's median, and what that was read off."""
+    mark = READ_OFF * influence.was_read_off(influence.name)
+    return f"{label} ({influence.distance:+.1f} prior sd){mark}"
+
+
+CONFLICT_MEANING = (
+    "what comes out is a compromise of the two, so check the prior's source, and whether the model "
+    "describes the data"
+)
+
+
+def disagreement(influences: Mapping[str, Influence]) -> str | None:
+    """Name what prior and data disagree about; None where they do not."""
+    names = conflicts(influences)
+    listed = ", ".join(conflict_text(_label(name), influences[name]) for name in names)
+    return f"Prior and data disagree about {listed}" if names else None
+
+
+def conflict_sentence(influences: Mapping[str, Influence]) -> str | None:
+    """Say what prior and data disagree about, and what that means; None where they do not."""
+    named = disagreement(influences)
+    return named and f"{named}: {CONFLICT_MEANING}."
+
+
+def decision_sentences(influences: Mapping[str, Influence]) -> tuple[str, ...]:
+    """Say which numbers a bound or another prior decides, and which priors the data had part in."""
+    read_off = frozenset().union(*(one.read_off for one in influences.values()))
+    return (*_decisions(influences), *read_off_sentences(read_off))
+
+
+def _decisions(influences: Mapping[str, Influence]) -> Iterator[str]:
+    for name, one in influences.items():
+        if one.origin is Origin.CANNOT_TELL:
+            continue
+        if one.bound is not None:
+            yield _bound_sentence(name, one.bound)
+        elif one.origin is Origin.PRIOR and one.priors[0] != one.name:
+            other = one.priors[0]
+            yield (
+                f"The prior of {_label(other)} decides {_label(name)}, not the data. If that prior "
+                f"moved by one of its standard deviations, {symbol_of(name)} would move by "
+                f"{abs(one.moves[other]):.2f} of its own."
+            )
+
+
+def read_off_sentences(names: Collection[str]) -> tuple[str, ...]:
+    """Say which priors were read off the data of the fit; nothing where none was."""
+    if not names:
+        return ()
+    return (
+        f"Priors that were read off these data: {', '.join(map(symbol_of, sorted(names)))}. There "
+        "the data count twice: agreement of prior and data means nothing, intervals are too "
+        "narrow, and the marginal likelihood is too high.",
+    )
+
+
+def _label(name: str) -> str:
+    """Return the label of a quantity, as `symbol_of` does its symbol."""
+    if name == JOINT_PRIOR:
+        return symbol_of(name)
+    base, bracket, owner = name.partition("[")
+    return shown_quantity(base).label + bracket + owner
+
+
+def _bound_sentence(name: str, bound: Bound) -> str:
+    quantity = shown_quantity(name.split("[")[0])
+    value = f"{number(bound.value * quantity.display_factor)}{unit_after_number(quantity)}"
+    meaning = (
+        "The quantity ends there: quote the other end of the interval as a limit, no mean and sd."
+        if bound.is_physical
+        else "Widen the prior, or say in its 'source' why it ends there."
+    )
+    return (
+        f"The {bound.side} bound of the prior, {value}, decides {_label(name)}: "
+        f"{100 * bound.share:.0f} % of the draws lie within {NEAR_BOUND:g} sd of it. {meaning}"
+    )

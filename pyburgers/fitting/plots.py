@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.drawing.panels import FittedCurve, draw_curve
 from pyburgers.drawing.style import BLACK, BLUE, GREY, VERMILION, style
+from pyburgers.drawing.view import view_of
 from pyburgers.model.display import axis_label, shown_quantity
 from pyburgers.posterior.labelled_draws import free_parameters
 from pyburgers.protocols.protocol import FittedTest, protocol_of
@@ -89,7 +90,7 @@ class FitPlots:
         return axes
 
     def _curve(self) -> FittedCurve:
-        return protocol_of(self.fit.experiment).curve(self.fit)
+        return view_of(self.fit.experiment).curve(self.fit)
 
 
 def _new_axes() -> Axes:

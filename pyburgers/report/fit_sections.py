@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
@@ -13,11 +12,11 @@ from pyburgers.common.atomic_files import write_text
 from pyburgers.comparison.neighbours import shift_sentences, what_a_yes_leaves_open
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.drawing.page_parts import PageTable
+from pyburgers.drawing.view import view_of
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.fixed_parameters import fixed_in_effect
-from pyburgers.protocols.protocol import Protocol, protocol_of
 from pyburgers.report import tables
 from pyburgers.report.illustrations import Illustration, picture_file
 from pyburgers.report.names import file_key
@@ -81,16 +80,16 @@ class Section:
         return self.fit.experiment
 
     @property
-    def protocol(self) -> Protocol[Any]:
-        """What kind of test it is."""
-        return protocol_of(self.experiment)
+    def facts(self) -> list[tuple[str, str]]:
+        """What the page says about the test: names and values."""
+        return list(view_of(self.experiment).facts(self.experiment))
 
     @property
     def about_data(self) -> tuple[object, ...]:
         """What the page tells about the data."""
         one = self.experiment
         known = (one.material, one.temperature_text, one.initial_grain_size)
-        return *known, one.provenance, dict(one.metadata), list(self.protocol.facts(one))
+        return *known, one.provenance, dict(one.metadata), self.facts
 
     @property
     def how_made(self) -> tuple[object, ...]:
@@ -153,7 +152,7 @@ def write_section(name: str, fit: Fit, out: Path) -> Section:
     influences: Mapping[str, Influence] = fit.influences().get(fit.problem.name, {})
     if influences:
         files["influence"] = influence_numbers(influences).reset_index()
-    more_tables = protocol_of(fit.experiment).tables(fit)
+    more_tables = view_of(fit.experiment).tables(fit)
     files |= {table.name: table.saved for table in more_tables}
     for table_name, table in files.items():
         write_text(out / "tables" / f"{key}_{table_name}.csv", table.to_csv(index=False))

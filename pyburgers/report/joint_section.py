@@ -18,6 +18,7 @@ from pyburgers.comparison.same_data import fits_alone
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import draw_curve, legend_above
 from pyburgers.drawing.style import BLUE, VERMILION, few_ticks, few_ticks_of_decades, style
+from pyburgers.drawing.view import view_of, views
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import axis_label, shown_quantity, symbol_text, unit_text
 from pyburgers.posterior.labelled_draws import own_name
@@ -254,7 +255,7 @@ def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> PageSection
                 partial(intervals, joint, separate),
                 " ".join((*_bought(table), *alarms)),
             ),
-            *joint.problem.protocol.joint_figures(
+            *views()[joint.problem.protocol.name].joint_figures(
                 [
                     one
                     for one in joint.tests().values()
@@ -337,7 +338,7 @@ SHIFT = 0.14
 
 def all_curves(joint: Fit) -> Figure:
     """Draw data, solutions and predictive bands of every test."""
-    curves = [protocol_of(fit.experiment).curve(fit) for fit in joint.tests().values()]
+    curves = [view_of(fit.experiment).curve(fit) for fit in joint.tests().values()]
     with style():
         figure = Figure(figsize=(8.0, 3.2 * len(curves) + 0.6), layout="constrained")
         panels = list(figure.subplots(len(curves), 1, squeeze=False)[:, 0])

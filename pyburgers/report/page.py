@@ -19,6 +19,7 @@ from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_json
 from pyburgers.drawing.page_parts import PageSection
+from pyburgers.drawing.view import view_of
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.model.display import symbol_text
@@ -270,7 +271,7 @@ def render_page(
         told_by=_first_told_by([extra for extra, _ in extras]),
         made_alike=_made_alike(sections),
         runs=runs,
-        reference_texts=list(dict.fromkeys(s.protocol.reference_text for s in sections)),
+        reference_texts=list(dict.fromkeys(view_of(s.experiment).reference_text for s in sections)),
         tex=_TEX,
         written=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         version=importlib.metadata.version("pyburgers"),

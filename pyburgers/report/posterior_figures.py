@@ -31,13 +31,14 @@ from pyburgers.drawing.style import (
     few_ticks,
     style,
 )
+from pyburgers.drawing.view import view_of
 from pyburgers.model.display import axis_label, unit_text
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.prior_families import Prior
 from pyburgers.posterior.labelled_draws import free_parameters
 from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE, REFERENCE_STRESS
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.protocol import FittedTest, protocol_of
+from pyburgers.protocols.protocol import FittedTest
 from pyburgers.report.decades import PriorOfLogarithm, ShownDraws, shown_draws
 from pyburgers.report.figure_results import agreement, narrowed, strongest_trade_off
 
@@ -399,5 +400,5 @@ def figures_for(fit: FittedTest) -> tuple[FigureRecipe[FittedTest], ...]:
     fit : FittedTest
         Whose figures are wanted.
     """
-    first, *others = (one for one in protocol_of(fit.experiment).figures if one.suits(fit))
+    first, *others = (one for one in view_of(fit.experiment).figures if one.suits(fit))
     return (first, PRIOR_POSTERIOR, *others, PAIRS, RANK)

@@ -23,12 +23,13 @@ from pyburgers.comparison.results import LeaveOneOut
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import FittedCurve, curve_result, curve_with_residuals
+from pyburgers.drawing.view import view_of
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Task, task_of
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant
-from pyburgers.protocols.protocol import load_experiment, protocol_of
+from pyburgers.protocols.protocol import load_experiment
 from pyburgers.sampling.options import SamplerOptions
 
 ONE_RATE = "dunite_4506"
@@ -310,7 +311,7 @@ def _exponent(fit: Fit) -> tuple[float, float]:
 
 
 def _fitted_curve(fit: Fit) -> FittedCurve:
-    return protocol_of(fit.experiment).curve(fit)
+    return view_of(fit.experiment).curve(fit)
 
 
 def _curve(fit: Fit) -> Figure:

@@ -22,6 +22,23 @@ from pyburgers.common.draws import all_draws
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import draw_band, draw_data
 from pyburgers.drawing.style import BLUE, VERMILION, style
+from pyburgers.drawing.views.attenuation import (
+    ARRHENIUS_CAPTION,
+    MASTER_CAPTION,
+    MODULUS_NAMES,
+    PERIOD_LABEL,
+    arrhenius,
+    left_over,
+    master_curves,
+    relaxation_result,
+    rms_by_temperature,
+    rms_result,
+)
+from pyburgers.drawing.views.relaxation_spectrum import (
+    SPECTRUM_CAPTION,
+    relaxation_spectrum,
+    spectrum_result,
+)
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.prediction import Prediction
 from pyburgers.fitting.side_by_side import Task, task_of
@@ -29,26 +46,9 @@ from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant
 from pyburgers.predictions.other_tests import score_sentence, score_table, surprise_sentence
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
-from pyburgers.protocols.attenuation.figures import (
-    ARRHENIUS_CAPTION,
-    MASTER_CAPTION,
-    MODULUS_NAMES,
-    PERIOD_LABEL,
-    arrhenius,
-    attenuation_test,
-    left_over,
-    master_curves,
-    relaxation_result,
-    rms_by_temperature,
-    rms_result,
-)
 from pyburgers.protocols.attenuation.files import load_attenuation
-from pyburgers.protocols.attenuation.relaxation_spectrum import (
-    SPECTRUM_CAPTION,
-    relaxation_spectrum,
-    spectrum_result,
-)
 from pyburgers.protocols.attenuation.table import ATTENUATION, MODULUS
+from pyburgers.protocols.experiment import of_kind
 from pyburgers.sampling.options import SamplerOptions
 
 FloatArray = npt.NDArray[np.float64]
@@ -133,7 +133,9 @@ class LawTried:
         """Predict the hottest temperature from the fit to the others."""
         fit = fits[run_name(name)]
         colder = fits[run_name(name, without_hottest=True)]
-        return cls(name, fit, colder.predict(hottest_of(attenuation_test(fit))))
+        return cls(
+            name, fit, colder.predict(hottest_of(of_kind(fit.experiment, AttenuationExperiment)))
+        )
 
     def row(self) -> dict[str, Any]:
         """Return how well it does: root mean squares of ln tan delta and ln modulus."""
@@ -176,7 +178,7 @@ def spectra_section(fits: Mapping[str, Fit]) -> PageSection:
         Those of `spectra_tasks`, by the names of their runs.
     """
     tried = [LawTried.of(law, fits) for law in LAWS]
-    table = attenuation_test(tried[0].fit)
+    table = of_kind(tried[0].fit.experiment, AttenuationExperiment)
     rows = pd.DataFrame([one.row() for one in tried])
     *_, last = tried
     return PageSection(
@@ -193,7 +195,8 @@ def spectra_section(fits: Mapping[str, Fit]) -> PageSection:
             "The hottest temperature, predicted from a fit to the colder ones. "
             + " ".join(one.surprise() for one in tried),
             remaining_sentence(
-                left_over(last.fit)[MODULUS], attenuation_test(last.fit).conditions.temperature
+                left_over(last.fit)[MODULUS],
+                of_kind(last.fit.experiment, AttenuationExperiment).conditions.temperature,
             ),
         ),
         tables=(
@@ -291,7 +294,7 @@ def _shown(rows: pd.DataFrame) -> pd.DataFrame:
 
 def _draw_hottest(tried: list[LawTried]) -> Figure:
     """Draw the hottest spectrum with what each law predicts of it."""
-    table = attenuation_test(tried[0].prediction)
+    table = of_kind(tried[0].prediction.experiment, AttenuationExperiment)
     with style():
         figure = Figure(figsize=(8.6, 7.2), layout="constrained")
         panels = figure.subplots(2, 1, sharex=True)
@@ -316,7 +319,7 @@ def _draw_hottest(tried: list[LawTried]) -> Figure:
 def _draw_predicted(axes: Axes, tried: LawTried, quantity: int) -> None:
     """Draw the band of new readings of attenuation or of the modulus."""
     predictions = tried.prediction.posterior["predictions"].to_dataset()
-    conditions = attenuation_test(tried.prediction).conditions
+    conditions = of_kind(tried.prediction.experiment, AttenuationExperiment).conditions
     period, _, read = conditions.at(predictions["place"].to_numpy())
     own = read == quantity
     new = np.exp(all_draws(predictions["log_reading_replicated"])[:, own].astype(np.float64))

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from conftest import DUNITE
 
+from pyburgers.drawing.views.attenuation import left_over
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
-from pyburgers.protocols.attenuation.figures import left_over
 from pyburgers.protocols.attenuation.table import MODULUS
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.studies.olivine_spectra import (

@@ -14,13 +14,14 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE, REFERENCE_STRESS
+from pyburgers.protocols.experiment import of_kind
 from pyburgers.protocols.forced_oscillation.experiment import (
+    OscillationExperiment,
     load_forced_oscillation,
     with_background,
 )
 from pyburgers.protocols.forced_oscillation.preparation import Background
 from pyburgers.protocols.forced_oscillation.protocol import PROTOCOL as FORCED_OSCILLATION
-from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.problem import problem_of
 
 FloatArray = npt.NDArray[np.float64]
@@ -98,7 +99,7 @@ def oscillating(
 
     They scatter about those of the record, or about what is shifted from them.
     """
-    experiment = oscillation_of(fit)
+    experiment = of_kind(fit.experiment, OscillationExperiment)
     prepared = experiment.prepared
     observed, _ = prepared.stress_fit.amplitude()
     phase, _ = prepared.stress_fit.phase()

@@ -149,10 +149,7 @@ def grid_block(
     own = [grid for _, grid in histories]
     places = [leg_of_times(e, grid) for e, grid in histories]
     times, counts = _times_in_legs([e for e, _ in histories], own, places)
-    stages = [
-        np.array([leg.stage for leg in experiment.legs], dtype=np.int64)[place]
-        for (experiment, _), place in zip(histories, places, strict=True)
-    ]
+    stages = [stage_of_times(e, grid) for e, grid in histories]
     return {
         "grid_end": ends(
             grid.size if isinstance(e, LoadingHistory) else 0
@@ -224,6 +221,12 @@ def leg_of_times(experiment: LoadingHistory, time: FloatArray) -> IntArray:
     leg = np.searchsorted(inner, time, side="left")
     repeated = np.diff(time, prepend=-1.0) == 0
     return np.asarray(leg + (np.isin(time, inner) & repeated), dtype=np.int64)
+
+
+def stage_of_times(experiment: LoadingHistory, time: FloatArray) -> IntArray:
+    """Return the stage, from 0, of times (s); shared ends count as in `leg_of_times`."""
+    stage_of_leg = np.array([leg.stage for leg in experiment.legs], dtype=np.int64)
+    return stage_of_leg[leg_of_times(experiment, time)]
 
 
 def times_of_readings(experiment: LoadingHistory) -> tuple[FloatArray, IntArray]:

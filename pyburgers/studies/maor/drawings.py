@@ -13,8 +13,8 @@ from pyburgers.drawing.panels import (
     legend_above,
 )
 from pyburgers.drawing.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, style
+from pyburgers.drawing.views.constant_rate import fitted_curve
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT
-from pyburgers.protocols.constant_rate.figures import fitted_curve
 from pyburgers.protocols.protocol import FittedTest
 from pyburgers.studies.maor.before_data import parameter_draws, prediction_draws
 from pyburgers.studies.maor.flow_law import FlowLaws

@@ -8,7 +8,8 @@ from scipy.interpolate import CubicSpline
 
 from pyburgers.common.errors import SamplingError
 from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, STRESS_UNIT
-from pyburgers.protocols.constant_rate.figures import constant_rate_test
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.protocols.experiment import of_kind
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.protocol import FittedTest
 from pyburgers.studies.maor.before_data import (
@@ -142,7 +143,7 @@ def _time_of_peak(known: Mapping[str, Knowledge]) -> Statement:
 
 def _rate(fit: FittedTest) -> float:
     """Return the first strain rate that is imposed (1/s)."""
-    return constant_rate_test(fit).segments[0].strain_rate
+    return of_kind(fit.experiment, ConstantRateExperiment).segments[0].strain_rate
 
 
 def _by_rate(known: Mapping[str, Knowledge]) -> tuple[str, str] | None:

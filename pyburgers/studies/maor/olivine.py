@@ -13,6 +13,7 @@ import pandas as pd
 
 from pyburgers.common.draws import all_draws, central_band
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
+from pyburgers.drawing.views import oscillation_preparation
 from pyburgers.model.display import (
     LENGTH_FACTOR,
     LENGTH_UNIT,
@@ -22,8 +23,8 @@ from pyburgers.model.display import (
     unit_text,
 )
 from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE
-from pyburgers.protocols.forced_oscillation import figures as oscillation_figures
-from pyburgers.protocols.forced_oscillation.response import oscillation_of
+from pyburgers.protocols.experiment import of_kind
+from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.program_data import solve
 from pyburgers.protocols.protocol import FittedTest, protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_SOLVER
@@ -51,7 +52,7 @@ def preparation_section(fits: Mapping[str, FittedTest]) -> PageSection:
     fits : mapping of str to FittedTest
         Fits of forced oscillation tests by treatment of the background.
     """
-    experiments = [oscillation_of(fit) for fit in fits.values()]
+    experiments = [of_kind(fit.experiment, OscillationExperiment) for fit in fits.values()]
     return PageSection(
         key=PREPARATION_KEY,
         title="Preparation of the olivine record",
@@ -64,9 +65,9 @@ def preparation_section(fits: Mapping[str, FittedTest]) -> PageSection:
             PageFigure(
                 experiment.id,
                 f"From the record to the model, {experiment.id}",
-                oscillation_figures.PREPARATION_CAPTION,
+                oscillation_preparation.PREPARATION_CAPTION,
                 partial(
-                    oscillation_figures.preparation,
+                    oscillation_preparation.preparation,
                     experiment.prepared,
                     experiment.record,
                     f"{experiment.id}: {experiment.provenance.kind} data",
@@ -103,7 +104,7 @@ def background_section(fits: Mapping[str, FittedTest]) -> PageSection:
     SamplingError
         If the solver finds no solution at the true parameters.
     """
-    prepared = oscillation_of(next(iter(fits.values()))).prepared
+    prepared = of_kind(next(iter(fits.values())).experiment, OscillationExperiment).prepared
     bias = float(np.mean(prepared.stress_fit.trend(prepared.time))) * STRESS_FACTOR
     amplitude = prepared.stress_fit.amplitude()[0] * STRESS_FACTOR
     compared = _compared(fits)

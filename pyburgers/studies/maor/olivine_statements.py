@@ -8,9 +8,11 @@ import numpy.typing as npt
 
 from pyburgers.checks.fit_checks import RHAT_LIMIT
 from pyburgers.common.units import number, with_error
+from pyburgers.drawing.views.oscillation_response import predicted_oscillation
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, shown_quantity
 from pyburgers.posterior.labelled_draws import convergence_table
-from pyburgers.protocols.forced_oscillation.response import oscillation_of, predicted_oscillation
+from pyburgers.protocols.experiment import of_kind
+from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.protocol import FittedTest
 from pyburgers.studies.maor.before_data import Datum, Knowledge, parameter_draws, prediction_draws
 from pyburgers.studies.maor.statements import (
@@ -45,7 +47,7 @@ NEGLIGIBLE_GROWTH = 0.1
 
 
 def _observed_amplitude(test: FittedTest) -> float:
-    return float(oscillation_of(test).prepared.stress_fit.amplitude()[0])
+    return float(of_kind(test.experiment, OscillationExperiment).prepared.stress_fit.amplitude()[0])
 
 
 STRESS_AMPLITUDE = Datum(

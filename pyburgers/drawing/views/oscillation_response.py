@@ -10,10 +10,11 @@ import xarray as xr
 from markupsafe import Markup
 
 from pyburgers.common.draws import all_draws, central_band
-from pyburgers.common.errors import InputError
 from pyburgers.common.units import rounded
 from pyburgers.drawing.page_parts import PageTable
-from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
+from pyburgers.drawing.panels import band_text
+from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_FACTOR, STRESS_UNIT
+from pyburgers.protocols.experiment import of_kind
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.harmonics import fundamentals
 from pyburgers.protocols.protocol import FittedTest
@@ -55,22 +56,6 @@ class PredictedResponse:
     lag: FloatArray
 
 
-def oscillation_of(fit: FittedTest) -> OscillationExperiment:
-    """Return the experiment of a fit, which has to be a forced oscillation test.
-
-    Raises
-    ------
-    InputError
-        If it is not.
-    """
-    if not isinstance(fit.experiment, OscillationExperiment):
-        raise InputError(
-            f"{fit.experiment.id}: found a test without oscillation, expected the fit of a forced "
-            "oscillation test."
-        )
-    return fit.experiment
-
-
 def observed_response(experiment: OscillationExperiment) -> ObservedResponse:
     """Return amplitude and lag of the measured stress.
 
@@ -102,7 +87,7 @@ def predicted_response(fit: FittedTest) -> PredictedResponse:
     InputError
         If the fit is of another kind of test.
     """
-    experiment = oscillation_of(fit)
+    experiment = of_kind(fit.experiment, OscillationExperiment)
     stress = fit.posterior["predictions"].to_dataset()["stress"]
     return _response(experiment, stress["time"].to_numpy(), stress)
 
@@ -120,7 +105,7 @@ def replicated_response(fit: FittedTest) -> PredictedResponse:
     InputError
         If the fit is of another kind of test.
     """
-    experiment = oscillation_of(fit)
+    experiment = of_kind(fit.experiment, OscillationExperiment)
     stress = fit.posterior["posterior_predictive"].to_dataset()["stress"]
     prepared = experiment.prepared
     return _response(experiment, prepared.time, stress, prepared.uncertainty)
@@ -145,7 +130,7 @@ def predicted_oscillation(fit: FittedTest) -> npt.NDArray[np.complex128]:
     InputError
         If the fit is of another kind of test.
     """
-    experiment = oscillation_of(fit)
+    experiment = of_kind(fit.experiment, OscillationExperiment)
     stress = fit.posterior["predictions"].to_dataset()["stress"]
     return _oscillation(experiment, stress["time"].to_numpy(), stress)
 
@@ -169,7 +154,10 @@ def response_table(fit: FittedTest) -> pd.DataFrame:
     InputError
         If the fit is of another kind of test.
     """
-    observed, replicated = observed_response(oscillation_of(fit)), replicated_response(fit)
+    observed, replicated = (
+        observed_response(of_kind(fit.experiment, OscillationExperiment)),
+        replicated_response(fit),
+    )
     rows = {
         "amplitude": (
             "Pa",
@@ -247,6 +235,19 @@ def shown_response_table(response: pd.DataFrame) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows)
+
+
+def lag_result(fit: FittedTest) -> str:
+    """Set the observed phase lag beside those of replicated data."""
+    observed = np.degrees(observed_response(of_kind(fit.experiment, OscillationExperiment)).lag)
+    replicated = band_text(np.degrees(replicated_response(fit).lag), "degrees")
+    return f"the record lags by {observed:.3g} degrees, replicated data by {replicated}."
+
+
+def grains_result(fit: FittedTest) -> str:
+    """Say how large grains are at the end."""
+    size = all_draws(fit.posterior["predictions"].to_dataset()["grain_size"])[:, -1]
+    return f"grains end at {band_text(size * LENGTH_FACTOR, LENGTH_UNIT)}."
 
 
 def _response(

@@ -4,10 +4,13 @@ Every function takes a fit and returns a figure of its own, and refuses the fit 
 test (`InputError`).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
+from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import stats
@@ -25,6 +28,16 @@ from pyburgers.drawing.panels import (
     result_of,
 )
 from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, PURPLE, VERMILION, few_ticks, style
+from pyburgers.drawing.view import View
+from pyburgers.drawing.views.isochronous import isochronous_figure
+from pyburgers.drawing.views.minimum_rates import minimum_rate_table
+from pyburgers.drawing.views.softening import (
+    Along,
+    microstructure_facts,
+    softened_text,
+    softening_along,
+    softening_caption,
+)
 from pyburgers.model.display import (
     STRAIN_FACTOR,
     STRAIN_UNIT,
@@ -35,9 +48,9 @@ from pyburgers.model.display import (
 from pyburgers.model.variants import variant_of
 from pyburgers.protocols.experiment import of_kind
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.microstructure import strains_of, times_of
+from pyburgers.protocols.loading_history.stan_data import stage_of_times
+from pyburgers.protocols.microstructure import MeasuredMicrostructure, strains_of, times_of
 from pyburgers.protocols.protocol import FittedTest
-from pyburgers.protocols.softening import Along, softened_text, softening_along, softening_caption
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -83,7 +96,7 @@ HISTORY_CAPTION = (
 
 def history(fit: FittedTest) -> Figure:
     """Draw stress, strain and residuals along time."""
-    experiment = loading_history_test(fit)
+    experiment = of_kind(fit.experiment, LoadingHistory)
     curves = {shown.name: _curve(fit, shown) for shown in (_STRESS, _STRAIN)}
     panels = [(name, part) for name in curves for part in ("curve", "residuals")]
     panels = [(n, part) for n, part in panels if part == "curve" or curves[n].position.size > 0]
@@ -105,7 +118,7 @@ def history(fit: FittedTest) -> Figure:
 
 def fitted_curve(fit: FittedTest) -> FittedCurve:
     """Gather what was read along time, and as a fit has it; of two quantities that read more."""
-    return _curve(fit, _main(loading_history_test(fit)))
+    return _curve(fit, _main(of_kind(fit.experiment, LoadingHistory)))
 
 
 RECOVERY_SHOWN = 1e-3
@@ -124,7 +137,7 @@ RESPONSE_CAPTION = (
 
 def response(fit: FittedTest) -> Figure:
     """Draw stress against strain, the rate against strain, and stages on logarithmic time."""
-    experiment = loading_history_test(fit)
+    experiment = of_kind(fit.experiment, LoadingHistory)
     predictions = fit.posterior["predictions"].to_dataset()
     time = predictions["time"].to_numpy()
     values = {
@@ -132,7 +145,7 @@ def response(fit: FittedTest) -> Figure:
         for name in ("stress", "strain", "strain_rate")
     }
     middle = {name: np.nanmedian(draws, axis=0) for name, draws in values.items()}
-    stage_of = stages_of_times(experiment, time)
+    stage_of = stage_of_times(experiment, time)
     with style():
         figure = Figure(figsize=(8.6, 7.6), layout="constrained")
         places = figure.subplot_mosaic([["curve", "rate"], ["log", "log"]])
@@ -172,34 +185,13 @@ def response(fit: FittedTest) -> Figure:
     return figure
 
 
-def loading_history_test(fit: FittedTest) -> LoadingHistory:
-    """Return the experiment of a fit, which has to be a loading history.
-
-    Raises
-    ------
-    InputError
-        If it is not.
-    """
-    return of_kind(fit.experiment, LoadingHistory, "a loading history")
-
-
-def stages_of_times(experiment: LoadingHistory, time: FloatArray) -> IntArray:
-    """Return the stage, from 0, of times (s) of a solution.
-
-    Of two equal times at which stages meet the first belongs to the one that ends there.
-    """
-    inner = np.array([stage.end_time for stage in experiment.stages[:-1]])
-    behind = np.isin(time, inner) & (np.diff(time, prepend=-1.0) == 0)
-    return np.asarray(np.searchsorted(inner, time, side="left") + behind, dtype=np.int64)
-
-
 def _main(experiment: LoadingHistory) -> _Shown:
     return _STRAIN if 2 * experiment.response_is_strain.sum() >= experiment.n_points else _STRESS
 
 
 def _curve(fit: FittedTest, shown: _Shown) -> FittedCurve:
     """Gather a quantity along time as read and as a fit has it, in display units."""
-    experiment = loading_history_test(fit)
+    experiment = of_kind(fit.experiment, LoadingHistory)
     unit, seconds = time_unit(experiment.end_time)
     predictions = fit.posterior["predictions"].to_dataset()
     predicted = fit.posterior["model_response"]["response"].median(("chain", "draw")).to_numpy()
@@ -216,7 +208,7 @@ def _curve(fit: FittedTest, shown: _Shown) -> FittedCurve:
         grid=time / seconds,
         solutions=solutions,
         # What is imposed has no reading error.
-        replicated=np.where(imposed[stages_of_times(experiment, time)], solutions, replicated),
+        replicated=np.where(imposed[stage_of_times(experiment, time)], solutions, replicated),
         position=experiment.time[is_read] / seconds,
         data=experiment.reading[is_read] * shown.factor,
         residuals=(experiment.reading - predicted)[is_read] * shown.factor,
@@ -339,7 +331,7 @@ SOFTENING_CAPTION = (
 
 def softening(fit: FittedTest) -> Figure:
     """Draw how grain size and fabric soften the material along time."""
-    experiment = loading_history_test(fit)
+    experiment = of_kind(fit.experiment, LoadingHistory)
     unit, seconds = time_unit(experiment.end_time)
     predictions = fit.posterior["predictions"].to_dataset()
     time = predictions["time"].to_numpy()
@@ -368,6 +360,42 @@ def evolves(fit: FittedTest) -> bool:
     return not constant or bool(fit.experiment.microstructure)
 
 
+def facts(experiment: LoadingHistory) -> Sequence[tuple[str, str]]:
+    """Return stages and number of readings."""
+    n_strain = int(experiment.response_is_strain.sum())
+    read = [
+        f"{number} of {name}"
+        for number, name in ((n_strain, "strain"), (experiment.n_points - n_strain, "stress"))
+        if number > 0
+    ]
+    return (
+        (
+            "Stages",
+            f"{len(experiment.stages)}, solved in {len(experiment.legs)} parts over which what "
+            "is imposed is linear in time",
+        ),
+        (
+            "Readings",
+            f"{' and '.join(read)}, of {experiment.n_readings_in_file} in the file",
+        ),
+        *microstructure_facts(experiment.microstructure, partial(_place, experiment)),
+    )
+
+
+def _place(experiment: LoadingHistory, section: MeasuredMicrostructure) -> str:
+    """Say where a microstructure was measured."""
+    if section.time is None:
+        return f"a path strain of {(section.strain or 0.0) * STRAIN_FACTOR:.3g} %"
+    unit, seconds = time_unit(experiment.end_time)
+    return f"{section.time / seconds:.3g} {unit}"
+
+
+REFERENCE_TEXT = Markup(
+    "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the undeformed material flows "
+    "under the largest stress of the test (with a hyperbolic sine, the material after its "
+    "largest strain), follows from the other parameters, and so does its prior."
+)
+
 LOADING_HISTORY_FIGURES = (
     FigureRecipe(
         "history",
@@ -388,4 +416,12 @@ LOADING_HISTORY_FIGURES = (
         evolves,
     ),
 )
-"""What the report of such a fit shows beside the figures of its posterior."""
+
+VIEW = View(
+    LOADING_HISTORY_FIGURES,
+    fitted_curve,
+    facts,
+    REFERENCE_TEXT,
+    minimum_rate_table,
+    isochronous_figure,
+)

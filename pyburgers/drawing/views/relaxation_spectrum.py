@@ -10,7 +10,8 @@ from pyburgers.drawing.page_parts import FigureRecipe
 from pyburgers.drawing.panels import LINES_AND_AREAS, band_text, draw_band
 from pyburgers.drawing.style import BLUE, VERMILION, style
 from pyburgers.model.relaxation import KelvinPart, kelvin_part
-from pyburgers.protocols.attenuation.figures import attenuation_test
+from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
+from pyburgers.protocols.experiment import of_kind
 from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
@@ -35,7 +36,7 @@ SPECTRUM_CAPTION = (
 
 def relaxation_spectrum(fit: FittedTest) -> Figure:
     """Draw the compliance of relaxation times with its band."""
-    experiment = attenuation_test(fit)
+    experiment = of_kind(fit.experiment, AttenuationExperiment)
     part = _part(fit, experiment.temperature)
     elastic = 1 / part.values["maxwell_modulus"]
     seen = _seen_times(fit, part)
@@ -76,7 +77,7 @@ def _part(fit: FittedTest, temperature: float) -> KelvinPart:
 
 def _seen_times(fit: FittedTest, part: KelvinPart) -> tuple[float, float]:
     """Return the range of 1/omega of all rows (s), moved to the temperature of a part."""
-    conditions = attenuation_test(fit).conditions
+    conditions = of_kind(fit.experiment, AttenuationExperiment).conditions
     times = []
     for temperature in np.unique(conditions.temperature):
         period = conditions.period[conditions.temperature == temperature]

@@ -16,13 +16,14 @@ from pyburgers.model.display import (
     STRESS_UNIT,
     time_unit,
 )
+from pyburgers.protocols.experiment import of_kind
 from pyburgers.protocols.loading_history.creep_intervals import (
     NEARLY_CONSTANT,
     CreepInterval,
     creep_intervals,
 )
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.figures import loading_history_test, stages_of_times
+from pyburgers.protocols.loading_history.stan_data import stage_of_times
 from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
@@ -59,7 +60,7 @@ def minimum_rates(fit: FittedTest) -> pd.DataFrame:
         than at both ends in between) and least_at_end (the share of those whose rate is least, or
         as good as that, at the end).
     """
-    experiment = loading_history_test(fit)
+    experiment = of_kind(fit.experiment, LoadingHistory)
     predictions = fit.posterior["predictions"].to_dataset()
     time = predictions["time"].to_numpy()
     rate, strain = (
@@ -94,7 +95,7 @@ def _times_inside(
     stage = experiment.stages[interval.stage]
     begun = (time > interval.start_time) | (interval.start_time == stage.start_time)
     goes_on = (time < interval.end_time) | (interval.end_time == stage.end_time)
-    return np.flatnonzero((stages_of_times(experiment, time) == interval.stage) & begun & goes_on)
+    return np.flatnonzero((stage_of_times(experiment, time) == interval.stage) & begun & goes_on)
 
 
 def _measured(experiment: LoadingHistory, interval: CreepInterval) -> dict[str, float]:
@@ -145,7 +146,7 @@ def minimum_rate_table(fit: FittedTest) -> tuple[PageTable, ...]:
     found = minimum_rates(fit)
     if found.empty:
         return ()
-    unit, seconds = time_unit(loading_history_test(fit).end_time)
+    unit, seconds = time_unit(of_kind(fit.experiment, LoadingHistory).end_time)
     strain = STRAIN_FACTOR * found[["strain", "strain_q5", "strain_q95"]].to_numpy()
     shown = pd.DataFrame(
         {

@@ -17,13 +17,13 @@ from pyburgers.model.display import (
     STRESS_UNIT,
     time_unit,
 )
+from pyburgers.protocols.experiment import of_kind
 from pyburgers.protocols.loading_history.creep_intervals import (
     NEARLY_CONSTANT,
     CreepInterval,
     creep_intervals,
 )
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.figures import loading_history_test
 from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
@@ -84,7 +84,7 @@ def isochronous(fits: Sequence[FittedTest]) -> Figure:
                 label=f"{time / seconds:.3g} {unit}",
             )
             for fit, load in loaded:
-                read = _reading_after(loading_history_test(fit), load, time)
+                read = _reading_after(of_kind(fit.experiment, LoadingHistory), load, time)
                 axes.plot(
                     STRAIN_FACTOR * read,
                     np.full(read.shape, STRESS_FACTOR * load.stress),
@@ -105,7 +105,7 @@ def _first_loads(fits: Sequence[FittedTest]) -> list[tuple[FittedTest, CreepInte
     """Return the tests whose first stage is creep with their loads, the smallest first."""
     found = []
     for fit in fits:
-        experiment = loading_history_test(fit)
+        experiment = of_kind(fit.experiment, LoadingHistory)
         for load in creep_intervals(experiment)[:1]:
             # Solutions are too coarse in time to tell the strain at a corner inside a stage.
             lasts = load.end_time == experiment.stages[0].end_time

@@ -1,16 +1,11 @@
-"""Figures of forced oscillation tests: how a record is prepared, and what a fit of it says.
-
-Beside each figure stands how to read it. All refuse the fit of another kind of test (`InputError`).
-"""
+"""View of forced oscillations: figures of a fit with their captions, and facts of a test."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib.axes import Axes
+from markupsafe import Markup
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from scipy import stats
 
 from pyburgers.common.draws import TAIL, all_draws, central_band
@@ -25,7 +20,17 @@ from pyburgers.drawing.panels import (
     draw_retrodictions,
     result_of,
 )
-from pyburgers.drawing.style import BLACK, BLUE, GREEN, GREY, ORANGE, SKY_BLUE, VERMILION, style
+from pyburgers.drawing.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, style
+from pyburgers.drawing.view import View
+from pyburgers.drawing.views.oscillation_preparation import STRESS_LABEL, TIME_LABEL
+from pyburgers.drawing.views.oscillation_response import (
+    grains_result,
+    lag_result,
+    observed_response,
+    predicted_response,
+    replicated_response,
+    response_page_table,
+)
 from pyburgers.model.display import (
     LENGTH_FACTOR,
     LENGTH_UNIT,
@@ -37,196 +42,16 @@ from pyburgers.model.display import (
     unit_text,
 )
 from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE
-from pyburgers.protocols.forced_oscillation.figure_results import grains_result, lag_result
-from pyburgers.protocols.forced_oscillation.harmonics import HarmonicFit
+from pyburgers.protocols.experiment import of_kind
+from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.preparation import (
-    OscillationRecord,
+    NEGLIGIBLE_SHARE,
     PreparedOscillation,
-)
-from pyburgers.protocols.forced_oscillation.response import (
-    observed_response,
-    oscillation_of,
-    predicted_response,
-    replicated_response,
+    strain_shares,
 )
 from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
-
-STRESS_LABEL = f"differential stress ({STRESS_UNIT})"
-TIME_LABEL = "time on the record's clock (s)"
-
-CURVE_POINTS_PER_CYCLE = 100
-RATE_FACTOR = 1e5
-"""Strain rates are shown in 1e-5 per second."""
-
-PREPARATION_CAPTION = (
-    "From the raw record to what the model takes: (a) strain readings, with a fit of the "
-    "oscillation, its second and third harmonics and a polynomial trend (dashed); (b) strain "
-    "without the trend; (c) the strain rate that drives the model; (d) stress readings, with "
-    "the same kind of fit; (e) the stress that the model is compared with. Bars are one "
-    "standard deviation of a reading."
-)
-
-
-def preparation(prepared: PreparedOscillation, record: OscillationRecord, heading: str) -> Figure:
-    """Draw each step from a raw record to the model's input.
-
-    Parameters
-    ----------
-    prepared : PreparedOscillation
-        The prepared record.
-    record : OscillationRecord
-        The raw record that it was made from.
-    heading : str
-        Title of the figure.
-    """
-    strain_time = _curve_times(record.strain_time, prepared.period)
-    stress_time = _curve_times(prepared.time, prepared.period)
-    strain_fit, stress_fit = prepared.strain_fit, prepared.stress_fit
-    kept = prepared.background == "kept"
-    rates = [_Line(strain_time, prepared.strain_rate(strain_time), "driving strain rate", BLUE)]
-    if kept:
-        trend_rate = strain_fit.trend_rate(strain_time)
-        rates.append(_Line(strain_time, trend_rate, "background rate", VERMILION, "--"))
-    trend = stress_fit.trend(stress_time) if kept else 0.0
-    compared = _Line(
-        stress_time,
-        stress_fit.periodic(stress_time) + trend,
-        "fit" if kept else "oscillation",
-        BLUE,
-    )
-    strain_errors = (record.strain_time, record.strain_uncertainty)
-    detrended = record.strain - strain_fit.trend(record.strain_time)
-    oscillation = strain_fit.periodic(strain_time)
-    with style():
-        figure = Figure(figsize=(8.0, 11.0), layout="constrained")
-        panels = figure.subplots(5, 1, sharex=True)
-        strain_label = (f"axial strain ({STRAIN_UNIT})", STRAIN_FACTOR)
-        stress_label = (STRESS_LABEL, STRESS_FACTOR)
-        _draw_panel(
-            panels[0],
-            "(a) strain readings",
-            strain_label,
-            _fit_lines(strain_time, strain_fit),
-            _Readings(*strain_errors, record.strain, "strain readings"),
-        )
-        _draw_panel(
-            panels[1],
-            "(b) oscillating part of the strain",
-            strain_label,
-            [_Line(strain_time, oscillation, "oscillation", BLUE)],
-            _Readings(*strain_errors, detrended, "strain without trend"),
-        )
-        _draw_panel(
-            panels[2],
-            f"(c) strain rate that drives the model, background {prepared.background}",
-            (r"strain rate (10$^{-5}$ s$^{-1}$)", RATE_FACTOR),
-            rates,
-        )
-        panels[2].axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
-        _draw_panel(
-            panels[3],
-            "(d) stress readings",
-            stress_label,
-            _fit_lines(stress_time, stress_fit),
-            _Readings(
-                record.stress_time, record.stress_uncertainty, record.stress, "stress readings"
-            ),
-        )
-        _draw_panel(
-            panels[4],
-            "(e) stress that the model is compared with, bias and drift "
-            + ("kept" if kept else "removed"),
-            stress_label,
-            [compared],
-            _Readings(prepared.time, prepared.uncertainty, prepared.stress, "stress for the model"),
-        )
-        panels[4].set_xlabel(TIME_LABEL)
-        figure.align_ylabels()
-        figure.suptitle(heading, fontsize=10)
-    return figure
-
-
-class _Line(NamedTuple):
-    """A curve along time (s), in SI units."""
-
-    time: FloatArray
-    values: FloatArray
-    label: str
-    colour: str
-    dashes: str = "-"
-
-
-class _Readings(NamedTuple):
-    """Readings at times (s) with their standard deviations, in SI units."""
-
-    time: FloatArray
-    uncertainty: FloatArray
-    values: FloatArray
-    label: str
-
-
-def _curve_times(readings: FloatArray, period: float) -> FloatArray:
-    """Return times (s) for a curve over a series of readings."""
-    first, last = readings[0], readings[-1]
-    count = int(CURVE_POINTS_PER_CYCLE * (last - first) / period) + 2
-    times: FloatArray = np.linspace(first, last, count)
-    return times
-
-
-def _fit_lines(time: FloatArray, fit: HarmonicFit) -> list[_Line]:
-    """Return a fit and its trend."""
-    trend = fit.trend(time)
-    return [
-        _Line(time, trend + fit.periodic(time), "fit", ORANGE),
-        _Line(time, trend, f"trend of degree {fit.degree}", VERMILION, "--"),
-    ]
-
-
-def _draw_panel(
-    axes: Axes,
-    heading: str,
-    label: tuple[str, float],
-    lines: Sequence[_Line],
-    readings: _Readings | None = None,
-) -> None:
-    """Draw readings and lines with a legend beside them; the label has the factor from SI."""
-    text, factor = label
-    if readings is not None:
-        axes.errorbar(
-            readings.time,
-            readings.values * factor,
-            yerr=readings.uncertainty * factor,
-            linestyle="none",
-            marker="o",
-            markersize=2.5,
-            color=BLACK,
-            ecolor=SKY_BLUE,
-            elinewidth=0.9,
-            zorder=1,
-            label=readings.label,
-        )
-    for line in lines:
-        axes.plot(
-            line.time,
-            line.values * factor,
-            color=line.colour,
-            linestyle=line.dashes,
-            linewidth=1.3,
-            label=line.label,
-        )
-    axes.set_title(heading, loc="left")
-    axes.set_ylabel(text)
-    handles, labels = axes.get_legend_handles_labels()
-    # Readings, which matplotlib puts last, come first.
-    order = sorted(range(len(labels)), key=lambda k: isinstance(handles[k], Line2D))
-    axes.legend(
-        [handles[k] for k in order],
-        [labels[k] for k in order],
-        loc="center left",
-        bbox_to_anchor=(1.0, 0.5),
-    )
 
 
 STRESS_TIME_CAPTION = (
@@ -246,7 +71,7 @@ def stress_time(fit: FittedTest) -> Figure:
 
 def fitted_curve(fit: FittedTest) -> FittedCurve:
     """Gather the stress along time as measured and as a fit has it."""
-    experiment = oscillation_of(fit)
+    experiment = of_kind(fit.experiment, OscillationExperiment)
     prepared = experiment.prepared
     predictions = fit.posterior["predictions"].to_dataset()
     time = predictions["time"].to_numpy()
@@ -280,7 +105,7 @@ STRESS_LOOP_CAPTION = (
 
 def stress_loop(fit: FittedTest) -> Figure:
     """Draw stress against driving strain: data and retrodictions."""
-    curve, prepared = fitted_curve(fit), oscillation_of(fit).prepared
+    curve, prepared = fitted_curve(fit), of_kind(fit.experiment, OscillationExperiment).prepared
     strain, at_data = (
         prepared.strain(time) * STRAIN_FACTOR for time in (curve.grid, curve.position)
     )
@@ -318,7 +143,7 @@ AMPLITUDE_PHASE_CAPTION = (
 
 def amplitude_phase(fit: FittedTest) -> Figure:
     """Draw amplitude and phase lag of the stress: observed, predicted and replicated."""
-    experiment = oscillation_of(fit)
+    experiment = of_kind(fit.experiment, OscillationExperiment)
     observed = observed_response(experiment)
     predicted, replicated = predicted_response(fit), replicated_response(fit)
     with style():
@@ -375,7 +200,7 @@ MICROSTRUCTURE_CAPTION = (
 
 def microstructure(fit: FittedTest) -> Figure:
     """Draw grain size and the dashpot's strain rate along time."""
-    experiment = oscillation_of(fit)
+    experiment = of_kind(fit.experiment, OscillationExperiment)
     predictions = fit.posterior["predictions"].to_dataset()
     time = predictions["time"].to_numpy()
     rate = shown_quantity(REFERENCE_FLOW_RATE)
@@ -404,6 +229,55 @@ def microstructure(fit: FittedTest) -> Figure:
         figure.suptitle(f"{experiment.title}\n{LINES_AND_AREAS}", fontsize=10)
     return figure
 
+
+def facts(experiment: OscillationExperiment) -> Sequence[tuple[str, str]]:
+    """Return period, amplitude, treatment of the background, cycles and number of points."""
+    prepared = experiment.prepared
+    degrees = prepared.strain_fit.degree, prepared.stress_fit.degree
+    background = (
+        f"kept: the rate of the strain's trend (polynomial of degree {degrees[0]}) drives the "
+        "model too, and the stress keeps its bias and drift"
+        if prepared.background == "kept"
+        else f"removed: polynomial trends of strain (degree {degrees[0]}) and stress (degree "
+        f"{degrees[1]}), constants included, are subtracted"
+    )
+    cycles = (prepared.time[-1] - prepared.start) / prepared.period
+    amplitude, _ = prepared.strain_fit.amplitude()
+    return (
+        ("Period", f"{prepared.period:g} s"),
+        ("Strain amplitude", f"{amplitude * STRAIN_FACTOR:.3g} %"),
+        ("Errors of the strain", _strain_error_text(prepared)),
+        ("Background", background),
+        (
+            "Cycles",
+            f"{cycles:.1f} on record, {experiment.spin_up_cycles} of spin-up ahead of it",
+        ),
+        (
+            "Points",
+            f"{experiment.n_points} stresses; {experiment.record.strain.size} strains give the "
+            "driving strain rate",
+        ),
+    )
+
+
+def _strain_error_text(prepared: PreparedOscillation) -> str:
+    """Say which errors of the driving strain take part."""
+    shares = strain_shares(prepared.strain_fit, prepared.stress_fit)
+    parts = ["oscillation", "background"] if prepared.background == "kept" else ["oscillation"]
+    said = [
+        f"of its {part} {'left out' if share < NEGLIGIBLE_SHARE else 'inferred'} ({share:.2g} of "
+        "the variance of the stress)"
+        for part, share in zip(parts, shares, strict=False)
+    ]
+    return ", ".join(said)
+
+
+REFERENCE_TEXT = Markup(
+    "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the dashpot flows at the grain "
+    "size of the start and at the bias or the amplitude of the stress, whichever is larger (at "
+    "the amplitude where the background is removed), follows from the other parameters, and so "
+    "does its prior."
+)
 
 OSCILLATION_FIGURES = (
     FigureRecipe(
@@ -435,4 +309,11 @@ OSCILLATION_FIGURES = (
         grains_result,
     ),
 )
-"""What the report of such a fit shows beside the figures of its posterior."""
+
+VIEW = View(
+    OSCILLATION_FIGURES,
+    fitted_curve,
+    facts,
+    REFERENCE_TEXT,
+    lambda fit: (response_page_table(fit),),
+)

@@ -1,5 +1,6 @@
 """Figures and tables of a fit of attenuation and modulus; all refuse the fit of another test."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,9 @@ from pyburgers.drawing.panels import (
     draw_band,
 )
 from pyburgers.drawing.style import BLACK, BLUE, VERMILION, style
-from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
+from pyburgers.drawing.view import View
+from pyburgers.drawing.views.relaxation_spectrum import SPECTRUM_FIGURE
+from pyburgers.protocols.attenuation.experiment import AttenuationExperiment, range_text
 from pyburgers.protocols.attenuation.table import ATTENUATION, MODULUS
 from pyburgers.protocols.experiment import of_kind
 from pyburgers.protocols.protocol import FittedTest
@@ -58,19 +61,8 @@ class _Spectrum:
     rows: npt.NDArray[np.int64]
 
 
-def attenuation_test(fit: FittedTest) -> AttenuationExperiment:
-    """Return the experiment of a fit, which has to be a table of attenuation.
-
-    Raises
-    ------
-    InputError
-        If it is not.
-    """
-    return of_kind(fit.experiment, AttenuationExperiment, "a table of attenuation")
-
-
 def _spectra(fit: FittedTest) -> list[_Spectrum]:
-    conditions = attenuation_test(fit).conditions
+    conditions = of_kind(fit.experiment, AttenuationExperiment).conditions
     predictions = fit.posterior["predictions"].to_dataset()
     period, spectrum, quantity = conditions.at(predictions["place"].to_numpy())
     solutions = np.exp(all_draws(predictions["log_reading"]).astype(np.float64))
@@ -104,7 +96,7 @@ MASTER_CAPTION = (
 
 def master_curves(fit: FittedTest) -> Figure:
     """Draw attenuation and modulus against period by temperature."""
-    experiment = attenuation_test(fit)
+    experiment = of_kind(fit.experiment, AttenuationExperiment)
     readings, period = experiment.readings, experiment.conditions.period
     with style():
         figure = Figure(figsize=(8.6, 8.6), layout="constrained")
@@ -151,7 +143,7 @@ COLE_COLE_CAPTION = (
 
 def cole_cole(fit: FittedTest) -> Figure:
     """Draw loss against storage compliance."""
-    experiment = attenuation_test(fit)
+    experiment = of_kind(fit.experiment, AttenuationExperiment)
     readings = experiment.readings
     with style():
         figure = Figure(figsize=(8.0, 5.6), layout="constrained")
@@ -194,7 +186,7 @@ ARRHENIUS_CAPTION = (
 
 def arrhenius(fit: FittedTest) -> Figure:
     """Draw relaxation times against inverse temperature."""
-    experiment = attenuation_test(fit)
+    experiment = of_kind(fit.experiment, AttenuationExperiment)
     conditions = experiment.conditions
     predictions = fit.posterior["predictions"].to_dataset()
     _, spectrum, quantity = conditions.at(predictions["place"].to_numpy())
@@ -230,7 +222,7 @@ RESIDUALS_CAPTION = (
 
 def residuals(fit: FittedTest) -> Figure:
     """Draw residuals against period by temperature."""
-    experiment = attenuation_test(fit)
+    experiment = of_kind(fit.experiment, AttenuationExperiment)
     left = left_over(fit)
     draws = fit.posterior["posterior"].to_dataset()
     period = experiment.conditions.period
@@ -270,7 +262,7 @@ def residuals(fit: FittedTest) -> Figure:
 
 def left_over(fit: FittedTest) -> tuple[FloatArray, FloatArray]:
     """Return recorded less median modelled reading, of attenuation and of modulus, by row."""
-    experiment = attenuation_test(fit)
+    experiment = of_kind(fit.experiment, AttenuationExperiment)
     modelled = fit.posterior["model_response"]["log_reading"].median(("chain", "draw")).to_numpy()
     left = experiment.response - modelled
     n = experiment.readings.tan_delta.size
@@ -287,7 +279,7 @@ def rms_by_temperature(fit: FittedTest) -> pd.DataFrame:
         rms_log_tan_delta, moduli, rms_log_modulus (natural logarithms, about the median of the
         model's draws).
     """
-    experiment = attenuation_test(fit)
+    experiment = of_kind(fit.experiment, AttenuationExperiment)
     by_temperature = experiment.conditions.temperature
     left = left_over(fit)
     known = ~experiment.readings.is_limit
@@ -337,7 +329,7 @@ def rms_table(fit: FittedTest) -> PageTable:
 
 def fitted_curve(fit: FittedTest) -> FittedCurve:
     """Gather all readings along their places, measured and as a fit has them."""
-    experiment = attenuation_test(fit)
+    experiment = of_kind(fit.experiment, AttenuationExperiment)
     predictions = fit.posterior["predictions"].to_dataset()
     names: tuple[str, str] = ("log_reading", "log_reading_replicated")
     solutions, replicated = (all_draws(predictions[name]).astype(np.float64) for name in names)
@@ -378,6 +370,47 @@ def relaxation_result(fit: FittedTest) -> str:
     )
 
 
+def facts(experiment: AttenuationExperiment) -> Sequence[tuple[str, str]]:
+    """Return cycles, stresses, temperatures and number of readings."""
+    conditions, readings = experiment.conditions, experiment.readings
+    elasticity = experiment.elasticity
+    constants = {
+        "Poisson's ratio": elasticity.poisson_ratio,
+        "bulk modulus (Pa)": elasticity.bulk_modulus,
+    }
+    related = "".join(
+        f", turned from axial quantities with {name} {value:g}"
+        for name, value in constants.items()
+        if value is not None
+    )
+    stress = (
+        f"median {range_text(conditions.median_stress, digits=4)} Pa, amplitude "
+        f"{range_text(conditions.amplitude, digits=4)} Pa"
+        if experiment.amplitude_is_stated
+        else "not stated: taken as so small that the dashpot is linear"
+    )
+    return (
+        ("Cycles", f"{elasticity.deformation}{related}"),
+        ("Stress", stress),
+        (
+            "Temperatures",
+            f"{range_text(conditions.temperature, digits=4)} K, {conditions.n_spectra} spectra",
+        ),
+        ("Periods", f"{range_text(conditions.period, digits=4)} s"),
+        (
+            "Readings",
+            f"{readings.tan_delta.size} attenuations ({int(readings.is_limit.sum())} of them "
+            f"upper limits), {readings.modulus.size} moduli",
+        ),
+    )
+
+
+REFERENCE_TEXT = Markup(
+    "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the dashpot flows at the "
+    "temperature of the file's head and the largest stress of the table (1 MPa where none is "
+    "stated), follows from the other parameters, and so does its prior."
+)
+
 ATTENUATION_FIGURES = (
     FigureRecipe(
         "master_curves", "Attenuation and modulus", MASTER_CAPTION, master_curves, rms_result
@@ -388,4 +421,11 @@ ATTENUATION_FIGURES = (
     ),
     FigureRecipe("arrhenius", "Relaxation times", ARRHENIUS_CAPTION, arrhenius, relaxation_result),
 )
-"""What the report of such a fit shows beside the figures of its posterior."""
+
+VIEW = View(
+    (*ATTENUATION_FIGURES, SPECTRUM_FIGURE),
+    fitted_curve,
+    facts,
+    REFERENCE_TEXT,
+    lambda fit: (rms_table(fit),),
+)

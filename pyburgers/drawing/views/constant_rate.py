@@ -4,14 +4,25 @@ Every function takes a fit and returns a figure of its own, and refuses the fit 
 test (`InputError`).
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
+from markupsafe import Markup
 from matplotlib.figure import Figure
 from scipy import stats
 
 from pyburgers.common.draws import TAIL, all_draws
 from pyburgers.drawing.page_parts import FigureRecipe
 from pyburgers.drawing.panels import FittedCurve, curve_with_residuals, result_of
+from pyburgers.drawing.view import View
+from pyburgers.drawing.views.softening import (
+    Along,
+    microstructure_facts,
+    softened_text,
+    softening_along,
+    softening_caption,
+)
 from pyburgers.model.display import (
     STRAIN_FACTOR,
     STRAIN_UNIT,
@@ -22,7 +33,6 @@ from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment,
 from pyburgers.protocols.experiment import of_kind
 from pyburgers.protocols.microstructure import strains_of
 from pyburgers.protocols.protocol import FittedTest
-from pyburgers.protocols.softening import Along, softened_text, softening_along, softening_caption
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -45,7 +55,7 @@ def stress_strain(fit: FittedTest) -> Figure:
 
 def fitted_curve(fit: FittedTest) -> FittedCurve:
     """Gather the stress-strain curve as measured and as a fit has it."""
-    experiment = constant_rate_test(fit)
+    experiment = of_kind(fit.experiment, ConstantRateExperiment)
     predictions = fit.posterior["predictions"].to_dataset()
     predicted = fit.posterior["model_response"]["stress"].median(("chain", "draw")).to_numpy()
     noise = float(fit.posterior["posterior"]["stress_noise"].mean()) * STRESS_FACTOR
@@ -77,7 +87,7 @@ SOFTENING_CAPTION = softening_caption("final strain")
 
 def softening(fit: FittedTest) -> Figure:
     """Draw how grain size and fabric soften the material along strain."""
-    experiment = constant_rate_test(fit)
+    experiment = of_kind(fit.experiment, ConstantRateExperiment)
     strain = fit.posterior["predictions"].to_dataset()["strain"].to_numpy()
     return softening_along(
         fit,
@@ -90,21 +100,39 @@ def softening(fit: FittedTest) -> Figure:
     )
 
 
-def constant_rate_test(fit: FittedTest) -> ConstantRateExperiment:
-    """Return the experiment of a fit, which has to be a test at imposed strain rate.
-
-    Raises
-    ------
-    InputError
-        If it is not.
-    """
-    return of_kind(fit.experiment, ConstantRateExperiment, "a test at imposed strain rate")
-
-
 def softening_result(fit: FittedTest) -> str:
     """Say how far the material has softened at the end, and by what."""
     return f"at the final strain {softened_text(fit)}"
 
+
+def facts(experiment: ConstantRateExperiment) -> Sequence[tuple[str, str]]:
+    """Return imposed rates and number of points."""
+    rates = [
+        Markup("{} × 10<sup>{}</sup> s<sup>−1</sup> from {:.3g} % strain").format(
+            *_mantissa_and_exponent(segment.strain_rate), segment.start_strain * STRAIN_FACTOR
+        )
+        for segment in experiment.segments
+    ]
+    end = experiment.final_strain * STRAIN_FACTOR
+    return (
+        ("Strain rate", Markup("; ").join(rates)),
+        ("Points", f"{experiment.n_points}, test ends at {end:.3g} % strain"),
+        *microstructure_facts(
+            experiment.microstructure,
+            lambda one: f"{(one.strain or 0.0) * STRAIN_FACTOR:.3g} % strain",
+        ),
+    )
+
+
+def _mantissa_and_exponent(number: float) -> tuple[str, str]:
+    mantissa, exponent = f"{number:.2e}".split("e")
+    return mantissa, str(int(exponent)).replace("-", "−")
+
+
+REFERENCE_TEXT = Markup(
+    "The reference stress <i>S</i><sub>0</sub>, at which the undeformed material flows at the "
+    "first imposed rate, follows from the other parameters, and so does its prior."
+)
 
 CONSTANT_RATE_FIGURES = (
     FigureRecipe(
@@ -118,4 +146,5 @@ CONSTANT_RATE_FIGURES = (
         "softening", "What softens the material", SOFTENING_CAPTION, softening, softening_result
     ),
 )
-"""What the report of such a fit shows beside the figures of its posterior."""
+
+VIEW = View(CONSTANT_RATE_FIGURES, fitted_curve, facts, REFERENCE_TEXT)

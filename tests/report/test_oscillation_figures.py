@@ -14,7 +14,7 @@ from pyburgers.common.draws import central_band
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.page_parts import FigureRecipe
 from pyburgers.drawing.views.forced_oscillation import (
-    OSCILLATION_FIGURES,
+    VIEW,
     amplitude_phase,
     microstructure,
     stress_loop,
@@ -94,7 +94,7 @@ def test_grain_size_starts_where_the_record_says(fit: Fit) -> None:
     assert float(np.asarray(start.get_ydata())[0]) == pytest.approx(10.0)
 
 
-@pytest.mark.parametrize("recipe", OSCILLATION_FIGURES, ids=lambda recipe: recipe.name)
+@pytest.mark.parametrize("recipe", VIEW.figures, ids=lambda recipe: recipe.name)
 def test_a_stress_strain_curve_has_no_figures_of_an_oscillation(
     recipe: FigureRecipe[Fit], tmp_path: Path
 ) -> None:

@@ -1,20 +1,20 @@
-"""Figures of a fit of a test at imposed strain rate: what is drawn, and how to read it.
-
-Every function takes a fit and returns a figure of its own, and refuses the fit of another kind of
-test (`InputError`).
-"""
+"""View of tests at imposed strain rate: figures of a fit with their captions, facts of a test."""
 
 from collections.abc import Sequence
 
-import numpy as np
-import numpy.typing as npt
 from markupsafe import Markup
 from matplotlib.figure import Figure
-from scipy import stats
 
-from pyburgers.common.draws import TAIL, all_draws
+from pyburgers.drawing.fitted import curve_of, mean_of, positions, residuals
 from pyburgers.drawing.page_parts import FigureRecipe
-from pyburgers.drawing.panels import FittedCurve, curve_with_residuals, result_of
+from pyburgers.drawing.panels import (
+    HALF_WIDTH,
+    STRAIN_LABEL,
+    STRESS_LABEL,
+    FittedCurve,
+    curve_with_residuals,
+    result_of,
+)
 from pyburgers.drawing.view import View
 from pyburgers.drawing.views.softening import (
     Along,
@@ -23,20 +23,11 @@ from pyburgers.drawing.views.softening import (
     softening_along,
     softening_caption,
 )
-from pyburgers.model.display import (
-    STRAIN_FACTOR,
-    STRAIN_UNIT,
-    STRESS_FACTOR,
-    STRESS_UNIT,
-)
+from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, STRESS_UNIT
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, rate_text
 from pyburgers.protocols.experiment import of_kind
 from pyburgers.protocols.microstructure import strains_of
 from pyburgers.protocols.protocol import FittedTest
-
-FloatArray = npt.NDArray[np.float64]
-
-STRAIN_LABEL = f"axial strain ({STRAIN_UNIT})"
 
 STRESS_STRAIN_CAPTION = (
     "Top: the stress-strain curve (circles), the predictive median (solid line), up to 1000 "
@@ -56,23 +47,18 @@ def stress_strain(fit: FittedTest) -> Figure:
 def fitted_curve(fit: FittedTest) -> FittedCurve:
     """Gather the stress-strain curve as measured and as a fit has it."""
     experiment = of_kind(fit.experiment, ConstantRateExperiment)
-    predictions = fit.posterior["predictions"].to_dataset()
-    predicted = fit.posterior["model_response"]["stress"].median(("chain", "draw")).to_numpy()
-    noise = float(fit.posterior["posterior"]["stress_noise"].mean()) * STRESS_FACTOR
-    return FittedCurve(
-        grid=predictions["strain"].to_numpy() * STRAIN_FACTOR,
-        solutions=all_draws(predictions["stress"]) * STRESS_FACTOR,
-        replicated=all_draws(predictions["stress_replicated"]) * STRESS_FACTOR,
+    return curve_of(
+        fit,
+        "stress",
+        STRESS_FACTOR,
+        grid=positions(fit, "strain") * STRAIN_FACTOR,
         position=experiment.strain * STRAIN_FACTOR,
         data=experiment.stress * STRESS_FACTOR,
-        residuals=(experiment.stress - predicted) * STRESS_FACTOR,
-        error=None,
-        data_label=f"{experiment.provenance.kind} data",
-        noise_band=float(stats.norm.ppf(1.0 - TAIL)) * noise,
+        residuals=residuals(fit, "stress", experiment.stress) * STRESS_FACTOR,
+        noise_band=HALF_WIDTH * mean_of(fit, "stress_noise") * STRESS_FACTOR,
         position_label=STRAIN_LABEL,
-        label=f"differential stress ({STRESS_UNIT})",
+        label=STRESS_LABEL,
         residual_label=f"residual ({STRESS_UNIT})",
-        heading=experiment.title,
         # The first rate is in the title.
         marks=[
             (segment.start_strain * STRAIN_FACTOR, f"then {rate_text(segment.strain_rate)}")
@@ -82,17 +68,13 @@ def fitted_curve(fit: FittedTest) -> FittedCurve:
     )
 
 
-SOFTENING_CAPTION = softening_caption("final strain")
-
-
 def softening(fit: FittedTest) -> Figure:
     """Draw how grain size and fabric soften the material along strain."""
     experiment = of_kind(fit.experiment, ConstantRateExperiment)
-    strain = fit.posterior["predictions"].to_dataset()["strain"].to_numpy()
     return softening_along(
         fit,
         Along(
-            position=strain * STRAIN_FACTOR,
+            position=positions(fit, "strain") * STRAIN_FACTOR,
             measured=strains_of(experiment.microstructure) * STRAIN_FACTOR,
             label=STRAIN_LABEL,
             end=experiment.final_strain * STRAIN_FACTOR,
@@ -100,13 +82,8 @@ def softening(fit: FittedTest) -> Figure:
     )
 
 
-def softening_result(fit: FittedTest) -> str:
-    """Say how far the material has softened at the end, and by what."""
-    return f"at the final strain {softened_text(fit)}"
-
-
 def facts(experiment: ConstantRateExperiment) -> Sequence[tuple[str, str]]:
-    """Return imposed rates and number of points."""
+    """Return imposed rates, number of points and measured microstructure."""
     rates = [
         Markup("{} × 10<sup>{}</sup> s<sup>−1</sup> from {:.3g} % strain").format(
             *_mantissa_and_exponent(segment.strain_rate), segment.start_strain * STRAIN_FACTOR
@@ -129,22 +106,27 @@ def _mantissa_and_exponent(number: float) -> tuple[str, str]:
     return mantissa, str(int(exponent)).replace("-", "−")
 
 
-REFERENCE_TEXT = Markup(
-    "The reference stress <i>S</i><sub>0</sub>, at which the undeformed material flows at the "
-    "first imposed rate, follows from the other parameters, and so does its prior."
-)
-
-CONSTANT_RATE_FIGURES = (
-    FigureRecipe(
-        "stress_strain",
-        "Stress-strain curve",
-        STRESS_STRAIN_CAPTION,
-        stress_strain,
-        result_of(fitted_curve),
+VIEW = View(
+    figures=(
+        FigureRecipe(
+            "stress_strain",
+            "Stress-strain curve",
+            STRESS_STRAIN_CAPTION,
+            stress_strain,
+            result_of(fitted_curve),
+        ),
+        FigureRecipe(
+            "softening",
+            "What softens the material",
+            softening_caption("final strain"),
+            softening,
+            lambda fit: f"at the final strain {softened_text(fit)}",
+        ),
     ),
-    FigureRecipe(
-        "softening", "What softens the material", SOFTENING_CAPTION, softening, softening_result
+    curve=fitted_curve,
+    facts=facts,
+    reference_text=Markup(
+        "The reference stress <i>S</i><sub>0</sub>, at which the undeformed material flows at the "
+        "first imposed rate, follows from the other parameters, and so does its prior."
     ),
 )
-
-VIEW = View(CONSTANT_RATE_FIGURES, fitted_curve, facts, REFERENCE_TEXT)

@@ -6,23 +6,26 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 from matplotlib.figure import Figure
-from scipy import stats
 
-from pyburgers.common.draws import TAIL, all_draws, central_band
+from pyburgers.common.draws import central_band
+from pyburgers.drawing.fitted import curve_of, mean_of, positions, predicted, residuals
 from pyburgers.drawing.page_parts import FigureRecipe
 from pyburgers.drawing.panels import (
+    HALF_WIDTH,
     LINES_AND_AREAS,
     MEDIAN_LABEL,
+    STRESS_LABEL,
     FittedCurve,
     curve_with_residuals,
     draw_band_panel,
     draw_data,
     draw_retrodictions,
+    figure_of,
     result_of,
 )
-from pyburgers.drawing.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, style
+from pyburgers.drawing.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION
 from pyburgers.drawing.view import View
-from pyburgers.drawing.views.oscillation_preparation import STRESS_LABEL, TIME_LABEL
+from pyburgers.drawing.views.oscillation_preparation import TIME_LABEL
 from pyburgers.drawing.views.oscillation_response import (
     grains_result,
     lag_result,
@@ -71,27 +74,21 @@ def stress_time(fit: FittedTest) -> Figure:
 
 def fitted_curve(fit: FittedTest) -> FittedCurve:
     """Gather the stress along time as measured and as a fit has it."""
-    experiment = of_kind(fit.experiment, OscillationExperiment)
-    prepared = experiment.prepared
-    predictions = fit.posterior["predictions"].to_dataset()
-    time = predictions["time"].to_numpy()
-    solutions = all_draws(predictions["stress"]) * STRESS_FACTOR
-    predicted = fit.posterior["model_response"]["stress"].median(("chain", "draw")).to_numpy()
-    noise = float(fit.posterior["posterior"]["stress_noise"].mean())
-    return FittedCurve(
-        grid=time,
-        solutions=solutions,
-        replicated=all_draws(predictions["stress_replicated"]) * STRESS_FACTOR,
+    prepared = of_kind(fit.experiment, OscillationExperiment).prepared
+    noise = mean_of(fit, "stress_noise") * prepared.relative_uncertainty
+    return curve_of(
+        fit,
+        "stress",
+        STRESS_FACTOR,
+        grid=positions(fit, "time"),
         position=prepared.time,
         data=prepared.stress * STRESS_FACTOR,
-        residuals=(prepared.stress - predicted) / (noise * prepared.relative_uncertainty),
+        residuals=residuals(fit, "stress", prepared.stress) / noise,
         error=prepared.uncertainty * STRESS_FACTOR,
-        data_label=f"{experiment.provenance.kind} data",
-        noise_band=float(stats.norm.ppf(1.0 - TAIL)),
+        noise_band=HALF_WIDTH,
         position_label=TIME_LABEL,
         label=STRESS_LABEL,
         residual_label="residual / noise (–)",
-        heading=experiment.title,
     )
 
 
@@ -109,8 +106,7 @@ def stress_loop(fit: FittedTest) -> Figure:
     strain, at_data = (
         prepared.strain(time) * STRAIN_FACTOR for time in (curve.grid, curve.position)
     )
-    with style():
-        figure = Figure(figsize=(8.2, 5.6), layout="constrained")
+    with figure_of(8.2, 5.6) as figure:
         axes = figure.subplots()
         draw_retrodictions(axes, strain, curve.solutions)
         axes.plot(strain, curve.median, color=VERMILION, linewidth=1.2, label=MEDIAN_LABEL)
@@ -126,8 +122,7 @@ def stress_loop(fit: FittedTest) -> Figure:
             zorder=3,
         )
         figure.colorbar(coloured, ax=axes, label=TIME_LABEL)
-        axes.set_xlabel(f"driving strain ({STRAIN_UNIT})")
-        axes.set_ylabel(STRESS_LABEL)
+        axes.set(xlabel=f"driving strain ({STRAIN_UNIT})", ylabel=STRESS_LABEL)
         figure.legend(loc="outside upper center", ncols=3, title=curve.heading)
     return figure
 
@@ -146,8 +141,7 @@ def amplitude_phase(fit: FittedTest) -> Figure:
     experiment = of_kind(fit.experiment, OscillationExperiment)
     observed = observed_response(experiment)
     predicted, replicated = predicted_response(fit), replicated_response(fit)
-    with style():
-        figure = Figure(figsize=(8.2, 5.2), layout="constrained")
+    with figure_of(8.2, 5.2) as figure:
         axes = figure.subplots()
         for response, colour, label in (
             (replicated, ORANGE, "replicated data"),
@@ -201,16 +195,14 @@ MICROSTRUCTURE_CAPTION = (
 def microstructure(fit: FittedTest) -> Figure:
     """Draw grain size and the dashpot's strain rate along time."""
     experiment = of_kind(fit.experiment, OscillationExperiment)
-    predictions = fit.posterior["predictions"].to_dataset()
-    time = predictions["time"].to_numpy()
+    time = positions(fit, "time")
     rate = shown_quantity(REFERENCE_FLOW_RATE)
-    with style():
-        figure = Figure(figsize=(8.0, 5.6), layout="constrained")
+    with figure_of(8.0, 5.6, f"{experiment.title}\n{LINES_AND_AREAS}") as figure:
         grains, dashpot = figure.subplots(2, 1, sharex=True)
         draw_band_panel(
             grains,
             time,
-            [(all_draws(predictions["grain_size"]) * LENGTH_FACTOR, BLUE, "median")],
+            [(predicted(fit, "grain_size") * LENGTH_FACTOR, BLUE, "median")],
             heading="(a) mean grain size",
             label=f"grain size ({LENGTH_UNIT})",
             level=(experiment.initial_grain_size * LENGTH_FACTOR, "at the start of the record"),
@@ -218,7 +210,7 @@ def microstructure(fit: FittedTest) -> Figure:
         draw_band_panel(
             dashpot,
             time,
-            [(all_draws(predictions["dashpot_rate"]) * rate.display_factor, GREEN, "median")],
+            [(predicted(fit, "dashpot_rate") * rate.display_factor, GREEN, "median")],
             heading="(b) dashpot",
             label=f"strain rate ({unit_text(rate)})",
         )
@@ -226,7 +218,6 @@ def microstructure(fit: FittedTest) -> Figure:
         dashpot.set_xlabel(TIME_LABEL)
         dashpot.margins(x=0.01)
         figure.align_ylabels()
-        figure.suptitle(f"{experiment.title}\n{LINES_AND_AREAS}", fontsize=10)
     return figure
 
 
@@ -272,48 +263,44 @@ def _strain_error_text(prepared: PreparedOscillation) -> str:
     return ", ".join(said)
 
 
-REFERENCE_TEXT = Markup(
-    "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the dashpot flows at the grain "
-    "size of the start and at the bias or the amplitude of the stress, whichever is larger (at "
-    "the amplitude where the background is removed), follows from the other parameters, and so "
-    "does its prior."
-)
-
-OSCILLATION_FIGURES = (
-    FigureRecipe(
-        "stress_time",
-        "Stress along time",
-        STRESS_TIME_CAPTION,
-        stress_time,
-        result_of(fitted_curve),
-    ),
-    FigureRecipe(
-        "stress_loop",
-        "Stress against strain",
-        STRESS_LOOP_CAPTION,
-        stress_loop,
-        result_of(fitted_curve),
-    ),
-    FigureRecipe(
-        "amplitude_phase",
-        "Amplitude and phase lag of the stress",
-        AMPLITUDE_PHASE_CAPTION,
-        amplitude_phase,
-        lag_result,
-    ),
-    FigureRecipe(
-        "microstructure",
-        "Grain size and dashpot",
-        MICROSTRUCTURE_CAPTION,
-        microstructure,
-        grains_result,
-    ),
-)
-
 VIEW = View(
-    OSCILLATION_FIGURES,
-    fitted_curve,
-    facts,
-    REFERENCE_TEXT,
-    lambda fit: (response_page_table(fit),),
+    figures=(
+        FigureRecipe(
+            "stress_time",
+            "Stress along time",
+            STRESS_TIME_CAPTION,
+            stress_time,
+            result_of(fitted_curve),
+        ),
+        FigureRecipe(
+            "stress_loop",
+            "Stress against strain",
+            STRESS_LOOP_CAPTION,
+            stress_loop,
+            result_of(fitted_curve),
+        ),
+        FigureRecipe(
+            "amplitude_phase",
+            "Amplitude and phase lag of the stress",
+            AMPLITUDE_PHASE_CAPTION,
+            amplitude_phase,
+            lag_result,
+        ),
+        FigureRecipe(
+            "microstructure",
+            "Grain size and dashpot",
+            MICROSTRUCTURE_CAPTION,
+            microstructure,
+            grains_result,
+        ),
+    ),
+    curve=fitted_curve,
+    facts=facts,
+    reference_text=Markup(
+        "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the dashpot flows at the grain "
+        "size of the start and at the bias or the amplitude of the stress, whichever is larger (at "
+        "the amplitude where the background is removed), follows from the other parameters, and so "
+        "does its prior."
+    ),
+    tables=lambda fit: (response_page_table(fit),),
 )

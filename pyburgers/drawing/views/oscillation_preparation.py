@@ -9,12 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, SKY_BLUE, VERMILION, style
+from pyburgers.drawing.panels import STRAIN_LABEL, STRESS_LABEL, figure_of
+from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, SKY_BLUE, VERMILION
 from pyburgers.model.display import (
     STRAIN_FACTOR,
-    STRAIN_UNIT,
     STRESS_FACTOR,
-    STRESS_UNIT,
 )
 from pyburgers.protocols.forced_oscillation.harmonics import HarmonicFit
 from pyburgers.protocols.forced_oscillation.preparation import (
@@ -24,7 +23,6 @@ from pyburgers.protocols.forced_oscillation.preparation import (
 
 FloatArray = npt.NDArray[np.float64]
 
-STRESS_LABEL = f"differential stress ({STRESS_UNIT})"
 TIME_LABEL = "time on the record's clock (s)"
 
 CURVE_POINTS_PER_CYCLE = 100
@@ -41,17 +39,7 @@ PREPARATION_CAPTION = (
 
 
 def preparation(prepared: PreparedOscillation, record: OscillationRecord, heading: str) -> Figure:
-    """Draw each step from a raw record to the model's input.
-
-    Parameters
-    ----------
-    prepared : PreparedOscillation
-        The prepared record.
-    record : OscillationRecord
-        The raw record that it was made from.
-    heading : str
-        Title of the figure.
-    """
+    """Draw each step from a raw record to the model's input, below a heading."""
     strain_time = _curve_times(record.strain_time, prepared.period)
     stress_time = _curve_times(prepared.time, prepared.period)
     strain_fit, stress_fit = prepared.strain_fit, prepared.stress_fit
@@ -70,10 +58,9 @@ def preparation(prepared: PreparedOscillation, record: OscillationRecord, headin
     strain_errors = (record.strain_time, record.strain_uncertainty)
     detrended = record.strain - strain_fit.trend(record.strain_time)
     oscillation = strain_fit.periodic(strain_time)
-    with style():
-        figure = Figure(figsize=(8.0, 11.0), layout="constrained")
+    with figure_of(8.0, 11.0, heading) as figure:
         panels = figure.subplots(5, 1, sharex=True)
-        strain_label = (f"axial strain ({STRAIN_UNIT})", STRAIN_FACTOR)
+        strain_label = (STRAIN_LABEL, STRAIN_FACTOR)
         stress_label = (STRESS_LABEL, STRESS_FACTOR)
         _draw_panel(
             panels[0],
@@ -115,7 +102,6 @@ def preparation(prepared: PreparedOscillation, record: OscillationRecord, headin
         )
         panels[4].set_xlabel(TIME_LABEL)
         figure.align_ylabels()
-        figure.suptitle(heading, fontsize=10)
     return figure
 
 

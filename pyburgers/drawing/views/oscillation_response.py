@@ -11,6 +11,7 @@ from markupsafe import Markup
 
 from pyburgers.common.draws import all_draws, central_band
 from pyburgers.common.units import rounded
+from pyburgers.drawing.fitted import predicted
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.drawing.panels import band_text
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_FACTOR, STRESS_UNIT
@@ -24,14 +25,9 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ObservedResponse:
-    """What the prepared record says about the stress at the period of the test.
+    """Fundamental of the stress of a prepared record: amplitude (Pa), and lag of the strain (rad).
 
-    Attributes
-    ----------
-    amplitude, amplitude_standard_error : float
-        Of the fundamental (Pa).
-    lag, lag_standard_error : float
-        Phase of the stress minus that of the driving strain (rad), in [-pi, pi].
+    The lag, in [-pi, pi], is the phase of the stress minus that of the driving strain.
     """
 
     amplitude: float
@@ -42,28 +38,14 @@ class ObservedResponse:
 
 @dataclass(frozen=True, eq=False)
 class PredictedResponse:
-    """The same for curves of single draws.
-
-    Attributes
-    ----------
-    amplitude : array, shape (n_curves,)
-        Of the fundamental (Pa).
-    lag : array, shape (n_curves,)
-        Phase of the stress minus that of the driving strain (rad), within pi of the observed one.
-    """
+    """The same of curves of single draws, shape (n_curves,); lags within pi of the observed."""
 
     amplitude: FloatArray
     lag: FloatArray
 
 
 def observed_response(experiment: OscillationExperiment) -> ObservedResponse:
-    """Return amplitude and lag of the measured stress.
-
-    Parameters
-    ----------
-    experiment : OscillationExperiment
-        A test; the errors follow from the uncertainties of its readings.
-    """
+    """Return amplitude and lag of the measured stress, with errors from those of its readings."""
     of_strain, of_stress = experiment.prepared.strain_fit, experiment.prepared.stress_fit
     strain_phase, strain_error = of_strain.phase()
     stress_phase, stress_error = of_stress.phase()
@@ -75,36 +57,14 @@ def observed_response(experiment: OscillationExperiment) -> ObservedResponse:
 
 
 def predicted_response(fit: FittedTest) -> PredictedResponse:
-    """Return amplitude and lag of the model's stress, without noise.
-
-    Parameters
-    ----------
-    fit : FittedTest
-        Of a forced oscillation test.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
-    """
+    """Return amplitude and lag of the model's stress, without noise."""
     experiment = of_kind(fit.experiment, OscillationExperiment)
     stress = fit.posterior["predictions"].to_dataset()["stress"]
     return _response(experiment, stress["time"].to_numpy(), stress)
 
 
 def replicated_response(fit: FittedTest) -> PredictedResponse:
-    """Return amplitude and lag of replicated data, as they would be found in a new record.
-
-    Parameters
-    ----------
-    fit : FittedTest
-        Of a forced oscillation test.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
-    """
+    """Return amplitude and lag of replicated data, as they would be found in a new record."""
     experiment = of_kind(fit.experiment, OscillationExperiment)
     stress = fit.posterior["posterior_predictive"].to_dataset()["stress"]
     prepared = experiment.prepared
@@ -112,23 +72,10 @@ def replicated_response(fit: FittedTest) -> PredictedResponse:
 
 
 def predicted_oscillation(fit: FittedTest) -> npt.NDArray[np.complex128]:
-    """Fundamental of the model's stress (Pa), without noise, as a complex number.
+    """Return the fundamental of the model's stress (Pa), without noise, shape (n_draws,).
 
-    Parameters
-    ----------
-    fit : FittedTest
-        Of a forced oscillation test.
-
-    Returns
-    -------
-    array, shape (n_draws,)
-        Its size is the amplitude, its angle the phase about that of the record; draws without
-        solution are left out.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
+    The angle of the complex numbers is the phase about that of the record. Draws without solution
+    are left out.
     """
     experiment = of_kind(fit.experiment, OscillationExperiment)
     stress = fit.posterior["predictions"].to_dataset()["stress"]
@@ -136,23 +83,10 @@ def predicted_oscillation(fit: FittedTest) -> npt.NDArray[np.complex128]:
 
 
 def response_table(fit: FittedTest) -> pd.DataFrame:
-    """Compare the observed amplitude and lag with what replicated data have.
+    """Compare observed amplitude and lag with those of replicated data, in SI units.
 
-    Parameters
-    ----------
-    fit : FittedTest
-        Of a forced oscillation test.
-
-    Returns
-    -------
-    DataFrame
-        Index quantity (amplitude, lag), SI units; columns unit, observed, standard_error, median,
-        q5, q95 (of replicated data) and inside: whether the observed value lies between the two.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
+    Index quantity (amplitude, lag); columns unit, observed, standard_error, median, q5, q95 (of
+    replicated data) and inside: whether the observed value lies between the last two.
     """
     observed, replicated = (
         observed_response(of_kind(fit.experiment, OscillationExperiment)),
@@ -246,7 +180,7 @@ def lag_result(fit: FittedTest) -> str:
 
 def grains_result(fit: FittedTest) -> str:
     """Say how large grains are at the end."""
-    size = all_draws(fit.posterior["predictions"].to_dataset()["grain_size"])[:, -1]
+    size = predicted(fit, "grain_size")[:, -1]
     return f"grains end at {band_text(size * LENGTH_FACTOR, LENGTH_UNIT)}."
 
 

@@ -19,7 +19,6 @@ from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.fixed_parameters import fixed_in_effect
 from pyburgers.report import tables
 from pyburgers.report.illustrations import Illustration, picture_file
-from pyburgers.report.names import file_key
 from pyburgers.report.overview import Entry, entry_of
 from pyburgers.report.posterior_figures import figures_for
 
@@ -125,19 +124,11 @@ class Section:
         return [one for one in self.entry.checks if one.passed]
 
 
-def write_section(name: str, fit: Fit, out: Path) -> Section:
+def write_section(key: str, name: str, fit: Fit, out: Path) -> Section:
     """Write the tables of one fit, draw its figures, and gather what the page shows of it.
 
-    Parameters
-    ----------
-    name : str
-        How the page calls it.
-    fit : Fit
-        Of one test, or of a test of a joint fit.
-    out : Path
-        Folder of the page.
+    The fit is of one test, or of a test of a joint fit; key and name are those of the page.
     """
-    key = file_key(name)
     summary, checks = fit.summary("SI"), fit.checks()
     truth = tables.truth_table(fit)
     sampler = tables.sampler_table(fit)
@@ -328,19 +319,15 @@ class SameData:
         return table[is_left if left_to_prior else ~is_left].reset_index(drop=True)
 
 
-def by_data(named: Iterable[tuple[str, Fit]]) -> list[list[tuple[str, Fit]]]:
-    """Put fits of the same data together, in the order of the first of each.
+def by_data(named: Iterable[tuple[str, str, Fit]]) -> list[list[tuple[str, str, Fit]]]:
+    """Put fits of the same data, with their keys and names, together in the order of the first.
 
     Equal readings of which some were measured and some computed are different data.
-
-    Parameters
-    ----------
-    named : iterable of tuple of str and Fit
-        Fits with their names.
     """
-    found: dict[tuple[str, str], list[tuple[str, Fit]]] = {}
-    for name, fit in named:
-        found.setdefault((fit.provenance.kind, data_hash(fit)), []).append((name, fit))
+    found: dict[tuple[str, str], list[tuple[str, str, Fit]]] = {}
+    for one in named:
+        fit = one[2]
+        found.setdefault((fit.provenance.kind, data_hash(fit)), []).append(one)
     return list(found.values())
 
 

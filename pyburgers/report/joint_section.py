@@ -25,7 +25,7 @@ from pyburgers.posterior.labelled_draws import own_name
 from pyburgers.protocols.coordinates import CENTRE, SPREAD
 from pyburgers.protocols.protocol import protocol_of
 from pyburgers.report.decades import spans_decades
-from pyburgers.report.names import joint_key, page_keys
+from pyburgers.report.names import joint_key, page_keys, page_names
 from pyburgers.report.overview import joint_entry
 from pyburgers.report.tables import DECISION, checks_page_table, decided_cell
 
@@ -189,30 +189,23 @@ def shown_pooled_table(joint: Fit) -> pd.DataFrame:
 
 def joint_sections(joints: Sequence[Fit], separate: Sequence[Fit]) -> tuple[PageSection, ...]:
     """Return the parts of a page about joint fits, each beside the fits of single tests."""
-    named = zip(page_keys(joints), joints, strict=True)
-    return tuple(joint_section(name, joint, separate) for name, joint in named)
+    named = zip(page_keys(joints), page_names(joints), joints, strict=True)
+    return tuple(joint_section(joint_key(key), name, joint, separate) for key, name, joint in named)
 
 
-def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> PageSection:
-    """Return the part of a page about a joint fit.
+def joint_section(key: str, name: str, joint: Fit, separate: Sequence[Fit]) -> PageSection:
+    """Return the part of a page about a joint fit, by its key and name on the page.
 
-    Parameters
-    ----------
-    name : str
-        Its name on the page.
-    joint : Fit
-        The joint fit.
-    separate : sequence of Fit
-        Fits of single tests, to be set beside it where they are of the same data.
+    Fits of single tests are set beside it where they are of the same data.
     """
     checks, table = joint.checks(), pooling_table(joint, separate)
-    entry = joint_entry(joint_key(name), name, joint)
+    entry = joint_entry(key, name, joint)
     told = " ".join(line for kind in CheckKind for line in entry.doubts(kind))
     pooled = pooled_table(joint)
     astray = strayed(table)
     alarms = () if astray is None else (astray,)
     return PageSection(
-        key=joint_key(name),
+        key=key,
         title=f"Joint fit {name}",
         paragraphs=(told, *_bought(table), *alarms),
         details=(

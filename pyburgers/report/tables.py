@@ -12,7 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckResult, Outcome
-from pyburgers.checks.prior_influence import decision_text
+from pyburgers.checks.prior_influence import ORIGIN_RULES, decision_text
 from pyburgers.common.units import number, rounded
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.fitting.fit import Fit
@@ -97,6 +97,12 @@ def result_table(
 
 DECISION = "decided by"
 """Title of the column that says who decides a number (`pyburgers.checks.prior_influence`)."""
+
+
+def table_of_deciders() -> pd.DataFrame:
+    """Return what the words of that column mean, and the rule behind each, as text."""
+    rows = [(origin.value, *told) for origin, told in ORIGIN_RULES.items()]
+    return pd.DataFrame(rows, columns=[DECISION, "meaning", "rule"])
 
 
 def _truth_beside(quantity: Parameter, row: "pd.Series[Any]") -> dict[str, str]:

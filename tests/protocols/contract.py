@@ -245,7 +245,7 @@ def test_a_fit_is_kept_and_shown(
     assert_equal(kept.experiment, experiment)
     assert kept.summary("SI").equals(result.summary("SI"))
     assert_draws_are_labelled(kept, example.few)
-    assert kept.posterior.attrs["clock"] == protocols()[protocol].clock.name
+    assert kept.posterior.attrs["protocol"] == protocol
     page = Page(
         write_report([kept], tmp_path / "page", title="T", command="x").read_text(encoding="utf-8")
     )

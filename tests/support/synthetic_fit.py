@@ -216,6 +216,7 @@ def make_fit(
     smooth = CONSTANT_RATE.output_grid(experiment)
     tree = xr.DataTree.from_dict(
         {
+            "/": xr.Dataset(attrs={"protocol": experiment.protocol}),
             "posterior": posterior,
             "sample_stats": xr.Dataset(
                 {key: (("chain", "draw"), value) for key, value in stats.items()},

@@ -63,7 +63,9 @@ def make_olivine_fit(
     for name in ("log_likelihood", "model_response", "posterior_mean_solution", "constant_data"):
         del groups[name]
     observed = xr.Dataset({"stress": ("point", experiment.stress)})
-    tree = xr.DataTree.from_dict({**groups, "posterior": posterior, "observed_data": observed})
+    kind = xr.Dataset(attrs={"protocol": experiment.protocol})
+    groups |= {"/": kind, "posterior": posterior, "observed_data": observed}
+    tree = xr.DataTree.from_dict(groups)
     changes: dict[str, Any] = {
         "problem": problem_of([replace(experiment, id=f"olivine_{background}")], priors),
         "posterior": tree,
@@ -77,6 +79,7 @@ def redrawn(fit: Fit, **draws: FloatArray) -> Fit:
     changed = {name: posterior[name].copy(data=values) for name, values in draws.items()}
     groups = {name: node.to_dataset() for name, node in fit.posterior.children.items()}
     groups["posterior"] = posterior.assign(changed)
+    groups["/"] = xr.Dataset(attrs={"protocol": fit.experiment.protocol})
     return replace(fit, posterior=xr.DataTree.from_dict(groups))
 
 
@@ -146,4 +149,5 @@ def oscillating(
             "time": ("point", prepared.time),
         }
     )
+    groups["/"] = xr.Dataset(attrs={"protocol": fit.experiment.protocol})
     return replace(fit, posterior=xr.DataTree.from_dict(groups))

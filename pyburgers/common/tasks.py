@@ -30,8 +30,8 @@ class Workers:
     jobs : int or None
         How many processes of this machine; None takes one for each core.
     part : tuple of two int, or None
-        Which, from 1, of how many parts of the tasks this call does; the other parts are for other
-        calls, such as those of a job array. None does all tasks.
+        The part of the tasks that this call does, from 1, and the number of parts. Other calls,
+        such as those of a job array, do the other parts. None does all tasks.
     """
 
     executor: Executor | None = None

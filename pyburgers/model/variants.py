@@ -77,13 +77,13 @@ class ModelVariant:
     Attributes
     ----------
     kelvin : {"linear", "power_law", "two_elements", "extended", "extended_peak", "andrade"}
-        Kelvin element with a linear or power-law dashpot, or two linear ones, or a band of
-        relaxation times, one with a peak on top, or Andrade creep (`pyburgers.model.kelvin_laws`).
+        Kelvin element with a linear or power-law dashpot, two linear elements, a band of relaxation
+        times without or with a peak, or Andrade creep (`pyburgers.model.kelvin_laws`).
     maxwell : {"power_law", "linear", "hyperbolic_sine"}
         Dashpot of the Maxwell element.
     grain_size : {"evolving", "constant", "piezometric"}
-        Evolving towards a steady-state size, constant, or evolving towards the size that the
-        piezometer of the material wants, as it does in oscillating tests.
+        Evolving towards a steady-state size, constant, or evolving towards the size of the
+        material's piezometer, as in oscillating tests.
     fabric : {"evolving", "constant"}
         Crystal fabric; oscillating tests have a constant one.
     residuals : {"independent", "autocorrelated"}
@@ -111,7 +111,7 @@ class ModelVariant:
 
     @property
     def short_text(self) -> str:
-        """What differs from the paper's model at constant rate, as options of the command line."""
+        """Differences from the paper's model at constant rate, as options of the command line."""
         standard = ModelVariant().record()
         different = [
             f"{part}={choice}" for part, choice in self.record().items() if choice != standard[part]
@@ -120,7 +120,7 @@ class ModelVariant:
 
     @property
     def residuals_correlate(self) -> bool:
-        """Whether a reading depends on what its neighbours missed."""
+        """Whether residuals correlate between neighbouring readings."""
         return self.residuals == "autocorrelated"
 
 
@@ -171,7 +171,7 @@ def with_variant(priors: PriorSet, experiment: Test, choices: Mapping[str, str])
     Parameters
     ----------
     priors : PriorSet
-        Priors of the material. What is not chosen stays as they have it.
+        Priors of the material. Laws that are not chosen stay as in these priors.
     experiment : Test
         The test with data that is to be fitted.
     choices : mapping of str to str
@@ -199,7 +199,7 @@ def with_variant(priors: PriorSet, experiment: Test, choices: Mapping[str, str])
 
 
 def variant_of(priors: PriorSet, experiment: Test) -> ModelVariant:
-    """Tell from the priors which laws a fit of an experiment uses."""
+    """Return the laws that the priors give a fit of an experiment."""
     linear_maxwell = is_fixed_at(priors["stress_exponent"], 1.0)
     has_breakdown = not is_fixed_at(priors["breakdown_stress"], 0.0)
     constant_fabric = not _allows(experiment, "fabric", "evolving") or is_fixed_at(

@@ -31,22 +31,11 @@ from pyburgers.report.tables import DECISION, checks_page_table, decided_cell
 
 
 def pooling_table(joint: Fit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
-    """Mean and standard deviation (SI) of each parameter in each test.
+    """Return mean and standard deviation (SI) of each parameter in each test.
 
-    Parameters
-    ----------
-    joint : Fit
-        The joint fit.
-    separate : sequence of Fit
-        Fits of single tests; those of the same data as a test of the joint fit are set beside it,
-        the first of each.
-
-    Returns
-    -------
-    DataFrame
-        Columns quantity, test, pooling (`Problem.kind`, or "derived" for the reference stress),
-        mean, sd, decided_by and by_prior_of (empty without likelihood), and NaN where there is no
-        fit of the test alone separate_mean, separate_sd and sd_ratio, joint over separate.
+    Columns quantity, test, pooling (`Problem.kind`, or "derived" for the reference), mean, sd,
+    decided_by and by_prior_of (empty without likelihood); separate_mean, separate_sd and sd_ratio
+    of the first separate fit of the same data, NaN where there is none.
     """
     tests, alone = joint.tests(), fits_alone(joint, separate)
     problem, reference = joint.problem, joint.problem.protocol.reference.name
@@ -79,18 +68,7 @@ def pooling_table(joint: Fit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
 
 
 def sd_ratios(table: pd.DataFrame) -> pd.Series:
-    """Return standard deviations in the joint fit over those of separate fits, by quantity.
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `pooling_table`.
-
-    Returns
-    -------
-    Series
-        Mean over tests of both; only quantities that a separate fit has.
-    """
+    """Return mean standard deviations in the joint fit over those in separate fits, by quantity."""
     both = table.dropna(subset="separate_sd").groupby("quantity", sort=False)
     ratios: pd.Series = both["sd"].mean() / both["separate_sd"].mean()
     return ratios
@@ -261,18 +239,7 @@ def joint_section(key: str, name: str, joint: Fit, separate: Sequence[Fit]) -> P
 
 
 def strayed(table: pd.DataFrame) -> str | None:
-    """Say which quantities of a test the joint fit moves far from where its own fit has them.
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `pooling_table`.
-
-    Returns
-    -------
-    str or None
-        None where none is `STRAYED` or more standard deviations of its own fit away.
-    """
+    """Say which quantities a joint fit moves `STRAYED` or more sd from a test's own fit."""
     distance = (table["mean"] - table["separate_mean"]) / table["separate_sd"]
     far = table.assign(distance=distance)[distance.abs() >= STRAYED]
     if far.empty:
@@ -343,15 +310,7 @@ def all_curves(joint: Fit) -> Figure:
 
 
 def intervals(joint: Fit, separate: Sequence[Fit]) -> Figure:
-    """Draw intervals of every parameter in every test, joint and alone.
-
-    Parameters
-    ----------
-    joint : Fit
-        The joint fit.
-    separate : sequence of Fit
-        Fits of single tests; those of the same data as a test are drawn beside it.
-    """
+    """Draw intervals of every parameter in every test, joint and in fits of the same data alone."""
     tests = joint.tests()
     alone = fits_alone(joint, separate)
     quantities = (*joint.problem.free, joint.problem.protocol.reference.name)

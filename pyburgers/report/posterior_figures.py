@@ -393,12 +393,6 @@ RANK = FigureRecipe("rank", "Agreement of the chains", RANK_CAPTION, rank, agree
 
 
 def figures_for(fit: FittedTest) -> tuple[FigureRecipe[FittedTest], ...]:
-    """Return the figures of a fit, in their order on the page.
-
-    Parameters
-    ----------
-    fit : FittedTest
-        Whose figures are wanted.
-    """
+    """Return the figures of a fit, in their order on the page."""
     first, *others = (one for one in view_of(fit.experiment).figures if one.suits(fit))
     return (first, PRIOR_POSTERIOR, *others, PAIRS, RANK)

@@ -107,24 +107,12 @@ SHARE_TEXT = (
 
 @dataclass(frozen=True)
 class Bound:
-    """A bound of a prior at which the posterior piles up.
-
-    Attributes
-    ----------
-    side : {"lower", "upper"}
-        Which one.
-    value : float
-        The bound (SI).
-    share : float
-        Share of the draws within `NEAR_BOUND` standard deviations of it.
-    is_physical : bool
-        Whether the model itself ends there, such as at zero.
-    """
+    """A bound of a prior at which the posterior piles up."""
 
     side: Literal["lower", "upper"]
-    value: float
-    share: float
-    is_physical: bool
+    value: float  # SI
+    share: float  # of the draws, within `NEAR_BOUND` standard deviations of it
+    is_physical: bool  # whether the model itself ends there, such as at zero
 
 
 @dataclass(frozen=True)
@@ -219,24 +207,12 @@ def prior_influence(
     derived: Mapping[str, FloatArray] = MappingProxyType({}),
     read_off: frozenset[str] = frozenset(),
 ) -> dict[str, Influence]:
-    """Tell for every sampled quantity who decides it.
+    """Tell for every sampled quantity of a test, from its labelled draws, who decides it.
 
-    Parameters
-    ----------
-    posterior : DataTree
-        Labelled draws of one test; in a joint fit a part of the draws of all tests.
-    priors : PriorSet
-        Priors of the test, resolved.
-    spread_scales : mapping of str to float
-        Scale of the prior of the spread of each partially pooled parameter. Its prior is that of
-        the centre, which is told as well, as is the spread.
-    family : int, optional
-        Number of quantities of the whole fit among which a conflict may be found by chance; default
-        those of the test.
-    derived : mapping of str to array, shape (n,)
-        Draws of further quantities, chains one after the other.
-    read_off : frozenset of str
-        Priors that were read off the data of the fit (`PriorSet.read_off`).
+    The spread of a partially pooled parameter has a half-normal prior of a scale; its own prior is
+    that of the centre. `family` is the number of quantities of the whole fit among which chance may
+    find a conflict, by default those of the test. `derived` holds draws, shape (n,), of further
+    quantities, chains one after the other. Priors in `read_off` were read off the data of the fit.
     """
     draws = posterior["posterior"].to_dataset()
     values = {name: all_draws(draws[name]) for name in free_parameters(posterior)}
@@ -355,14 +331,7 @@ def decision_text(
 ) -> str:
     """Say in a few words who decides a quantity, such as ``prior (of Q_M)``.
 
-    Parameters
-    ----------
-    name : str
-        The quantity.
-    decided_by, by_prior_of : str
-        From `decision_columns`.
-    symbol : callable
-        Returns the symbol of a parameter or of `JOINT_PRIOR`.
+    The two texts come from `decision_columns`.
     """
     if by_prior_of in ("", name):
         return decided_by

@@ -216,7 +216,6 @@ def make_fit(
     smooth = CONSTANT_RATE.output_grid(experiment)
     tree = xr.DataTree.from_dict(
         {
-            "/": xr.Dataset(attrs={"protocol": experiment.protocol}),
             "posterior": posterior,
             "sample_stats": xr.Dataset(
                 {key: (("chain", "draw"), value) for key, value in stats.items()},
@@ -244,6 +243,7 @@ def make_fit(
         "experiment": name,
         "data_kind": kind,
         "chains": json.dumps([*range(1, chains + 1)]),
+        "protocol": experiment.protocol,
     }
     manifest = _manifest(experiment, command, chains, draws, seed)
     path.mkdir(parents=True, exist_ok=True)

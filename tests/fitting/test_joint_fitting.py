@@ -63,7 +63,7 @@ def test_loading_gives_the_same_fit(joint: Fit) -> None:
     again = Fit.load(joint.directory.path)
     assert again.summary("SI").equals(joint.summary("SI"))
     assert again.problem.pooling == joint.problem.pooling
-    assert {one.posterior.attrs["clock"] for one in again.tests().values()} == {"strain"}
+    assert {one.posterior.attrs["protocol"] for one in again.tests().values()} == {"constant_rate"}
 
 
 def test_only_missing_chains_are_run(

@@ -14,7 +14,7 @@ from pathlib import Path
 import pyburgers
 from pyburgers.common.shipped_files import shipped_folder
 from pyburgers.drawing.style import image
-from pyburgers.protocols.constant_rate.figures import stress_strain
+from pyburgers.drawing.views.constant_rate import stress_strain
 from pyburgers.report.posterior_figures import prior_posterior
 
 

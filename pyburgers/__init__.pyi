@@ -15,6 +15,7 @@ from .drawing.page_parts import PageFigure as PageFigure
 from .drawing.page_parts import PageSection as PageSection
 from .drawing.page_parts import PageTable as PageTable
 from .drawing.style import style as style
+from .drawing.views.oscillation_response import predicted_response as predicted_response
 from .fitting.fit import Fit as Fit
 from .fitting.fit import JointFit as JointFit
 from .fitting.fit import fit as fit
@@ -60,7 +61,6 @@ from .protocols.constant_rate.experiment import ConstantRateExperiment as Consta
 from .protocols.experiment import Experiment as Experiment
 from .protocols.forced_oscillation.experiment import OscillationExperiment as OscillationExperiment
 from .protocols.forced_oscillation.experiment import with_background as with_background
-from .protocols.forced_oscillation.response import predicted_response as predicted_response
 from .protocols.forward import load_parameters as load_parameters
 from .protocols.forward import simulate as simulate
 from .protocols.loading_history.experiment import LoadingHistory as LoadingHistory

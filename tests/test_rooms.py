@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
+from pyburgers.drawing.view import View, views
 from pyburgers.protocols.protocol import NAMES
 
 PACKAGE = Path(__file__).parents[1] / "pyburgers"
@@ -17,12 +18,12 @@ ROOMS = (
     "sbc",
     "flow_law_tables",
     "fitting",
+    "drawing",
     "checks",
     "posterior",
     "sampling",
     "protocols",
     "model",
-    "drawing",
     "cmdstan",
     "common",
 )
@@ -141,6 +142,22 @@ def test_only_the_posterior_knows_arviz() -> None:
         if any(other.split(".")[0] == "arviz" for other in imported(name))
     }
     assert knowing == {"posterior"}
+
+
+def test_protocols_draw_nothing() -> None:
+    drawing = [
+        f"{name} imports {other}"
+        for name in FILES
+        if room(name) == "protocols"
+        for other in imported(name)
+        if other.split(".")[0] == "matplotlib" or other.startswith("pyburgers.drawing")
+    ]
+    assert not drawing
+
+
+def test_every_kind_has_a_view_of_its_name() -> None:
+    assert tuple(views()) == NAMES
+    assert all(isinstance(view, View) for view in views().values())
 
 
 def test_files_are_short() -> None:

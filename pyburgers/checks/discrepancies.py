@@ -271,11 +271,7 @@ def _leftover(name: str, group: xr.DataTree, number: int) -> Leftover:
         for part in ("observed_data", "model_response", "posterior_predictive")
     )
     along = group["constant_data"].to_dataset()
-    protocol = next(
-        p
-        for p in protocols().values()
-        if p.clock.name in group["predictions"].dims and p.response.name == read.name
-    )
+    protocol = protocols()[group.attrs["protocol"]]
     position = along[protocol.clock.name].to_numpy()
     segment = (
         along["segment"].to_numpy().astype(np.int64)

@@ -51,7 +51,7 @@ CHANCE_SHIFTS = 8
 
 
 class Origin(StrEnum):
-    """Who decides a number, by the rules of `pyburgers.checks.prior_sentences.THRESHOLDS_TEXT`."""
+    """Who decides a number, by the rules of `pyburgers.checks.prior_sentences.ORIGIN_RULES`."""
 
     PRIOR = "prior"
     DATA = "data"
@@ -70,9 +70,9 @@ class Bound:
     """
 
     side: Literal["lower", "upper"]
-    value: float
-    share: float
-    is_physical: bool
+    value: float  # SI
+    share: float  # of the draws, within `NEAR_BOUND` standard deviations of it
+    is_physical: bool  # whether the model itself ends there, such as at zero
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """Who decides numbers (`pyburgers.checks.prior_influence`), in tables and sentences."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping
+from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
@@ -19,18 +20,44 @@ from pyburgers.common.units import number
 from pyburgers.model.display import shown_quantity, symbol_text, unit_after_number
 from pyburgers.model.priors import JOINT_PRIOR
 
-THRESHOLDS_TEXT = (
-    "If the mean of a prior moved by one of its standard deviations, the number would move too; "
-    "the square of that move, in standard deviations of the posterior, is the share of the prior "
-    f"in the number. Prior: all priors together have a share of {PRIOR_SHARE:.2f} or more. Data: "
-    f"they have less than {LEAST_SHARE:g}. Both: between. The brackets name the strongest "
-    "priors, which have two thirds of that share, unless there is only the quantity's own. "
-    f"Bound: at least {100 * AT_BOUND:.0f} % of the draws lie within {NEAR_BOUND:g} standard "
-    "deviations of a bound of the prior, and the data took off half of its variance. Conflict: "
-    "the posterior mean lies further from the median of the prior than chance allows, given how "
-    "much the data narrow the prior; a fit whose model and priors are right reports any conflict "
-    f"with a probability of {CONFLICT_LEVEL:g}. Cannot tell: the draws are too few. Priors count "
-    "on a scale on which they are normal."
+ORIGIN_RULES: Mapping[Origin, tuple[str, str]] = MappingProxyType(
+    {
+        Origin.DATA: (
+            "The data decide the number.",
+            f"The share of the priors is less than {LEAST_SHARE:g}.",
+        ),
+        Origin.BOTH: (
+            "Data and priors decide it together.",
+            f"The share of the priors is {LEAST_SHARE:g} to {PRIOR_SHARE:.2f}.",
+        ),
+        Origin.PRIOR: (
+            "The priors decide it, its own or those in brackets.",
+            f"The share of the priors is {PRIOR_SHARE:.2f} or more.",
+        ),
+        Origin.BOUND: (
+            "The draws pile up at a bound of its prior.",
+            f"At least {100 * AT_BOUND:.0f} % of the draws lie within {NEAR_BOUND:g} standard "
+            "deviations of the bound, and the data took off half of the variance of the prior.",
+        ),
+        Origin.CONFLICT: (
+            "Prior and data disagree; the number is a compromise.",
+            "Given how much the data narrow the prior, the posterior mean lies further from its "
+            "median than chance allows. A fit whose model and priors are right reports any "
+            f"conflict with a probability of {CONFLICT_LEVEL:g}.",
+        ),
+        Origin.CANNOT_TELL: (
+            "The draws are too few.",
+            f"Chance alone gives the priors a share of {LEAST_SHARE:g} or more.",
+        ),
+    }
+)
+"""What it means that each of them decides a number, and by which rule."""
+
+SHARE_TEXT = (
+    "If the mean of a prior moves by one of its standard deviations, the number moves too. The "
+    "share of the prior is the square of that move, in standard deviations of the posterior. "
+    "Priors count on a scale on which they are normal. Brackets name the strongest priors, which "
+    "have two thirds of the share of all."
 )
 
 

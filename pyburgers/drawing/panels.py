@@ -3,7 +3,8 @@
 Everything is in display units already; draws are along the first axis.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -13,9 +14,11 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from scipy import stats
 
-from pyburgers.common.draws import central_band, evenly_spaced
+from pyburgers.common.draws import TAIL, central_band, evenly_spaced
 from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, VERMILION, few_ticks, style
+from pyburgers.model.display import STRAIN_UNIT, STRESS_UNIT
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -29,32 +32,19 @@ MEDIAN_LABEL = "predictive median"
 LINES_AND_AREAS = "lines: posterior median, areas: 90 % of draws"
 
 
+STRESS_LABEL = f"differential stress ({STRESS_UNIT})"
+STRAIN_LABEL = f"axial strain ({STRAIN_UNIT})"
+
+HALF_WIDTH = float(stats.norm.ppf(1.0 - TAIL))
+"""Of the central 90 % of a normal distribution, in standard deviations."""
+
+
 @dataclass(frozen=True, eq=False)
 class FittedCurve:
     """The response of a test along its clock, measured and as a fit has it, in display units.
 
-    Attributes
-    ----------
-    grid : array, shape (n_grid,)
-        Positions of the solutions on the clock.
-    solutions, replicated : array, shape (n_draws, n_grid)
-        Solutions for single draws, and the same with noise.
-    position, data, residuals : array, shape (n_points,)
-        Readings, and by how much they exceed the predictive median.
-    error : array, shape (n_points,), or None
-        Standard deviation of each reading where they differ.
-    data_label : str
-        What the readings are.
-    noise_band : float
-        Half width of the band of the residuals.
-    position_label, label, residual_label : str
-        Of the axes.
-    heading : str
-        What was tested.
-    marks : sequence of (float, str)
-        Positions at which what is imposed changes, and to what.
-    limits : tuple of float, optional
-        Of the horizontal axis.
+    Solutions of single draws, without and with noise, have shape (n_draws, n_grid); readings and
+    their residuals about the predictive median have shape (n_points,).
     """
 
     grid: FloatArray
@@ -63,15 +53,15 @@ class FittedCurve:
     position: FloatArray
     data: FloatArray
     residuals: FloatArray
-    error: FloatArray | None
     data_label: str
-    noise_band: float
+    noise_band: float  # half width of the band of the residuals
     position_label: str
     label: str
     residual_label: str
     heading: str
-    marks: Sequence[tuple[float, str]] = ()
-    limits: tuple[float, float] | None = None
+    error: FloatArray | None = None  # standard deviation of each reading where they differ
+    marks: Sequence[tuple[float, str]] = ()  # where what is imposed changes, and to what
+    limits: tuple[float, float] | None = None  # of the horizontal axis
 
     @property
     def median(self) -> FloatArray:
@@ -80,37 +70,44 @@ class FittedCurve:
         return median
 
 
+@contextmanager
+def figure_of(width: float, height: float, heading: str = "") -> Iterator[Figure]:
+    """Yield a figure (inches) to be drawn in the shared style, below a heading if there is one."""
+    with style():
+        figure = Figure(figsize=(width, height), layout="constrained")
+        yield figure
+        if heading:
+            figure.suptitle(heading, fontsize=10)
+
+
 def curve_with_residuals(curve: FittedCurve) -> Figure:
     """Draw data, retrodictions and predictive band above residuals."""
-    with style():
-        figure = Figure(figsize=(8.0, 6.4), layout="constrained")
+    with figure_of(8.0, 6.4) as figure:
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
         draw_curve(upper, curve)
-        lower.axhspan(
-            -curve.noise_band,
-            curve.noise_band,
-            color=GREY,
-            alpha=0.5,
-            linewidth=0,
-            label="90 % band of the noise",
-        )
-        lower.axhline(0.0, color=BLUE, linewidth=1.0)
-        lower.plot(
-            curve.position,
-            curve.residuals,
-            linestyle="none",
-            marker="o",
-            markersize=3.5,
-            color=BLACK,
-            label=f"data minus {MEDIAN_LABEL}",
-        )
-        lower.yaxis.set_major_locator(few_ticks(5))
+        draw_residuals(lower, curve)
         for position, _ in curve.marks:
             _draw_mark(lower, position)
-        lower.set_ylabel(curve.residual_label)
-        lower.set_xlabel(curve.position_label)
         legend_above(figure, (upper, lower))
     return figure
+
+
+def draw_residuals(axes: Axes, curve: FittedCurve) -> None:
+    """Draw readings minus the predictive median, with the 90 % band of the noise."""
+    band = curve.noise_band
+    axes.axhspan(-band, band, color=GREY, alpha=0.5, linewidth=0, label="90 % band of the noise")
+    axes.axhline(0.0, color=BLUE, linewidth=1.0)
+    axes.plot(
+        curve.position,
+        curve.residuals,
+        linestyle="none",
+        marker="o",
+        markersize=3.5,
+        color=BLACK,
+        label=f"data minus {MEDIAN_LABEL}",
+    )
+    axes.yaxis.set_major_locator(few_ticks(5))
+    axes.set(xlabel=curve.position_label, ylabel=curve.residual_label)
 
 
 def result_of(curve: Callable[[Fitted], FittedCurve]) -> Callable[[Fitted], str]:
@@ -224,20 +221,9 @@ def draw_band_panel(
     label: str,
     level: tuple[float, str] | None = None,
 ) -> None:
-    """Draw a panel of medians and bands with heading, axis label and legend.
+    """Draw medians and bands of draws, shape (n_draws, n), each with its colour and label.
 
-    Parameters
-    ----------
-    axes : Axes
-        Where.
-    position : array, shape (n,)
-        Along the horizontal axis.
-    bands : sequence of (array, str, str)
-        Draws, shape (n_draws, n), colour and label of each.
-    heading, label : str
-        Of the panel and of its vertical axis.
-    level : (float, str), optional
-        A number to compare with, and its label.
+    The level is a number to compare with, and its label.
     """
     for values, colour, name in bands:
         draw_band(axes, position, values, colour, name)
@@ -246,6 +232,21 @@ def draw_band_panel(
     axes.set_title(heading, loc="left")
     axes.set_ylabel(label)
     axes.legend(loc="best")
+
+
+def draw_open_dots(
+    axes: Axes, x: FloatArray, y: FloatArray, colour: str, *, size: float, marker: str = "o"
+) -> None:
+    """Draw white dots with a coloured edge."""
+    axes.plot(
+        x,
+        y,
+        linestyle="none",
+        marker=marker,
+        markersize=size,
+        markerfacecolor="white",
+        markeredgecolor=colour,
+    )
 
 
 def legend_above(figure: Figure, panels: Sequence[Axes]) -> None:

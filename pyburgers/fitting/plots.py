@@ -7,8 +7,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from pyburgers.common.errors import InputError, nearest
-from pyburgers.drawing.panels import FittedCurve, draw_curve
-from pyburgers.drawing.style import BLACK, BLUE, GREY, VERMILION, style
+from pyburgers.drawing.panels import FittedCurve, draw_curve, draw_residuals
+from pyburgers.drawing.style import BLUE, VERMILION, style
+from pyburgers.drawing.view import view_of
 from pyburgers.model.display import axis_label, shown_quantity
 from pyburgers.posterior.labelled_draws import free_parameters
 from pyburgers.protocols.protocol import FittedTest, protocol_of
@@ -55,11 +56,7 @@ class FitPlots:
         """Draw readings minus the predictive median, with the 90 % band of the noise."""
         curve, axes = self._curve(), ax or _new_axes()
         with style():
-            axes.axhspan(-curve.noise_band, curve.noise_band, color=GREY, alpha=0.5, linewidth=0)
-            axes.axhline(0.0, color=BLUE, linewidth=1.0)
-            axes.plot(curve.position, curve.residuals, "o", markersize=3.5, color=BLACK)
-            axes.set_xlabel(curve.position_label)
-            axes.set_ylabel(curve.residual_label)
+            draw_residuals(axes, curve)
         return axes
 
     def posterior(self, name: str, ax: Axes | None = None) -> Axes:
@@ -89,7 +86,7 @@ class FitPlots:
         return axes
 
     def _curve(self) -> FittedCurve:
-        return protocol_of(self.fit.experiment).curve(self.fit)
+        return view_of(self.fit.experiment).curve(self.fit)
 
 
 def _new_axes() -> Axes:

@@ -70,7 +70,7 @@ def build_posterior(
         groups,
         experiment=problem.name,
         data_kind=problem.data_kind,
-        clocks={one.id: protocol_of(one).clock.name for one in problem.experiments},
+        protocols={one.id: one.protocol for one in problem.experiments},
     )
 
 

@@ -108,12 +108,12 @@ def keep_posterior(
     *,
     experiment: str,
     data_kind: str,
-    clocks: Mapping[str, str] | None = None,
+    protocols: Mapping[str, str] | None = None,
 ) -> xr.DataTree:
-    """Save groups of draws, by ArviZ's names, as the posterior of a run, and return them as a tree.
+    """Save groups of draws, by ArviZ's names, as the posterior of a run with finished chains.
 
-    The run has the finished chains that the draws are of. The tree's attributes name experiment or
-    table, the kind of its provenance, and the clock of each test in its part.
+    Experiment (or table) and the kind of its data become attributes of the tree. Its part about a
+    test has the test's protocol.
     """
     tree: xr.DataTree = xr.DataTree.from_dict(
         {name: dataset.drop_attrs(deep=False) for name, dataset in groups.items()}
@@ -125,9 +125,9 @@ def keep_posterior(
         "chains": json.dumps(list(run.finished_chains())),
         "extensions": run.n_extensions(),
     }
-    for test, clock in (clocks or {}).items():
+    for test, protocol in (protocols or {}).items():
         part = tree[TESTS][test] if TESTS in tree.children else tree
-        part.attrs["clock"] = clock
+        part.attrs["protocol"] = protocol
     run.update_manifest({"posterior_sha256": None})
     write_netcdf(run.posterior_file, tree)
     run.update_manifest({"posterior_sha256": sha256_of_file(run.posterior_file)})

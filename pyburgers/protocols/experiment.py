@@ -234,18 +234,12 @@ class Experiment(ABC):
 E = TypeVar("E", bound=Experiment)
 
 
-def of_kind(experiment: Experiment, kind: type[E], expected: str) -> E:
-    """Return the experiment of a fit, which has to be of a kind that is `expected` in words.
-
-    Raises
-    ------
-    InputError
-        If it is another.
-    """
+def of_kind(experiment: Experiment, kind: type[E]) -> E:
+    """Return a test that has to be of a kind (`InputError` if it is of another)."""
     if not isinstance(experiment, kind):
         raise InputError(
-            f"{experiment.id}: found a test of protocol {experiment.protocol!r}, expected the fit "
-            f"of {expected}."
+            f"{experiment.id}: found a test of protocol {experiment.protocol!r}, expected one of "
+            f"protocol {kind.protocol!r}."
         )
     return experiment
 

@@ -1,4 +1,4 @@
-"""What the package asks of a kind of test, and every kind; all else about one is in its folder.
+"""What the package asks of a kind of test, and every kind; the rest of a kind is in its folder.
 
 To add a protocol: a folder whose module ``protocol`` has an object ``PROTOCOL`` of a class derived
 from `Protocol`, and its module ``new_file`` one ``NEW_FILE`` (`NewFile`); its name in `NAMES`.
@@ -18,7 +18,6 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 import xarray as xr
-from markupsafe import Markup
 from pydantic import ConfigDict, Field
 
 from pyburgers.cmdstan.draw_files import Draws
@@ -26,8 +25,6 @@ from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, read_toml
-from pyburgers.drawing.page_parts import FigureRecipe, PageFigure, PageTable
-from pyburgers.drawing.panels import FittedCurve
 from pyburgers.model.display import Quantity
 from pyburgers.model.flow_law_prior import PeakTest
 from pyburgers.model.parameters import Parameter
@@ -114,7 +111,7 @@ class Chart(ABC, Generic[E]):
 
 
 class FittedTest(typing.Protocol):
-    """What figures and tables of a protocol are given: a test with its posterior."""
+    """A test with its posterior."""
 
     @property
     def experiment(self) -> Experiment:
@@ -130,7 +127,7 @@ class FittedTest(typing.Protocol):
 
 
 class Protocol(ABC, Generic[E]):
-    """A kind of test: how it is read, solved, sampled, simulated and shown.
+    """A kind of test: how it is read, solved, sampled and simulated.
 
     `name`: as in experiment files, and of the Stan program.
     `clock`: along which the test is driven and solutions are given.
@@ -143,8 +140,6 @@ class Protocol(ABC, Generic[E]):
     `solver`: default of the solver while sampling.
     `chart`: coordinates other than the plain ones.
     `points_together`: why single points cannot be left out; None where they can.
-    `figures`: what a page shows of a fit beside the figures of its posterior, the curve first.
-    `reference_text`: what the page says about `reference`.
     """
 
     name: ClassVar[str]
@@ -158,8 +153,6 @@ class Protocol(ABC, Generic[E]):
     solver: ClassVar[SolverOptions] = SolverOptions()
     chart: ClassVar[Chart[Any] | None] = None
     points_together: ClassVar[str | None] = None
-    figures: ClassVar[tuple[FigureRecipe[FittedTest], ...]]
-    reference_text: ClassVar[Markup]
 
     @property
     def read(self) -> tuple[Quantity, ...]:
@@ -319,22 +312,6 @@ class Protocol(ABC, Generic[E]):
             f"{experiment.id}: points cannot be left out one by one, expected a comparison without "
             f"fitting again, because {self.points_together}."
         )
-
-    @abstractmethod
-    def curve(self, fit: FittedTest) -> FittedCurve:
-        """Return the response of a test along its clock, measured and as a fit has it."""
-
-    @abstractmethod
-    def facts(self, experiment: E) -> Sequence[tuple[str, str]]:
-        """Return what a page says about a test: names and values."""
-
-    def joint_figures(self, fits: Sequence[FittedTest]) -> tuple[PageFigure, ...]:
-        """Return figures of the tests of a joint fit beside those that all protocols have."""
-        return ()
-
-    def tables(self, fit: FittedTest) -> tuple[PageTable, ...]:
-        """Return what a page has in tables beside those of every fit."""
-        return ()
 
 
 class _ProtocolTable(Table):

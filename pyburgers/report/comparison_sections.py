@@ -50,7 +50,7 @@ from pyburgers.model.flow_law_prior import FlowLawPrior
 from pyburgers.model.priors import FLOW_LAW
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import protocol_of
-from pyburgers.report.names import file_key, page_keys
+from pyburgers.report.names import file_key, page_keys, page_names
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -76,38 +76,31 @@ COMBINED_CAPTION = (
 def comparison_sections(fits: Sequence[Fit]) -> tuple[PageSection, ...]:
     """Return the parts of a page about fits of the same data, in the order of the fits.
 
-    Parameters
-    ----------
-    fits : sequence of Fit
-        All fits of the page, joint ones and their tests among them.
+    The fits are all of the page, joint ones and their tests among them.
     """
     groups: dict[str, dict[str, Fit]] = {}
-    for name, fit in zip(page_keys(fits), fits, strict=True):
+    names = page_names(fits)
+    keys = dict(zip(names, map(file_key, page_keys(fits)), strict=True))
+    for name, fit in zip(names, fits, strict=True):
         if fit.manifest["use_likelihood"]:
             groups.setdefault(data_hash(fit), {})[name] = fit
     return tuple(
         section
         for group in groups.values()
         for sections_about in SECTIONS
-        for section in sections_about(group)
+        for section in sections_about(group, keys)
     )
 
 
-def by_points_section(fits: Mapping[str, Fit]) -> tuple[PageSection, ...]:
-    """Return the leave-one-out comparison of fits of the same data, where there are several.
-
-    Parameters
-    ----------
-    fits : mapping of str to Fit
-        By their names on the page.
-    """
+def by_points_section(fits: Mapping[str, Fit], keys: Mapping[str, str]) -> tuple[PageSection, ...]:
+    """Return the leave-one-out comparison of several fits of the same data, by their names."""
     if len(fits) < 2:
         return ()
     comparison = compare(fits)
     table = comparison_table(comparison)
     first = next(iter(fits))
     section = PageSection(
-        key=f"comparison_{file_key(first)}",
+        key=f"comparison_{keys[first]}",
         title=f"Which fit of {first} predicts best",
         paragraphs=sentences(comparison),
         details=(COMPARISON_TEXT, *_points_to_fit_again(comparison, fits)),
@@ -157,15 +150,10 @@ def _has_single_points(fit: Fit) -> bool:
     return not fit.is_joint and protocol_of(fit.experiment).points_together is None
 
 
-def by_tests_section(joints: Mapping[str, Fit]) -> tuple[PageSection, ...]:
-    """Return how well joint fits predict whole tests that they have not seen.
+def by_tests_section(joints: Mapping[str, Fit], keys: Mapping[str, str]) -> tuple[PageSection, ...]:
+    """Return how well joint fits of the same data, by name, predict whole tests that were left out.
 
-    That is where `pyburgers compare --leave-out tests` has left them out.
-
-    Parameters
-    ----------
-    joints : mapping of str to Fit
-        Fits of the same data by their names on the page.
+    `pyburgers compare --leave-out tests` leaves them out.
     """
     first, one = next(iter(joints.items()))
     comparison = compare_kept_by_test(joints) if one.is_joint else None
@@ -187,7 +175,7 @@ def by_tests_section(joints: Mapping[str, Fit]) -> tuple[PageSection, ...]:
     for name in comparison.results:
         shown_tests[name] = _with_errors(tests[f"{name} elpd"], tests[f"{name} monte_carlo_error"])
     section = PageSection(
-        key=f"left_out_{file_key(first)}",
+        key=f"left_out_{keys[first]}",
         title=f"Whole tests left out: {first}",
         paragraphs=sentences_by_test(comparison),
         details=(BY_TEST_TEXT,),
@@ -231,19 +219,12 @@ def _with_errors(values: pd.Series, errors: pd.Series) -> list[str]:
     return [with_error(*pair) for pair in zip(values, errors, strict=True)]
 
 
-def flow_law_source_section(fits: Mapping[str, Fit]) -> tuple[PageSection, ...]:
-    """Return what a flow law from another source adds to a curve, where a fit has one.
+def flow_law_source_section(
+    fits: Mapping[str, Fit], keys: Mapping[str, str]
+) -> tuple[PageSection, ...]:
+    """Return what a flow law from another source adds to a curve, by name of the fit.
 
-    Parameters
-    ----------
-    fits : mapping of str to Fit
-        Fits of the same data by their names on the page.
-
-    Returns
-    -------
-    tuple of PageSection
-        One about the first fit with a joint prior of the flow law and the first without, none
-        where one of the two is missing.
+    It is about the first fit with a joint prior of the flow law and the first without.
     """
     laws = {name: fit.priors.flow_law for name, fit in fits.items() if not fit.is_joint}
     alone = next((name for name, law in laws.items() if law is None), None)
@@ -263,7 +244,7 @@ def flow_law_source_section(fits: Mapping[str, Fit]) -> tuple[PageSection, ...]:
     )
     agreement = _agreement(draws["other source alone"][LOG_RATE], draws["curve alone"][LOG_RATE])
     section = PageSection(
-        key=f"flow_law_{file_key(both)}",
+        key=f"flow_law_{keys[both]}",
         title=f"Flow law of {alone}, with another source and without",
         paragraphs=(
             agreement,
@@ -345,17 +326,9 @@ def _temperature_correction(
 
 
 def flow_law_sources_table(draws: Mapping[str, Mapping[str, FloatArray]]) -> pd.DataFrame:
-    """Mean and standard deviation (SI) of each quantity by source.
+    """Return mean and standard deviation (SI) of draws by source and quantity.
 
-    Parameters
-    ----------
-    draws : mapping
-        By source and quantity.
-
-    Returns
-    -------
-    DataFrame
-        Index quantity; columns ``SOURCE mean`` and ``SOURCE sd``.
+    Index quantity; columns ``SOURCE mean`` and ``SOURCE sd``.
     """
     quantities = next(iter(draws.values()))
     rows = {
@@ -394,13 +367,7 @@ def _shown_sources(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def combined_flow_law(draws: Mapping[str, Mapping[str, FloatArray]]) -> Figure:
-    """Draw the distributions of n, p, Q_M and the flow rate by source.
-
-    Parameters
-    ----------
-    draws : mapping
-        SI values by source and quantity; the last quantity is ln(flow rate s).
-    """
+    """Draw distributions of n, p, Q_M and ln(flow rate s), the last quantity, by source (SI)."""
     *parameters, log_rate = (name for name in next(iter(draws.values())) if name != "beta")
     with style():
         figure = Figure(figsize=(9.0, 2.8), layout="constrained")

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
@@ -14,14 +13,13 @@ from pyburgers.common.atomic_files import write_text
 from pyburgers.comparison.neighbours import shift_sentences, what_a_yes_leaves_open
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.drawing.page_parts import PageTable
+from pyburgers.drawing.view import view_of
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.fixed_parameters import fixed_in_effect
-from pyburgers.protocols.protocol import Protocol, protocol_of
 from pyburgers.report import tables
 from pyburgers.report.illustrations import Illustration, picture_file
-from pyburgers.report.names import file_key
 from pyburgers.report.overview import Entry, entry_of
 from pyburgers.report.posterior_figures import figures_for
 
@@ -82,16 +80,16 @@ class Section:
         return self.fit.experiment
 
     @property
-    def protocol(self) -> Protocol[Any]:
-        """What kind of test it is."""
-        return protocol_of(self.experiment)
+    def facts(self) -> list[tuple[str, str]]:
+        """What the page says about the test: names and values."""
+        return list(view_of(self.experiment).facts(self.experiment))
 
     @property
     def about_data(self) -> tuple[object, ...]:
         """What the page tells about the data."""
         one = self.experiment
         known = (one.material, one.temperature_text, one.initial_grain_size)
-        return *known, one.provenance, dict(one.metadata), list(self.protocol.facts(one))
+        return *known, one.provenance, dict(one.metadata), self.facts
 
     @property
     def how_made(self) -> tuple[object, ...]:
@@ -127,19 +125,11 @@ class Section:
         return [one for one in self.entry.checks if one.passed]
 
 
-def write_section(name: str, fit: Fit, out: Path) -> Section:
+def write_section(key: str, name: str, fit: Fit, out: Path) -> Section:
     """Write the tables of one fit, draw its figures, and gather what the page shows of it.
 
-    Parameters
-    ----------
-    name : str
-        How the page calls it.
-    fit : Fit
-        Of one test, or of a test of a joint fit.
-    out : Path
-        Folder of the page.
+    The fit is of one test, or of a test of a joint fit; key and name are those of the page.
     """
-    key = file_key(name)
     summary, checks = fit.summary("SI"), fit.checks()
     truth = tables.truth_table(fit)
     sampler = tables.sampler_table(fit)
@@ -154,7 +144,7 @@ def write_section(name: str, fit: Fit, out: Path) -> Section:
     influences: Mapping[str, Influence] = fit.influences().get(fit.problem.name, {})
     if influences:
         files["influence"] = influence_numbers(influences).reset_index()
-    more_tables = protocol_of(fit.experiment).tables(fit)
+    more_tables = view_of(fit.experiment).tables(fit)
     files |= {table.name: table.saved for table in more_tables}
     for table_name, table in files.items():
         write_text(out / "tables" / f"{key}_{table_name}.csv", table.to_csv(index=False))
@@ -330,19 +320,15 @@ class SameData:
         return table[is_left if left_to_prior else ~is_left].reset_index(drop=True)
 
 
-def by_data(named: Iterable[tuple[str, Fit]]) -> list[list[tuple[str, Fit]]]:
-    """Put fits of the same data together, in the order of the first of each.
+def by_data(named: Iterable[tuple[str, str, Fit]]) -> list[list[tuple[str, str, Fit]]]:
+    """Put fits of the same data, with their keys and names, together in the order of the first.
 
     Equal readings of which some were measured and some computed are different data.
-
-    Parameters
-    ----------
-    named : iterable of tuple of str and Fit
-        Fits with their names.
     """
-    found: dict[tuple[str, str], list[tuple[str, Fit]]] = {}
-    for name, fit in named:
-        found.setdefault((fit.provenance.kind, data_hash(fit)), []).append((name, fit))
+    found: dict[tuple[str, str], list[tuple[str, str, Fit]]] = {}
+    for one in named:
+        fit = one[2]
+        found.setdefault((fit.provenance.kind, data_hash(fit)), []).append(one)
     return list(found.values())
 
 

@@ -100,16 +100,8 @@ def write_figures(
 ) -> Pictures:
     """Write every figure as PNG and SVG, and return what stands in the page.
 
-    Parameters
-    ----------
-    illustrations : sequence of Illustration
-        In their order on the page.
-    out : Path
-        Folder of the page.
-    jobs : int or None
-        As for `pyburgers.report.page.write_report`.
-    by_file : dict of Path to str
-        Pictures that are there already; the others are added.
+    Pictures that `by_file` holds are not drawn again; the others are added to it. None as the
+    number of processes takes one for each core.
     """
     calls = {one.file: (one.figure, one.file) for one in illustrations if one.file not in by_file}
     workers = Workers(jobs=jobs)

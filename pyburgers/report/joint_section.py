@@ -18,34 +18,24 @@ from pyburgers.comparison.same_data import fits_alone
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import draw_curve, legend_above
 from pyburgers.drawing.style import BLUE, VERMILION, few_ticks, few_ticks_of_decades, style
+from pyburgers.drawing.view import view_of, views
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import axis_label, shown_quantity, symbol_text, unit_text
 from pyburgers.posterior.labelled_draws import own_name
 from pyburgers.protocols.coordinates import CENTRE, SPREAD
 from pyburgers.protocols.protocol import protocol_of
 from pyburgers.report.decades import spans_decades
-from pyburgers.report.names import joint_key, page_keys
+from pyburgers.report.names import joint_key, page_keys, page_names
 from pyburgers.report.overview import joint_entry
 from pyburgers.report.tables import DECISION, checks_page_table, decided_cell
 
 
 def pooling_table(joint: Fit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
-    """Mean and standard deviation (SI) of each parameter in each test.
+    """Return mean and standard deviation (SI) of each parameter in each test.
 
-    Parameters
-    ----------
-    joint : Fit
-        The joint fit.
-    separate : sequence of Fit
-        Fits of single tests; those of the same data as a test of the joint fit are set beside it,
-        the first of each.
-
-    Returns
-    -------
-    DataFrame
-        Columns quantity, test, pooling (`Problem.kind`, or "derived" for the reference stress),
-        mean, sd, decided_by and by_prior_of (empty without likelihood), and NaN where there is no
-        fit of the test alone separate_mean, separate_sd and sd_ratio, joint over separate.
+    Columns quantity, test, pooling (`Problem.kind`, or "derived" for the reference), mean, sd,
+    decided_by and by_prior_of (empty without likelihood); separate_mean, separate_sd and sd_ratio
+    of the first separate fit of the same data, NaN where there is none.
     """
     tests, alone = joint.tests(), fits_alone(joint, separate)
     problem, reference = joint.problem, joint.problem.protocol.reference.name
@@ -78,18 +68,7 @@ def pooling_table(joint: Fit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
 
 
 def sd_ratios(table: pd.DataFrame) -> pd.Series:
-    """Return standard deviations in the joint fit over those of separate fits, by quantity.
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `pooling_table`.
-
-    Returns
-    -------
-    Series
-        Mean over tests of both; only quantities that a separate fit has.
-    """
+    """Return mean standard deviations in the joint fit over those in separate fits, by quantity."""
     both = table.dropna(subset="separate_sd").groupby("quantity", sort=False)
     ratios: pd.Series = both["sd"].mean() / both["separate_sd"].mean()
     return ratios
@@ -196,30 +175,23 @@ def joint_sections(joints: Sequence[Fit], separate: Sequence[Fit]) -> tuple[Page
     separate : sequence of Fit
         Fits of single tests; those of the same data as a test of a joint fit are set beside it.
     """
-    named = zip(page_keys(joints), joints, strict=True)
-    return tuple(joint_section(name, joint, separate) for name, joint in named)
+    named = zip(page_keys(joints), page_names(joints), joints, strict=True)
+    return tuple(joint_section(joint_key(key), name, joint, separate) for key, name, joint in named)
 
 
-def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> PageSection:
-    """Return the part of a page about a joint fit.
+def joint_section(key: str, name: str, joint: Fit, separate: Sequence[Fit]) -> PageSection:
+    """Return the part of a page about a joint fit, by its key and name on the page.
 
-    Parameters
-    ----------
-    name : str
-        Its name on the page.
-    joint : Fit
-        The joint fit.
-    separate : sequence of Fit
-        Fits of single tests, to be set beside it where they are of the same data.
+    Fits of single tests are set beside it where they are of the same data.
     """
     checks, table = joint.checks(), pooling_table(joint, separate)
-    entry = joint_entry(joint_key(name), name, joint)
+    entry = joint_entry(key, name, joint)
     told = " ".join(line for kind in CheckKind for line in entry.doubts(kind))
     pooled = pooled_table(joint)
     astray = strayed(table)
     alarms = () if astray is None else (astray,)
     return PageSection(
-        key=joint_key(name),
+        key=key,
         title=f"Joint fit {name}",
         paragraphs=(told, *_bought(table), *alarms),
         details=(
@@ -262,7 +234,7 @@ def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> PageSection
                 partial(intervals, joint, separate),
                 " ".join((*_bought(table), *alarms)),
             ),
-            *joint.problem.protocol.joint_figures(
+            *views()[joint.problem.protocol.name].joint_figures(
                 [
                     one
                     for one in joint.tests().values()
@@ -275,18 +247,7 @@ def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> PageSection
 
 
 def strayed(table: pd.DataFrame) -> str | None:
-    """Say which quantities of a test the joint fit moves far from where its own fit has them.
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `pooling_table`.
-
-    Returns
-    -------
-    str or None
-        None where none is `STRAYED` or more standard deviations of its own fit away.
-    """
+    """Say which quantities a joint fit moves `STRAYED` or more sd from a test's own fit."""
     distance = (table["mean"] - table["separate_mean"]) / table["separate_sd"]
     far = table.assign(distance=distance)[distance.abs() >= STRAYED]
     if far.empty:
@@ -345,7 +306,7 @@ SHIFT = 0.14
 
 def all_curves(joint: Fit) -> Figure:
     """Draw data, solutions and predictive bands of every test."""
-    curves = [protocol_of(fit.experiment).curve(fit) for fit in joint.tests().values()]
+    curves = [view_of(fit.experiment).curve(fit) for fit in joint.tests().values()]
     with style():
         figure = Figure(figsize=(8.0, 3.2 * len(curves) + 0.6), layout="constrained")
         panels = list(figure.subplots(len(curves), 1, squeeze=False)[:, 0])
@@ -357,15 +318,7 @@ def all_curves(joint: Fit) -> Figure:
 
 
 def intervals(joint: Fit, separate: Sequence[Fit]) -> Figure:
-    """Draw intervals of every parameter in every test, joint and alone.
-
-    Parameters
-    ----------
-    joint : Fit
-        The joint fit.
-    separate : sequence of Fit
-        Fits of single tests; those of the same data as a test are drawn beside it.
-    """
+    """Draw intervals of every parameter in every test, joint and in fits of the same data alone."""
     tests = joint.tests()
     alone = fits_alone(joint, separate)
     quantities = (*joint.problem.free, joint.problem.protocol.reference.name)

@@ -13,17 +13,9 @@ _NOT_IN_FILES = re.compile(r"[^A-Za-z0-9_.+-]")
 
 
 def page_keys(fits: Sequence[SampledFit]) -> list[str]:
-    """Name each fit after its run directory, and a test of a joint fit after both.
+    """Return keys of fits: the run directory, of a test of a joint fit with the test behind it.
 
-    Parameters
-    ----------
-    fits : sequence of SampledFit
-        Of single tests, joint ones, tests of joint fits, and of tables of peak stresses.
-
-    Raises
-    ------
-    InputError
-        If one is there twice.
+    Raises `InputError` if one fit is there twice.
     """
     directories = list(dict.fromkeys(fit.directory.path.resolve() for fit in fits))
     names = dict(zip(directories, names_of_runs(directories), strict=True))
@@ -35,6 +27,30 @@ def page_keys(fits: Sequence[SampledFit]) -> list[str]:
     if twice:
         raise InputError(f"{twice[0]}: found this run twice, expected different ones.")
     return keys
+
+
+def page_names(fits: Sequence[SampledFit]) -> list[str]:
+    """Return what a page calls fits: ``dunite 4581, kelvin power law`` of the run of that name.
+
+    Names that would be alike stay those of the run directories.
+    """
+    keys = page_keys(fits)
+    names = [_in_words(key, fit) for key, fit in zip(keys, fits, strict=True)]
+    count = Counter(names)
+    return [name if count[name] == 1 else key for name, key in zip(names, keys, strict=True)]
+
+
+def _in_words(key: str, fit: SampledFit) -> str:
+    """Return a key in words; behind the test's own name stands what the run directory adds."""
+    run, _, part = (_spaced(text) for text in key.partition(": "))
+    if part:
+        return f"{part} in {run}"
+    test = _spaced(fit.manifest["experiment"])
+    return run.replace(f"{test} ", f"{test}, ", 1) if run.startswith(f"{test} ") else run
+
+
+def _spaced(text: str) -> str:
+    return text.replace("_", " ").replace("+", " + ")
 
 
 def file_key(name: str) -> str:

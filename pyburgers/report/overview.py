@@ -157,18 +157,7 @@ def entry_of(
 ) -> Entry:
     """Gather what the top of the page says about a fit of one test, or a test of a joint fit.
 
-    Parameters
-    ----------
-    key : str
-        Anchor of its section.
-    name : str
-        Its name on the page.
-    fit : Fit
-        The fit.
-    checks : sequence of CheckResult
-        Its checks.
-    influences : mapping of str to Influence
-        Who decides each quantity; empty without likelihood.
+    Key and name are those of its section; the influences are empty without likelihood.
     """
     answered = verdicts(checks)
     row = {
@@ -186,16 +175,9 @@ def entry_of(
 
 
 def told_entry(key: str, name: str, fit: SampledFit) -> Entry:
-    """Gather what the top of the page says about a fit that another part of the page is about.
+    """Gather what the top of the page says about a fit, of a test or of a table of peak stresses.
 
-    Parameters
-    ----------
-    key : str
-        Anchor of that part.
-    name : str
-        Its name on the page.
-    fit : SampledFit
-        Of one test, or of a table of peak stresses.
+    Another part of the page is about it; the key is the anchor of that part.
     """
     influences = fit.decisions()
     if isinstance(fit, Fit):
@@ -221,14 +203,7 @@ def told_entry(key: str, name: str, fit: SampledFit) -> Entry:
 def joint_entry(key: str, name: str, joint: Fit) -> Entry:
     """Gather what the top of the page says about a joint fit as a whole.
 
-    Parameters
-    ----------
-    key : str
-        Anchor of its part of the page.
-    name : str
-        Its name on the page.
-    joint : Fit
-        The joint fit; conflicts are told with its tests.
+    Its tests tell of conflicts themselves.
     """
     checks = joint.checks()
     answered = verdicts(checks)

@@ -13,11 +13,12 @@ import pandas as pd
 from markupsafe import Markup
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
-from pyburgers.checks.prior_sentences import CONFLICT_MEANING, THRESHOLDS_TEXT
+from pyburgers.checks.prior_sentences import CONFLICT_MEANING, SHARE_TEXT
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_json
 from pyburgers.drawing.page_parts import PageSection
+from pyburgers.drawing.view import view_of
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.model.display import symbol_text
@@ -27,7 +28,7 @@ from pyburgers.report import tables
 from pyburgers.report.fit_sections import SameData, Section, by_data, write_section
 from pyburgers.report.glossary import with_definitions
 from pyburgers.report.illustrations import Illustration, Pictures, picture_file, write_figures
-from pyburgers.report.names import file_key, joint_key, page_keys
+from pyburgers.report.names import file_key, joint_key, page_keys, page_names
 from pyburgers.report.overview import (
     ANSWER_COLUMNS,
     CONFLICT_COLUMN,
@@ -101,10 +102,12 @@ def write_report(
         raise InputError(f"{out}: a report needs at least one run, found none.")
     _claim(out)
     others = [(key, fit) for key, some in told.items() for fit in some]
-    names = page_keys([*fits, *(fit for _, fit in others)])
-    own = list(zip(names, fits, strict=False))
-    named = [*own, *zip(names[len(fits) :], (fit for _, fit in others), strict=True)]
-    write_json(out / "manifest.json", report_manifest(named, title, command))
+    all_fits: list[SampledFit] = [*fits, *(fit for _, fit in others)]
+    keys, names = page_keys(all_fits), page_names(all_fits)
+    named = list(zip(names, all_fits, strict=True))
+    own = list(zip(map(file_key, keys), names, fits, strict=False))
+    manifest = report_manifest(list(zip(keys, all_fits, strict=True)), title, command)
+    write_json(out / "manifest.json", manifest)
     groups = _write_groups(by_data(sorted(own, key=_is_synthetic)), out)
     sections = [section for group in groups for section in group.sections]
     illustrated = []
@@ -123,8 +126,8 @@ def write_report(
     ]
     entries = [
         *(
-            joint_entry(joint_key(name), name, joint)
-            for name, joint in zip(page_keys(joints), joints, strict=True)
+            joint_entry(joint_key(key), name, joint)
+            for key, name, joint in zip(page_keys(joints), page_names(joints), joints, strict=True)
         ),
         *(section.entry for section in sections),
         *told_entries,
@@ -146,15 +149,15 @@ def write_report(
     return page
 
 
-def _write_groups(groups: Sequence[Sequence[tuple[str, Fit]]], out: Path) -> list[SameData]:
+def _write_groups(groups: Sequence[Sequence[tuple[str, str, Fit]]], out: Path) -> list[SameData]:
     """Write the tables of all fits, draw their figures, and gather what the page shows of them."""
     told: list[Section] = []
     found = []
     for group in groups:
         sections = []
-        for name, fit in group:
+        for key, name, fit in group:
             logger.info(f"Writing the section of {name}.")
-            section = write_section(name, fit, out)
+            section = write_section(key, name, fit, out)
             same = next((one for one in told if one.about_data == section.about_data), None)
             sections.append(replace(section, same_data_as=same))
             told.append(sections[-1])
@@ -162,9 +165,9 @@ def _write_groups(groups: Sequence[Sequence[tuple[str, Fit]]], out: Path) -> lis
     return found
 
 
-def _is_synthetic(named: tuple[str, SampledFit]) -> bool:
-    """Whether nobody measured the data of a fit with its name."""
-    return named[1].provenance.kind == "synthetic"
+def _is_synthetic(named: tuple[str, str, Fit]) -> bool:
+    """Whether nobody measured the data of a fit, which comes with its key and name."""
+    return named[2].provenance.kind == "synthetic"
 
 
 def render_page(
@@ -219,11 +222,12 @@ def render_page(
         told_by=_first_told_by([extra for extra, _ in extras]),
         made_alike=_made_alike(sections),
         runs=runs,
-        reference_texts=list(dict.fromkeys(s.protocol.reference_text for s in sections)),
+        reference_texts=list(dict.fromkeys(view_of(s.experiment).reference_text for s in sections)),
         tex=_TEX,
         written=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         version=importlib.metadata.version("pyburgers"),
-        thresholds=THRESHOLDS_TEXT,
+        share_text=SHARE_TEXT,
+        deciders=tables.table_of_deciders(),
         has_truth=any(section.truth is not None for section in sections),
         tells_who_decided=any(tables.DECISION in section.parameters for section in sections),
         conflict_meaning=CONFLICT_MEANING,

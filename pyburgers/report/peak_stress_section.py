@@ -38,15 +38,7 @@ PEAK_STRESS_KEY = "peak_stress"
 
 
 def peak_stress_section(fit: PeakStressFit, key: str = PEAK_STRESS_KEY) -> PageSection:
-    """Return figure, posterior, comparison with least squares, and checks of a fit.
-
-    Parameters
-    ----------
-    fit : PeakStressFit
-        Fit of a table of peak stresses.
-    key : str
-        Name of its files and its anchor, unique on the page.
-    """
+    """Return figure, posterior, comparison with least squares, and checks of a fit."""
     data = fit.data
     comparison = least_squares_table(fit)
     compared = _table(
@@ -149,13 +141,9 @@ def _mean_and_sd(draws: FloatArray) -> str:
 
 
 def flow_law_table(fit: PeakStressFit) -> pd.DataFrame:
-    """Posterior beside prior of a flow law, a row for each sampled quantity and fixed parameter.
+    """Return posterior beside prior of a flow law as text, with the columns of `posterior_row`.
 
-    Returns
-    -------
-    DataFrame
-        Text. Columns of `pyburgers.report.tables.parameter_table` up to sd / prior sd. The
-        reference flow rate is that at the mean conditions of the table and has no prior of its own.
+    The reference flow rate is that at the mean conditions of the table; it has no prior of its own.
     """
     summary, rows = fit.summary("SI"), []
     for quantity in (*FLOW_LAW_PARAMETERS, REFERENCE_FLOW_RATE_QUANTITY):
@@ -169,13 +157,9 @@ def flow_law_table(fit: PeakStressFit) -> pd.DataFrame:
 
 
 def least_squares_table(fit: PeakStressFit) -> pd.DataFrame:
-    """Exponents by least squares and by the fit.
+    """Return exponents by least squares and by the fit, of parameters that the table can tell.
 
-    Returns
-    -------
-    DataFrame
-        Index parameter; columns least_squares, standard_error, mean, sd. Without fixed
-        parameters and those that the table cannot tell.
+    Index parameter; columns least_squares, standard_error, mean, sd.
     """
     summary = fit.summary("SI")
     rows = {

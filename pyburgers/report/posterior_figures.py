@@ -33,13 +33,14 @@ from pyburgers.drawing.style import (
     few_ticks,
     style,
 )
+from pyburgers.drawing.view import view_of
 from pyburgers.model.display import axis_label, unit_text
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.prior_families import Prior
 from pyburgers.posterior.labelled_draws import free_parameters
 from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE, REFERENCE_STRESS
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.protocol import FittedTest, protocol_of
+from pyburgers.protocols.protocol import FittedTest
 from pyburgers.report.decades import PriorOfLogarithm, ShownDraws, shown_draws
 from pyburgers.report.figure_results import agreement, narrowed, strongest_trade_off
 
@@ -396,7 +397,7 @@ RANK = FigureRecipe("rank", "Agreement of the chains", RANK_CAPTION, rank, agree
 def figures_for(fit: FittedTest) -> tuple[FigureRecipe[FittedTest], ...]:
     """Return the figures of a fit, in their order on the page."""
     first, *others = (
-        one for one in protocol_of(fit.experiment).figures if one.on_every_page and one.suits(fit)
+        one for one in view_of(fit.experiment).figures if one.on_every_page and one.suits(fit)
     )
     return (first, PRIOR_POSTERIOR, *others, PAIRS, RANK)
 
@@ -417,7 +418,7 @@ def page_figure(fit: FittedTest, name: str) -> PageFigure:
     InputError
         If fits of such a test have no such figure.
     """
-    recipes = {one.name: one for one in (*protocol_of(fit.experiment).figures, *figures_for(fit))}
+    recipes = {one.name: one for one in (*view_of(fit.experiment).figures, *figures_for(fit))}
     if name not in recipes:
         raise InputError(f"{fit.experiment.id}: has no figure {name!r}, {nearest(name, recipes)}")
     one = recipes[name]

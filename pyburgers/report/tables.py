@@ -12,7 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckResult, Outcome
-from pyburgers.checks.prior_sentences import decision_text
+from pyburgers.checks.prior_sentences import ORIGIN_RULES, decision_text
 from pyburgers.common.units import number, rounded
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.fitting.fit import Fit
@@ -68,20 +68,9 @@ def result_table(
     priors: PriorSet,
     truth: pd.DataFrame | None,
 ) -> pd.DataFrame:
-    """Return what a page says of the parameters of a fit.
+    """Return `parameter_table` without `SAMPLER_COLUMNS` and fixed parameters, as a page shows it.
 
-    Parameters
-    ----------
-    summary, priors
-        As for `parameter_table`.
-    truth : DataFrame or None
-        `truth_table` of synthetic data.
-
-    Returns
-    -------
-    DataFrame
-        Text. `parameter_table` without `SAMPLER_COLUMNS` and fixed parameters; with a truth the
-        columns truth and off by (sd).
+    With a `truth_table` of synthetic data it has the columns truth and off by (sd).
     """
     names = [*map(str, summary.index)]
     table = parameter_table(summary, priors).drop(columns=list(SAMPLER_COLUMNS))
@@ -97,6 +86,12 @@ def result_table(
 
 DECISION = "decided by"
 """Title of the column that says who decides a number (`pyburgers.checks.prior_influence`)."""
+
+
+def table_of_deciders() -> pd.DataFrame:
+    """Return what the words of that column mean, and the rule behind each, as text."""
+    rows = [(origin.value, *told) for origin, told in ORIGIN_RULES.items()]
+    return pd.DataFrame(rows, columns=[DECISION, "meaning", "rule"])
 
 
 def _truth_beside(quantity: Parameter, row: "pd.Series[Any]") -> dict[str, str]:
@@ -160,13 +155,7 @@ def _named(quantity: Parameter) -> dict[str, str]:
 
 
 def prior_table(priors: PriorSet) -> pd.DataFrame:
-    """Priors and their sources.
-
-    Returns
-    -------
-    DataFrame
-        Text. Columns symbol, quantity, prior, source.
-    """
+    """Return priors as text: columns symbol, quantity, prior, source."""
     return pd.DataFrame(
         [
             {
@@ -181,18 +170,7 @@ def prior_table(priors: PriorSet) -> pd.DataFrame:
 
 
 def prior_sources(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """Gather where the priors of all fits come from, each source once.
-
-    Parameters
-    ----------
-    tables : sequence of DataFrame
-        `prior_table` of each fit.
-
-    Returns
-    -------
-    DataFrame
-        Text. Columns of (symbols of the quantities), source.
-    """
+    """Gather the sources of several `prior_table`, each once: columns of (symbols), source."""
     columns = pd.DataFrame(columns=["symbol", "source"])
     stacked = pd.concat([columns, *tables], ignore_index=True)
     symbols = stacked.groupby("source", sort=False)["symbol"].agg(
@@ -202,14 +180,10 @@ def prior_sources(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
 
 
 def truth_table(fit: Fit) -> pd.DataFrame | None:
-    """Compare the posterior with the parameters behind synthetic data.
+    """Compare the posterior with the known parameters behind synthetic data; None without any.
 
-    Returns
-    -------
-    DataFrame or None
-        Index parameter (free ones with a known truth), SI units; columns unit, truth, mean, sd,
-        and a verdict ``inside_50``, ``inside_90``, ``inside_95`` for each central interval. None
-        where no truth is known.
+    Index parameter (free ones), SI units; columns unit, truth, mean, sd, and a verdict
+    ``inside_50``, ``inside_90``, ``inside_95`` for each central interval.
     """
     truths = fit.experiment.true_parameters
     if truths is None:
@@ -269,14 +243,7 @@ def checks_page_table(title: str, checks: Sequence[CheckResult]) -> PageTable:
 
 
 def sampler_table(fit: Fit) -> pd.DataFrame:
-    """Say what the sampler did, a row for each finished chain.
-
-    Returns
-    -------
-    DataFrame
-        Columns chain, wall time (s), step size, leapfrog steps (mean of a draw), tree depth
-        (largest), acceptance (mean), divergences.
-    """
+    """Say what the sampler did: a row for each finished chain, with means and largest values."""
     stats = fit.posterior["sample_stats"].to_dataset()
     rows = []
     for chain in stats["chain"].to_numpy():

@@ -84,7 +84,9 @@ def groups(
         "posterior_predictive": (dims, model + replicated),
         "observed_data": ("point", 7.0 + residual),
     }
+    protocol = {"strain": "constant_rate", "time": "forced_oscillation"}[clock]
     return {
+        "/": xr.Dataset(attrs={"protocol": protocol}),
         **{
             name: xr.Dataset({"stress": (where, MEGAPASCAL * value)})
             for name, (where, value) in values.items()
@@ -103,7 +105,7 @@ def draws_of(**tests: dict[str, xr.Dataset]) -> CheckedDraws:
         xr.DataTree.from_dict(
             {"sample_stats": next(iter(tests.values()))["sample_stats"]}
             | {
-                f"tests/{test}/{name}": one
+                f"tests/{test}/{name}".rstrip("/"): one
                 for test, own in tests.items()
                 for name, one in own.items()
             }
@@ -215,7 +217,7 @@ def test_a_quantity_that_is_displaced_as_a_whole_is_told(n: int) -> None:
     own = {
         name: one.rename(stress="response") if "stress" in one else one for name, one in own.items()
     }
-    own["predictions"] = own["predictions"].rename(strain="time")
+    own["/"] = xr.Dataset(attrs={"protocol": "loading_history"})
     own["constant_data"] = own["constant_data"].rename(strain="time")
     draws = draws_of(one=own)
     trend = discrepancies_of(draws).table.loc[SEGMENT_TREND].iloc[0]
@@ -450,6 +452,7 @@ def history_groups(
 ) -> dict[str, xr.Dataset]:
     """As `groups`, of a loading history."""
     own = groups(residual, clock="time", segment=segment)
+    own["/"] = xr.Dataset(attrs={"protocol": "loading_history"})
     quantity = np.full(residual.size, float(is_strain))
     own["constant_data"] = own["constant_data"].assign(quantity=("point", quantity))
     for name in ("model_response", "posterior_predictive", "observed_data"):

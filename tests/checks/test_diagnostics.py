@@ -68,6 +68,7 @@ def good(chains: int = CHAINS, draws: int = DRAWS) -> xr.DataTree:
     replicated = 5e6 + noise * rng.standard_normal((*shape, POINTS))
     return xr.DataTree.from_dict(
         {
+            "/": xr.Dataset(attrs={"protocol": "constant_rate"}),
             "posterior": posterior,
             "sample_stats": stats,
             "model_response": xr.Dataset(

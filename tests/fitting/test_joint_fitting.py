@@ -23,7 +23,7 @@ from pyburgers.report.joint_section import (
     sd_ratios,
     shown_pooling_table,
 )
-from pyburgers.report.names import page_keys
+from pyburgers.report.names import joint_key, page_keys, page_names
 from pyburgers.report.page import write_report
 
 
@@ -66,7 +66,7 @@ def test_loading_gives_the_same_fit(joint: Fit) -> None:
     again = Fit.load(joint.directory.path)
     assert again.summary("SI").equals(joint.summary("SI"))
     assert again.problem.pooling == joint.problem.pooling
-    assert {one.posterior.attrs["clock"] for one in again.tests().values()} == {"strain"}
+    assert {one.posterior.attrs["protocol"] for one in again.tests().values()} == {"constant_rate"}
 
 
 def test_only_missing_chains_are_run(
@@ -126,22 +126,22 @@ def test_page_shows_joint_and_separate_fits(
     alone = table[table["quantity"] == "maxwell_modulus"]["separate_sd"].to_numpy(dtype=np.float64)
     together = 1 / np.sqrt(np.sum(alone**-2.0))
     assert sd_ratios(table)["maxwell_modulus"] == pytest.approx(together / alone.mean(), rel=0.3)
-    (name,) = page_keys([joint])
+    (key,), (name,) = page_keys([joint]), page_names([joint])
     page = write_report(
         [*joint.tests().values(), *separate],
         tmp_path / "report",
         title="joint",
         command="test",
         joints=[joint],
-        extras=[joint_section(name, joint, separate)],
+        extras=[joint_section(joint_key(key), name, joint, separate)],
     ).read_text(encoding="utf-8")
     assert f"Joint fit {name}" in page
     assert "What pooling bought" in page
     assert f"{name}, all tests together" in page
-    assert page.count(f'href="#joint_{name}"') >= 2
-    assert (tmp_path / "report" / "tables" / f"joint_{name}_pooling.csv").is_file()
+    assert page.count(f'href="#joint_{key}"') >= 2
+    assert (tmp_path / "report" / "tables" / f"joint_{key}_pooling.csv").is_file()
     for figure in ("curves", "intervals"):
-        assert (tmp_path / "report" / "figures" / f"joint_{name}_{figure}.svg").is_file()
+        assert (tmp_path / "report" / "figures" / f"joint_{key}_{figure}.svg").is_file()
 
 
 def test_intervals_show_fits_of_single_tests_where_there_are_some(

@@ -15,6 +15,7 @@ from protocol_examples import TWIN_FILE
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_tests import leave_one_test_out
 from pyburgers.comparison.same_data import data_hash
+from pyburgers.drawing.views.loading_history import response, softening
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.parameters import PIEZOMETER
 from pyburgers.model.pooling import pooling_of
@@ -30,7 +31,6 @@ from pyburgers.protocols.experiment import Experiment, UncertainCondition
 from pyburgers.protocols.forced_oscillation.experiment import load_forced_oscillation
 from pyburgers.protocols.forward import simulate_data
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.figures import response, softening
 from pyburgers.protocols.microstructure import MeasuredMicrostructure
 from pyburgers.protocols.problem import of_one_program, problem_of
 from pyburgers.report.joint_section import joint_sections

@@ -171,8 +171,8 @@ def test_a_fit_says_of_each_what_it_would_by_itself(fitted: Fit) -> None:
         draws = one.posterior["posterior"]
         for name in ("maxwell_modulus", "kelvin_modulus", "activation_enthalpy"):
             assert abs(float(draws[name].mean()) - truth[name]) < 4 * float(draws[name].std())
-    assert of_table.posterior.attrs["clock"] == "place"
-    assert of_curve.posterior.attrs["clock"] == "time"
+    assert of_table.posterior.attrs["protocol"] == "attenuation"
+    assert of_curve.posterior.attrs["protocol"] == "loading_history"
     residual = of_table.posterior["model_response"]["log_reading"].mean(("chain", "draw"))
     assert np.std(residual.to_numpy() - of_table.experiment.response) < 0.1
     assert set(fitted.manifest["coordinates"]) >= {"system"}

@@ -9,15 +9,16 @@ from synthetic_olivine_fit import make_olivine_fit, oscillating
 
 from pyburgers.common.draws import central_band
 from pyburgers.common.errors import InputError
-from pyburgers.fitting.fit import Fit
-from pyburgers.protocols.forced_oscillation.harmonics import choose_degree, fit_harmonics
-from pyburgers.protocols.forced_oscillation.response import (
+from pyburgers.drawing.views.oscillation_response import (
     observed_response,
-    oscillation_of,
     predicted_response,
     replicated_response,
     response_table,
 )
+from pyburgers.fitting.fit import Fit
+from pyburgers.protocols.experiment import of_kind
+from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.protocols.forced_oscillation.harmonics import choose_degree, fit_harmonics
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +27,7 @@ def fit(tmp_path_factory: pytest.TempPathFactory) -> Fit:
 
 
 def test_the_record_has_the_amplitude_and_lag_of_its_two_series(fit: Fit) -> None:
-    experiment = oscillation_of(fit)
+    experiment = of_kind(fit.experiment, OscillationExperiment)
     observed, record = observed_response(experiment), experiment.record
     period = experiment.prepared.period
     strain, stress = (
@@ -54,7 +55,9 @@ def test_the_background_changes_neither_amplitude_nor_lag_of_the_record(
     fit: Fit, tmp_path: Path
 ) -> None:
     kept = make_olivine_fit(tmp_path, "kept", chains=1, draws=5)
-    here, there = (observed_response(oscillation_of(one)) for one in (fit, kept))
+    here, there = (
+        observed_response(of_kind(one.experiment, OscillationExperiment)) for one in (fit, kept)
+    )
     assert here == there
 
 
@@ -65,13 +68,16 @@ def test_solutions_have_the_amplitude_and_lag_that_were_put_in(
     moved = oscillating(
         fit, amplitude_sd=0.0, phase_sd=0.0, amplitude_factor=factor, phase_shift=shift
     )
-    observed, predicted = observed_response(oscillation_of(fit)), predicted_response(moved)
+    observed, predicted = (
+        observed_response(of_kind(fit.experiment, OscillationExperiment)),
+        predicted_response(moved),
+    )
     np.testing.assert_allclose(predicted.amplitude, factor * observed.amplitude, rtol=1e-5)
     np.testing.assert_allclose(predicted.lag, observed.lag + shift, atol=1e-5)
 
 
 def test_noise_widens_what_replicated_data_show_by_the_standard_error(fit: Fit) -> None:
-    experiment = oscillation_of(fit)
+    experiment = of_kind(fit.experiment, OscillationExperiment)
     noise = float(np.sqrt(np.mean(experiment.prepared.uncertainty**2)))
     replicated = replicated_response(oscillating(fit, amplitude_sd=0.0, phase_sd=0.0, noise=noise))
     observed = observed_response(experiment)
@@ -111,5 +117,5 @@ def test_the_table_says_whether_the_record_is_inside_the_replicated_bands(
 def test_only_an_oscillation_has_a_response(tmp_path: Path) -> None:
     curve = make_fit(tmp_path, chains=1, draws=5)
     for function in (predicted_response, replicated_response, response_table):
-        with pytest.raises(InputError, match="PIL40: found a test without"):
+        with pytest.raises(InputError, match="PIL40: found a test of protocol 'constant_rate'"):
             function(curve)

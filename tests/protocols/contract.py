@@ -17,6 +17,7 @@ from scipy import stats
 from stan_data import one_test_data, parameters_in
 from truth_as_mode import at_truth
 
+from pyburgers.drawing.view import views
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import default_priors
@@ -244,7 +245,7 @@ def test_a_fit_is_kept_and_shown(
     assert_equal(kept.experiment, experiment)
     assert kept.summary("SI").equals(result.summary("SI"))
     assert_draws_are_labelled(kept, example.few)
-    assert kept.posterior.attrs["clock"] == protocols()[protocol].clock.name
+    assert kept.posterior.attrs["protocol"] == protocol
     page = Page(
         write_report([kept], tmp_path / "page", title="T", command="x").read_text(encoding="utf-8")
     )
@@ -257,9 +258,9 @@ def test_a_fit_is_kept_and_shown(
         assert recipe.result(kept).endswith(".")
         assert (tmp_path / "page" / "figures" / f"run_{recipe.name}.svg").is_file()
     assert experiment.temperature_text in page.text
-    for fact, _ in protocols()[protocol].facts(experiment):
+    for fact, _ in views()[protocol].facts(experiment):
         assert fact in page.text
-    for table in protocols()[protocol].tables(kept):
+    for table in views()[protocol].tables(kept):
         assert table.title in page.text
         assert (tmp_path / "page" / "tables" / f"run_{table.name}.csv").is_file()
 

@@ -12,6 +12,7 @@ from refusals import refusal, written
 from same_contents import assert_equal
 
 from pyburgers.common.errors import InputError
+from pyburgers.drawing.view import view_of
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
@@ -20,7 +21,6 @@ from pyburgers.protocols.loading_history.conversion import as_history
 from pyburgers.protocols.loading_history.experiment import LoadingHistory, Stated
 from pyburgers.protocols.loading_history.files import load_loading_history, save_loading_history
 from pyburgers.protocols.loading_history.measured_sections import section_times
-from pyburgers.protocols.loading_history.protocol import PROTOCOL
 from pyburgers.protocols.loading_history.stan_data import solver_outputs
 from pyburgers.protocols.loading_history.stan_data import tests_block as block_of
 from pyburgers.protocols.microstructure import MeasuredMicrostructure
@@ -109,7 +109,7 @@ def test_places_are_in_the_units_of_the_file_and_copies_read_back(tmp_path: Path
     assert test.microstructure == MEASURED
     (tmp_path / "copy").mkdir()
     assert_equal(load_loading_history(save_loading_history(test, tmp_path / "copy")), test)
-    fact = dict(PROTOCOL.facts(test))["Measured microstructure"]
+    fact = dict(view_of(test).facts(test))["Measured microstructure"]
     assert "800 ± 40 µm at a path strain of 3 %" in fact
     assert "fabric factor 0.800 ± 0.050 at 60 min" in fact
 

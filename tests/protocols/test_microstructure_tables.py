@@ -9,9 +9,9 @@ from conftest import ICE
 from refusals import refusal
 from same_contents import assert_equal
 
+from pyburgers.drawing.view import view_of
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
-from pyburgers.protocols.constant_rate.protocol import PROTOCOL
 from pyburgers.protocols.constant_rate.stan_data import tests_block as block_of
 from pyburgers.protocols.forward import simulate, simulate_data
 from pyburgers.protocols.microstructure import MeasuredMicrostructure
@@ -58,10 +58,10 @@ def test_rows_are_in_the_unit_of_the_strains_and_copies_read_back(tmp_path: Path
     assert experiment.microstructure == MEASURED
     (tmp_path / "copy").mkdir()
     assert_equal(load_experiment(save_experiment(experiment, tmp_path / "copy")), experiment)
-    facts = dict(PROTOCOL.facts(experiment))
+    facts = dict(view_of(experiment).facts(experiment))
     assert "fabric factor 0.700 ± 0.050 at 15 % strain" in facts["Measured microstructure"]
     assert "Measured microstructure" not in dict(
-        PROTOCOL.facts(load_constant_rate(ICE / "PIL40.toml"))
+        view_of(experiment).facts(load_constant_rate(ICE / "PIL40.toml"))
     )
 
 

@@ -10,11 +10,11 @@ import xarray as xr
 from conftest import DUNITE
 from history_twins import history_twin
 
+from pyburgers.drawing.views.minimum_rates import minimum_rate_table, minimum_rates
 from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.protocols.loading_history.creep_intervals import creep_intervals
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.files import load_loading_history
-from pyburgers.protocols.loading_history.minimum_rates import minimum_rate_table, minimum_rates
 from pyburgers.protocols.loading_history.protocol import PROTOCOL
 from pyburgers.protocols.loading_history.stages import Stage
 

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pytest
 
 from pyburgers.common.errors import InputError
-from pyburgers.protocols.forced_oscillation.figures import preparation
+from pyburgers.drawing.views.oscillation_preparation import preparation
 from pyburgers.protocols.forced_oscillation.preparation import (
     Background,
     OscillationRecord,

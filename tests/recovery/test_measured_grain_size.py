@@ -9,6 +9,7 @@ import pytest
 from conftest import ICE
 from history_twins import history_twin
 
+from pyburgers.drawing.views.softening import softening_shares
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.priors import default_priors
 from pyburgers.posterior.labelled_draws import convergence_table, grain_size_share
@@ -16,7 +17,6 @@ from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.microstructure import MeasuredMicrostructure
-from pyburgers.protocols.softening import softening_shares
 from pyburgers.sampling.options import SamplerOptions
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("programs")]

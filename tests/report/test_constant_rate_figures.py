@@ -14,9 +14,9 @@ from synthetic_olivine_fit import make_olivine_fit
 
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.style import image
+from pyburgers.drawing.views.constant_rate import softening, stress_strain
 from pyburgers.fitting.fit import Fit
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.constant_rate.figures import softening, stress_strain
 
 FEW = (
     "maxwell_modulus",

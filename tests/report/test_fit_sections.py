@@ -35,7 +35,7 @@ def fits(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fit]:
 def sections(fits: Mapping[str, Fit], tmp_path_factory: pytest.TempPathFactory) -> list[Section]:
     out = tmp_path_factory.mktemp("page")
     (out / "tables").mkdir()
-    return [write_section(name, fits[name], out) for name in ("good", "failed")]
+    return [write_section(name, name, fits[name], out) for name in ("good", "failed")]
 
 
 @pytest.fixture(scope="module")
@@ -56,11 +56,15 @@ def decided(section: Section, by: Mapping[str, str]) -> Section:
 
 
 def test_fits_of_the_same_data_are_put_together(fits: Mapping[str, Fit], tmp_path: Path) -> None:
-    found = [[name for name, _ in group] for group in by_data(fits.items())]
+    found = [[name for _, name, _ in group] for group in by_data(_named(fits))]
     assert found == [["good", "failed"], ["other"]]
     measured = make_fit(tmp_path, name="A", kind="measured", chains=2, draws=300)
-    groups = by_data({**fits, "measured": measured}.items())
-    assert [name for name, _ in groups[-1]] == ["measured"]
+    groups = by_data(_named({**fits, "measured": measured}))
+    assert [name for _, name, _ in groups[-1]] == ["measured"]
+
+
+def _named(fits: Mapping[str, Fit]) -> list[tuple[str, str, Fit]]:
+    return [(name, name, fit) for name, fit in fits.items()]
 
 
 def test_alike_answers_are_told_once_and_others_by_name(sections: list[Section]) -> None:

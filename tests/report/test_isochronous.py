@@ -11,12 +11,13 @@ from conftest import with_fixed
 from history_twins import TRUTH, history_twin
 from matplotlib.container import ErrorbarContainer
 
+from pyburgers.drawing.view import views
+from pyburgers.drawing.views.isochronous import isochronous, isochronous_figure
 from pyburgers.fitting.fit import Fit, fit_jointly
 from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR
 from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.protocols.forward import simulate_data
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.isochronous import isochronous, isochronous_figure
 from pyburgers.protocols.protocol import FittedTest
 from pyburgers.sampling.options import SamplerOptions
 
@@ -133,5 +134,5 @@ def test_loads_that_differ_by_as_much_as_one_varies_are_one(joint: Fit) -> None:
 
 def test_the_page_of_the_joint_fit_has_it(joint: Fit, tmp_path: Path) -> None:
     isochronous(list(joint.tests().values())).savefig(tmp_path / "view.png")
-    figures = joint.problem.protocol.joint_figures(list(joint.tests().values()))
+    figures = views()[joint.problem.protocol.name].joint_figures(list(joint.tests().values()))
     assert [figure.name for figure in figures] == ["isochronous"]

@@ -6,7 +6,7 @@ import pytest
 from synthetic_fit import make_fit
 
 from pyburgers.common.errors import InputError
-from pyburgers.report.names import file_key, joint_key, page_keys
+from pyburgers.report.names import file_key, joint_key, page_keys, page_names
 
 
 def test_fits_are_called_after_their_folders(tmp_path: Path) -> None:
@@ -17,6 +17,21 @@ def test_fits_are_called_after_their_folders(tmp_path: Path) -> None:
     assert page_keys(fits[1:]) == ["x_cold", "y_cold"]
     with pytest.raises(InputError, match="warm: found this run twice"):
         page_keys([fits[0], fits[0]])
+
+
+def test_a_page_calls_fits_by_words(tmp_path: Path) -> None:
+    folders = {
+        "dunite_4581": "dunite 4581",
+        "dunite_4581_kelvin_power_law": "dunite 4581, kelvin power law",
+        "of_another_test": "of another test",
+    }
+    fits = [
+        make_fit(tmp_path / folder, name="dunite_4581", chains=1, draws=20) for folder in folders
+    ]
+    assert page_names(fits) == list(folders.values())
+    # Two folders that would be called alike keep their own names.
+    alike = make_fit(tmp_path / "dunite 4581", name="dunite_4581", chains=1, draws=20)
+    assert page_names([alike, *fits])[:2] == ["dunite 4581", "dunite_4581"]
 
 
 @pytest.mark.parametrize(

@@ -13,15 +13,17 @@ from synthetic_olivine_fit import make_olivine_fit
 from pyburgers.common.draws import central_band
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.page_parts import FigureRecipe
-from pyburgers.fitting.fit import Fit
-from pyburgers.protocols.forced_oscillation.figures import (
-    OSCILLATION_FIGURES,
+from pyburgers.drawing.views.forced_oscillation import (
+    VIEW,
     amplitude_phase,
     microstructure,
     stress_loop,
     stress_time,
 )
-from pyburgers.protocols.forced_oscillation.response import oscillation_of, replicated_response
+from pyburgers.drawing.views.oscillation_response import replicated_response
+from pyburgers.fitting.fit import Fit
+from pyburgers.protocols.experiment import of_kind
+from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 
 
 @pytest.fixture(scope="module", params=["removed", "kept"])
@@ -36,7 +38,7 @@ def line(lines: list[Line2D], label: str) -> Line2D:
 
 
 def test_residuals_are_in_units_of_the_noise_of_each_reading(fit: Fit) -> None:
-    prepared = oscillation_of(fit).prepared
+    prepared = of_kind(fit.experiment, OscillationExperiment).prepared
     points = line(list(stress_time(fit).axes[1].lines), "data minus predictive median")
     predicted = fit.posterior["model_response"]["stress"].median(("chain", "draw")).to_numpy()
     typical = float(np.sqrt(np.mean(prepared.uncertainty**2)))
@@ -55,7 +57,7 @@ def test_the_solid_line_is_the_predictive_median(fit: Fit) -> None:
 
 
 def test_data_and_solutions_of_the_loop_lie_at_the_driving_strain(fit: Fit) -> None:
-    prepared = oscillation_of(fit).prepared
+    prepared = of_kind(fit.experiment, OscillationExperiment).prepared
     axes = stress_loop(fit).axes[0]
     readings = axes.collections[-1]
     expected = np.stack([100 * prepared.strain(prepared.time), prepared.stress / 1e6], axis=1)
@@ -92,9 +94,9 @@ def test_grain_size_starts_where_the_record_says(fit: Fit) -> None:
     assert float(np.asarray(start.get_ydata())[0]) == pytest.approx(10.0)
 
 
-@pytest.mark.parametrize("recipe", OSCILLATION_FIGURES, ids=lambda recipe: recipe.name)
+@pytest.mark.parametrize("recipe", VIEW.figures, ids=lambda recipe: recipe.name)
 def test_a_stress_strain_curve_has_no_figures_of_an_oscillation(
     recipe: FigureRecipe[Fit], tmp_path: Path
 ) -> None:
-    with pytest.raises(InputError, match="PIL40: found a test without oscillation"):
+    with pytest.raises(InputError, match="PIL40: found a test of protocol 'constant_rate'"):
         recipe.draw(make_fit(tmp_path, chains=1, draws=5))

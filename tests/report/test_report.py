@@ -15,8 +15,8 @@ from synthetic_fit import make_fit, make_prior, with_problem
 from synthetic_olivine_fit import make_olivine_fit, oscillating
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
-from pyburgers.checks.prior_influence import prior_influence
-from pyburgers.checks.prior_sentences import CONFLICT_MEANING, THRESHOLDS_TEXT
+from pyburgers.checks.prior_influence import Origin, prior_influence
+from pyburgers.checks.prior_sentences import CONFLICT_MEANING, ORIGIN_RULES, SHARE_TEXT
 from pyburgers.checks.verdicts import ANSWERS
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.page_parts import PageSection
@@ -273,8 +273,12 @@ def test_the_page_says_what_prior_and_data_decide(
     folder: Path, page: Page, fits: list[Fit], sketched: None, tmp_path: Path
 ) -> None:
     # Of each fit a table of what the data say, and a folded one of everything.
-    assert page.text.count("decided by") == 2 * len(fits)
-    assert page.text.count(THRESHOLDS_TEXT) == 1
+    # One more tells what the words mean.
+    assert page.text.count("decided by") == 2 * len(fits) + 1
+    # Definitions of words stand apart in the text.
+    squeezed = "".join(page.text.split())
+    for text in (SHARE_TEXT, *(rule for told in ORIGIN_RULES.values() for rule in told)):
+        assert squeezed.count("".join(text.split())) == 1
     for fit in fits:
         file = folder / "page" / "tables" / f"{fit.experiment.id}_influence.csv"
         written = pd.read_csv(file, index_col=0, dtype=TEXT_COLUMNS)
@@ -304,9 +308,10 @@ def test_columns_are_explained_where_a_table_has_them(page: Page, passing_page: 
     for one, has_truth in ((page, True), (passing_page, False)):
         assert ("off by (sd)" in one.text) is has_truth
         assert ("“off by” is truth less mean" in one.text) is has_truth
-    before, found, _ = page.text.partition(THRESHOLDS_TEXT)
+    before, found, _ = page.text.partition(next(iter(ORIGIN_RULES.values()))[0])
     assert found
-    assert before.rstrip().endswith("Decided by: who decides the number.")
+    assert "Who decided this number" in before
+    assert set(ORIGIN_RULES) == set(Origin)
 
 
 def test_the_page_names_the_laws_of_the_model(page: Page, shown: Page) -> None:

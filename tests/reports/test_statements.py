@@ -17,10 +17,10 @@ from synthetic_fit import make_fit, uniform
 from synthetic_olivine_fit import make_olivine_fit, normal, oscillating, redrawn
 
 from pyburgers.common.errors import InputError
+from pyburgers.drawing.views.oscillation_response import predicted_response
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, RateSegment
-from pyburgers.protocols.forced_oscillation.response import predicted_response
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -379,7 +379,7 @@ def test_treatments_that_differ_leave_a_statement_undecided(olivine: Fit) -> Non
 
 
 def test_only_an_oscillation_has_amplitude_and_phase(ice: Fit) -> None:
-    with pytest.raises(InputError, match="expected the fit of a forced oscillation"):
+    with pytest.raises(InputError, match="expected one of protocol 'forced_oscillation'"):
         predicted_response(ice)
 
 

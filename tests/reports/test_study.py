@@ -51,8 +51,8 @@ from pyburgers.predictions.attenuation_tables import quantile_table
 from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
 from pyburgers.predictions.stress_cycles import PAPER_REGIMES
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
+from pyburgers.protocols.experiment import of_kind
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.problem import Problem
@@ -212,7 +212,7 @@ def test_the_page_says_what_removing_the_background_changes(
         )
     assert shown.loc["Kelvin modulus", "true value"] == "25"
     text = " ".join(background.paragraphs)
-    prepared = oscillation_of(olivine["kept"]).prepared
+    prepared = of_kind(olivine["kept"].experiment, OscillationExperiment).prepared
     assert f"oscillates by {prepared.stress_fit.amplitude()[0] / 1e6:.0f} MPa" in text
 
 

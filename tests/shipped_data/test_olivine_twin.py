@@ -9,6 +9,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from pyburgers.drawing.views.oscillation_response import observed_response
 from pyburgers.model.parameters import PARAMETERS, PIEZOMETER
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.forced_oscillation.experiment import (
@@ -17,7 +18,6 @@ from pyburgers.protocols.forced_oscillation.experiment import (
     with_background,
 )
 from pyburgers.protocols.forced_oscillation.harmonics import fit_harmonics
-from pyburgers.protocols.forced_oscillation.response import observed_response
 from pyburgers.protocols.forward import simulate
 
 OLIVINE = Path(__file__).parents[2] / "data" / "olivine"

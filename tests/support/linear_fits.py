@@ -106,6 +106,7 @@ class LinearModel:
             xr.DataTree.from_dict(
                 {
                     **correlated,
+                    "/": xr.Dataset(attrs={"protocol": "constant_rate"}),
                     "model_response": xr.Dataset({"stress": (dims, model[None])}),
                     "posterior_predictive": xr.Dataset({"stress": (dims, replicated[None])}),
                     "observed_data": xr.Dataset({"stress": ("point", data)}),

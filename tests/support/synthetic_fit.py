@@ -243,6 +243,7 @@ def make_fit(
         "experiment": name,
         "data_kind": kind,
         "chains": json.dumps([*range(1, chains + 1)]),
+        "protocol": experiment.protocol,
     }
     manifest = _manifest(experiment, command, chains, draws, seed)
     path.mkdir(parents=True, exist_ok=True)

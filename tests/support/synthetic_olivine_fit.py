@@ -14,13 +14,14 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE, REFERENCE_STRESS
+from pyburgers.protocols.experiment import of_kind
 from pyburgers.protocols.forced_oscillation.experiment import (
+    OscillationExperiment,
     load_forced_oscillation,
     with_background,
 )
 from pyburgers.protocols.forced_oscillation.preparation import Background
 from pyburgers.protocols.forced_oscillation.protocol import PROTOCOL as FORCED_OSCILLATION
-from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.problem import problem_of
 
 FloatArray = npt.NDArray[np.float64]
@@ -62,7 +63,9 @@ def make_olivine_fit(
     for name in ("log_likelihood", "model_response", "posterior_mean_solution", "constant_data"):
         del groups[name]
     observed = xr.Dataset({"stress": ("point", experiment.stress)})
-    tree = xr.DataTree.from_dict({**groups, "posterior": posterior, "observed_data": observed})
+    kind = xr.Dataset(attrs={"protocol": experiment.protocol})
+    groups |= {"/": kind, "posterior": posterior, "observed_data": observed}
+    tree = xr.DataTree.from_dict(groups)
     changes: dict[str, Any] = {
         "problem": problem_of([replace(experiment, id=f"olivine_{background}")], priors),
         "posterior": tree,
@@ -76,6 +79,7 @@ def redrawn(fit: Fit, **draws: FloatArray) -> Fit:
     changed = {name: posterior[name].copy(data=values) for name, values in draws.items()}
     groups = {name: node.to_dataset() for name, node in fit.posterior.children.items()}
     groups["posterior"] = posterior.assign(changed)
+    groups["/"] = xr.Dataset(attrs={"protocol": fit.experiment.protocol})
     return replace(fit, posterior=xr.DataTree.from_dict(groups))
 
 
@@ -98,7 +102,7 @@ def oscillating(
 
     They scatter about those of the record, or about what is shifted from them.
     """
-    experiment = oscillation_of(fit)
+    experiment = of_kind(fit.experiment, OscillationExperiment)
     prepared = experiment.prepared
     observed, _ = prepared.stress_fit.amplitude()
     phase, _ = prepared.stress_fit.phase()
@@ -145,4 +149,5 @@ def oscillating(
             "time": ("point", prepared.time),
         }
     )
+    groups["/"] = xr.Dataset(attrs={"protocol": fit.experiment.protocol})
     return replace(fit, posterior=xr.DataTree.from_dict(groups))

@@ -1,6 +1,6 @@
 """Tables of attenuation and modulus as a protocol."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -8,19 +8,15 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 import xarray as xr
-from markupsafe import Markup
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import span_text
-from pyburgers.drawing.page_parts import PageTable
 from pyburgers.model.display import Quantity
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.attenuation.experiment import AttenuationExperiment, range_text
-from pyburgers.protocols.attenuation.figures import ATTENUATION_FIGURES, fitted_curve, rms_table
+from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.attenuation.files import load_attenuation, save_attenuation
-from pyburgers.protocols.attenuation.relaxation_spectrum import SPECTRUM_FIGURE
 from pyburgers.protocols.attenuation.stan_data import (
     grid_block,
     reference_origin,
@@ -28,7 +24,7 @@ from pyburgers.protocols.attenuation.stan_data import (
 )
 from pyburgers.protocols.attenuation.stretched_chart import StretchedChart
 from pyburgers.protocols.attenuation.table import MODULUS, NO_READINGS
-from pyburgers.protocols.protocol import FittedTest, Protocol
+from pyburgers.protocols.protocol import Protocol
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -64,19 +60,11 @@ class Attenuation(Protocol[AttenuationExperiment]):
     target_acceptance = 0.98
     chart = StretchedChart()
     points_together = "a row of the table gives attenuation and modulus together"
-    figures = (*ATTENUATION_FIGURES, SPECTRUM_FIGURE)
-    reference_text = Markup(
-        "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the dashpot flows at the "
-        "temperature of the file's head and the largest stress of the table (1 MPa where none is "
-        "stated), follows from the other parameters, and so does its prior."
-    )
-
     load = staticmethod(load_attenuation)
     save = staticmethod(save_attenuation)
     reference_origin = staticmethod(reference_origin)
     tests_block = staticmethod(tests_block)
     grid_block = staticmethod(grid_block)
-    curve = staticmethod(fitted_curve)
 
     @property
     def read(self) -> tuple[Quantity, ...]:
@@ -260,44 +248,6 @@ class Attenuation(Protocol[AttenuationExperiment]):
             axis=-1,
         )
         return np.asarray(np.hypot(scatter, _stated_errors(experiment)))
-
-    def facts(self, experiment: AttenuationExperiment) -> Sequence[tuple[str, str]]:
-        """Return cycles, stresses, temperatures and number of readings."""
-        conditions, readings = experiment.conditions, experiment.readings
-        elasticity = experiment.elasticity
-        constants = {
-            "Poisson's ratio": elasticity.poisson_ratio,
-            "bulk modulus (Pa)": elasticity.bulk_modulus,
-        }
-        related = "".join(
-            f", turned from axial quantities with {name} {value:g}"
-            for name, value in constants.items()
-            if value is not None
-        )
-        stress = (
-            f"median {range_text(conditions.median_stress, digits=4)} Pa, amplitude "
-            f"{range_text(conditions.amplitude, digits=4)} Pa"
-            if experiment.amplitude_is_stated
-            else "not stated: taken as so small that the dashpot is linear"
-        )
-        return (
-            ("Cycles", f"{elasticity.deformation}{related}"),
-            ("Stress", stress),
-            (
-                "Temperatures",
-                f"{range_text(conditions.temperature, digits=4)} K, {conditions.n_spectra} spectra",
-            ),
-            ("Periods", f"{range_text(conditions.period, digits=4)} s"),
-            (
-                "Readings",
-                f"{readings.tan_delta.size} attenuations ({int(readings.is_limit.sum())} of them "
-                f"upper limits), {readings.modulus.size} moduli",
-            ),
-        )
-
-    def tables(self, fit: FittedTest) -> tuple[PageTable, ...]:
-        """Return what is left over by temperature."""
-        return (rms_table(fit),)
 
 
 def _stated_errors(experiment: AttenuationExperiment) -> FloatArray:

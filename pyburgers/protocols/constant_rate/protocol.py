@@ -1,12 +1,11 @@
 """Tests at piecewise constant strain rate as a protocol."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
-from markupsafe import Markup
 
 from pyburgers.model.display import (
     STRAIN_FACTOR,
@@ -23,7 +22,6 @@ from pyburgers.protocols.constant_rate.experiment import (
     save_constant_rate,
     strain_grid,
 )
-from pyburgers.protocols.constant_rate.figures import CONSTANT_RATE_FIGURES, fitted_curve
 from pyburgers.protocols.constant_rate.stan_data import (
     grid_block,
     reference_origin,
@@ -34,7 +32,6 @@ from pyburgers.protocols.constant_rate.valley import ConstantRateValley
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.loading_history.conversion import as_history
 from pyburgers.protocols.protocol import Protocol
-from pyburgers.protocols.softening import microstructure_facts
 from pyburgers.protocols.stan_data import StanData
 
 FloatArray = npt.NDArray[np.float64]
@@ -62,18 +59,11 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
     warmup = 300
     target_acceptance = 0.98
     chart = ConstantRateValley()
-    figures = CONSTANT_RATE_FIGURES
-    reference_text = Markup(
-        "The reference stress <i>S</i><sub>0</sub>, at which the undeformed material flows at the "
-        "first imposed rate, follows from the other parameters, and so does its prior."
-    )
-
     load = staticmethod(load_constant_rate)
     save = staticmethod(save_constant_rate)
     reference_origin = staticmethod(reference_origin)
     tests_block = staticmethod(tests_block)
     grid_block = staticmethod(grid_block)
-    curve = staticmethod(fitted_curve)
 
     def without_data(self, experiment: ConstantRateExperiment) -> ConstantRateExperiment:
         """Return the test without its points."""
@@ -158,29 +148,6 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
             strain=np.delete(experiment.strain, point),
             stress=np.delete(experiment.stress, point),
         )
-
-    def facts(self, experiment: ConstantRateExperiment) -> Sequence[tuple[str, str]]:
-        """Return imposed rates and number of points."""
-        rates = [
-            Markup("{} × 10<sup>{}</sup> s<sup>−1</sup> from {:.3g} % strain").format(
-                *_mantissa_and_exponent(segment.strain_rate), segment.start_strain * STRAIN_FACTOR
-            )
-            for segment in experiment.segments
-        ]
-        end = experiment.final_strain * STRAIN_FACTOR
-        return (
-            ("Strain rate", Markup("; ").join(rates)),
-            ("Points", f"{experiment.n_points}, test ends at {end:.3g} % strain"),
-            *microstructure_facts(
-                experiment.microstructure,
-                lambda one: f"{(one.strain or 0.0) * STRAIN_FACTOR:.3g} % strain",
-            ),
-        )
-
-
-def _mantissa_and_exponent(number: float) -> tuple[str, str]:
-    mantissa, exponent = f"{number:.2e}".split("e")
-    return mantissa, str(int(exponent)).replace("-", "−")
 
 
 def _draw_residuals(

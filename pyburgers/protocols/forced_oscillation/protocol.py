@@ -1,15 +1,13 @@
 """Tests at an oscillating strain rate as a protocol."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
-from markupsafe import Markup
 
-from pyburgers.drawing.page_parts import PageTable
-from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, STRESS_UNIT, Quantity
+from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT, Quantity
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
@@ -17,21 +15,16 @@ from pyburgers.protocols.forced_oscillation.experiment import (
     save_forced_oscillation,
     with_known_strain,
 )
-from pyburgers.protocols.forced_oscillation.figures import OSCILLATION_FIGURES, fitted_curve
 from pyburgers.protocols.forced_oscillation.preparation import (
-    NEGLIGIBLE_SHARE,
-    PreparedOscillation,
     prepare,
-    strain_shares,
 )
-from pyburgers.protocols.forced_oscillation.response import response_page_table
 from pyburgers.protocols.forced_oscillation.sheared import ShearedChart
 from pyburgers.protocols.forced_oscillation.stan_data import (
     grid_block,
     reference_origin,
     tests_block,
 )
-from pyburgers.protocols.protocol import FittedTest, Protocol
+from pyburgers.protocols.protocol import Protocol
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -63,20 +56,11 @@ class ForcedOscillation(Protocol[OscillationExperiment]):
     target_acceptance = 0.95
     chart = ShearedChart()
     points_together = "a record of oscillations is prepared as a whole"
-    figures = OSCILLATION_FIGURES
-    reference_text = Markup(
-        "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the dashpot flows at the grain "
-        "size of the start and at the bias or the amplitude of the stress, whichever is larger (at "
-        "the amplitude where the background is removed), follows from the other parameters, and so "
-        "does its prior."
-    )
-
     load = staticmethod(load_forced_oscillation)
     save = staticmethod(save_forced_oscillation)
     reference_origin = staticmethod(reference_origin)
     tests_block = staticmethod(tests_block)
     grid_block = staticmethod(grid_block)
-    curve = staticmethod(fitted_curve)
 
     def without_data(self, experiment: OscillationExperiment) -> OscillationExperiment:
         """Return the test driven by the strain as it was fitted.
@@ -170,51 +154,6 @@ class ForcedOscillation(Protocol[OscillationExperiment]):
             (error[:, used] / size[used]).T, (wanted - found)[used] / size[used]
         )[0]
         return solved
-
-    def facts(self, experiment: OscillationExperiment) -> Sequence[tuple[str, str]]:
-        """Return period, amplitude, treatment of the background, cycles and number of points."""
-        prepared = experiment.prepared
-        degrees = prepared.strain_fit.degree, prepared.stress_fit.degree
-        background = (
-            f"kept: the rate of the strain's trend (polynomial of degree {degrees[0]}) drives the "
-            "model too, and the stress keeps its bias and drift"
-            if prepared.background == "kept"
-            else f"removed: polynomial trends of strain (degree {degrees[0]}) and stress (degree "
-            f"{degrees[1]}), constants included, are subtracted"
-        )
-        cycles = (prepared.time[-1] - prepared.start) / prepared.period
-        amplitude, _ = prepared.strain_fit.amplitude()
-        return (
-            ("Period", f"{prepared.period:g} s"),
-            ("Strain amplitude", f"{amplitude * STRAIN_FACTOR:.3g} %"),
-            ("Errors of the strain", _strain_error_text(prepared)),
-            ("Background", background),
-            (
-                "Cycles",
-                f"{cycles:.1f} on record, {experiment.spin_up_cycles} of spin-up ahead of it",
-            ),
-            (
-                "Points",
-                f"{experiment.n_points} stresses; {experiment.record.strain.size} strains give the "
-                "driving strain rate",
-            ),
-        )
-
-    def tables(self, fit: FittedTest) -> tuple[PageTable, ...]:
-        """Return amplitude and phase lag of the stress, of the record and replicated."""
-        return (response_page_table(fit),)
-
-
-def _strain_error_text(prepared: PreparedOscillation) -> str:
-    """Say which errors of the driving strain take part."""
-    shares = strain_shares(prepared.strain_fit, prepared.stress_fit)
-    parts = ["oscillation", "background"] if prepared.background == "kept" else ["oscillation"]
-    said = [
-        f"of its {part} {'left out' if share < NEGLIGIBLE_SHARE else 'inferred'} ({share:.2g} of "
-        "the variance of the stress)"
-        for part, share in zip(parts, shares, strict=False)
-    ]
-    return ", ".join(said)
 
 
 def _time_grid(experiment: OscillationExperiment, per_cycle: int) -> FloatArray:

@@ -1,19 +1,16 @@
 """Tests under any loading history as a protocol."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import replace
-from functools import partial
 from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 import xarray as xr
-from markupsafe import Markup
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import span_text
-from pyburgers.drawing.page_parts import PageFigure, PageTable
 from pyburgers.model.display import (
     STRAIN_FACTOR,
     STRAIN_UNIT,
@@ -29,11 +26,8 @@ from pyburgers.model.variants import variant_of
 from pyburgers.protocols.experiment import CONDITION_KEYS, Experiment
 from pyburgers.protocols.loading_history.advice import advice
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.figures import LOADING_HISTORY_FIGURES, fitted_curve
 from pyburgers.protocols.loading_history.files import load_loading_history, save_loading_history
-from pyburgers.protocols.loading_history.isochronous import isochronous_figure
 from pyburgers.protocols.loading_history.measured_sections import section_times
-from pyburgers.protocols.loading_history.minimum_rates import minimum_rate_table
 from pyburgers.protocols.loading_history.priors import priors_of, stated_priors
 from pyburgers.protocols.loading_history.solution_times import (
     load_times,
@@ -48,9 +42,7 @@ from pyburgers.protocols.loading_history.stan_data import (
     times_of_readings,
 )
 from pyburgers.protocols.loading_history.valley import LoadingHistoryValley
-from pyburgers.protocols.microstructure import MeasuredMicrostructure
-from pyburgers.protocols.protocol import FittedTest, Protocol
-from pyburgers.protocols.softening import microstructure_facts
+from pyburgers.protocols.protocol import Protocol
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -86,20 +78,12 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
     # where grains shrink to the bound of their prior (docs/coordinates_trials.md).
     target_acceptance = 0.99
     chart = LoadingHistoryValley()
-    figures = LOADING_HISTORY_FIGURES
-    reference_text = Markup(
-        "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the undeformed material flows "
-        "under the largest stress of the test (with a hyperbolic sine, the material after its "
-        "largest strain), follows from the other parameters, and so does its prior."
-    )
-
     load = staticmethod(load_loading_history)
     save = staticmethod(save_loading_history)
     reference_origin = staticmethod(reference_origin)
     tests_block = staticmethod(tests_block)
     grid_block = staticmethod(grid_block)
     priors_of = staticmethod(priors_of)
-    curve = staticmethod(fitted_curve)
 
     @property
     def read(self) -> tuple[Quantity, ...]:
@@ -243,43 +227,6 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
             reading_stage=np.delete(experiment.reading_stage, point),
             reading=np.delete(experiment.reading, point),
         )
-
-    def facts(self, experiment: LoadingHistory) -> Sequence[tuple[str, str]]:
-        """Return stages and number of readings."""
-        n_strain = int(experiment.response_is_strain.sum())
-        read = [
-            f"{number} of {name}"
-            for number, name in ((n_strain, "strain"), (experiment.n_points - n_strain, "stress"))
-            if number > 0
-        ]
-        return (
-            (
-                "Stages",
-                f"{len(experiment.stages)}, solved in {len(experiment.legs)} parts over which what "
-                "is imposed is linear in time",
-            ),
-            (
-                "Readings",
-                f"{' and '.join(read)}, of {experiment.n_readings_in_file} in the file",
-            ),
-            *microstructure_facts(experiment.microstructure, partial(_place, experiment)),
-        )
-
-    def joint_figures(self, fits: Sequence[FittedTest]) -> tuple[PageFigure, ...]:
-        """Return the isochronous view of creep tests."""
-        return isochronous_figure(fits)
-
-    def tables(self, fit: FittedTest) -> tuple[PageTable, ...]:
-        """Return the minimum creep rates."""
-        return minimum_rate_table(fit)
-
-
-def _place(experiment: LoadingHistory, section: MeasuredMicrostructure) -> str:
-    """Say where a microstructure was measured."""
-    if section.time is None:
-        return f"a path strain of {(section.strain or 0.0) * STRAIN_FACTOR:.3g} %"
-    unit, seconds = time_unit(experiment.end_time)
-    return f"{section.time / seconds:.3g} {unit}"
 
 
 def _draw_residuals(

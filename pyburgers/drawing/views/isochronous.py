@@ -7,23 +7,23 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.figure import Figure
 
-from pyburgers.common.draws import all_draws, central_band
+from pyburgers.common.draws import central_band
+from pyburgers.drawing.fitted import positions, predicted
 from pyburgers.drawing.page_parts import PageFigure
-from pyburgers.drawing.style import BLUE, GREEN, ORANGE, VERMILION, style
+from pyburgers.drawing.panels import STRAIN_LABEL, STRESS_LABEL, figure_of
+from pyburgers.drawing.style import BLUE, GREEN, ORANGE, VERMILION
 from pyburgers.model.display import (
     STRAIN_FACTOR,
-    STRAIN_UNIT,
     STRESS_FACTOR,
-    STRESS_UNIT,
     time_unit,
 )
+from pyburgers.protocols.experiment import of_kind
 from pyburgers.protocols.loading_history.creep_intervals import (
     NEARLY_CONSTANT,
     CreepInterval,
     creep_intervals,
 )
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.figures import loading_history_test
 from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
@@ -57,21 +57,14 @@ def isochronous_figure(fits: Sequence[FittedTest]) -> tuple[PageFigure, ...]:
 
 
 def isochronous(fits: Sequence[FittedTest]) -> Figure:
-    """Draw stress against strain at a few times.
-
-    Parameters
-    ----------
-    fits : sequence of FittedTest
-        Those that do not begin with creep are left out; at least one does.
-    """
+    """Draw stress against strain at a few times; at least one of the fits begins with creep."""
     loaded = _first_loads(fits)
     stress = np.array([load.stress for _, load in loaded])
     shortest = min(load.duration for _, load in loaded)
     unit, seconds = time_unit(shortest)
     times = shortest * np.array(SHARES)
     after = np.stack([_strain_after(fit, load.start_time + times) for fit, load in loaded], axis=-1)
-    with style():
-        figure = Figure(figsize=(6.4, 4.4), layout="constrained")
+    with figure_of(6.4, 4.4) as figure:
         axes = figure.subplots()
         for time, colour, (low, middle, high) in zip(times, COLOURS, after, strict=True):
             axes.errorbar(
@@ -84,7 +77,7 @@ def isochronous(fits: Sequence[FittedTest]) -> Figure:
                 label=f"{time / seconds:.3g} {unit}",
             )
             for fit, load in loaded:
-                read = _reading_after(loading_history_test(fit), load, time)
+                read = _reading_after(of_kind(fit.experiment, LoadingHistory), load, time)
                 axes.plot(
                     STRAIN_FACTOR * read,
                     np.full(read.shape, STRESS_FACTOR * load.stress),
@@ -92,8 +85,7 @@ def isochronous(fits: Sequence[FittedTest]) -> Figure:
                     markerfacecolor="none",
                     color=colour,
                 )
-        axes.set_xlabel(f"axial strain ({STRAIN_UNIT})")
-        axes.set_ylabel(f"differential stress ({STRESS_UNIT})")
+        axes.set(xlabel=STRAIN_LABEL, ylabel=STRESS_LABEL)
         axes.set_xlim(left=0.0)
         axes.set_ylim(0.0, 1.1 * STRESS_FACTOR * float(stress.max()))
         axes.locator_params(nbins=6)
@@ -105,7 +97,7 @@ def _first_loads(fits: Sequence[FittedTest]) -> list[tuple[FittedTest, CreepInte
     """Return the tests whose first stage is creep with their loads, the smallest first."""
     found = []
     for fit in fits:
-        experiment = loading_history_test(fit)
+        experiment = of_kind(fit.experiment, LoadingHistory)
         for load in creep_intervals(experiment)[:1]:
             # Solutions are too coarse in time to tell the strain at a corner inside a stage.
             lasts = load.end_time == experiment.stages[0].end_time
@@ -116,10 +108,9 @@ def _first_loads(fits: Sequence[FittedTest]) -> list[tuple[FittedTest, CreepInte
 
 def _strain_after(fit: FittedTest, times: FloatArray) -> FloatArray:
     """Quantiles (low, median, high) of the strain at each of some times (s), shape (times, 3)."""
-    predictions = fit.posterior["predictions"].to_dataset()
     # The end of a stage comes twice, the first of the two is before the jump.
-    at, first = np.unique(predictions["time"].to_numpy(), return_index=True)
-    strain = all_draws(predictions["strain"]).astype(np.float64)[:, first]
+    at, first = np.unique(positions(fit, "time"), return_index=True)
+    strain = predicted(fit, "strain")[:, first]
     drawn = np.array([np.interp(times, at, one) for one in strain])
     return np.transpose(central_band(drawn))
 

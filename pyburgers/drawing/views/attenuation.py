@@ -1,5 +1,6 @@
-"""Figures and tables of a fit of attenuation and modulus; all refuse the fit of another test."""
+"""View of tables of attenuation and modulus: figures and tables of a fit, facts of a test."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,19 +8,23 @@ import numpy.typing as npt
 import pandas as pd
 from markupsafe import Markup
 from matplotlib import colormaps
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy import stats
 
-from pyburgers.common.draws import TAIL, all_draws
+from pyburgers.drawing.fitted import curve_of, mean_of, positions, predicted
+from pyburgers.drawing.fitted import residuals as residuals_of
 from pyburgers.drawing.page_parts import FigureRecipe, PageTable
 from pyburgers.drawing.panels import (
+    HALF_WIDTH,
     LINES_AND_AREAS,
     FittedCurve,
     draw_band,
+    draw_open_dots,
+    figure_of,
 )
-from pyburgers.drawing.style import BLACK, BLUE, VERMILION, style
-from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
+from pyburgers.drawing.style import BLACK, BLUE, VERMILION
+from pyburgers.drawing.view import View
+from pyburgers.drawing.views.relaxation_spectrum import SPECTRUM_FIGURE
+from pyburgers.protocols.attenuation.experiment import AttenuationExperiment, range_text
 from pyburgers.protocols.attenuation.table import ATTENUATION, MODULUS
 from pyburgers.protocols.experiment import of_kind
 from pyburgers.protocols.protocol import FittedTest
@@ -29,51 +34,31 @@ FloatArray = npt.NDArray[np.float64]
 GPA = 1e-9
 PERIOD_LABEL = "period (s)"
 PLACE_LABEL = "spectra of attenuation, then of modulus, each along log period"
+DOT_SIZE = 4.5
 MODULUS_NAMES = {"axial": "Young's modulus", "shear": "shear modulus"}
 
 
 @dataclass(frozen=True, eq=False)
 class _Spectrum:
-    """One temperature and stress, as measured and as a fit has it.
+    """One temperature and stress, as measured and as a fit has it."""
 
-    Attributes
-    ----------
-    temperature : float
-        K.
-    colour : str or tuple
-        Its own.
-    period : array, shape (n,)
-        s, of the predictions.
-    tan_delta, modulus : array, shape (n_draws, n)
-        Solutions of draws; Pa.
-    rows : array of int
-        Of the table.
-    """
-
-    temperature: float
+    temperature: float  # K
     colour: str
-    period: FloatArray
-    tan_delta: FloatArray
-    modulus: FloatArray
-    rows: npt.NDArray[np.int64]
+    period: FloatArray  # s, of the predictions, shape (n,)
+    tan_delta: FloatArray  # of draws, shape (n_draws, n)
+    modulus: FloatArray  # Pa, of draws, shape (n_draws, n)
+    rows: npt.NDArray[np.int64]  # of the table
 
-
-def attenuation_test(fit: FittedTest) -> AttenuationExperiment:
-    """Return the experiment of a fit, which has to be a table of attenuation.
-
-    Raises
-    ------
-    InputError
-        If it is not.
-    """
-    return of_kind(fit.experiment, AttenuationExperiment, "a table of attenuation")
+    @property
+    def label(self) -> str:
+        """Of its lines and dots."""
+        return f"{self.temperature:.0f} K"
 
 
 def _spectra(fit: FittedTest) -> list[_Spectrum]:
-    conditions = attenuation_test(fit).conditions
-    predictions = fit.posterior["predictions"].to_dataset()
-    period, spectrum, quantity = conditions.at(predictions["place"].to_numpy())
-    solutions = np.exp(all_draws(predictions["log_reading"]).astype(np.float64))
+    conditions = of_kind(fit.experiment, AttenuationExperiment).conditions
+    period, spectrum, quantity = conditions.at(positions(fit, "place"))
+    solutions = np.exp(predicted(fit, "log_reading"))
     temperature = conditions.temperature[conditions.first_rows]
     coolest, span = temperature.min(), float(np.ptp(temperature)) or 1.0
     found = []
@@ -104,42 +89,27 @@ MASTER_CAPTION = (
 
 def master_curves(fit: FittedTest) -> Figure:
     """Draw attenuation and modulus against period by temperature."""
-    experiment = attenuation_test(fit)
+    experiment = of_kind(fit.experiment, AttenuationExperiment)
     readings, period = experiment.readings, experiment.conditions.period
-    with style():
-        figure = Figure(figsize=(8.6, 8.6), layout="constrained")
+    with figure_of(8.6, 8.6, f"{experiment.title}\n{LINES_AND_AREAS}") as figure:
         upper, lower = figure.subplots(2, 1, sharex=True)
         for own in _spectra(fit):
-            label = f"{own.temperature:.0f} K"
-            draw_band(upper, own.period, own.tan_delta, own.colour, label)
-            draw_band(lower, own.period, own.modulus * GPA, own.colour, label)
+            draw_band(upper, own.period, own.tan_delta, own.colour, own.label)
+            draw_band(lower, own.period, own.modulus * GPA, own.colour, own.label)
             limit = readings.is_limit[own.rows]
             for which, marker in ((~limit, "o"), (limit, "v")):
                 rows = own.rows[which]
                 recorded = np.maximum(readings.tan_delta, readings.limit)[rows]
-                _dots(upper, period[rows], recorded, own.colour, marker)
+                dots = period[rows], recorded, own.colour
+                draw_open_dots(upper, *dots, size=DOT_SIZE, marker=marker)
             if readings.modulus.size:
-                _dots(lower, period[own.rows], readings.modulus[own.rows] * GPA, own.colour)
-        upper.set_xscale("log")
-        upper.set_yscale("log")
-        upper.set_ylabel(r"$\tan\delta$ (–)")
-        lower.set_ylabel(f"{MODULUS_NAMES[experiment.elasticity.deformation]} (GPa)")
-        lower.set_xlabel(PERIOD_LABEL)
+                moduli = readings.modulus[own.rows] * GPA
+                draw_open_dots(lower, period[own.rows], moduli, own.colour, size=DOT_SIZE)
+        upper.set(xscale="log", yscale="log", ylabel=r"$\tan\delta$ (–)")
+        modulus = MODULUS_NAMES[experiment.elasticity.deformation]
+        lower.set(xlabel=PERIOD_LABEL, ylabel=f"{modulus} (GPa)")
         upper.legend(loc="best", ncols=2)
-        figure.suptitle(f"{experiment.title}\n{LINES_AND_AREAS}", fontsize=10)
     return figure
-
-
-def _dots(axes: Axes, x: FloatArray, y: FloatArray, colour: str, marker: str = "o") -> None:
-    axes.plot(
-        x,
-        y,
-        linestyle="none",
-        marker=marker,
-        markersize=4.5,
-        markerfacecolor="white",
-        markeredgecolor=colour,
-    )
 
 
 COLE_COLE_CAPTION = (
@@ -151,30 +121,21 @@ COLE_COLE_CAPTION = (
 
 def cole_cole(fit: FittedTest) -> Figure:
     """Draw loss against storage compliance."""
-    experiment = attenuation_test(fit)
+    experiment = of_kind(fit.experiment, AttenuationExperiment)
     readings = experiment.readings
-    with style():
-        figure = Figure(figsize=(8.0, 5.6), layout="constrained")
+    with figure_of(8.0, 5.6, experiment.title) as figure:
         axes = figure.subplots()
         for own in _spectra(fit):
-            storage, loss = compliances(own.tan_delta, own.modulus * GPA)
-            axes.plot(
-                np.median(storage, axis=0),
-                np.median(loss, axis=0),
-                color=own.colour,
-                linewidth=1.6,
-                label=f"{own.temperature:.0f} K",
-            )
+            solved = compliances(own.tan_delta, own.modulus * GPA)
+            medians = (np.median(values, axis=0) for values in solved)
+            axes.plot(*medians, color=own.colour, linewidth=1.6, label=own.label)
             if readings.modulus.size:
                 rows = own.rows[~readings.is_limit[own.rows]]
                 measured = compliances(readings.tan_delta[rows], readings.modulus[rows] * GPA)
-                _dots(axes, *measured, own.colour)
-        axes.set_xscale("log")
-        axes.set_yscale("log")
-        axes.set_xlabel("storage compliance (1/GPa)")
-        axes.set_ylabel("loss compliance (1/GPa)")
+                draw_open_dots(axes, *measured, own.colour, size=DOT_SIZE)
+        axes.set(xscale="log", yscale="log")
+        axes.set(xlabel="storage compliance (1/GPa)", ylabel="loss compliance (1/GPa)")
         axes.legend(loc="best", ncols=2)
-        figure.suptitle(experiment.title, fontsize=10)
     return figure
 
 
@@ -194,15 +155,13 @@ ARRHENIUS_CAPTION = (
 
 def arrhenius(fit: FittedTest) -> Figure:
     """Draw relaxation times against inverse temperature."""
-    experiment = attenuation_test(fit)
+    experiment = of_kind(fit.experiment, AttenuationExperiment)
     conditions = experiment.conditions
-    predictions = fit.posterior["predictions"].to_dataset()
-    _, spectrum, quantity = conditions.at(predictions["place"].to_numpy())
+    _, spectrum, quantity = conditions.at(positions(fit, "place"))
     first = np.unique(spectrum[quantity == ATTENUATION], return_index=True)[1]
     temperature = conditions.temperature[conditions.first_rows]
     order = np.argsort(temperature)
-    with style():
-        figure = Figure(figsize=(8.0, 5.2), layout="constrained")
+    with figure_of(8.0, 5.2, f"{experiment.title}\n{LINES_AND_AREAS}") as figure:
         axes = figure.subplots()
         seen = conditions.period.min(), conditions.period.max()
         axes.axhspan(*seen, color="#e6e6e6", linewidth=0, label="periods of the table")
@@ -210,13 +169,10 @@ def arrhenius(fit: FittedTest) -> Figure:
             ("log_relaxation_time", BLUE, "Kelvin element"),
             ("log_maxwell_time", VERMILION, "Maxwell time of the dashpot"),
         ):
-            times = np.exp(all_draws(predictions[name])[:, first].astype(np.float64))
+            times = np.exp(predicted(fit, name)[:, first])
             draw_band(axes, 1e4 / temperature[order], times[:, order], colour, label)
-        axes.set_yscale("log")
-        axes.set_xlabel(r"$10^4/T$ (1/K)")
-        axes.set_ylabel("time (s)")
+        axes.set(yscale="log", xlabel=r"$10^4/T$ (1/K)", ylabel="time (s)")
         axes.legend(loc="best")
-        figure.suptitle(f"{experiment.title}\n{LINES_AND_AREAS}", fontsize=10)
     return figure
 
 
@@ -230,64 +186,54 @@ RESIDUALS_CAPTION = (
 
 def residuals(fit: FittedTest) -> Figure:
     """Draw residuals against period by temperature."""
-    experiment = attenuation_test(fit)
-    left = left_over(fit)
-    draws = fit.posterior["posterior"].to_dataset()
+    experiment = of_kind(fit.experiment, AttenuationExperiment)
     period = experiment.conditions.period
-    with style():
-        figure = Figure(figsize=(8.6, 6.4), layout="constrained")
+    parts = zip(
+        left_over(fit),
+        ("attenuation_scatter", "modulus_scatter"),
+        (r"$\ln\tan\delta$", "ln modulus"),
+        strict=True,
+    )
+    with figure_of(8.6, 6.4, experiment.title) as figure:
         panels = figure.subplots(2, 1, sharex=True)
-        for axes, values, name, label in zip(
-            panels,
-            left,
-            ("attenuation_scatter", "modulus_scatter"),
-            (r"$\ln\tan\delta$", "ln modulus"),
-            strict=True,
-        ):
+        for axes, (values, scatter, label) in zip(panels, parts, strict=True):
             axes.axhline(0.0, color=BLACK, linewidth=0.8)
-            if name in draws:
-                half = float(stats.norm.ppf(1.0 - TAIL) * draws[name].mean())
+            if scatter in fit.posterior["posterior"].to_dataset():
+                half = HALF_WIDTH * mean_of(fit, scatter)
                 for level in (-half, half):
                     axes.axhline(level, color=BLACK, linestyle=":", linewidth=0.8)
-            if values.size:
-                for own in _spectra(fit):
-                    axes.plot(
-                        period[own.rows],
-                        values[own.rows],
-                        marker="o",
-                        markersize=3.5,
-                        linewidth=0.8,
-                        color=own.colour,
-                        label=f"{own.temperature:.0f} K",
-                    )
+            for own in _spectra(fit) if values.size else ():
+                axes.plot(
+                    period[own.rows],
+                    values[own.rows],
+                    marker="o",
+                    markersize=3.5,
+                    linewidth=0.8,
+                    color=own.colour,
+                    label=own.label,
+                )
             axes.set_ylabel(f"residual of {label} (–)")
         panels[0].set_xscale("log")
         panels[0].legend(loc="best", ncols=4, fontsize=8)
         panels[1].set_xlabel(PERIOD_LABEL)
-        figure.suptitle(experiment.title, fontsize=10)
     return figure
 
 
 def left_over(fit: FittedTest) -> tuple[FloatArray, FloatArray]:
     """Return recorded less median modelled reading, of attenuation and of modulus, by row."""
-    experiment = attenuation_test(fit)
-    modelled = fit.posterior["model_response"]["log_reading"].median(("chain", "draw")).to_numpy()
-    left = experiment.response - modelled
+    experiment = of_kind(fit.experiment, AttenuationExperiment)
+    left = residuals_of(fit, "log_reading", experiment.response)
     n = experiment.readings.tan_delta.size
     return left[:n], left[n:]
 
 
 def rms_by_temperature(fit: FittedTest) -> pd.DataFrame:
-    """Return what is left over at each temperature and in all.
+    """Return the root mean square of what is left over at each temperature, and in all.
 
-    Returns
-    -------
-    DataFrame
-        Index temperature_K, the last ``all``; columns attenuations (values, without limits),
-        rms_log_tan_delta, moduli, rms_log_modulus (natural logarithms, about the median of the
-        model's draws).
+    Index temperature_K, the last ``all``; columns attenuations (without limits), rms_log_tan_delta,
+    moduli and rms_log_modulus (natural logarithms, about the median of the model's draws).
     """
-    experiment = attenuation_test(fit)
+    experiment = of_kind(fit.experiment, AttenuationExperiment)
     by_temperature = experiment.conditions.temperature
     left = left_over(fit)
     known = ~experiment.readings.is_limit
@@ -337,25 +283,18 @@ def rms_table(fit: FittedTest) -> PageTable:
 
 def fitted_curve(fit: FittedTest) -> FittedCurve:
     """Gather all readings along their places, measured and as a fit has them."""
-    experiment = attenuation_test(fit)
-    predictions = fit.posterior["predictions"].to_dataset()
-    names: tuple[str, str] = ("log_reading", "log_reading_replicated")
-    solutions, replicated = (all_draws(predictions[name]).astype(np.float64) for name in names)
-    scatter = float(fit.posterior["posterior"]["attenuation_scatter"].mean())
-    return FittedCurve(
-        grid=predictions["place"].to_numpy(),
-        solutions=solutions,
-        replicated=replicated,
+    experiment = of_kind(fit.experiment, AttenuationExperiment)
+    return curve_of(
+        fit,
+        "log_reading",
+        grid=positions(fit, "place"),
         position=experiment.position,
         data=experiment.response,
         residuals=np.concatenate(left_over(fit)),
-        error=None,
-        data_label=f"{experiment.provenance.kind} data",
-        noise_band=float(stats.norm.ppf(1.0 - TAIL)) * scatter,
+        noise_band=HALF_WIDTH * mean_of(fit, "attenuation_scatter"),
         position_label=PLACE_LABEL,
         label="ln tan δ, ln(modulus/Pa)",
         residual_label="residual",
-        heading=experiment.title,
     )
 
 
@@ -370,22 +309,68 @@ def rms_result(fit: FittedTest) -> str:
 
 def relaxation_result(fit: FittedTest) -> str:
     """Say between which relaxation times the temperatures lie."""
-    times = all_draws(fit.posterior["predictions"].to_dataset()["log_relaxation_time"])
-    median = np.exp(np.median(times.astype(np.float64), axis=0))
+    median = np.exp(np.median(predicted(fit, "log_relaxation_time"), axis=0))
     return (
         f"median relaxation times of the Kelvin element go from {median.min():.2g} to "
         f"{median.max():.2g} s."
     )
 
 
-ATTENUATION_FIGURES = (
-    FigureRecipe(
-        "master_curves", "Attenuation and modulus", MASTER_CAPTION, master_curves, rms_result
+def facts(experiment: AttenuationExperiment) -> Sequence[tuple[str, str]]:
+    """Return cycles, stresses, temperatures and number of readings."""
+    conditions, readings = experiment.conditions, experiment.readings
+    elasticity = experiment.elasticity
+    constants = {
+        "Poisson's ratio": elasticity.poisson_ratio,
+        "bulk modulus (Pa)": elasticity.bulk_modulus,
+    }
+    related = "".join(
+        f", turned from axial quantities with {name} {value:g}"
+        for name, value in constants.items()
+        if value is not None
+    )
+    stress = (
+        f"median {range_text(conditions.median_stress, digits=4)} Pa, amplitude "
+        f"{range_text(conditions.amplitude, digits=4)} Pa"
+        if experiment.amplitude_is_stated
+        else "not stated: taken as so small that the dashpot is linear"
+    )
+    return (
+        ("Cycles", f"{elasticity.deformation}{related}"),
+        ("Stress", stress),
+        (
+            "Temperatures",
+            f"{range_text(conditions.temperature, digits=4)} K, {conditions.n_spectra} spectra",
+        ),
+        ("Periods", f"{range_text(conditions.period, digits=4)} s"),
+        (
+            "Readings",
+            f"{readings.tan_delta.size} attenuations ({int(readings.is_limit.sum())} of them "
+            f"upper limits), {readings.modulus.size} moduli",
+        ),
+    )
+
+
+VIEW = View(
+    figures=(
+        FigureRecipe(
+            "master_curves", "Attenuation and modulus", MASTER_CAPTION, master_curves, rms_result
+        ),
+        FigureRecipe("residuals", "What is left over", RESIDUALS_CAPTION, residuals, rms_result),
+        FigureRecipe(
+            "cole_cole", "Loss against storage compliance", COLE_COLE_CAPTION, cole_cole, rms_result
+        ),
+        FigureRecipe(
+            "arrhenius", "Relaxation times", ARRHENIUS_CAPTION, arrhenius, relaxation_result
+        ),
+        SPECTRUM_FIGURE,
     ),
-    FigureRecipe("residuals", "What is left over", RESIDUALS_CAPTION, residuals, rms_result),
-    FigureRecipe(
-        "cole_cole", "Loss against storage compliance", COLE_COLE_CAPTION, cole_cole, rms_result
+    curve=fitted_curve,
+    facts=facts,
+    reference_text=Markup(
+        "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the dashpot flows at the "
+        "temperature of the file's head and the largest stress of the table (1 MPa where none is "
+        "stated), follows from the other parameters, and so does its prior."
     ),
-    FigureRecipe("arrhenius", "Relaxation times", ARRHENIUS_CAPTION, arrhenius, relaxation_result),
+    tables=lambda fit: (rms_table(fit),),
 )
-"""What the report of such a fit shows beside the figures of its posterior."""

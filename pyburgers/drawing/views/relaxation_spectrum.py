@@ -7,10 +7,11 @@ from matplotlib.figure import Figure
 
 from pyburgers.common.draws import all_draws, central_band, evenly_spaced
 from pyburgers.drawing.page_parts import FigureRecipe
-from pyburgers.drawing.panels import LINES_AND_AREAS, band_text, draw_band
-from pyburgers.drawing.style import BLUE, VERMILION, style
+from pyburgers.drawing.panels import LINES_AND_AREAS, band_text, draw_band, figure_of
+from pyburgers.drawing.style import BLUE, VERMILION
 from pyburgers.model.relaxation import KelvinPart, kelvin_part
-from pyburgers.protocols.attenuation.figures import attenuation_test
+from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
+from pyburgers.protocols.experiment import of_kind
 from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
@@ -35,7 +36,7 @@ SPECTRUM_CAPTION = (
 
 def relaxation_spectrum(fit: FittedTest) -> Figure:
     """Draw the compliance of relaxation times with its band."""
-    experiment = attenuation_test(fit)
+    experiment = of_kind(fit.experiment, AttenuationExperiment)
     part = _part(fit, experiment.temperature)
     elastic = 1 / part.values["maxwell_modulus"]
     seen = _seen_times(fit, part)
@@ -43,22 +44,19 @@ def relaxation_spectrum(fit: FittedTest) -> Figure:
         np.log10(seen[0]) - DECADES_BEYOND, np.log10(seen[1]) + DECADES_BEYOND, TIMES
     )
     density = np.log(10) * part.spectrum(log_time) / elastic[:, np.newaxis]
-    with style():
-        figure = Figure(figsize=(8.0, 5.2), layout="constrained")
+    with figure_of(8.0, 5.2, f"{experiment.title}\n{LINES_AND_AREAS}") as figure:
         axes = figure.subplots()
         axes.axvspan(*seen, color="#e6e6e6", linewidth=0, label="seen by the periods")
         if density.any():
             draw_band(axes, np.exp(log_time), density, BLUE, "per decade")
         else:
             _draw_elements(axes, part, elastic)
-        axes.set_xscale("log")
-        axes.set_yscale("log")
+        axes.set(xscale="log", yscale="log")
         least, most = axes.get_ylim()
         axes.set_ylim(min(max(least, LEAST), 0.1), max(most, 1.0))
         axes.set_xlabel(f"relaxation time at {experiment.temperature:g} K (s)")
         axes.set_ylabel("compliance / elastic compliance (–)")
         axes.legend(loc="best")
-        figure.suptitle(f"{experiment.title}\n{LINES_AND_AREAS}", fontsize=10)
     return figure
 
 
@@ -76,7 +74,7 @@ def _part(fit: FittedTest, temperature: float) -> KelvinPart:
 
 def _seen_times(fit: FittedTest, part: KelvinPart) -> tuple[float, float]:
     """Return the range of 1/omega of all rows (s), moved to the temperature of a part."""
-    conditions = attenuation_test(fit).conditions
+    conditions = of_kind(fit.experiment, AttenuationExperiment).conditions
     times = []
     for temperature in np.unique(conditions.temperature):
         period = conditions.period[conditions.temperature == temperature]
@@ -119,4 +117,3 @@ SPECTRUM_FIGURE = FigureRecipe(
     relaxation_spectrum,
     spectrum_result,
 )
-"""What the report of a fit of attenuation shows of it."""

@@ -6,8 +6,8 @@ import pandas as pd
 from markupsafe import Markup
 from scipy.stats import linregress
 
-from pyburgers.common.draws import all_draws
 from pyburgers.common.units import rounded, span_text
+from pyburgers.drawing.fitted import positions, predicted
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.model.display import (
     STRAIN_FACTOR,
@@ -16,13 +16,14 @@ from pyburgers.model.display import (
     STRESS_UNIT,
     time_unit,
 )
+from pyburgers.protocols.experiment import of_kind
 from pyburgers.protocols.loading_history.creep_intervals import (
     NEARLY_CONSTANT,
     CreepInterval,
     creep_intervals,
 )
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.figures import loading_history_test, stages_of_times
+from pyburgers.protocols.loading_history.stan_data import stage_of_times
 from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
@@ -47,24 +48,17 @@ LEAST_SHARE = 0.5
 def minimum_rates(fit: FittedTest) -> pd.DataFrame:
     """Return the minimum strain rate wherever a sample creeps forward under a constant stress.
 
-    Returns
-    -------
-    DataFrame
-        A row for each of the `creep_intervals` in which at least half of the draws creep forward
-        throughout, all numbers those of such draws; columns stage (from 1), start_time_s,
-        end_time_s, stress_Pa, measured_rate_per_s, measured_rate_sd_per_s (of the readings; NaN
-        where they are few), rate_per_s, rate_q5_per_s, rate_q95_per_s (median and quantiles over
-        the draws), strain, strain_q5, strain_q95 (the same, of draws with a minimum inside; NaN
-        where these are fewer than half), minimum_inside (the share of draws whose rate is slower
-        than at both ends in between) and least_at_end (the share of those whose rate is least, or
-        as good as that, at the end).
+    A row is one of the `creep_intervals` in which at least half of the draws creep forward
+    throughout; all numbers are those of such draws. Columns: stage (from 1), start_time_s,
+    end_time_s, stress_Pa; measured_rate_per_s, measured_rate_sd_per_s (of the readings; NaN where
+    they are few); rate_per_s, rate_q5_per_s, rate_q95_per_s (median and quantiles over the draws);
+    strain, strain_q5, strain_q95 (of draws with a minimum inside; NaN where these are fewer than
+    half); minimum_inside (share of draws whose rate is slower than at both ends in between) and
+    least_at_end (share of those whose rate is least, or as good as that, at the end).
     """
-    experiment = loading_history_test(fit)
-    predictions = fit.posterior["predictions"].to_dataset()
-    time = predictions["time"].to_numpy()
-    rate, strain = (
-        all_draws(predictions[name]).astype(np.float64) for name in ("strain_rate", "strain")
-    )
+    experiment = of_kind(fit.experiment, LoadingHistory)
+    time = positions(fit, "time")
+    rate, strain = predicted(fit, "strain_rate"), predicted(fit, "strain")
     rows = []
     for interval in creep_intervals(experiment):
         here = _times_inside(experiment, interval, time)
@@ -94,7 +88,7 @@ def _times_inside(
     stage = experiment.stages[interval.stage]
     begun = (time > interval.start_time) | (interval.start_time == stage.start_time)
     goes_on = (time < interval.end_time) | (interval.end_time == stage.end_time)
-    return np.flatnonzero((stages_of_times(experiment, time) == interval.stage) & begun & goes_on)
+    return np.flatnonzero((stage_of_times(experiment, time) == interval.stage) & begun & goes_on)
 
 
 def _measured(experiment: LoadingHistory, interval: CreepInterval) -> dict[str, float]:
@@ -145,7 +139,7 @@ def minimum_rate_table(fit: FittedTest) -> tuple[PageTable, ...]:
     found = minimum_rates(fit)
     if found.empty:
         return ()
-    unit, seconds = time_unit(loading_history_test(fit).end_time)
+    unit, seconds = time_unit(of_kind(fit.experiment, LoadingHistory).end_time)
     strain = STRAIN_FACTOR * found[["strain", "strain_q5", "strain_q95"]].to_numpy()
     shown = pd.DataFrame(
         {

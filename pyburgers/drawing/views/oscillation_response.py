@@ -10,10 +10,12 @@ import xarray as xr
 from markupsafe import Markup
 
 from pyburgers.common.draws import all_draws, central_band
-from pyburgers.common.errors import InputError
 from pyburgers.common.units import rounded
+from pyburgers.drawing.fitted import predicted
 from pyburgers.drawing.page_parts import PageTable
-from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
+from pyburgers.drawing.panels import band_text
+from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_FACTOR, STRESS_UNIT
+from pyburgers.protocols.experiment import of_kind
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.harmonics import fundamentals
 from pyburgers.protocols.protocol import FittedTest
@@ -23,14 +25,9 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ObservedResponse:
-    """What the prepared record says about the stress at the period of the test.
+    """Fundamental of the stress of a prepared record: amplitude (Pa), and lag of the strain (rad).
 
-    Attributes
-    ----------
-    amplitude, amplitude_standard_error : float
-        Of the fundamental (Pa).
-    lag, lag_standard_error : float
-        Phase of the stress minus that of the driving strain (rad), in [-pi, pi].
+    The lag, in [-pi, pi], is the phase of the stress minus that of the driving strain.
     """
 
     amplitude: float
@@ -41,32 +38,14 @@ class ObservedResponse:
 
 @dataclass(frozen=True, eq=False)
 class PredictedResponse:
-    """The same for curves of single draws.
-
-    Attributes
-    ----------
-    amplitude : array, shape (n_curves,)
-        Of the fundamental (Pa).
-    lag : array, shape (n_curves,)
-        Phase of the stress minus that of the driving strain (rad), within pi of the observed one.
-    """
+    """The same of curves of single draws, shape (n_curves,); lags within pi of the observed."""
 
     amplitude: FloatArray
     lag: FloatArray
 
 
-def oscillation_of(fit: FittedTest) -> OscillationExperiment:
-    """Return the test of a fit; raise `InputError` if it is no forced oscillation."""
-    if not isinstance(fit.experiment, OscillationExperiment):
-        raise InputError(
-            f"{fit.experiment.id}: found a test without oscillation, expected the fit of a forced "
-            "oscillation test."
-        )
-    return fit.experiment
-
-
 def observed_response(experiment: OscillationExperiment) -> ObservedResponse:
-    """Return amplitude and lag of the measured stress; errors follow from those of the readings."""
+    """Return amplitude and lag of the measured stress, with errors from those of its readings."""
     of_strain, of_stress = experiment.prepared.strain_fit, experiment.prepared.stress_fit
     strain_phase, strain_error = of_strain.phase()
     stress_phase, stress_error = of_stress.phase()
@@ -78,38 +57,30 @@ def observed_response(experiment: OscillationExperiment) -> ObservedResponse:
 
 
 def predicted_response(fit: FittedTest) -> PredictedResponse:
-    """Return amplitude and lag of the model's stress, without noise.
-
-    Parameters
-    ----------
-    fit : FittedTest
-        Of a forced oscillation test.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
-    """
-    experiment = oscillation_of(fit)
+    """Return amplitude and lag of the model's stress, without noise."""
+    experiment = of_kind(fit.experiment, OscillationExperiment)
     stress = fit.posterior["predictions"].to_dataset()["stress"]
     return _response(experiment, stress["time"].to_numpy(), stress)
 
 
 def replicated_response(fit: FittedTest) -> PredictedResponse:
     """Return amplitude and lag of replicated data, as they would be found in a new record."""
-    experiment = oscillation_of(fit)
+    experiment = of_kind(fit.experiment, OscillationExperiment)
     stress = fit.posterior["posterior_predictive"].to_dataset()["stress"]
     prepared = experiment.prepared
     return _response(experiment, prepared.time, stress, prepared.uncertainty)
 
 
 def response_table(fit: FittedTest) -> pd.DataFrame:
-    """Compare the observed amplitude and lag with what replicated data have.
+    """Compare observed amplitude and lag with those of replicated data, in SI units.
 
     Index quantity (amplitude, lag), SI units; columns unit, observed, standard_error, median, q5,
     q95 (of replicated data) and inside: whether the observed value lies between the two.
     """
-    observed, replicated = observed_response(oscillation_of(fit)), replicated_response(fit)
+    observed, replicated = (
+        observed_response(of_kind(fit.experiment, OscillationExperiment)),
+        replicated_response(fit),
+    )
     rows = {
         "amplitude": (
             "Pa",
@@ -187,6 +158,19 @@ def shown_response_table(response: pd.DataFrame) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows)
+
+
+def lag_result(fit: FittedTest) -> str:
+    """Set the observed phase lag beside those of replicated data."""
+    observed = np.degrees(observed_response(of_kind(fit.experiment, OscillationExperiment)).lag)
+    replicated = band_text(np.degrees(replicated_response(fit).lag), "degrees")
+    return f"the record lags by {observed:.3g} degrees, replicated data by {replicated}."
+
+
+def grains_result(fit: FittedTest) -> str:
+    """Say how large grains are at the end."""
+    size = predicted(fit, "grain_size")[:, -1]
+    return f"grains end at {band_text(size * LENGTH_FACTOR, LENGTH_UNIT)}."
 
 
 def _response(

@@ -1,30 +1,44 @@
-"""Figures of a fit of a loading history: what is drawn, and how to read it.
+"""View of loading histories: figures of a fit with their captions, and facts of a test."""
 
-Every function takes a fit and returns a figure of its own, and refuses the fit of another kind of
-test (`InputError`).
-"""
-
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
+from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy import stats
 
-from pyburgers.common.draws import TAIL, all_draws, central_band
+from pyburgers.common.draws import central_band
+from pyburgers.drawing.fitted import curve_of, mean_of, positions, predicted, residuals
 from pyburgers.drawing.page_parts import FigureRecipe
 from pyburgers.drawing.panels import (
+    HALF_WIDTH,
     LINES_AND_AREAS,
     MEDIAN_LABEL,
+    STRAIN_LABEL,
+    STRESS_LABEL,
     FittedCurve,
     band_text,
+    draw_band,
     draw_data,
     draw_retrodictions,
+    figure_of,
     legend_above,
     result_of,
 )
-from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, PURPLE, VERMILION, few_ticks, style
+from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, PURPLE, VERMILION, few_ticks
+from pyburgers.drawing.view import View
+from pyburgers.drawing.views.isochronous import isochronous_figure
+from pyburgers.drawing.views.minimum_rates import minimum_rate_table
+from pyburgers.drawing.views.softening import (
+    Along,
+    microstructure_facts,
+    softened_text,
+    softening_along,
+    softening_caption,
+)
 from pyburgers.model.display import (
     STRAIN_FACTOR,
     STRAIN_UNIT,
@@ -35,9 +49,9 @@ from pyburgers.model.display import (
 from pyburgers.model.variants import variant_of
 from pyburgers.protocols.experiment import of_kind
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.microstructure import strains_of, times_of
+from pyburgers.protocols.loading_history.stan_data import stage_of_times
+from pyburgers.protocols.microstructure import MeasuredMicrostructure, strains_of, times_of
 from pyburgers.protocols.protocol import FittedTest
-from pyburgers.protocols.softening import Along, softened_text, softening_along, softening_caption
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -51,25 +65,12 @@ class _Shown:
 
     name: str
     label: str
-    residual_label: str
+    unit: str
     factor: float
-    noise: str
 
 
-_STRESS = _Shown(
-    "stress",
-    f"differential stress ({STRESS_UNIT})",
-    f"residual ({STRESS_UNIT})",
-    STRESS_FACTOR,
-    "stress_noise",
-)
-_STRAIN = _Shown(
-    "strain",
-    f"axial strain ({STRAIN_UNIT})",
-    f"residual ({STRAIN_UNIT})",
-    STRAIN_FACTOR,
-    "strain_noise",
-)
+_STRESS = _Shown("stress", STRESS_LABEL, STRESS_UNIT, STRESS_FACTOR)
+_STRAIN = _Shown("strain", STRAIN_LABEL, STRAIN_UNIT, STRAIN_FACTOR)
 
 HISTORY_CAPTION = (
     "The test along time, its stages shaded in turn. Stress and strain: readings (circles) where "
@@ -83,13 +84,12 @@ HISTORY_CAPTION = (
 
 def history(fit: FittedTest) -> Figure:
     """Draw stress, strain and residuals along time."""
-    experiment = loading_history_test(fit)
+    experiment = of_kind(fit.experiment, LoadingHistory)
     curves = {shown.name: _curve(fit, shown) for shown in (_STRESS, _STRAIN)}
     panels = [(name, part) for name in curves for part in ("curve", "residuals")]
     panels = [(n, part) for n, part in panels if part == "curve" or curves[n].position.size > 0]
     heights = [3.0 if part == "curve" else 1.2 for _, part in panels]
-    with style():
-        figure = Figure(figsize=(8.0, 1.2 + 0.95 * sum(heights)), layout="constrained")
+    with figure_of(8.0, 1.2 + 0.95 * sum(heights)) as figure:
         axes = figure.subplots(len(panels), 1, sharex=True, height_ratios=heights)
         for panel, (name, part) in zip(axes, panels, strict=True):
             _shade_stages(panel, experiment)
@@ -105,7 +105,7 @@ def history(fit: FittedTest) -> Figure:
 
 def fitted_curve(fit: FittedTest) -> FittedCurve:
     """Gather what was read along time, and as a fit has it; of two quantities that read more."""
-    return _curve(fit, _main(loading_history_test(fit)))
+    return _curve(fit, _main(of_kind(fit.experiment, LoadingHistory)))
 
 
 RECOVERY_SHOWN = 1e-3
@@ -124,17 +124,12 @@ RESPONSE_CAPTION = (
 
 def response(fit: FittedTest) -> Figure:
     """Draw stress against strain, the rate against strain, and stages on logarithmic time."""
-    experiment = loading_history_test(fit)
-    predictions = fit.posterior["predictions"].to_dataset()
-    time = predictions["time"].to_numpy()
-    values = {
-        name: all_draws(predictions[name]).astype(np.float64)
-        for name in ("stress", "strain", "strain_rate")
-    }
+    experiment = of_kind(fit.experiment, LoadingHistory)
+    time = positions(fit, "time")
+    values = {name: predicted(fit, name) for name in ("stress", "strain", "strain_rate")}
     middle = {name: np.nanmedian(draws, axis=0) for name, draws in values.items()}
-    stage_of = stages_of_times(experiment, time)
-    with style():
-        figure = Figure(figsize=(8.6, 7.6), layout="constrained")
+    stage_of = stage_of_times(experiment, time)
+    with figure_of(8.6, 7.6, f"{experiment.title}\n{LINES_AND_AREAS}") as figure:
         places = figure.subplot_mosaic([["curve", "rate"], ["log", "log"]])
         for number, stage in enumerate(experiment.stages):
             here = np.flatnonzero(stage_of == number)
@@ -168,29 +163,7 @@ def response(fit: FittedTest) -> Figure:
                 )
         _cut_slow_recovery(places["rate"], middle["strain_rate"])
         _label_response(places)
-        figure.suptitle(f"{experiment.title}\n{LINES_AND_AREAS}", fontsize=10)
     return figure
-
-
-def loading_history_test(fit: FittedTest) -> LoadingHistory:
-    """Return the experiment of a fit, which has to be a loading history.
-
-    Raises
-    ------
-    InputError
-        If it is not.
-    """
-    return of_kind(fit.experiment, LoadingHistory, "a loading history")
-
-
-def stages_of_times(experiment: LoadingHistory, time: FloatArray) -> IntArray:
-    """Return the stage, from 0, of times (s) of a solution.
-
-    Of two equal times at which stages meet the first belongs to the one that ends there.
-    """
-    inner = np.array([stage.end_time for stage in experiment.stages[:-1]])
-    behind = np.isin(time, inner) & (np.diff(time, prepend=-1.0) == 0)
-    return np.asarray(np.searchsorted(inner, time, side="left") + behind, dtype=np.int64)
 
 
 def _main(experiment: LoadingHistory) -> _Shown:
@@ -199,37 +172,29 @@ def _main(experiment: LoadingHistory) -> _Shown:
 
 def _curve(fit: FittedTest, shown: _Shown) -> FittedCurve:
     """Gather a quantity along time as read and as a fit has it, in display units."""
-    experiment = loading_history_test(fit)
+    experiment = of_kind(fit.experiment, LoadingHistory)
     unit, seconds = time_unit(experiment.end_time)
-    predictions = fit.posterior["predictions"].to_dataset()
-    predicted = fit.posterior["model_response"]["response"].median(("chain", "draw")).to_numpy()
-    time = predictions["time"].to_numpy()
+    time = positions(fit, "time")
     imposed = np.array([stage.driven == shown.name for stage in experiment.stages])
-    solutions, replicated = (
-        all_draws(predictions[name]) * shown.factor
-        for name in (shown.name, f"{shown.name}_replicated")
-    )
     is_read = experiment.response_is_strain == (shown is _STRAIN)
-    draws = fit.posterior["posterior"].to_dataset()
-    noise = float(draws[shown.noise].mean()) if shown.noise in draws else 0.0
-    return FittedCurve(
+    curve = curve_of(
+        fit,
+        shown.name,
+        shown.factor,
         grid=time / seconds,
-        solutions=solutions,
-        # What is imposed has no reading error.
-        replicated=np.where(imposed[stages_of_times(experiment, time)], solutions, replicated),
         position=experiment.time[is_read] / seconds,
         data=experiment.reading[is_read] * shown.factor,
-        residuals=(experiment.reading - predicted)[is_read] * shown.factor,
-        error=None,
-        data_label=f"{experiment.provenance.kind} data",
-        noise_band=float(stats.norm.ppf(1.0 - TAIL)) * noise * shown.factor,
+        residuals=residuals(fit, "response", experiment.reading)[is_read] * shown.factor,
+        noise_band=HALF_WIDTH * mean_of(fit, f"{shown.name}_noise") * shown.factor,
         position_label=f"time ({unit})",
         label=shown.label,
-        residual_label=shown.residual_label,
-        heading=experiment.title,
+        residual_label=f"residual ({shown.unit})",
         marks=[(stage.start_time / seconds, "") for stage in experiment.stages[1:]],
         limits=(0.0, 1.01 * experiment.end_time / seconds),
     )
+    # What is imposed has no reading error.
+    is_imposed = imposed[stage_of_times(experiment, time)]
+    return replace(curve, replicated=np.where(is_imposed, curve.solutions, curve.replicated))
 
 
 def _shade_stages(axes: Axes, experiment: LoadingHistory) -> None:
@@ -301,30 +266,30 @@ def _draw_log_time(
     later = since > 0
     if end == 0:
         return
-    low, middle, high = central_band(values[:, later] / end)
-    axes.fill_between(since[later], low, high, color=colour, alpha=0.22, linewidth=0)
-    axes.plot(since[later], middle, color=colour, linewidth=1.6, label=label)
+    draw_band(axes, since[later], values[:, later] / end, colour, label)
 
 
 def _label_response(places: dict[str, Axes]) -> None:
-    places["curve"].set_title("(a) stress against strain", loc="left")
-    places["curve"].set_ylabel(_STRESS.label)
-    places["rate"].set_title("(b) strain rate", loc="left")
-    places["rate"].set_ylabel("strain rate (1/s)")
-    for name in ("curve", "rate"):
-        places[name].set_xlabel(_STRAIN.label)
-    places["log"].set_title("(c) stages on logarithmic time", loc="left")
+    for name, title, x, y in (
+        ("curve", "(a) stress against strain", STRAIN_LABEL, STRESS_LABEL),
+        ("rate", "(b) strain rate", STRAIN_LABEL, "strain rate (1/s)"),
+        (
+            "log",
+            "(c) stages on logarithmic time",
+            "time since the start of the stage (s)",
+            "response / response at the end (–)",
+        ),
+    ):
+        places[name].set_title(title, loc="left")
+        places[name].set(xlabel=x, ylabel=y)
     places["log"].set_xscale("log")
-    places["log"].set_xlabel("time since the start of the stage (s)")
-    places["log"].set_ylabel("response / response at the end (–)")
     places["log"].legend(loc="best", ncols=2)
 
 
 def response_result(fit: FittedTest) -> str:
     """Say where the solutions end."""
-    predictions = fit.posterior["predictions"].to_dataset()
     ends = (
-        f"{shown.name} of {band_text(all_draws(predictions[shown.name])[:, -1] * shown.factor, '')}"
+        f"{shown.name} of {band_text(predicted(fit, shown.name)[:, -1] * shown.factor, '')}"
         f" in the unit of {shown.label}"
         for shown in (_STRAIN, _STRESS)
     )
@@ -339,11 +304,10 @@ SOFTENING_CAPTION = (
 
 def softening(fit: FittedTest) -> Figure:
     """Draw how grain size and fabric soften the material along time."""
-    experiment = loading_history_test(fit)
+    experiment = of_kind(fit.experiment, LoadingHistory)
     unit, seconds = time_unit(experiment.end_time)
-    predictions = fit.posterior["predictions"].to_dataset()
-    time = predictions["time"].to_numpy()
-    path_strain = np.nanmedian(all_draws(predictions["path_strain"]), axis=0)
+    time = positions(fit, "time")
+    path_strain = np.nanmedian(predicted(fit, "path_strain"), axis=0)
     sections = experiment.microstructure
     measured = np.where(
         [one.time is None for one in sections],
@@ -368,24 +332,64 @@ def evolves(fit: FittedTest) -> bool:
     return not constant or bool(fit.experiment.microstructure)
 
 
-LOADING_HISTORY_FIGURES = (
-    FigureRecipe(
-        "history",
-        "Stress and strain along time",
-        HISTORY_CAPTION,
-        history,
-        result_of(fitted_curve),
+def facts(experiment: LoadingHistory) -> Sequence[tuple[str, str]]:
+    """Return stages and number of readings."""
+    n_strain = int(experiment.response_is_strain.sum())
+    read = [
+        f"{number} of {name}"
+        for number, name in ((n_strain, "strain"), (experiment.n_points - n_strain, "stress"))
+        if number > 0
+    ]
+    return (
+        (
+            "Stages",
+            f"{len(experiment.stages)}, solved in {len(experiment.legs)} parts over which what "
+            "is imposed is linear in time",
+        ),
+        (
+            "Readings",
+            f"{' and '.join(read)}, of {experiment.n_readings_in_file} in the file",
+        ),
+        *microstructure_facts(experiment.microstructure, partial(_place, experiment)),
+    )
+
+
+def _place(experiment: LoadingHistory, section: MeasuredMicrostructure) -> str:
+    """Say where a microstructure was measured."""
+    if section.time is None:
+        return f"a path strain of {(section.strain or 0.0) * STRAIN_FACTOR:.3g} %"
+    unit, seconds = time_unit(experiment.end_time)
+    return f"{section.time / seconds:.3g} {unit}"
+
+
+VIEW = View(
+    figures=(
+        FigureRecipe(
+            "history",
+            "Stress and strain along time",
+            HISTORY_CAPTION,
+            history,
+            result_of(fitted_curve),
+        ),
+        FigureRecipe(
+            "response", "How the material answers", RESPONSE_CAPTION, response, response_result
+        ),
+        FigureRecipe(
+            "softening",
+            "What softens the material",
+            SOFTENING_CAPTION,
+            softening,
+            lambda fit: f"at the end {softened_text(fit)}",
+            evolves,
+        ),
     ),
-    FigureRecipe(
-        "response", "How the material answers", RESPONSE_CAPTION, response, response_result
+    curve=fitted_curve,
+    facts=facts,
+    reference_text=Markup(
+        "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the undeformed material flows "
+        "under the largest stress of the test (with a hyperbolic sine, the material after its "
+        "largest strain), follows from the other parameters, and so does its prior."
     ),
-    FigureRecipe(
-        "softening",
-        "What softens the material",
-        SOFTENING_CAPTION,
-        softening,
-        lambda fit: f"at the end {softened_text(fit)}",
-        evolves,
-    ),
+    tables=minimum_rate_table,
+    joint_figures=isochronous_figure,
 )
-"""What the report of such a fit shows beside the figures of its posterior."""

@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 
 from pyburgers.common.draws import all_draws
 from pyburgers.common.units import with_error
-from pyburgers.drawing.panels import LINES_AND_AREAS, band_text, draw_band_panel
-from pyburgers.drawing.style import BLACK, BLUE, GREEN, SKY_BLUE, VERMILION, style
+from pyburgers.drawing.fitted import predicted
+from pyburgers.drawing.panels import LINES_AND_AREAS, band_text, draw_band_panel, figure_of
+from pyburgers.drawing.style import BLACK, BLUE, GREEN, SKY_BLUE, VERMILION
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.microstructure import MeasuredMicrostructure
@@ -26,39 +27,19 @@ SHARES = (-1.0, 2.0)
 
 @dataclass(frozen=True, eq=False)
 class Along:
-    """The horizontal axis of the figure, in the unit that is shown.
+    """The horizontal axis of the figure, in the unit that is shown."""
 
-    Attributes
-    ----------
-    position : array, shape (n_grid,)
-        Of the predictions.
-    measured : array, shape (n_sections,)
-        Where the microstructure was measured.
-    label : str
-        Of the axis.
-    end : float
-        Of the test.
-    """
-
-    position: FloatArray
-    measured: FloatArray
+    position: FloatArray  # of the predictions, shape (n_grid,)
+    measured: FloatArray  # where the microstructure was measured, shape (n_sections,)
     label: str
-    end: float
+    end: float  # of the test
 
 
 def microstructure_facts(
     measured: Sequence[MeasuredMicrostructure],
     place: Callable[[MeasuredMicrostructure], str],
 ) -> list[tuple[str, str]]:
-    """Say on a page what was measured of the microstructure, if anything.
-
-    Parameters
-    ----------
-    measured : sequence of MeasuredMicrostructure
-        Of a test.
-    place : callable
-        Says where each was measured, such as ``15 % strain``.
-    """
+    """Say what was measured of the microstructure, if anything, and where: ``15 % strain``."""
     if not measured:
         return []
     said = []
@@ -87,17 +68,15 @@ def softening_caption(end: str) -> str:
 def softening_along(fit: FittedTest, along: Along) -> Figure:
     """Draw how grain size and fabric soften the material along a test."""
     experiment = fit.experiment
-    predictions = fit.posterior["predictions"].to_dataset()
     by_grains, by_fabric = (
-        all_draws(predictions[name]) for name in ("grain_size_softening", "fabric_softening")
+        predicted(fit, name) for name in ("grain_size_softening", "fabric_softening")
     )
-    with style():
-        figure = Figure(figsize=(8.6, 6.8), layout="constrained")
+    with figure_of(8.6, 6.8, f"{experiment.title}\n{LINES_AND_AREAS}") as figure:
         grains, fabric, strength, share = figure.subplots(2, 2).flat
         draw_band_panel(
             grains,
             along.position,
-            [(all_draws(predictions["grain_size"]) * LENGTH_FACTOR, BLUE, "mean grain size")],
+            [(predicted(fit, "grain_size") * LENGTH_FACTOR, BLUE, "mean grain size")],
             heading="(a) grain size",
             label=f"grain size ({LENGTH_UNIT})",
             level=(experiment.initial_grain_size * LENGTH_FACTOR, "initial grain size"),
@@ -105,7 +84,7 @@ def softening_along(fit: FittedTest, along: Along) -> Figure:
         draw_band_panel(
             fabric,
             along.position,
-            [(all_draws(predictions["fabric_factor"]), GREEN, "fabric factor")],
+            [(predicted(fit, "fabric_factor"), GREEN, "fabric factor")],
             heading="(b) fabric",
             label="fabric factor $F$ (–)",
         )
@@ -123,26 +102,13 @@ def softening_along(fit: FittedTest, along: Along) -> Figure:
         _draw_measured(grains, fabric, experiment, along.measured)
         for axes, least_top in ((grains, 0.0), (fabric, 1.05), (strength, 1.05)):
             axes.set_ylim(0.0, max(axes.get_ylim()[1], least_top))
-            axes.set_xlabel(along.label)
-            axes.set_xlim(0.0, along.end)
-        _draw_share(share, softening_shares(predictions))
-        figure.suptitle(f"{experiment.title}\n{LINES_AND_AREAS}", fontsize=10)
+            axes.set(xlabel=along.label, xlim=(0.0, along.end))
+        _draw_share(share, softening_shares(fit.posterior["predictions"].to_dataset()))
     return figure
 
 
 def softening_shares(predictions: xr.Dataset) -> FloatArray:
-    """Return the share that grain size has in the softening (its logarithm) at the end of a test.
-
-    Parameters
-    ----------
-    predictions : Dataset
-        Of a fit, in labelled draws.
-
-    Returns
-    -------
-    array, shape (n,)
-        Of the draws with any softening.
-    """
+    """Return the share of grain size in ln(softening) at the end, of draws with any softening."""
     log_grains, log_fabric = (
         np.log(all_draws(predictions[name])[:, -1].astype(np.float64))
         for name in ("grain_size_softening", "fabric_softening")
@@ -154,9 +120,8 @@ def softening_shares(predictions: xr.Dataset) -> FloatArray:
 
 def softened_text(fit: FittedTest) -> str:
     """Say how far the material has softened at the end of a test, and by what."""
-    predictions = fit.posterior["predictions"].to_dataset()
     size, fabric, by_grains, by_fabric = (
-        all_draws(predictions[name])[:, -1]
+        predicted(fit, name)[:, -1]
         for name in ("grain_size", "fabric_factor", "grain_size_softening", "fabric_softening")
     )
     return (
@@ -209,7 +174,6 @@ def _draw_share(axes: Axes, share: FloatArray) -> None:
         if beyond > 0.01:  # more than the tails that any axis leaves out
             axes.plot([], [], " ", label=f"{100 * beyond:.0f} % of draws lie beyond")
     axes.set_title("(d) share of grain size", loc="left")
-    axes.set_xlabel("share of ln-softening due to grain size (–)")
-    axes.set_ylabel("share of draws (%)")
+    axes.set(xlabel="share of ln-softening due to grain size (–)", ylabel="share of draws (%)")
     axes.set_xlim(*ends)
     axes.legend(loc="best")

@@ -1,0 +1,59 @@
+"""How the page shows a kind of test: figures, curve, facts and tables, joined to it by its name.
+
+To show a new kind: a module of its name in the folder ``views`` with an object ``VIEW`` (`View`).
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from types import MappingProxyType
+from typing import Any
+
+from markupsafe import Markup
+
+from pyburgers.drawing.page_parts import FigureRecipe, PageFigure, PageTable
+from pyburgers.drawing.panels import FittedCurve
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.protocol import NAMES, FittedTest
+
+
+@dataclass(frozen=True)
+class View:
+    """How the page shows a kind of test.
+
+    Attributes
+    ----------
+    figures : tuple of FigureRecipe
+        Figures of a fit beside those of its posterior, the curve first.
+    curve : callable
+        Returns the response of a fitted test along its clock, measured and as the fit has it.
+    facts : callable
+        Returns what the page says about a test: names and values.
+    reference_text : Markup
+        What the page says about the kind's `Protocol.reference`.
+    tables : callable
+        Returns tables of a fit beside those that every fit has.
+    joint_figures : callable
+        Returns figures of the tests of a joint fit beside those that every joint fit has.
+    """
+
+    figures: tuple[FigureRecipe[FittedTest], ...]
+    curve: Callable[[FittedTest], FittedCurve]
+    facts: Callable[[Any], Sequence[tuple[str, str]]]
+    reference_text: Markup
+    tables: Callable[[FittedTest], tuple[PageTable, ...]] = lambda _: ()
+    joint_figures: Callable[[Sequence[FittedTest]], tuple[PageFigure, ...]] = lambda _: ()
+
+
+@cache
+def views() -> Mapping[str, View]:
+    """Return the view of every kind of test by the name of the kind."""
+    return MappingProxyType(
+        {name: import_module(f"pyburgers.drawing.views.{name}").VIEW for name in NAMES}
+    )
+
+
+def view_of(experiment: Experiment) -> View:
+    """Return the view of a test's kind."""
+    return views()[experiment.protocol]

@@ -1,0 +1,132 @@
+"""View of tests at imposed strain rate: figures of a fit with their captions, facts of a test."""
+
+from collections.abc import Sequence
+
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from pyburgers.drawing.fitted import curve_of, mean_of, positions, residuals
+from pyburgers.drawing.page_parts import FigureRecipe
+from pyburgers.drawing.panels import (
+    HALF_WIDTH,
+    STRAIN_LABEL,
+    STRESS_LABEL,
+    FittedCurve,
+    curve_with_residuals,
+    result_of,
+)
+from pyburgers.drawing.view import View
+from pyburgers.drawing.views.softening import (
+    Along,
+    microstructure_facts,
+    softened_text,
+    softening_along,
+    softening_caption,
+)
+from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, STRESS_UNIT
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, rate_text
+from pyburgers.protocols.experiment import of_kind
+from pyburgers.protocols.microstructure import strains_of
+from pyburgers.protocols.protocol import FittedTest
+
+STRESS_STRAIN_CAPTION = (
+    "Top: the stress-strain curve (circles), the predictive median (solid line), up to 1000 "
+    "retrodictions, that is solutions for single draws from the posterior (thin lines), and the "
+    "band that should hold 90 % of new measurements. Dotted vertical lines mark where the "
+    "imposed strain rate changes. Bottom: data minus the predictive median, with the band that "
+    "should hold 90 % of residuals if they were noise alone; a run of points on one side of "
+    "zero is what the model misses."
+)
+
+
+def stress_strain(fit: FittedTest) -> Figure:
+    """Draw data, retrodictions, predictive band and residuals along strain."""
+    return curve_with_residuals(fitted_curve(fit))
+
+
+def fitted_curve(fit: FittedTest) -> FittedCurve:
+    """Gather the stress-strain curve as measured and as a fit has it."""
+    experiment = of_kind(fit.experiment, ConstantRateExperiment)
+    return curve_of(
+        fit,
+        "stress",
+        STRESS_FACTOR,
+        grid=positions(fit, "strain") * STRAIN_FACTOR,
+        position=experiment.strain * STRAIN_FACTOR,
+        data=experiment.stress * STRESS_FACTOR,
+        residuals=residuals(fit, "stress", experiment.stress) * STRESS_FACTOR,
+        noise_band=HALF_WIDTH * mean_of(fit, "stress_noise") * STRESS_FACTOR,
+        position_label=STRAIN_LABEL,
+        label=STRESS_LABEL,
+        residual_label=f"residual ({STRESS_UNIT})",
+        # The first rate is in the title.
+        marks=[
+            (segment.start_strain * STRAIN_FACTOR, f"then {rate_text(segment.strain_rate)}")
+            for segment in experiment.segments[1:]
+        ],
+        limits=(0.0, 1.02 * experiment.final_strain * STRAIN_FACTOR),
+    )
+
+
+def softening(fit: FittedTest) -> Figure:
+    """Draw how grain size and fabric soften the material along strain."""
+    experiment = of_kind(fit.experiment, ConstantRateExperiment)
+    return softening_along(
+        fit,
+        Along(
+            position=positions(fit, "strain") * STRAIN_FACTOR,
+            measured=strains_of(experiment.microstructure) * STRAIN_FACTOR,
+            label=STRAIN_LABEL,
+            end=experiment.final_strain * STRAIN_FACTOR,
+        ),
+    )
+
+
+def facts(experiment: ConstantRateExperiment) -> Sequence[tuple[str, str]]:
+    """Return imposed rates, number of points and measured microstructure."""
+    rates = [
+        Markup("{} × 10<sup>{}</sup> s<sup>−1</sup> from {:.3g} % strain").format(
+            *_mantissa_and_exponent(segment.strain_rate), segment.start_strain * STRAIN_FACTOR
+        )
+        for segment in experiment.segments
+    ]
+    end = experiment.final_strain * STRAIN_FACTOR
+    return (
+        ("Strain rate", Markup("; ").join(rates)),
+        ("Points", f"{experiment.n_points}, test ends at {end:.3g} % strain"),
+        *microstructure_facts(
+            experiment.microstructure,
+            lambda one: f"{(one.strain or 0.0) * STRAIN_FACTOR:.3g} % strain",
+        ),
+    )
+
+
+def _mantissa_and_exponent(number: float) -> tuple[str, str]:
+    mantissa, exponent = f"{number:.2e}".split("e")
+    return mantissa, str(int(exponent)).replace("-", "−")
+
+
+VIEW = View(
+    figures=(
+        FigureRecipe(
+            "stress_strain",
+            "Stress-strain curve",
+            STRESS_STRAIN_CAPTION,
+            stress_strain,
+            result_of(fitted_curve),
+        ),
+        FigureRecipe(
+            "softening",
+            "What softens the material",
+            softening_caption("final strain"),
+            softening,
+            lambda fit: f"at the final strain {softened_text(fit)}",
+        ),
+    ),
+    curve=fitted_curve,
+    facts=facts,
+    reference_text=Markup(
+        "The reference stress <i>S</i><sub>0</sub>, at which the undeformed material flows at the "
+        "first imposed rate, follows from the other parameters, and so does its prior."
+    ),
+)

@@ -1,0 +1,318 @@
+"""View of forced oscillations: figures of a fit with their captions, and facts of a test."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from pyburgers.common.draws import central_band
+from pyburgers.drawing.fitted import curve_of, mean_of, positions, predicted, residuals
+from pyburgers.drawing.page_parts import FigureRecipe
+from pyburgers.drawing.panels import (
+    HALF_WIDTH,
+    LINES_AND_AREAS,
+    MEDIAN_LABEL,
+    STRESS_LABEL,
+    FittedCurve,
+    curve_with_residuals,
+    draw_band_panel,
+    draw_data,
+    draw_retrodictions,
+    figure_of,
+    result_of,
+)
+from pyburgers.drawing.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION
+from pyburgers.drawing.view import View
+from pyburgers.drawing.views.oscillation_preparation import (
+    PREPARATION_CAPTION,
+    TIME_LABEL,
+    preparation_of,
+)
+from pyburgers.drawing.views.oscillation_response import (
+    grains_result,
+    lag_result,
+    observed_response,
+    predicted_response,
+    replicated_response,
+    response_page_table,
+)
+from pyburgers.model.display import (
+    LENGTH_FACTOR,
+    LENGTH_UNIT,
+    STRAIN_FACTOR,
+    STRAIN_UNIT,
+    STRESS_FACTOR,
+    STRESS_UNIT,
+    shown_quantity,
+    unit_text,
+)
+from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE
+from pyburgers.protocols.experiment import of_kind
+from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.protocols.forced_oscillation.preparation import (
+    NEGLIGIBLE_SHARE,
+    PreparedOscillation,
+    strain_shares,
+)
+from pyburgers.protocols.protocol import FittedTest
+
+FloatArray = npt.NDArray[np.float64]
+
+
+STRESS_TIME_CAPTION = (
+    "Top: the stress that the model is compared with (circles, bars are one standard "
+    "deviation), the predictive median (solid line), up to 1000 retrodictions (thin lines), and "
+    "the band that should hold 90 % of new readings of typical uncertainty. Bottom: data minus "
+    "the predictive median over the noise of each reading, with the band that should hold 90 % "
+    "of residuals if they were noise alone; a run on one side of zero, or an oscillation, is "
+    "what the model misses."
+)
+
+
+def stress_time(fit: FittedTest) -> Figure:
+    """Draw data, retrodictions, predictive band and residuals along time."""
+    return curve_with_residuals(fitted_curve(fit))
+
+
+def fitted_curve(fit: FittedTest) -> FittedCurve:
+    """Gather the stress along time as measured and as a fit has it."""
+    prepared = of_kind(fit.experiment, OscillationExperiment).prepared
+    noise = mean_of(fit, "stress_noise") * prepared.relative_uncertainty
+    return curve_of(
+        fit,
+        "stress",
+        STRESS_FACTOR,
+        grid=positions(fit, "time"),
+        position=prepared.time,
+        data=prepared.stress * STRESS_FACTOR,
+        residuals=residuals(fit, "stress", prepared.stress) / noise,
+        error=prepared.uncertainty * STRESS_FACTOR,
+        noise_band=HALF_WIDTH,
+        position_label=TIME_LABEL,
+        label=STRESS_LABEL,
+        residual_label="residual / noise (–)",
+    )
+
+
+STRESS_LOOP_CAPTION = (
+    "Stress against the strain that drives the model: loops of single draws (thin lines, up to "
+    "1000) and the predictive median (solid line). Their area is the work that is lost, their "
+    "slope the stiffness at this period. Circles are the data, coloured by time. With the "
+    "background kept, loops move along with the strain."
+)
+
+
+def stress_loop(fit: FittedTest) -> Figure:
+    """Draw stress against driving strain: data and retrodictions."""
+    curve, prepared = fitted_curve(fit), of_kind(fit.experiment, OscillationExperiment).prepared
+    strain, at_data = (
+        prepared.strain(time) * STRAIN_FACTOR for time in (curve.grid, curve.position)
+    )
+    with figure_of(8.2, 5.6) as figure:
+        axes = figure.subplots()
+        draw_retrodictions(axes, strain, curve.solutions)
+        axes.plot(strain, curve.median, color=VERMILION, linewidth=1.2, label=MEDIAN_LABEL)
+        draw_data(axes, at_data, curve.data, curve.error, curve.data_label)
+        coloured = axes.scatter(
+            at_data,
+            curve.data,
+            c=curve.position,
+            cmap="cividis",
+            s=26.0,
+            edgecolors=BLACK,
+            linewidths=0.6,
+            zorder=3,
+        )
+        figure.colorbar(coloured, ax=axes, label=TIME_LABEL)
+        axes.set(xlabel=f"driving strain ({STRAIN_UNIT})", ylabel=STRESS_LABEL)
+        figure.legend(loc="outside upper center", ncols=3, title=curve.heading)
+    return figure
+
+
+AMPLITUDE_PHASE_CAPTION = (
+    "Amplitude of the stress and the phase lag, by which strain follows stress. The cross is "
+    "the record, with one standard error. Blue dots are solutions for single draws, orange dots "
+    "replicated data, that is solutions with noise, treated like the record. Dashed lines "
+    "enclose 90 % of the replicated amplitudes and lags: a model that describes the record has "
+    "the cross inside both pairs, nine times out of ten at least."
+)
+
+
+def amplitude_phase(fit: FittedTest) -> Figure:
+    """Draw amplitude and phase lag of the stress: observed, predicted and replicated."""
+    experiment = of_kind(fit.experiment, OscillationExperiment)
+    observed = observed_response(experiment)
+    predicted, replicated = predicted_response(fit), replicated_response(fit)
+    with figure_of(8.2, 5.2) as figure:
+        axes = figure.subplots()
+        for response, colour, label in (
+            (replicated, ORANGE, "replicated data"),
+            (predicted, BLUE, "solutions"),
+        ):
+            axes.scatter(
+                response.amplitude * STRESS_FACTOR,
+                np.degrees(response.lag),
+                s=6.0,
+                color=colour,
+                alpha=0.6,
+                linewidths=0,
+                rasterized=True,
+                label=f"{response.lag.size} {label}",
+            )
+        for position, draw_line in (
+            (replicated.amplitude * STRESS_FACTOR, axes.axvline),
+            (np.degrees(replicated.lag), axes.axhline),
+        ):
+            low, _, high = central_band(position)
+            for end in (low, high):
+                draw_line(end, color=VERMILION, linestyle="--", linewidth=1.2)
+        axes.plot([], [], color=VERMILION, linestyle="--", label="90 % of replicated data")
+        axes.errorbar(
+            observed.amplitude * STRESS_FACTOR,
+            np.degrees(observed.lag),
+            xerr=observed.amplitude_standard_error * STRESS_FACTOR,
+            yerr=np.degrees(observed.lag_standard_error),
+            color=BLACK,
+            linewidth=1.4,
+            marker="o",
+            markersize=4,
+            linestyle="none",
+            label=f"{experiment.provenance.kind} data ± standard error",
+        )
+        axes.set_xlabel(f"amplitude of the stress ({STRESS_UNIT})")
+        axes.set_ylabel("phase lag of the strain (degrees)")
+        figure.legend(loc="outside upper center", ncols=2, markerscale=2.0, title=experiment.title)
+    return figure
+
+
+MICROSTRUCTURE_CAPTION = (
+    "What the record does not show directly, in the model's solutions: (a) mean grain size, (b) "
+    "strain rate of the dashpot; lines are medians over the posterior, areas hold 90 % of draws. "
+    "Grains approach the size that the piezometer gives for the current stress, over strains of "
+    "the order of the critical strain; near zero stress the piezometer asks for very large ones. "
+    "The dashpot follows stress by a power law, so it flows mainly while stress is high."
+)
+
+
+def microstructure(fit: FittedTest) -> Figure:
+    """Draw grain size and the dashpot's strain rate along time."""
+    experiment = of_kind(fit.experiment, OscillationExperiment)
+    time = positions(fit, "time")
+    rate = shown_quantity(REFERENCE_FLOW_RATE)
+    with figure_of(8.0, 5.6, f"{experiment.title}\n{LINES_AND_AREAS}") as figure:
+        grains, dashpot = figure.subplots(2, 1, sharex=True)
+        draw_band_panel(
+            grains,
+            time,
+            [(predicted(fit, "grain_size") * LENGTH_FACTOR, BLUE, "median")],
+            heading="(a) mean grain size",
+            label=f"grain size ({LENGTH_UNIT})",
+            level=(experiment.initial_grain_size * LENGTH_FACTOR, "at the start of the record"),
+        )
+        draw_band_panel(
+            dashpot,
+            time,
+            [(predicted(fit, "dashpot_rate") * rate.display_factor, GREEN, "median")],
+            heading="(b) dashpot",
+            label=f"strain rate ({unit_text(rate)})",
+        )
+        dashpot.axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
+        dashpot.set_xlabel(TIME_LABEL)
+        dashpot.margins(x=0.01)
+        figure.align_ylabels()
+    return figure
+
+
+def facts(experiment: OscillationExperiment) -> Sequence[tuple[str, str]]:
+    """Return period, amplitude, treatment of the background, cycles and number of points."""
+    prepared = experiment.prepared
+    degrees = prepared.strain_fit.degree, prepared.stress_fit.degree
+    background = (
+        f"kept: the rate of the strain's trend (polynomial of degree {degrees[0]}) drives the "
+        "model too, and the stress keeps its bias and drift"
+        if prepared.background == "kept"
+        else f"removed: polynomial trends of strain (degree {degrees[0]}) and stress (degree "
+        f"{degrees[1]}), constants included, are subtracted"
+    )
+    cycles = (prepared.time[-1] - prepared.start) / prepared.period
+    amplitude, _ = prepared.strain_fit.amplitude()
+    return (
+        ("Period", f"{prepared.period:g} s"),
+        ("Strain amplitude", f"{amplitude * STRAIN_FACTOR:.3g} %"),
+        ("Errors of the strain", _strain_error_text(prepared)),
+        ("Background", background),
+        (
+            "Cycles",
+            f"{cycles:.1f} on record, {experiment.spin_up_cycles} of spin-up ahead of it",
+        ),
+        (
+            "Points",
+            f"{experiment.n_points} stresses; {experiment.record.strain.size} strains give the "
+            "driving strain rate",
+        ),
+    )
+
+
+def _strain_error_text(prepared: PreparedOscillation) -> str:
+    """Say which errors of the driving strain take part."""
+    shares = strain_shares(prepared.strain_fit, prepared.stress_fit)
+    parts = ["oscillation", "background"] if prepared.background == "kept" else ["oscillation"]
+    said = [
+        f"of its {part} {'left out' if share < NEGLIGIBLE_SHARE else 'inferred'} ({share:.2g} of "
+        "the variance of the stress)"
+        for part, share in zip(parts, shares, strict=False)
+    ]
+    return ", ".join(said)
+
+
+VIEW = View(
+    figures=(
+        FigureRecipe(
+            "stress_time",
+            "Stress along time",
+            STRESS_TIME_CAPTION,
+            stress_time,
+            result_of(fitted_curve),
+        ),
+        FigureRecipe(
+            "stress_loop",
+            "Stress against strain",
+            STRESS_LOOP_CAPTION,
+            stress_loop,
+            result_of(fitted_curve),
+        ),
+        FigureRecipe(
+            "amplitude_phase",
+            "Amplitude and phase lag of the stress",
+            AMPLITUDE_PHASE_CAPTION,
+            amplitude_phase,
+            lag_result,
+        ),
+        FigureRecipe(
+            "microstructure",
+            "Grain size and dashpot",
+            MICROSTRUCTURE_CAPTION,
+            microstructure,
+            grains_result,
+        ),
+        FigureRecipe(
+            "preparation",
+            "From the record to the model",
+            PREPARATION_CAPTION,
+            preparation_of,
+            lambda _: "",
+            on_every_page=False,
+        ),
+    ),
+    curve=fitted_curve,
+    facts=facts,
+    reference_text=Markup(
+        "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the dashpot flows at the grain "
+        "size of the start and at the bias or the amplitude of the stress, whichever is larger (at "
+        "the amplitude where the background is removed), follows from the other parameters, and so "
+        "does its prior."
+    ),
+    tables=lambda fit: (response_page_table(fit),),
+)

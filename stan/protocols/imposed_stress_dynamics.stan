@@ -26,17 +26,6 @@ real cyclic_stress(real time, real median_stress, real amplitude, real angular_f
   return median_stress + amplitude * sin(angular_frequency * time);
 }
 
-/** Rate of the dashpot (1/s) at a stress (Pa), grain size (m) and fabric factor. */
-real dashpot_rate_at(real stress, real grain_size, real fabric_factor, data vector parameter,
-                     data real temperature) {
-  return dashpot_strain_rate(power_law_stress(stress, parameter[i_breakdown_stress()],
-                                              fabric_factor, parameter[i_stress_exponent()]),
-                             grain_size, fabric_factor, parameter[i_stress_exponent()],
-                             parameter[i_grain_size_exponent()],
-                             log_rate_factor(parameter[i_activation_enthalpy()],
-                                             parameter[i_beta()], temperature));
-}
-
 /** Grain size that the material would have in the end, over the initial one. */
 real preferred_grain_size(real stress, data vector parameter, data real initial_grain_size) {
   if (parameter[i_piezometer_reference_grain_size()] > 0) {

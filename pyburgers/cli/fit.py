@@ -17,7 +17,11 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
 from pyburgers.comparison.neighbours import what_a_yes_leaves_open
 from pyburgers.fitting.fit import fit
-from pyburgers.model.flow_law_prior import load_flow_law_of_run
+from pyburgers.model.flow_law_prior import (
+    FLOW_LAW_PRIOR_FILE,
+    FlowLawPrior,
+    load_flow_law_of_run,
+)
 from pyburgers.model.pooling import parse_pooling
 from pyburgers.model.priors import PriorSet, load_priors, with_flow_law
 from pyburgers.model.variants import parse_choices, with_variant
@@ -84,9 +88,7 @@ def run(options: argparse.Namespace) -> int:
     priors = with_variant(_priors_for(taken, options.priors, choices), first, choices)
     source: Path | None = options.priors_from
     if source is not None:
-        if (run := RunDirectory(source)).manifest_file.is_file():
-            run.require_unchanged()
-        priors = with_flow_law(priors, load_flow_law_of_run(source), f"--priors-from {source}")
+        priors = with_flow_law(priors, _flow_law_of(source), f"--priors-from {source}")
     settings: dict[str, Any] = {
         "out": options.out or Path("runs") / "+".join(experiment.id for experiment in experiments),
         "options": sampler_options(options),
@@ -113,3 +115,13 @@ def _priors_for(
     experiments: Sequence[Experiment], path: Path | None, choices: Mapping[str, str]
 ) -> PriorSet:
     return default_priors_for(experiments) if path is None else load_priors(path, choices)
+
+
+def _flow_law_of(source: Path) -> FlowLawPrior:
+    """Return the flow law in a run directory, or in a folder with nothing else of a run."""
+    run = RunDirectory(source)
+    if run.manifest_file.is_file():
+        with run.unchanged_copy(run.read_manifest()) as copy:
+            if (copy.path / FLOW_LAW_PRIOR_FILE).is_file():
+                return load_flow_law_of_run(copy.path)
+    return load_flow_law_of_run(source)

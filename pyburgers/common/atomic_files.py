@@ -34,6 +34,17 @@ def sha256_of_file(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def copy_and_hash(source: Path, copy: Path) -> str:
+    """Copy a file and return the hash of the bytes that the copy holds, which are read once."""
+    digest = hashlib.sha256()
+    copy.parent.mkdir(parents=True, exist_ok=True)
+    with source.open("rb") as read, copy.open("wb") as written:
+        while block := read.read(1 << 20):
+            digest.update(block)
+            written.write(block)
+    return digest.hexdigest()
+
+
 def flush_to_disk(path: Path) -> None:
     """Make sure that what was written to a file or folder is on the disk."""
     descriptor = os.open(path, os.O_RDONLY)

@@ -212,20 +212,21 @@ def _positions(tests: Sequence[Fit]) -> xr.DataArray:
 
 def _log_likelihood_of(again: Fit, experiment: Experiment) -> FloatArray:
     """Log density of each point given all others at another fit's draws, (n_draws, n_points)."""
-    run = again.directory
-    # Only the test is exchanged: the coordinates of the draws are those of the other fit.
-    data = {
-        **run.read_stan_data(),
-        **tests_block(one_test(experiment, again.priors), use_likelihood=True),
-        **solver_block(REFERENCE_SOLVER),
-    }
+    program = load_program(protocol_of(experiment).program)
     try:
-        quantities = load_program(protocol_of(experiment).program).generate(
-            data, run.draws_files(), seed=again.manifest["sampler"]["seed"]
-        )
+        with again.directory.unchanged_copy(again.manifest, with_draws=True) as run:
+            # Only the test is exchanged: the coordinates of the draws are those of the other fit.
+            data = {
+                **run.read_stan_data(),
+                **tests_block(one_test(experiment, again.priors), use_likelihood=True),
+                **solver_block(REFERENCE_SOLVER),
+            }
+            quantities = program.generate(
+                data, run.draws_files(), seed=again.manifest["sampler"]["seed"]
+            )
     except SamplingError as error:
         raise SamplingError(
-            f"{run.path}: some of its draws have no solution at all points of "
+            f"{again.directory.path}: some of its draws have no solution at all points of "
             f"{experiment.id}, so the point left out has no density."
         ) from error
     name = GIVEN_OTHERS if GIVEN_OTHERS in quantities else "log_lik"

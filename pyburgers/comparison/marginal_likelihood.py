@@ -61,11 +61,11 @@ def log_marginal_likelihood(fit: Fit) -> LogIntegral:
     SamplingError
         If the program fails or the draws have no spread.
     """
-    run = fit.directory
-    draws = read_draws(run.draws_files())["coordinate"]
+    with fit.directory.unchanged_copy(fit.manifest, with_draws=True) as run:
+        draws = read_draws(run.draws_files())["coordinate"]
+        data = run.read_stan_data()
     stats = fit.posterior["sample_stats"].to_dataset()
     at_reference = (stats["lp"] + stats["solver_log_ratio"]).transpose("chain", "draw").to_numpy()
-    data = run.read_stan_data()
     data = {**data, **solver_block(REFERENCE_SOLVER)}
     program = load_program(fit.problem.protocol.program)
     logger.info(f"Marginal likelihood of {fit.manifest['experiment']}: bridge sampling.")

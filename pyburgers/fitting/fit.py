@@ -241,15 +241,15 @@ class Fit(SampledFit):
             raise InputError(f"{path}: is not a fit of tests, expected a run of pyburgers fit.")
         run.require_a_chain()
         manifest = run.read_manifest(FitManifest)
-        run.require_unchanged()
-        problem = problem_of(
-            [load_experiment(run.test_file(name)) for name in manifest["experiments"]],
-            load_priors(run.priors_file),
-            pooling_from(manifest["pooling"]),
-        )
-        posterior = load_posterior(run)
+        with run.unchanged_copy(manifest) as copy:
+            problem = problem_of(
+                [load_experiment(copy.test_file(name)) for name in manifest["experiments"]],
+                load_priors(copy.priors_file),
+                pooling_from(manifest["pooling"]),
+            )
+        posterior = load_posterior(run, manifest)
         if posterior is None:
-            posterior = build_posterior(run, problem)
+            posterior = build_posterior(run, problem, manifest)
         # A killed process did not note the chains that it had finished.
         return cls(run, posterior, {**manifest, "chains": run.chain_records()}, problem)
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -213,19 +213,20 @@ class PeakStressFit(SampledFit):
             )
         run.require_a_chain()
         manifest = run.read_manifest(RunManifest)
-        run.require_unchanged()
-        data = load_peak_stress(run.inputs / TABLE_FILE)
-        priors = load_peak_stress_priors(run.priors_file)
-        posterior = load_posterior(run)
+        with run.unchanged_copy(manifest) as copy:
+            data = load_peak_stress(copy.inputs / TABLE_FILE)
+            priors = load_peak_stress_priors(copy.priors_file)
+            softening = SofteningPrior.load(copy.inputs / SOFTENING_FILE)
+        posterior = load_posterior(run, manifest)
         if posterior is None or "model_response" not in posterior.children:
-            posterior = _build_posterior(run, data, priors)
+            posterior = _build_posterior(run, data, priors, manifest)
         return cls(
             run,
             posterior,
             {**manifest, "chains": run.chain_records()},
             data,
             priors,
-            SofteningPrior.load(run.inputs / SOFTENING_FILE),
+            softening,
         )
 
 
@@ -366,9 +367,12 @@ def _draw_start(
     }
 
 
-def _build_posterior(run: RunDirectory, data: PeakStressData, priors: PriorSet) -> xr.DataTree:
+def _build_posterior(
+    run: RunDirectory, data: PeakStressData, priors: PriorSet, manifest: Mapping[str, Any]
+) -> xr.DataTree:
     """Gather the finished chains into labelled draws and save them."""
-    chains = read_draws(run.draws_files())
+    with run.unchanged_copy(manifest, with_draws=True) as copy:
+        chains = read_draws(copy.draws_files())
     identifiers = {"chain": list(run.finished_chains())}
     contents = {
         name: dataset.assign_coords(identifiers)

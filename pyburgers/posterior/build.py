@@ -48,7 +48,9 @@ logger = logging.getLogger(__name__)
 FloatArray = npt.NDArray[np.float64]
 
 
-def build_posterior(run: RunDirectory, problem: Problem) -> xr.DataTree:
+def build_posterior(
+    run: RunDirectory, problem: Problem, manifest: Mapping[str, Any]
+) -> xr.DataTree:
     """Gather the finished chains of a run into labelled draws and save them.
 
     Every kept draw is evaluated again at the reference tolerance of the solver, which gives the
@@ -61,6 +63,8 @@ def build_posterior(run: RunDirectory, problem: Problem) -> xr.DataTree:
         A run with at least one finished chain.
     problem : Problem
         What was fitted.
+    manifest : mapping
+        Of the run, as it was read with the problem.
 
     Returns
     -------
@@ -76,7 +80,21 @@ def build_posterior(run: RunDirectory, problem: Problem) -> xr.DataTree:
         `OF_ALL_TESTS`; and at the top those of points of all tests, one after the other, and of
         draws: shared parameters by their names, others as NAME[TESTS], NAME[centre], NAME[spread].
     """
-    manifest = run.read_manifest()
+    with run.unchanged_copy(manifest, with_draws=True) as copy:
+        groups = _groups_of(copy, problem, manifest)
+    return keep_posterior(
+        run,
+        groups,
+        experiment=problem.name,
+        data_kind=problem.data_kind,
+        clocks={one.id: protocol_of(one).clock.name for one in problem.experiments},
+    )
+
+
+def _groups_of(
+    run: RunDirectory, problem: Problem, manifest: Mapping[str, Any]
+) -> dict[str, xr.Dataset]:
+    """Gather the finished chains of a run into the groups of `build_posterior`."""
     protocol, experiments = problem.protocol, problem.experiments
     files = run.draws_files()
     chains = {"chain": list(run.finished_chains())}
@@ -135,13 +153,7 @@ def build_posterior(run: RunDirectory, problem: Problem) -> xr.DataTree:
         }
     if any(experiment.n_driving_errors for experiment in experiments):
         groups[DRIVING_ERRORS] = driving_errors(fit, experiments).assign_coords(chains)
-    return keep_posterior(
-        run,
-        groups,
-        experiment=problem.name,
-        data_kind=problem.data_kind,
-        clocks={one.id: protocol_of(one).clock.name for one in experiments},
-    )
+    return groups
 
 
 def _places_on_grids(

@@ -167,15 +167,22 @@ def keep_posterior(
     return tree
 
 
-def load_posterior(run: RunDirectory) -> xr.DataTree | None:
+def load_posterior(run: RunDirectory, manifest: Mapping[str, Any]) -> xr.DataTree | None:
     """Labelled draws of a run, or None where they are not complete or lack finished draws.
+
+    Parameters
+    ----------
+    run : RunDirectory
+        The run.
+    manifest : mapping
+        Of the run, as it was read, with the hash of the draws.
 
     Raises
     ------
     InputError
         If the file has changed since the run, by the hash of the bytes that are read.
     """
-    noted = run.read_manifest().get("posterior_sha256")
+    noted = manifest.get("posterior_sha256")
     if not run.posterior_file.is_file() or noted is None:
         return None
     if sha256_of_bytes(content := run.posterior_file.read_bytes()) != noted:

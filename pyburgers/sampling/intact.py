@@ -1,6 +1,6 @@
 """What has changed in a run directory since the run, told by the hashes that the run noted."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -52,7 +52,11 @@ class NotedDraws:
 
 
 def require_as_noted(
-    run: Path, noted: Mapping[Path, str], draws: list[NotedDraws], made: list[Path]
+    run: Path,
+    noted: Mapping[Path, str],
+    draws: list[NotedDraws],
+    made: list[Path],
+    hash_of: Callable[[Path], str] = sha256_of_file,
 ) -> None:
     """Check that files are those that a run has written.
 
@@ -66,6 +70,8 @@ def require_as_noted(
         Those of its chains.
     made : list of Path
         Files that are made of the draws, and made again where they are missing.
+    hash_of : callable
+        Returns the hash of a file; it may keep what it reads.
 
     Raises
     ------
@@ -73,8 +79,8 @@ def require_as_noted(
         If one has changed or is missing; the sentence names them all.
     """
     wrong = [
-        *(f"{file.relative_to(run).as_posix()} {what}" for file, what in _changed(noted)),
-        *(text for one in draws for text in _at_odds(one, run)),
+        *(f"{file.relative_to(run).as_posix()} {what}" for file, what in _changed(noted, hash_of)),
+        *(text for one in draws for text in _at_odds(one, run, hash_of)),
         *(
             f"{file.relative_to(run).as_posix()} has become a folder"
             for file in made
@@ -85,19 +91,21 @@ def require_as_noted(
         raise InputError(f"{run}: {', '.join(wrong)} since the run, whose hashes say so; {REMEDY}.")
 
 
-def _changed(noted: Mapping[Path, str]) -> Iterator[tuple[Path, str]]:
+def _changed(
+    noted: Mapping[Path, str], hash_of: Callable[[Path], str]
+) -> Iterator[tuple[Path, str]]:
     """Return files that are not as their hashes say, and what has become of each."""
     for file, digest in noted.items():
         if not file.is_file():
             yield file, "is missing"
-        elif sha256_of_file(file) != digest:
+        elif hash_of(file) != digest:
             yield file, "has changed"
 
 
-def _at_odds(draws: NotedDraws, run: Path) -> Iterator[str]:
+def _at_odds(draws: NotedDraws, run: Path, hash_of: Callable[[Path], str]) -> Iterator[str]:
     """Say which has changed: the draws of a chain, or what one of two files notes of them."""
     name, timing = (file.relative_to(run).as_posix() for file in (draws.file, draws.timing_file))
-    found = sha256_of_file(draws.file) if draws.file.is_file() else None
+    found = hash_of(draws.file) if draws.file.is_file() else None
     if found is None:
         yield f"{name} is missing"
     elif found == draws.in_manifest != draws.own:

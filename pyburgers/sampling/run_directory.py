@@ -7,8 +7,9 @@ files whose name starts with `UNFINISHED`; both are removed when the run is cont
 
 import re
 import shutil
+import tempfile
 import uuid
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,7 @@ from filelock import FileLock, Timeout
 
 from pyburgers.common.atomic_files import (
     UNFINISHED,
+    copy_and_hash,
     flush_to_disk,
     sha256_of_file,
     write_json,
@@ -210,12 +212,49 @@ class RunDirectory:
         InputError
             If one has changed or, save draws that can be made again, is missing.
         """
-        recorded = checked(self.manifest_file, self.read_manifest(), RecordedHashes)
+        self._compare(self.read_manifest(), sha256_of_file)
+
+    @contextmanager
+    def unchanged_copy(
+        self, manifest: Mapping[str, Any], *, with_draws: bool = False
+    ) -> Iterator["RunDirectory"]:
+        """Give a private copy of the noted files, of the bytes whose hash was compared.
+
+        Whoever reads the copy reads nothing that came into the directory after the comparison.
+
+        Parameters
+        ----------
+        manifest : mapping
+            As it was read, with the hashes.
+        with_draws : bool
+            Whether the draws of the chains are copied too, else they are only compared.
+
+        Raises
+        ------
+        InputError
+            As `require_unchanged`.
+        """
+        with tempfile.TemporaryDirectory(prefix="pyburgers-") as folder:
+            copy = RunDirectory(Path(folder))
+            chains = self.path / "chains"
+
+            def hash_of(file: Path) -> str:
+                if file == self.posterior_file or (chains in file.parents and not with_draws):
+                    return sha256_of_file(file)
+                return copy_and_hash(file, copy.path / file.relative_to(self.path))
+
+            self._compare(manifest, hash_of)
+            yield copy
+
+    def _compare(self, manifest: Mapping[str, Any], hash_of: Callable[[Path], str]) -> None:
+        """Compare the hashes of a manifest with those that files have."""
+        recorded = checked(self.manifest_file, manifest, RecordedHashes)
         noted = {self.path / name: found for name, found in recorded.hashes.items()}
         if self.posterior_file.is_file() and recorded.posterior_sha256 is not None:
             noted[self.posterior_file] = recorded.posterior_sha256
         made = [self.posterior_file, self.summary_file, self.checks_file]
-        require_as_noted(self.path, noted, list(self._noted_draws(recorded.chains)), made)
+        draws = list(self._noted_draws(recorded.chains))
+        require_as_noted(self.path, noted, draws, made, hash_of)
 
     def _noted_draws(self, recorded: Mapping[str, ChainRecord]) -> Iterator[NotedDraws]:
         """Return the draws of finished chains with their hashes, those in the manifest as well."""

@@ -305,14 +305,15 @@ def load_calibration(folder: Path) -> Calibration:
     if run.read_manifest().get("kind") != CALIBRATION_KIND:
         raise InputError(f"{folder}: holds no calibration, expected a folder of pyburgers sbc.")
     manifest = run.read_manifest(_CalibrationManifest)
-    run.require_unchanged()
+    with run.unchanged_copy(manifest) as copy:
+        template = _template(copy, manifest)
     content = manifest["plan"]
     given = {name: content.get(name) for name in ("stress_range", "strain_range")}
     ranges = {name: tuple(limits) for name, limits in given.items() if limits is not None}
     sampler = SamplerOptions(**content["sampler"])
     plan = CalibrationPlan(**{**content, "sampler": sampler, **ranges})
     return Calibration(
-        _template(run, manifest),
+        template,
         plan,
         replications(run, plan.seeds, plan.n_ranked),
         manifest["command"],

@@ -2,12 +2,14 @@
 
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import IO, Any, Self
 
 import pytest
 from conftest import SMALL_RUN, Problem, copy_of
 from refusals import assert_refused
+from same_contents import assert_equal
 
 from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError
@@ -279,3 +281,74 @@ def test_a_folder_of_another_kind_is_told(
         assert_refused(
             main([command[0], str(page), *command[1:]]), capsys, "page: is not a fit of tests"
         )
+
+
+class ExchangedWhenClosed:
+    """A file that another one replaces as soon as it has been read for the first time."""
+
+    def __init__(self, opened: IO[Any], exchange: Callable[[], None]) -> None:
+        self._opened, self._exchange = opened, exchange
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._opened, name)
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self._opened)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        self._opened.close()
+        self._exchange()
+
+
+@pytest.mark.parametrize("gathered", [True, False], ids=["with labelled draws", "chains alone"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("inputs/tests/PIL40/experiment.toml", "inputs/tests/PIL40/experiment.csv"),
+        *("inputs/priors.toml", "stan_data.json", "chains/chain_1/draws.csv", "posterior.nc"),
+    ],
+)
+def test_what_comes_into_a_run_after_its_hash_was_compared_is_never_read(
+    name: str,
+    gathered: bool,
+    copy: Path,
+    small_fit: Fit,
+    other_fit: Fit,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stranger = other_fit.directory.path / name.replace("PIL40", "other")
+    content = stranger.read_bytes() + b"\n# of another run\n" * name.endswith(".toml")
+    assert content != (copy / name).read_bytes() or name == "inputs/priors.toml"
+    if not gathered:
+        entry("posterior_sha256", None)(copy / "manifest.json")
+    exchanged, open_as_before = list[str](), Path.open
+
+    def exchange() -> None:
+        (copy / name).unlink()
+        (copy / name).write_bytes(content)
+        exchanged.append(name)
+
+    def open_once(file: Path, mode: str = "r", *args: Any, **options: Any) -> Any:
+        opened = open_as_before(file, mode, *args, **options)
+        if file != copy / name or mode.startswith("w") or exchanged:
+            return opened
+        return ExchangedWhenClosed(opened, exchange)
+
+    monkeypatch.setattr(Path, "open", open_once)
+    refused: str | None = None
+    try:
+        loaded = Fit.load(copy)
+    except InputError as error:
+        refused = str(error)
+    if refused is not None:
+        assert f"{name} has changed" in refused
+    else:
+        assert_equal(loaded.experiment, small_fit.experiment)
+        assert loaded.priors == small_fit.priors
+        for group in ("posterior", "log_likelihood", "predictions"):
+            again, first = (fit.posterior[group].to_dataset() for fit in (loaded, small_fit))
+            assert again.equals(first)
+    assert exchanged or (name == "posterior.nc" and not gathered)

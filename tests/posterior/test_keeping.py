@@ -44,8 +44,8 @@ def test_draws_are_read_back_when_they_are_noted(tmp_path: Path) -> None:
     kept = keep_posterior(run, groups, experiment="a", data_kind="synthetic")
     assert run.read_manifest()["posterior_sha256"]
     assert kept.attrs["chains"] == "[]"
-    loaded = load_posterior(run)
+    loaded = load_posterior(run, run.read_manifest())
     assert loaded is not None
     assert loaded["posterior"].to_dataset().equals(kept["posterior"].to_dataset())
     run.update_manifest({"posterior_sha256": None})
-    assert load_posterior(run) is None
+    assert load_posterior(run, run.read_manifest()) is None

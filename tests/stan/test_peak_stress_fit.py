@@ -203,7 +203,8 @@ def test_draws_that_were_kept_without_the_model_s_stresses_are_gathered_again(
     kept = peak_stress.posterior.to_dict()
     older = {name: one for name, one in kept.items() if name != "/model_response"}
     monkeypatch.setattr(
-        "pyburgers.flow_law_tables.fit.load_posterior", lambda run: xr.DataTree.from_dict(older)
+        "pyburgers.flow_law_tables.fit.load_posterior",
+        lambda run, manifest: xr.DataTree.from_dict(older),
     )
     again = PeakStressFit.load(tmp_path / "run")
     found, expected = (fit.posterior["model_response"].to_dataset() for fit in (again, peak_stress))

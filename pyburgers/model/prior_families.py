@@ -19,6 +19,7 @@ from scipy.special import ndtri_exp
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, factor_to_si
+from pyburgers.model.laws import DASHPOT_STRESSES
 from pyburgers.model.parameters import CONDITIONS, CONSTANTS, STANDARD_VALUES, Parameter
 
 if TYPE_CHECKING:
@@ -82,12 +83,13 @@ BOUNDED_AWAY_FROM_ZERO = frozenset(
         "steady_state_fabric_factor",
         "critical_strain_grain_size",
         "critical_strain_fabric",
-        "breakdown_stress",
+        *DASHPOT_STRESSES,
         "relaxation_exponent",
         "peak_width",
     }
 )
-"""Parameters that divide: at zero the model breaks down, so priors may not pile up there.
+"""Parameters that divide or make a law: at zero the model breaks down, or the law is another one,
+so priors may not pile up there.
 
 The lower bound of zero that the paper prints for the critical strain of olivine is one of these.
 """
@@ -407,5 +409,5 @@ def _check_sign(where: str, prior: Prior) -> None:
     if strict and prior.lower == 0:
         raise InputError(
             f"{where}: key {key!r}: found {found}, expected a positive one (such as 1e-3) because "
-            "the model breaks down at zero."
+            "the model breaks down at zero, or follows another law."
         )

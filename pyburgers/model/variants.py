@@ -203,14 +203,7 @@ def variant_of(priors: PriorSet, experiment: Test) -> ModelVariant:
 
 def check_variant(priors: PriorSet, experiment: Test) -> None:
     """Raise InputError for priors of a variant that the experiment cannot be fitted with."""
-    check_piezometer(priors, experiment)
-    variant = variant_of(priors, experiment)
-    if not _allows(experiment, "kelvin", variant.kelvin):
-        raise InputError(
-            f"{experiment.id}: kelvin={variant.kelvin} is not for tests of the protocol "
-            f"{experiment.protocol}, expected {' or '.join(experiment.laws['kelvin'])}; tests that "
-            "are given as loading histories take more laws (docs/variants.md)."
-        )
+    check_laws(priors, experiment)
     if not _allows(experiment, "kelvin", "extended") and not is_fixed_at(
         priors["kelvin_grain_size_exponent"], 0.0
     ):
@@ -218,7 +211,7 @@ def check_variant(priors: PriorSet, experiment: Test) -> None:
             f"{experiment.id}: kelvin_grain_size_exponent has no effect in tests of the protocol "
             f"{experiment.protocol}, expected it fixed at 0."
         )
-    if variant.residuals == "independent":
+    if variant_of(priors, experiment).residuals == "independent":
         return
     if not _allows(experiment, "residuals", "autocorrelated"):
         raise InputError(
@@ -234,15 +227,23 @@ def check_variant(priors: PriorSet, experiment: Test) -> None:
         )
 
 
-def check_piezometer(priors: PriorSet, experiment: Test) -> None:
-    """Raise InputError if the grain size follows a piezometer that the priors do not have."""
-    if variant_of(priors, experiment).grain_size == "piezometric" and not _has_piezometer(priors):
+def check_laws(priors: PriorSet, experiment: Test) -> None:
+    """Raise InputError for laws that tests of the kind do not take, or without their piezometer."""
+    variant = variant_of(priors, experiment)
+    if variant.grain_size == "piezometric" and not _has_piezometer(priors):
         raise InputError(
             f"{experiment.id}: the grain size of tests of the protocol {experiment.protocol} "
             f"follows a piezometer, found none in the priors {priors.title!r}, expected "
             f"{', '.join(PIEZOMETER[:-1])} and {PIEZOMETER[-1]} in them, or the variant "
             "grain_size=constant."
         )
+    for part, law in (("kelvin", variant.kelvin), ("maxwell", variant.maxwell)):
+        if not _allows(experiment, part, law):
+            raise InputError(
+                f"{experiment.id}: {part}={law} is not for tests of the protocol "
+                f"{experiment.protocol}, expected {' or '.join(experiment.laws[part])}; tests that "
+                "are given as loading histories take more laws (docs/variants.md)."
+            )
 
 
 def _allows(experiment: Test, part: str, law: str) -> bool:

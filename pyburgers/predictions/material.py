@@ -11,11 +11,11 @@ from pyburgers.common.draws import evenly_spaced
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, number
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
+from pyburgers.model.laws import DASHPOT_STRESSES
 from pyburgers.model.parameters import PIEZOMETER
 from pyburgers.model.relaxation import RELAXATION_PARAMETERS
 from pyburgers.predictions.assumptions import EVOLUTION
 from pyburgers.predictions.stress_cycles import (
-    BREAKDOWN,
     MODULUS_OF_TEMPERATURE,
     PARAMETER_NAMES,
 )
@@ -107,7 +107,7 @@ def fitted_material(
         raise InputError(f"microstructure: found {microstructure!r}, expected {expected}.")
     experiment = fit.experiment
     draws = fit.posterior["posterior"].to_dataset().transpose("chain", "draw", ...)
-    names = (*PARAMETER_NAMES, BREAKDOWN, *RELAXATION_PARAMETERS, *MODULUS_OF_TEMPERATURE)
+    names = (*PARAMETER_NAMES, *DASHPOT_STRESSES, *RELAXATION_PARAMETERS, *MODULUS_OF_TEMPERATURE)
     parameters = {
         name: draws[name].to_numpy().astype(np.float64)
         for name in (*names, *EVOLUTION, *PIEZOMETER)

@@ -39,10 +39,14 @@ data {
   vector[n_driving] driving_stress;
   int prior_family;
 }
+transformed data {
+  // Here a refusal stops the program.
+  real density_of_prior = prior_log_density(2, prior_family, 3, 0.5, 1, 4,
+                                            prior_log_mass(prior_family, 3, 0.5, 1, 4));
+}
 generated quantities {
   vector[n_stresses] dashpot_rate;
-  real prior_density = prior_log_density(2, prior_family, 3, 0.5, 1, 4,
-                                         prior_log_mass(prior_family, 3, 0.5, 1, 4));
+  real prior_density = density_of_prior;
   vector[n_stresses] preferred_grain_size; // by the piezometer
   real log_s0 = log_reference_stress(strain_rate, initial_grain_size, temperature,
                                      stress_exponent, grain_size_exponent, activation_enthalpy,

@@ -12,7 +12,7 @@ import json
 import shutil
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -39,11 +39,14 @@ from pyburgers.sbc.rank_uniformity import VERDICTS_TEXT, judge_ranks, rank_bands
 ROOT = Path(__file__).parents[1]
 TABLE = ROOT / "data" / "ice" / "peak_stress_qi_goldsby_2021.toml"
 CURVE = ROOT / "data" / "ice" / "PIL40.toml"
-OF_TABLE = SamplerOptions(
-    chains=4, warmup=1000, draws=1000, adapt_delta=0.99, parallel_chains=1, coordinates="plain"
+OF_TABLE = DataSetPlan(
+    sampler=SamplerOptions(
+        chains=4, warmup=1000, draws=1000, adapt_delta=0.99, parallel_chains=1, coordinates="plain"
+    )
 )
-OF_CURVE = SamplerOptions(chains=2, warmup=300, draws=400, adapt_delta=0.9, parallel_chains=1)
-PLAN = DataSetPlan(n_ranked=99, refits=1, stress_range=None)
+OF_CURVE = DataSetPlan(
+    sampler=SamplerOptions(chains=2, warmup=300, draws=400, adapt_delta=0.9, parallel_chains=1)
+)
 
 SCATTER = Prior.of_family(
     STRESS_SCATTER.name,
@@ -125,8 +128,7 @@ def do_table(template: PeakStressData, folder: Path) -> DoOne:
             default_priors("ice"),
             scratch,
             seed=seed,
-            options=OF_TABLE,
-            plan=PLAN,
+            plan=OF_TABLE,
         )
         ranked.law.save(law_file(folder, seed))
         return {
@@ -152,10 +154,9 @@ def do_curve(template: PeakStressData, tables: Stage) -> DoOne:
             calibration_priors("ice"),
             scratch,
             seed=seed,
-            options=OF_CURVE,
-            plan=PLAN,
+            plan=OF_CURVE,
         )
-        return asdict(done)
+        return done.model_dump()
 
     return do_one
 
@@ -176,7 +177,7 @@ def section(stage: Stage) -> list[str]:
         f"## {stage.kind.capitalize()}s",
         "",
         f"- {len(done)} of {len(stage.seeds)} planned are done (the number was fixed before the "
-        f"first); {len(ranked)} are ranked, the truth among {PLAN.n_ranked} draws of "
+        f"first); {len(ranked)} are ranked, the truth among {OF_CURVE.n_ranked} draws of "
         f"{stage.among}.",
         f"- Repeated longer because a check of the sampling failed: "
         f"{sum(one['n_refits'] > 0 for one in done)}; still failed and not ranked: "
@@ -195,7 +196,7 @@ def section(stage: Stage) -> list[str]:
         return lines
     names = list(ranked[0]["ranks"])
     ranks = {name: [one["ranks"][name] for one in ranked] for name in names}
-    verdicts = judge_ranks(ranks, rank_bands(len(ranked), PLAN.n_ranked, len(names)))
+    verdicts = judge_ranks(ranks, rank_bands(len(ranked), OF_CURVE.n_ranked, len(names)))
     table = pd.DataFrame(
         {
             "quantity": names,

@@ -312,7 +312,7 @@ def peak_stress(shared_runs: SharedRuns) -> PeakStressFit:
 
 def stay_in_this_process(patch: pytest.MonkeyPatch) -> None:
     """Do tasks one after the other here: a process of their own imports for two seconds."""
-    patch.setattr("pyburgers.common.processes._own_processes", lambda number: ThreadPoolExecutor(1))
+    patch.setattr("pyburgers.common.tasks._own_processes", lambda number: ThreadPoolExecutor(1))
 
 
 @pytest.fixture

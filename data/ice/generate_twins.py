@@ -1,11 +1,9 @@
-"""Write the synthetic twins of the ice samples PIL40, PIL72 and PIL105.
+"""Write the synthetic curves of the ice samples PIL40, PIL72 and PIL105.
 
-The measured curves are not public. The twins are solutions of the model, plus Gaussian noise, at
-parameters inside the priors for which the paper's printed statements hold (`search_twins.py` finds
-them, `docs/twins.md` explains them): peaks near 3 % strain at stresses published for the same test
-series, and attenuation as in Fig. 6. The solver is scipy's and the equations below are the paper's
-six, written out again: that makes the twins an independent check of the Stan programs. This script
-and the tests are the only places where constitutive equations stand in Python.
+The measured curves are not public. These are solutions of the model plus Gaussian noise, at
+parameters inside the priors for which the paper's printed statements hold. `search_twins.py` finds
+the parameters, `docs/synthetic_ice.md` explains them. The solver is scipy's and the equations below
+are the paper's six, so that the curves are an independent check of the Stan programs.
 
 Run ``python data/ice/generate_twins.py`` to write the files anew, bit for bit.
 """

@@ -3,7 +3,7 @@
 For each twin, candidates are drawn from Table 1's priors. The activation enthalpy of a candidate is
 not drawn but solved for, so that the stress peaks at the published value; beta stays at the middle
 of its prior, because only its product with the enthalpy counts. The truth is the candidate, of
-those that meet every requirement, nearest to their mean. `docs/twins.md` says what the
+those that meet every requirement, nearest to their mean. `docs/synthetic_ice.md` says what the
 requirements are, what they ask for analytically, and what the search found.
 
 Run ``python data/ice/search_twins.py`` to repeat the search, some minutes; `generate_twins.py`
@@ -167,7 +167,7 @@ def with_published_peak(sample: Sample, table: pd.DataFrame) -> pd.DataFrame:
 
 
 def may_have_one_falling_stretch(sample: Sample, table: pd.DataFrame) -> BoolArray:
-    """Whether the peak of attenuation can vanish at 1.5 MPa (see docs/twins.md).
+    """Whether the peak of attenuation can vanish at 1.5 MPa (see docs/synthetic_ice.md).
 
     The dashpot flows fastest where the reference stress is lowest, and it cannot be below the peak
     stress: candidates whose peak survives even then need not be solved.

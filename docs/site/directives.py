@@ -30,13 +30,7 @@ from docutils import nodes
 from docutils.parsers.rst import directives
 from docutils.statemachine import StringList
 from execution import ExecutionError, Result, run, run_python, run_shell, shortened
-from generated_tables import (
-    combination_lines,
-    command_lines,
-    family_lines,
-    key_lines,
-    parameter_lines,
-)
+from generated_tables import TABLES, key_lines
 from markers import with_directives
 from sphinx.application import Sphinx
 from sphinx.util import logging
@@ -210,40 +204,16 @@ class FileKeys(PageDirective):
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
-        """Show every key of a file."""
+        """Show the keys of a kind of file."""
         return self.markdown(key_lines(self.arguments[0]))
 
 
-class AllParameters(PageDirective):
-    """``all-parameters``."""
+class GeneratedTable(PageDirective):
+    """A directive that is called after one of `generated_tables.TABLES`."""
 
     def run(self) -> list[nodes.Node]:
-        """Show what prior files may name."""
-        return self.markdown(parameter_lines())
-
-
-class PriorFamilies(PageDirective):
-    """``prior-families``."""
-
-    def run(self) -> list[nodes.Node]:
-        """Show families of priors with their keys."""
-        return self.markdown(family_lines())
-
-
-class Combinations(PageDirective):
-    """``combinations``."""
-
-    def run(self) -> list[nodes.Node]:
-        """Show what can be combined."""
-        return self.markdown(combination_lines())
-
-
-class Commands(PageDirective):
-    """``commands``."""
-
-    def run(self) -> list[nodes.Node]:
-        """Show the help of every command."""
-        return self.markdown(command_lines())
+        """Show the table."""
+        return self.markdown(TABLES[self.name]())
 
 
 def _start_afresh(app: Sphinx, docname: str, source: list[str]) -> None:
@@ -265,10 +235,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
         "example": Example,
         "page": EmbeddedPage,
         "file-keys": FileKeys,
-        "all-parameters": AllParameters,
-        "prior-families": PriorFamilies,
-        "combinations": Combinations,
-        "commands": Commands,
+        **dict.fromkeys(TABLES, GeneratedTable),
     }.items():
         app.add_directive(name, directive)
     app.connect("source-read", _start_afresh)

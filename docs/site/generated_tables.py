@@ -1,8 +1,14 @@
-"""Tables of the reference pages as lines of Markdown."""
+"""Tables of the reference pages as lines of Markdown.
+
+    python docs/site/generated_tables.py NAME
+
+prints a table: that of a kind of file, or one of `TABLES`.
+"""
 
 import argparse
 import re
-from collections.abc import Iterable, Sequence
+import sys
+from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
 from itertools import groupby
 from typing import Any
@@ -167,3 +173,24 @@ def _table(names: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
         *(f"| {row} |" for row in body),
         "",
     ]
+
+
+TABLES: dict[str, Callable[[], list[str]]] = {
+    "all-parameters": parameter_lines,
+    "prior-families": family_lines,
+    "combinations": combination_lines,
+    "commands": command_lines,
+}
+"""Tables that the site and the command line know by name, beside those of kinds of files."""
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Print the table that the command line names."""
+    parser = argparse.ArgumentParser(description="Print a table of the reference pages.")
+    parser.add_argument("name", choices=[*structures(), *TABLES])
+    name = parser.parse_args(arguments).name
+    print("\n".join(TABLES[name]() if name in TABLES else key_lines(name)))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

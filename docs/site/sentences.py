@@ -16,7 +16,7 @@ from pathlib import Path
 import pyburgers
 
 ROOT = Path(__file__).parents[2]
-MAX_WORDS = 30
+MAX_WORDS = 25
 
 ABBREVIATIONS = re.compile(r"\b(et al|Eqs?|Figs?|e\.g|i\.e|vs)\.(?=\s)")
 END_OF_SENTENCE = re.compile(r"(?<=[.?!])[)*\"”]*\s+|(?<=:)\**\s+(?=[^a-z])")

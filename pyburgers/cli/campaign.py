@@ -7,15 +7,15 @@ from pyburgers.cli.shared import command_line, exit_code, writing
 from pyburgers.cli.terminal import print_table
 from pyburgers.cli.workers import add_worker_options, require_no_worker_options, workers_of
 from pyburgers.common.paths import shown
-from pyburgers.sampling.manifest import COMPLETE
-from pyburgers.studies.campaign import (
+from pyburgers.fitting.campaign import (
     load_campaign,
     run_campaign,
     shown_status_table,
     status_table,
-    write_page,
     write_status,
 )
+from pyburgers.report.campaign_page import write_page
+from pyburgers.sampling.manifest import COMPLETE
 
 EXIT_NOT_DONE = 1
 

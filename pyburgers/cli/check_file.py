@@ -128,7 +128,7 @@ def _reader(content: Mapping[str, Any]) -> Callable[[Path], object]:
     if _is_plan(content):
         # What makes its page takes long to load, which no other file needs.
         read_plan: Callable[[Path], object] = import_module(
-            "pyburgers.studies.campaign"
+            "pyburgers.fitting.campaign"
         ).load_campaign
         return read_plan
     return load_peak_stress if content.get("protocol") == PEAK_STRESS else load_experiment

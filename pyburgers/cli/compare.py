@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pyburgers.cli.shared import command_line, exit_code, writing
-from pyburgers.cli.workers import add_worker_options, workers_of
+from pyburgers.cli.workers import add_worker_options, require_no_worker_options, workers_of
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
@@ -65,15 +65,22 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    if options.leave_out == "tests":
-        return _compare_by_test(options)
-    if (options.scheduler, options.jobs, options.part) != (None, None, None):
-        raise InputError("--jobs, --scheduler and --part: go with --leave-out tests.")
+    by_test = options.leave_out == "tests"
+    if by_test and options.no_refit:
+        raise InputError(
+            "--no-refit: goes with --leave-out points, because a test is left out by fitting again."
+        )
+    if not by_test:
+        require_no_worker_options(options, "--leave-out points, which hands no fits out")
     directories: list[Path] = options.directories
     fits = {
         name: Fit.load(directory)
         for name, directory in zip(names_of_runs(directories), directories, strict=True)
     }
+    return _compare_by_test(options, fits) if by_test else _compare_by_point(options, fits)
+
+
+def _compare_by_point(options: argparse.Namespace, fits: Mapping[str, Fit]) -> int:
     comparison = compare(fits, refits=None if options.no_refit else options.out / "refits")
     with writing(options.out):
         options.out.mkdir(parents=True, exist_ok=True)
@@ -88,16 +95,7 @@ def run(options: argparse.Namespace) -> int:
     return exit_code(comparison.reliable)
 
 
-def _compare_by_test(options: argparse.Namespace) -> int:
-    if options.no_refit:
-        raise InputError(
-            "--no-refit: goes with --leave-out points, because a test is left out by fitting again."
-        )
-    directories: list[Path] = options.directories
-    joints = {
-        name: Fit.load(directory)
-        for name, directory in zip(names_of_runs(directories), directories, strict=True)
-    }
+def _compare_by_test(options: argparse.Namespace, joints: Mapping[str, Fit]) -> int:
     for joint in joints.values():
         check_several_tests(joint)
     command = command_line()
@@ -124,19 +122,7 @@ def _compare_by_test(options: argparse.Namespace) -> int:
 def save_comparison(
     comparison: Comparison, fits: Mapping[str, Fit], folder: Path, *, command: str
 ) -> None:
-    """Write ``comparison.csv``, ``pointwise.csv`` and ``comparison.json``.
-
-    Parameters
-    ----------
-    comparison : Comparison
-        What to write.
-    fits : mapping of str to Fit
-        The fits that were compared.
-    folder : Path
-        An existing folder.
-    command : str
-        What regenerates the comparison.
-    """
+    """Write ``comparison.csv``, ``pointwise.csv`` and ``comparison.json``."""
     write_text(folder / "comparison.csv", comparison_table(comparison).to_csv())
     write_text(folder / "pointwise.csv", pointwise_table(comparison).to_csv())
     write_json(
@@ -154,19 +140,7 @@ def save_comparison(
 def save_comparison_by_test(
     comparison: ComparisonByTest, joints: Mapping[str, Fit], folder: Path, *, command: str
 ) -> None:
-    """Write ``comparison.csv``, ``left_out_tests.csv`` and ``comparison.json``.
-
-    Parameters
-    ----------
-    comparison : ComparisonByTest
-        What to write.
-    joints : mapping of str to Fit
-        The fits that were compared.
-    folder : Path
-        An existing folder.
-    command : str
-        What regenerates the comparison.
-    """
+    """Write ``comparison.csv``, ``left_out_tests.csv`` and ``comparison.json``."""
     write_text(folder / "comparison.csv", table_of_fits(comparison).to_csv())
     write_text(folder / "left_out_tests.csv", table_of_tests(comparison).to_csv())
     write_json(

@@ -27,21 +27,7 @@ from pyburgers.common.errors import ToolchainError
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at.
-
-    Attributes
-    ----------
-    name : str
-        What was looked at.
-    ok : bool
-        Whether it is as it has to be.
-    found : str
-        What was found.
-    remedy : str
-        How to mend it; empty if there is nothing to mend.
-    required : bool
-        Whether a fit needs it.
-    """
+    """The state of one thing, how to mend it if need be, and whether a fit needs it."""
 
     name: str
     ok: bool

@@ -12,8 +12,8 @@ def add_options(command: argparse.ArgumentParser) -> None:
         choices=["auto", "github", "pypi"],
         default="auto",
         help=f"github: the newest release; pypi: {PYPI_VERSION} from the package index, with which "
-        "all tests run; auto: nothing where there is a CmdStan, else github and, where that does "
-        "not answer, pypi",
+        "all tests run; auto: nothing if there is a CmdStan, else github and, if that does not "
+        "answer, pypi",
     )
 
 

@@ -1,4 +1,3 @@
-# PYTHON_ARGCOMPLETE_OK
 """Command line: which command, what its errors and an interrupt come to."""
 
 import argparse
@@ -8,12 +7,12 @@ import os
 import resource
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
-from pyburgers.cli.completion import COMPLETING, add_arguments, complete, words_to_complete
 from pyburgers.cli.parser import OneLineParser, ShowVersion
 from pyburgers.common.errors import InputError, PyburgersError, nearest
 from pyburgers.common.messages import messages_to
@@ -39,10 +38,11 @@ COMMANDS = {
     "sbc": "is the fit calibrated: truths from the prior, data, fits, ranks",
     "export": "flow law and elements of a fit, for use in other codes",
     "report": "one HTML page about one or several runs, joint fits among them",
+    "completion": "a script with which a shell completes commands and options",
     "reproduce": "the study: fits of measured dunite, rock salt and olivine spectra, and of "
     "synthetic tests, and the page",
 }
-"""What each does. Its module in this room has ``add_options`` and ``run``."""
+"""Purpose of each; its module in this folder has ``add_options`` and ``run``."""
 
 
 EXIT_CODES = (
@@ -53,18 +53,7 @@ EXIT_CODES = (
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Default: those of the process.
-
-    Returns
-    -------
-    int
-        What `EXIT_CODES` says.
-    """
+    """Run the command line, of the process by default; return what `EXIT_CODES` says."""
     _open_streams()
     try:
         try:
@@ -165,34 +154,37 @@ def _drop_output() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _parse(arguments: Sequence[str]) -> argparse.Namespace:
-    """Parse the command line, with no other module than that of the command."""
+def parser_with(commands: Iterable[str]) -> OneLineParser:
+    """Return the parser of the command line; it knows the arguments of some commands."""
     parser = OneLineParser(
         prog="pyburgers",
         description="Fit a nonlinear Burgers model to deformation tests, one by one or together.",
         epilog=EXIT_CODES,
     )
     parser.add_argument("--version", action=ShowVersion)
-    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    if COMPLETING in os.environ:
-        arguments = words_to_complete()
+    below = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for name, purpose in COMMANDS.items():
-        command = commands.add_parser(name, help=purpose, description=purpose, epilog=EXIT_CODES)
-        if name in arguments[:1]:
-            module_name = f"pyburgers.cli.{name.replace('-', '_')}"
-            if COMPLETING in os.environ:
-                add_arguments(command, module_name)
-                continue
-            with _interrupts_wait():
-                module = import_module(module_name)
+        command = below.add_parser(name, help=purpose, description=purpose, epilog=EXIT_CODES)
+        if name in commands:
+            module = _module_of(name)
             module.add_options(command)
             command.set_defaults(run=module.run)
-            if hasattr(module, "with_default"):
-                arguments = [name, *module.with_default(arguments[1:])]
-    if COMPLETING in os.environ:
-        complete(parser)
-    if arguments and arguments[0].startswith("-"):
-        parser.require_own(arguments[0])
-    elif arguments and arguments[0] not in COMMANDS:
-        raise InputError(f"unknown command {arguments[0]!r}, {nearest(arguments[0], COMMANDS)}")
+    return parser
+
+
+def _module_of(command: str) -> ModuleType:
+    with _interrupts_wait():
+        return import_module(f"pyburgers.cli.{command.replace('-', '_')}")
+
+
+def _parse(arguments: Sequence[str]) -> argparse.Namespace:
+    """Parse the command line, with no other module than that of the command."""
+    parser = parser_with(arguments[:1])
+    for name in arguments[:1]:
+        if name.startswith("-"):
+            parser.require_own(name)
+        elif name not in COMMANDS:
+            raise InputError(f"unknown command {name!r}, {nearest(name, COMMANDS)}")
+        elif hasattr(module := _module_of(name), "with_default"):
+            arguments = [name, *module.with_default(arguments[1:])]
     return parser.parse_all(arguments)

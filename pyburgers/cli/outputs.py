@@ -13,20 +13,7 @@ from pyburgers.sampling.run_directory import WRITTEN, RunDirectory
 def check_output(out: Path, *inputs: Path | None, beside: Sequence[str] = ()) -> None:
     """Check, before anything is done, that a file may be written.
 
-    Parameters
-    ----------
-    out : Path
-        What ``--out`` names.
-    *inputs : Path or None
-        Files and run directories that the command reads. A TOML file stands for the text files
-        that it names as well.
-    beside : sequence of str
-        Endings, in place of that of `out`, of the files that are written beside it.
-
-    Raises
-    ------
-    InputError
-        If it is no name of a file, or one of the files that would be written is read.
+    Raises InputError if it is no name of a file, or one of the files that would be written is read.
     """
     files = [out, *(out.with_name(f"{out.stem}{ending}") for ending in beside if out.name)]
     for file in files:

@@ -1,7 +1,7 @@
 """The parser of the command line: errors in one line, defaults and choices in the help."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from difflib import get_close_matches
 from importlib.metadata import version
 from pathlib import Path
@@ -27,7 +27,7 @@ class ShowVersion(argparse.Action):
 
 
 class HelpWithDefaults(argparse.HelpFormatter):
-    """Help that ends with the default of an option, where it has one that says something."""
+    """Help that ends with the default of an option, if the default says something."""
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
         text, default = action.help or "", action.default
@@ -40,12 +40,26 @@ class HelpWithDefaults(argparse.HelpFormatter):
 
 
 def is_text(text: str) -> bool:
-    """Whether files can hold what was typed: bytes that are no text cannot be encoded again."""
+    """Tell whether files can hold a typed text: bytes that are no text cannot be encoded again."""
     try:
         text.encode("utf-8")
     except UnicodeEncodeError:
         return False
     return True
+
+
+def all_arguments(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    """Return the arguments of a parser and of those below it."""
+    for action in parser._actions:
+        yield action
+        if isinstance(action, argparse._SubParsersAction):
+            for below in action.choices.values():
+                yield from all_arguments(below)
+
+
+def offer(action: argparse.Action, values: Sequence[str]) -> None:
+    """Have a shell offer values of an argument, where others are possible too."""
+    vars(action)["offered"] = values
 
 
 def _path(text: str) -> Path:
@@ -66,10 +80,7 @@ class OneLineParser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Refuse the arguments.
 
-        Raises
-        ------
-        InputError
-            Always; it names the help of the command.
+        Raises InputError always; it names the help of the command.
         """
         if message.startswith(_REQUIRED):
             message = f"missing: {self._with_help(message.removeprefix(_REQUIRED))}"
@@ -97,23 +108,10 @@ class OneLineParser(argparse.ArgumentParser):
             )
         return value
 
-    def options(self) -> list[str]:
-        """Return the long options of the parser and of those below it."""
-        found = []
-        for action in self._actions:
-            found += [name for name in action.option_strings if name.startswith("--")]
-            if isinstance(action, argparse._SubParsersAction):
-                for parser in action.choices.values():
-                    found += parser.options()
-        return found
-
     def require_own(self, option: str) -> None:
         """Check that an option ahead of the command is one of the program itself.
 
-        Raises
-        ------
-        InputError
-            If it is not; the message names the option that was meant.
+        Raises InputError if it is not; the message names the option that was meant.
         """
         name = option.split("=")[0]
         own = [text for action in self._actions for text in action.option_strings]
@@ -126,16 +124,13 @@ class OneLineParser(argparse.ArgumentParser):
     def parse_all(self, arguments: Sequence[str]) -> argparse.Namespace:
         """Parse arguments, all of which have to be known.
 
-        Raises
-        ------
-        InputError
-            If one is not; the message names the option that was meant.
+        Raises InputError if one is not; the message names the option that was meant.
         """
         parsed, unknown = self.parse_known_args(arguments)
         if not unknown:
             return parsed
         name = unknown[0].split("=")[0]
-        meant = get_close_matches(name, self.options(), n=1) if name.startswith("-") else []
+        meant = get_close_matches(name, self._long_options(), n=1) if name.startswith("-") else []
         end = self._see(*arguments[:1])
         if meant == [name]:
             end = f"which is another command's; {end}"
@@ -143,6 +138,11 @@ class OneLineParser(argparse.ArgumentParser):
             end = f"did you mean {meant[0]}?"
         kind = "option" if name.startswith("-") else "argument"
         raise InputError(f"unknown {kind} {name}, {end}")
+
+    def _long_options(self) -> list[str]:
+        """Return the long options of the parser and of those below it."""
+        names = (name for action in all_arguments(self) for name in action.option_strings)
+        return [name for name in names if name.startswith("--")]
 
     def _see(self, *command: str) -> str:
         return f"see `{' '.join([self.prog, *command])} --help`."

@@ -21,22 +21,14 @@ from pyburgers.model.priors import load_priors
 from pyburgers.model.variants import parse_choices, with_variant
 from pyburgers.protocols.protocol import load_experiment
 from pyburgers.sbc.convergence import LONGER
-from pyburgers.sbc.data_sets import Range, calibration_priors
+from pyburgers.sbc.data_sets import SHORT_RUN, DataSetPlan, Range, calibration_priors
 from pyburgers.sbc.results import (
     count_sentences,
     rank_differences,
     save_calibration,
     shown_verdict_table,
 )
-from pyburgers.sbc.run import (
-    N_RANKED,
-    REFITS,
-    SHORT_RUN,
-    Calibration,
-    CalibrationPlan,
-    calibrate,
-    load_calibration,
-)
+from pyburgers.sbc.run import Calibration, CalibrationPlan, calibrate, load_calibration
 
 CALIBRATION_OPTIONS = ("chains", "warmup", "draws", "seed", "adapt_delta", "coordinates")
 """Settings of the sampler that a calibration takes."""
@@ -64,14 +56,16 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--simulations",
         type=int,
-        default=200,
+        default=CalibrationPlan.simulations,
         help="data sets; fixed with the first one",
     )
-    command.add_argument("--ranked-draws", type=int, default=N_RANKED, help="of each fit")
+    command.add_argument(
+        "--ranked-draws", type=int, default=DataSetPlan.n_ranked, help="of each fit"
+    )
     command.add_argument(
         "--refits",
         type=int,
-        default=REFITS,
+        default=DataSetPlan.refits,
         help=f"repetitions, {LONGER} times as long each, of a fit that has not converged; "
         "can be raised later",
     )

@@ -1,4 +1,4 @@
-"""What commands share: arguments, the run that one names, verdicts and exit codes."""
+"""Shared by commands: arguments, the command line as typed, exit codes."""
 
 import argparse
 import shlex
@@ -9,7 +9,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from pyburgers.cli.completion import complete_with
+from pyburgers.cli.parser import offer
 from pyburgers.common.errors import InputError
 from pyburgers.model.variants import CHOICES
 from pyburgers.protocols.protocol import Protocol, protocols
@@ -45,7 +45,7 @@ def add_variant_option(command: argparse.ArgumentParser) -> None:
         help="another law for a part of the model, such as kelvin=power_law; may be repeated: "
         + ", ".join(f"{part}={'|'.join(laws)}" for part, laws in CHOICES.items()),
     )
-    complete_with(variant, [f"{part}={law}" for part, laws in CHOICES.items() for law in laws])
+    offer(variant, [f"{part}={law}" for part, laws in CHOICES.items() for law in laws])
 
 
 def add_sampler_options(
@@ -86,7 +86,7 @@ _SAMPLER_HELP = {
     "chain_timeout": "seconds after which a chain is stopped",
     "parallel_chains": "chains side by side",
     "threads_per_chain": "threads that share the tests of a joint fit at constant rate; they pay "
-    "where there are more cores than chains",
+    "if there are more cores than chains",
 }
 _UNLESS_GIVEN = {
     "warmup": by_protocol(lambda one: one.warmup),

@@ -1,4 +1,4 @@
-"""What a fit prints: tables no wider than the terminal, verdicts, colours where there are some."""
+"""Output of a fit: tables no wider than the terminal, verdicts, colours if it has some."""
 
 from collections.abc import Sequence
 
@@ -29,15 +29,7 @@ FOLDED, LEAST_FOLDED = "quantity", 20
 
 
 def print_table(table: pd.DataFrame, keys: Sequence[str]) -> None:
-    """Print a table of text in blocks of columns that fit, each with the columns `keys` first.
-
-    Parameters
-    ----------
-    table : DataFrame
-        Text (`pyburgers.report.tables`).
-    keys : sequence of str
-        Columns that say what a row is about.
-    """
+    """Print a table of text in blocks of columns that fit, each with the columns `keys` first."""
     console = _console()
     named = [name for name in keys if name in table]
     room = console.width + 1 - sum(_width(table, name) for name in named)
@@ -57,8 +49,8 @@ def print_checks(
 ) -> int:
     """Print both verdicts on a run with the checks behind them; return the exit code.
 
-    What prior and data disagree about, and which numbers the data do not decide, follows; it does
-    not count for the code.
+    Conflicts of prior and data, and numbers that the data do not decide, follow. They do not count
+    for the code.
     """
     console, answers = _console(), verdicts(checks)
     for kind, verdict in answers.items():
@@ -93,7 +85,7 @@ def print_lines(lines: Sequence[str]) -> None:
 
 
 def _console() -> Console:
-    """Return where output goes: in colours where it is a terminal and NO_COLOR is not set."""
+    """Return the console of output, in colours if it is a terminal and NO_COLOR is not set."""
     console = Console(highlight=False, markup=False, emoji=False)
     if not console.is_terminal:
         console.width = WIDTH

@@ -1,4 +1,4 @@
-"""Who does the tasks of a command: processes of this machine, or Dask's; and which part of them."""
+"""Options about workers: processes of this machine or of Dask, and the part of the tasks."""
 
 import argparse
 import re
@@ -13,15 +13,7 @@ ANSWER_SECONDS = 30
 
 
 def add_worker_options(command: argparse.ArgumentParser, when: str = "") -> None:
-    """Add the options that say who does tasks.
-
-    Parameters
-    ----------
-    command : ArgumentParser
-        Gets them.
-    when : str
-        Begins their help where not all that the command does is handed out.
-    """
+    """Add the options that say who does tasks; `when` begins their help."""
     command.add_argument(
         "--jobs",
         type=int,
@@ -44,15 +36,7 @@ def add_worker_options(command: argparse.ArgumentParser, when: str = "") -> None
 
 
 def require_no_worker_options(options: argparse.Namespace, beside: str) -> None:
-    """Refuse options that say who does tasks where no task is done.
-
-    Parameters
-    ----------
-    options : Namespace
-        Of the command.
-    beside : str
-        Why there is none, such as the name of another option.
-    """
+    """Refuse options that say who does tasks beside an option with which no task is done."""
     for name in ("jobs", "scheduler", "part"):
         if getattr(options, name) is not None:
             raise InputError(f"--{name}: expected no such option beside {beside}.")
@@ -70,12 +54,8 @@ def _part(text: str) -> tuple[int, int]:
 def workers_of(options: argparse.Namespace) -> Iterator[Workers]:
     """Return who does the tasks while the block runs.
 
-    Raises
-    ------
-    InputError
-        If there are no such workers, or Dask is not installed.
-    SystemFailureError
-        If workers were lost again and again.
+    Raises InputError if there are no such workers, or Dask is not installed; SystemFailureError if
+    workers were lost again and again.
     """
     address: str | None = options.scheduler
     if address is None:

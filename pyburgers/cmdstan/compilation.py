@@ -1,10 +1,10 @@
 """Stan sources -> executables, compiled with CmdStan into a cache.
 
-Compiled programs live in a folder named by everything that decides the executable: the
-program, what it includes, CmdStan, the compiler and its flags. A change in any of them gives
-another folder, so nothing is ever out of date, and tests, CI and users share the work. A record
-beside an executable tells one that was damaged, which is compiled again, and finds it where there
-is no compiler.
+Compiled programs live in a folder named by everything that decides the executable: the program,
+its includes, CmdStan, the compiler and its flags. A change in any of them gives another folder, so
+nothing is ever out of date, and tests, CI and users share the work. A record beside an executable
+shows damage, after which the program is compiled again. If there is no compiler, the record finds
+the executable.
 """
 
 import logging
@@ -23,13 +23,13 @@ import platformdirs
 from pyburgers.cmdstan.installation import ensure_cmdstan
 from pyburgers.cmdstan.toolchain import (
     MAKE_TAKES,
+    THREAD_FLAGS,
     MissingToolError,
     Toolchain,
     chosen_folder,
     cmdstan_version,
     compile_flags,
     last_lines,
-    make_flags,
     run_tool,
     stan_directory,
     toolchain,
@@ -67,10 +67,7 @@ class _Sources:
 def cache_directory() -> Path:
     """Return the folder of compiled programs: ``$PYBURGERS_CACHE``, else in the user's cache.
 
-    Raises
-    ------
-    ToolchainError
-        If there is no such folder.
+    Raises ToolchainError if there is no such folder.
     """
     chosen = os.environ.get("PYBURGERS_CACHE")
     if chosen:
@@ -85,34 +82,16 @@ def cache_directory() -> Path:
 
 
 def program_key(program: Path, include_directory: Path, cmdstan: Path) -> str:
-    """Return the name under which a compiled program is cached.
+    """Return the SHA-256 of a program, of all it includes and of its toolchain: its cache folder.
 
-    Parameters
-    ----------
-    program : Path
-        A Stan program.
-    include_directory : Path
-        The folder that its ``#include`` lines are relative to.
-    cmdstan : Path
-        Folder of the CmdStan that compiles it. Part of the key, since an executable finds
-        CmdStan's libraries by their full path.
-
-    Returns
-    -------
-    str
-        SHA-256, in hexadecimal digits, of the names and texts of the program and of all it
-        includes, and of the toolchain.
-
-    Raises
-    ------
-    ToolchainError
-        If a file cannot be read or a tool is missing.
+    The folder of CmdStan counts, because an executable finds CmdStan's libraries by their full
+    path. Raises ToolchainError if a file cannot be read or a tool is missing.
     """
     return _key(_read_sources(program, include_directory), toolchain(cmdstan))
 
 
 def executable_path(program: Path, cmdstan: Path) -> Path:
-    """Return where the executable of `program` is, or will be once compiled."""
+    """Return the file of the executable of a program, whether or not it is compiled."""
     return cache_directory() / program_key(program, stan_directory(), cmdstan) / program.stem
 
 
@@ -125,18 +104,9 @@ def shares_work(program: Path) -> bool:
 def compile_program(program: Path, *, threads: bool = False) -> Path:
     """Return the executable of a Stan program; compile it unless it is in the cache.
 
-    Parameters
-    ----------
-    program : Path
-        A Stan program; its ``#include`` lines are relative to `stan_directory`.
-    threads : bool
-        Whether it can run in several threads. Where it cannot, it is a little faster.
-
-    Raises
-    ------
-    ToolchainError
-        If CmdStan cannot be had, the program is wrong or the compiler fails; the message ends
-        with what stanc or the compiler said.
+    Only with `threads` can it run in several threads; without, it is a little faster. Raises
+    ToolchainError if CmdStan cannot be had, the program is wrong or the compiler fails; the message
+    ends with what stanc or the compiler said.
     """
     return _compile(program, ensure_cmdstan(), threads=threads)
 
@@ -226,21 +196,11 @@ def _compile(program: Path, cmdstan: Path, *, threads: bool = False) -> Path:
 
 
 class _Record(Table):
-    """What is noted beside an executable.
-
-    Attributes
-    ----------
-    sha256 : str
-        Hash of the executable.
-    sources : str
-        Hash of all that decides it, but for the compiler.
-    recipe : str
-        Hash of all that decides its results: what decides it, but for the folder of CmdStan.
-    """
+    """Hashes that are noted beside an executable: `sha256` is its own."""
 
     sha256: str
-    sources: str
-    recipe: str
+    sources: str  # of all that decides it, but for the compiler
+    recipe: str  # of all that decides its results: what decides it, but for the folder of CmdStan
 
 
 def _record_file(executable: Path) -> Path:
@@ -248,7 +208,7 @@ def _record_file(executable: Path) -> Path:
 
 
 def _is_whole(executable: Path, sources: str | None = None) -> bool:
-    """Tell whether an executable is as it was compiled, and of some sources where they are given.
+    """Tell whether an executable is as it was compiled, and of the sources if they are given.
 
     A full disk or a copy of the cache can leave one that does not run.
     """
@@ -296,10 +256,10 @@ def _build(sources: _Sources, tools: Toolchain, executable: Path, *, threads: bo
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
         _translate(program, tools)
-        flags = make_flags(threads=threads)
+        flags: tuple[str, ...] = ()
         if threads:  # CmdStan's own main program is compiled for those without
             main = shutil.copy2(tools.cmdstan_path / MAIN_PROGRAM, scratch)
-            flags = (*flags, f"CMDSTAN_MAIN={main}")
+            flags = (*THREAD_FLAGS, f"CMDSTAN_MAIN={main}")
         make = run_tool(["make", *flags, program.with_suffix("")], cwd=tools.cmdstan_path)
         if make.returncode != 0:
             raise ToolchainError(
@@ -323,10 +283,7 @@ def _build(sources: _Sources, tools: Toolchain, executable: Path, *, threads: bo
 def _folder_for_make() -> Path:
     """Return a folder for temporary files whose path make and its shell take as it is.
 
-    Raises
-    ------
-    ToolchainError
-        If there is none.
+    Raises ToolchainError if there is none.
     """
     usual = Path(tempfile.gettempdir())
     for folder in (usual, Path("/tmp"), Path("/var/tmp")):

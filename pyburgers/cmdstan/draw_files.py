@@ -8,20 +8,16 @@ import numpy as np
 import numpy.typing as npt
 import stanio
 import xarray as xr
+from cmdstanpy.utils import stancsv
 
 FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """What chains, or a run without sampling, have written.
+    """All columns that chains have written, shape (n_chains, n_draws, n_columns), and their names.
 
-    Attributes
-    ----------
-    variables : mapping of str to Variable
-        Where each variable of the program, and each column of the sampler, is in `values`.
-    values : array, shape (n_chains, n_draws, n_columns)
-        All columns.
+    `variables` says where each variable of the program and of the sampler is in `values`.
     """
 
     variables: Mapping[str, stanio.Variable]
@@ -64,16 +60,10 @@ class Draws:
 
 
 def read_draws(files: Sequence[Path]) -> Draws:
-    """Read chains of equal length.
-
-    Raises
-    ------
-    ValueError
-        If a row or a file is cut short.
-    """
+    """Read chains of equal length; raise ValueError if a row or a file is cut short."""
     header, values = "", []
     for file in files:
-        header, *rows = _table(file)
+        header, rows = _header_and_rows(file)
         values.append(
             np.loadtxt(rows, delimiter=",", ndmin=2)
             if rows
@@ -84,51 +74,43 @@ def read_draws(files: Sequence[Path]) -> Draws:
 
 @dataclass(frozen=True, eq=False)
 class Adaptation:
-    """What a chain has adapted to while it warmed up.
-
-    Attributes
-    ----------
-    step_size : float
-        Step size.
-    metric : array, shape (n, n)
-        Inverse mass matrix.
-    """
+    """Step size and inverse mass matrix, shape (n, n), that a chain has ended its warm-up with."""
 
     step_size: float
     metric: FloatArray
 
 
 OFF_DIAGONAL = 1 - 1e-4
-"""Factor on the elements of a metric off its diagonal: files have six digits, which may leave a
-matrix that is not positive definite; with any that is, the draws are of the same posterior."""
+"""Factor on the elements of a metric off its diagonal. With the six digits of a file, a matrix may
+not be positive definite. With any that is, the draws are of the same posterior."""
 
 
 def adaptation_of(file: Path) -> Adaptation:
     """Read the step size and the dense metric that a chain has ended its warm-up with."""
-    with file.open(encoding="utf-8") as lines:
-        comments = [line[1:].strip() for line in lines if line.startswith("#")]
-    sizes = [line for line in comments if line.startswith("Step size = ")]
-    first = comments.index("Elements of inverse mass matrix:") + 1
-    n = comments[first].count(",") + 1
-    metric = np.array([line.split(",") for line in comments[first : first + n]], dtype=np.float64)
-    weights = np.where(np.eye(n, dtype=bool), 1.0, OFF_DIAGONAL)
-    return Adaptation(float(sizes[0].partition("= ")[2]), weights * (metric + metric.T) / 2)
+    comments, *_ = stancsv.parse_comments_header_and_draws(file)
+    step_size, metric = stancsv.parse_hmc_adaptation_lines(comments)
+    if step_size is None or metric is None:
+        raise ValueError(f"{file} has no step size and metric, expected the file of a chain.")
+    weights = np.where(np.eye(len(metric), dtype=bool), 1.0, OFF_DIAGONAL)
+    return Adaptation(step_size, weights * (metric + metric.T) / 2)
 
 
 def join_draws(first: Path, second: Path, joined: Path) -> None:
     """Write a file of draws, with all else in it, that goes on with the draws of another."""
-    lines = first.read_text(encoding="utf-8").splitlines(keepends=True)
-    end = max(k for k, line in enumerate(lines) if not line.startswith("#")) + 1
-    more = _table(second)[1:]
-    joined.write_text("".join([*lines[:end], *more, *lines[end:]]), encoding="utf-8")
+    lines = first.read_bytes().splitlines(keepends=True)
+    end = max(k for k, line in enumerate(lines) if not line.startswith(b"#")) + 1
+    _, more = _header_and_rows(second)
+    joined.write_bytes(b"".join([*lines[:end], *more, *lines[end:]]))
 
 
 def rows_of_draws(file: Path) -> int:
     """Return how many draws there are in a file."""
-    return len(_table(file)) - 1
+    _, rows = _header_and_rows(file)
+    return len(rows)
 
 
-def _table(file: Path) -> list[str]:
-    """Return header and rows without the comments around them."""
-    with file.open(encoding="utf-8") as lines:
-        return [line for line in lines if not line.startswith("#")]
+def _header_and_rows(file: Path) -> tuple[str, list[bytes]]:
+    _, header, rows = stancsv.parse_comments_header_and_draws(file)
+    if header is None:
+        raise ValueError(f"{file} is empty, expected a file of draws.")
+    return header, rows

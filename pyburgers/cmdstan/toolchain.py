@@ -13,16 +13,11 @@ from pathlib import Path
 from pyburgers.common.errors import ToolchainError
 from pyburgers.common.shipped_files import shipped_folder
 
-COMPILE_FLAGS: tuple[str, ...] = ()
-"""Variables (``"NAME=value"``) given to CmdStan's make for every program.
-
-None: CmdStan's defaults (``-O3``, range checks on) are portable. ``-march=native`` is left out
-on purpose, since a home folder, and with it the cache, may be shared between machines, and it gains
-nothing: a gradient of PIL40 takes as long.
-"""
-
+# Programs without threads are compiled with CmdStan's defaults (-O3, range checks on), which are
+# portable. With -march=native a gradient of PIL40 takes as long, and a home folder, with its cache,
+# may be shared between machines.
 THREAD_FLAGS: tuple[str, ...] = ("STAN_THREADS=true", "PRECOMPILED_HEADERS=false")
-"""Further ones for programs that run in several threads.
+"""Variables given to CmdStan's make for programs that run in several threads.
 
 CmdStan's precompiled header is one without threads. One with them would take 700 MB more, for the
 one program in which threads share work.
@@ -52,22 +47,10 @@ class MissingToolError(ToolchainError):
 
 @dataclass(frozen=True)
 class Toolchain:
-    """What turns a Stan program into an executable.
+    """CmdStan, compiler, make and flags; of tools the first line of ``--version``.
 
-    Attributes
-    ----------
-    cmdstan_path : Path
-        CmdStan's folder.
-    cmdstan_version : str
-        For example ``"2.27.0"``.
-    compiler : str
-        First line of the C++ compiler's ``--version``.
-    make : str
-        First line of ``make --version``.
-    compile_flags : tuple of str
-        `COMPILE_FLAGS`, `THREAD_FLAGS` where there are threads, then compiler variables of the
-        environment, then the settings of CmdStan's ``make/local`` and of the user's
-        ``~/.config/stan/make.local``.
+    Compile flags are `THREAD_FLAGS` if there are threads, compiler variables of
+    the environment, and the settings of CmdStan's ``make/local`` and ``~/.config/stan/make.local``.
     """
 
     cmdstan_path: Path
@@ -80,10 +63,7 @@ class Toolchain:
 def stan_directory() -> Path:
     """Return the folder of the Stan programs: in an installed wheel, else in the checkout.
 
-    Raises
-    ------
-    ToolchainError
-        If neither is there.
+    Raises ToolchainError if neither is there.
     """
     folder = shipped_folder("stan")
     if not folder.is_dir():
@@ -102,10 +82,7 @@ def cmdstan_home() -> Path:
 def home_folder() -> Path:
     """Return the user's home folder.
 
-    Raises
-    ------
-    ToolchainError
-        If the system knows none.
+    Raises ToolchainError if the system knows none.
     """
     try:
         return Path.home()
@@ -118,10 +95,7 @@ def home_folder() -> Path:
 def find_cmdstan() -> Path | None:
     """Return the CmdStan to use: ``$CMDSTAN``, else the newest usable one in ``~/.cmdstan``.
 
-    Raises
-    ------
-    ToolchainError
-        If ``$CMDSTAN`` is set to something that is not a built CmdStan.
+    Raises ToolchainError if ``$CMDSTAN`` is set to something that is not a built CmdStan.
     """
     chosen = os.environ.get("CMDSTAN")
     if chosen:
@@ -140,10 +114,8 @@ def find_cmdstan() -> Path | None:
 def chosen_folder(name: str) -> Path:
     """Return the folder that an environment variable names, as a full path.
 
-    Raises
-    ------
-    ToolchainError
-        If it begins with the home folder of an unknown user, or is relative to none.
+    Raises ToolchainError if it begins with the home folder of an unknown user, or is relative to
+    none.
     """
     try:
         # `given_path` leaves the home of an unknown user as it is; here it is an error.
@@ -155,10 +127,7 @@ def chosen_folder(name: str) -> Path:
 def cmdstan_version(cmdstan: Path) -> str:
     """Return the version of the CmdStan in folder `cmdstan`, for example ``"2.27.0"``.
 
-    Raises
-    ------
-    ToolchainError
-        If its makefile does not name one.
+    Raises ToolchainError if its makefile does not name one.
     """
     match = _version_match(cmdstan)
     if match is None:
@@ -192,11 +161,7 @@ def compiler_version() -> str:
     """Return the first line that the C++ compiler says about its version.
 
     The compiler is ``$CXX``, else clang++ on macOS and g++ elsewhere, as in CmdStan's makefile.
-
-    Raises
-    ------
-    MissingToolError
-        If it is missing or does not work.
+    Raises MissingToolError if it is missing or does not work.
     """
     default = "clang++" if platform.system() == "Darwin" else "g++"
     chosen = os.environ.get("CXX", "")
@@ -210,10 +175,7 @@ def compiler_version() -> str:
 def make_version() -> str:
     """Return the first line that make says about its version.
 
-    Raises
-    ------
-    MissingToolError
-        If it is missing or does not work.
+    Raises MissingToolError if it is missing or does not work.
     """
     return _tool_version(["make"], "build tool")
 
@@ -221,12 +183,8 @@ def make_version() -> str:
 def toolchain(cmdstan: Path, *, threads: bool = False) -> Toolchain:
     """Return the tools that compile programs, with threads or without, with a CmdStan.
 
-    Raises
-    ------
-    MissingToolError
-        If the compiler or make is missing.
-    ToolchainError
-        If `cmdstan` is not a built CmdStan.
+    Raises MissingToolError if the compiler or make is missing; ToolchainError if `cmdstan` is not a
+    built CmdStan.
     """
     defect = cmdstan_defect(cmdstan)
     if defect is not None:
@@ -242,12 +200,8 @@ def toolchain(cmdstan: Path, *, threads: bool = False) -> Toolchain:
 
 def compile_flags(cmdstan: Path, *, threads: bool) -> tuple[str, ...]:
     """Return the settings of `Toolchain.compile_flags`."""
-    return (*make_flags(threads=threads), *_environment_flags(), *_make_settings(cmdstan))
-
-
-def make_flags(*, threads: bool) -> tuple[str, ...]:
-    """Return the variables that are given to CmdStan's make."""
-    return (*COMPILE_FLAGS, *(THREAD_FLAGS if threads else ()))
+    own = THREAD_FLAGS if threads else ()
+    return (*own, *_environment_flags(), *_make_settings(cmdstan))
 
 
 def run_tool(

@@ -20,7 +20,7 @@ class InputError(PyburgersError):
     Parameters
     ----------
     *sentences : str
-        What is wrong. The first is the message; a file may have more faults than one.
+        Faults, one sentence each. The first is the message.
     """
 
     exit_code = 2

@@ -1,17 +1,27 @@
-"""Who does tasks that each keep what they make, and which of them this call does."""
+"""Tasks that each write their own results, their workers, and the part that this call does."""
 
 import copyreg
+import os
+import signal
 import sys
-from collections.abc import Callable, Generator, Mapping, Sequence
-from concurrent.futures import Executor
-from contextlib import nullcontext
+import threading
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import wait as wait_for
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
+from functools import partial
+from multiprocessing import active_children, get_context, parent_process
+from multiprocessing.connection import wait
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
 
-from pyburgers.common.errors import InputError
-from pyburgers.common.processes import completed, number_of_processes
+import psutil
+
+from pyburgers.common.errors import InputError, SystemFailureError
+from pyburgers.common.processes import FREE_MEMORY, cores
 
 Key = TypeVar("Key")
 Value = TypeVar("Value")
@@ -20,7 +30,7 @@ Outcome = TypeVar("Outcome")
 
 @dataclass(frozen=True)
 class Workers:
-    """Who does tasks.
+    """The workers that do tasks.
 
     Attributes
     ----------
@@ -30,8 +40,8 @@ class Workers:
     jobs : int or None
         How many processes of this machine; None takes one for each core.
     part : tuple of two int, or None
-        Which, from 1, of how many parts of the tasks this call does; the other parts are for other
-        calls, such as those of a job array. None does all tasks.
+        The part of the tasks that this call does, from 1, and the number of parts. Other calls,
+        such as those of a job array, do the other parts. None does all tasks.
     """
 
     executor: Executor | None = None
@@ -46,7 +56,8 @@ class Workers:
         InputError
             If there are no processes, or there is no such part.
         """
-        number_of_processes(self.jobs, 1)
+        if self.jobs is not None and self.jobs < 1:
+            raise InputError(f"jobs is {self.jobs}, expected at least 1.")
         which, number = self.part or (1, 1)
         if not 1 <= which <= number:
             raise InputError(
@@ -60,35 +71,114 @@ class Workers:
 
     def processes(self, n_tasks: int) -> int:
         """Return how many processes of this machine do a number of tasks."""
-        return number_of_processes(self.jobs, n_tasks)
+        return min(self.jobs or cores(), max(1, n_tasks))
 
-    def completed(
-        self,
-        work: Callable[..., Outcome],
-        calls: Mapping[Key, Sequence[object]],
-        *,
-        folder: Path,
-    ) -> Generator[tuple[Key, Outcome], None, None]:
-        """Call a function for each set of arguments, as `pyburgers.common.processes.completed`."""
-        if self.executor is None:
-            return completed(work, calls, processes=self.processes(len(calls)), folder=folder)
-        others = {key: (work, *arguments) for key, arguments in calls.items()}
-        return completed(_elsewhere, others, processes=1, folder=folder, executor=self.executor)
+
+ALL_HERE = Workers()
+"""Processes of this machine, one for each core."""
+
+
+def run_tasks(
+    work: Callable[..., Outcome],
+    tasks: Mapping[Key, Sequence[object]],
+    *,
+    workers: Workers = ALL_HERE,
+    out: Path,
+) -> Generator[tuple[Key, Outcome], None, None]:
+    """Do all tasks, each a call of a function with its arguments in a process of its own.
+
+    The function is one of a module; its arguments and outcome travel between processes. Tasks begin
+    in their order. Yields key and outcome of each when it ends. If a task raises, no further ones
+    begin, and those that run go on to their end. An interrupt ends them all, save those of an
+    executor that was given. Raises SystemFailureError, naming the folder `out` of the tasks, if the
+    system killed a process.
+    """
+    given, processes = workers.executor, workers.processes(len(tasks))
+    call = work if given is None else partial(_elsewhere, work)
+    with _own_processes(processes) if given is None else nullcontext(given) as pool:
+        waiting = {pool.submit(call, *arguments): key for key, arguments in tasks.items()}
+        try:
+            for future in as_completed(waiting):
+                yield waiting[future], future.result()
+        except BrokenProcessPool as error:
+            raise SystemFailureError(
+                f"{out}: the system killed a process; {FREE_MEMORY}"
+            ) from error
+        except BaseException as error:
+            begun = [future for future in waiting if not future.cancel()]
+            if isinstance(error, Exception):
+                wait_for(begun)
+            raise
 
 
 def _elsewhere(work: Callable[..., Outcome], *arguments: object) -> Outcome:
     """Call a function on a worker of somebody else's executor.
 
-    Where that is Dask's, xarray would lock each file that it writes through the scheduler, which
-    may have gone; the folder of a task is its own.
+    For an executor of Dask, xarray would lock each file through the scheduler, which may have gone.
+    No lock is needed, because the folder of a task is its own.
     """
     dask = sys.modules.get("dask")
     with nullcontext() if dask is None else dask.config.set(scheduler="synchronous"):
         return work(*arguments)
 
 
-ALL_HERE = Workers()
-"""Processes of this machine, one for each core."""
+@contextmanager
+def _own_processes(number: int) -> Iterator[Executor]:
+    """Start processes that end with this one, and that an interrupt kills with their programs."""
+    with ProcessPoolExecutor(
+        number, mp_context=get_context("spawn"), initializer=_end_with_parent
+    ) as pool:
+        try:
+            yield pool
+        except BaseException as error:
+            if not isinstance(error, Exception):
+                _kill_workers()
+            raise
+
+
+def _kill_workers() -> None:
+    """Kill this process's workers and the programs that they run."""
+    found = []
+    # All are stopped first: the pool ends the others when one is killed.
+    for worker in active_children():
+        with suppress(psutil.NoSuchProcess):
+            found += _stopped(psutil.Process(worker.pid))
+    _kill(found)
+
+
+def _stopped(process: psutil.Process) -> list[psutil.Process]:
+    """Stop a process, then what it has started, so that none starts another unseen."""
+    process.suspend()
+    found = [process]
+    for child in process.children():
+        with suppress(psutil.NoSuchProcess):  # it ended by itself in the meantime
+            found += _stopped(child)
+    return found
+
+
+def _kill(processes: Iterable[psutil.Process]) -> None:
+    for process in processes:
+        with suppress(psutil.NoSuchProcess):  # it ended by itself in the meantime
+            process.kill()
+
+
+def _end_with_parent() -> None:
+    """Have this process and its programs end when the parent does, however it does.
+
+    An interrupt that the terminal sends to all of them is the parent's business.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = parent_process()
+    assert parent is not None  # processes of the pool have one
+
+    def watch() -> None:
+        wait([parent.sentinel])
+        for child in psutil.Process().children():
+            with suppress(psutil.NoSuchProcess):
+                _kill(_stopped(child))
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _read_only(content: dict[Any, Any]) -> MappingProxyType[Any, Any]:

@@ -53,8 +53,8 @@ def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Compariso
     fits : mapping of str to Fit
         At least two, by name; all of one test, or all joint ones of the same tests.
     refits : Path, optional
-        Folder for fits without single points, in ``NAME/point_K``: points with a Pareto k above
-        0.7 are left out in earnest. Without it, and in joint fits, they are only flagged.
+        Folder for fits without single points, in ``NAME/point_K``: points with a Pareto k above 0.7
+        are left out by another fit. Without it, and in joint fits, they are only flagged.
 
     Raises
     ------

@@ -49,9 +49,9 @@ def compare_by_test(
     joints : mapping of str to Fit
         At least one, by name.
     workers : Workers
-        Who does the fits without single tests, all of them.
+        Processes or executor for the fits without single tests.
     command : str
-        What regenerates those fits, for their manifests.
+        Command that repeats those fits, for their manifests.
 
     Raises
     ------

@@ -45,8 +45,7 @@ def log_marginal_likelihood(fit: Fit) -> LogIntegral:
     Parameters
     ----------
     fit : Fit
-        Of one or several tests. Where the data took no part it is 0, but for
-        its error.
+        Of one or several tests. If the data took no part, the result is 0, but for its error.
 
     Returns
     -------

@@ -126,12 +126,12 @@ class Comparison:
     results : mapping of str to LeaveOneOut
         By name, in order of falling elpd.
     weights : array, shape (n_fits,)
-        Stacking weights in the same order: shares of the mixture of the fits' predictions that
-        predicts left-out points best (Yao et al. 2018, Bayesian Analysis 13, 917-1007). Between
-        fits that predict alike they are arbitrary.
+        Stacking weights in the same order: shares in the mixture of predictions that predicts
+        left-out points best (Yao et al. 2018, Bayesian Analysis 13, 917-1007). Weights of fits that
+        predict alike are arbitrary.
     position : DataArray, dimension point
-        Where the points lie on the clock of the tests (SI). Those of several tests stand one after
-        the other and have their test as coordinate ``test``.
+        Positions of the points on the clock of the tests (SI). Points of several tests have the
+        coordinate ``test``.
     clock : Quantity
         Of the tests.
     variants : mapping of str to str

@@ -57,7 +57,7 @@ MAX_REFITS = 2
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit(SampledFit):
-    """A finished fit of one test, or of several together; `fit["ID"]` is what it says of one.
+    """A finished fit of one test, or of several; `fit["ID"]` is the result for one of them.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class Fit(SampledFit):
 
     @property
     def experiment(self) -> Experiment:
-        """What was fitted.
+        """The one test of the fit.
 
         Raises
         ------
@@ -93,27 +93,27 @@ class Fit(SampledFit):
 
     @property
     def variant(self) -> ModelVariant:
-        """Laws of the model's parts, told from the priors, the same for all tests."""
+        """Laws of the model's parts, which the priors decide, the same for all tests."""
         return variant_of(self.problem.priors[0], self.problem.experiments[0])
 
     @property
     def is_joint(self) -> bool:
-        """Whether it is of tests that hang together."""
+        """Whether several tests were fitted together."""
         return not self.problem.is_single
 
     @property
     def is_part(self) -> bool:
-        """Whether it is what a joint fit says of one test."""
+        """Whether this is the result of a joint fit for one test."""
         return len(self.manifest["experiments"]) > len(self.problem.experiments)
 
     @property
     def provenance(self) -> Provenance:
-        """Where the data of the one test come from."""
+        """Origin of the data of the one test."""
         return self.experiment.provenance
 
     @property
     def part_name(self) -> str | None:
-        """Name of the test where this is what a joint fit says of one; else None."""
+        """Name of the test if this is the result of a joint fit for one test, else None."""
         return self.problem.name if self.is_part else None
 
     def __getitem__(self, test: str) -> "Fit":
@@ -134,7 +134,7 @@ class Fit(SampledFit):
         return tests[test]
 
     def tests(self) -> "dict[str, Fit]":
-        """Return what the fit says about each test (see `__getitem__`)."""
+        """Return the result for each test (see `__getitem__`)."""
         if not self.is_joint:
             return {self.problem.name: self}
         found = {}
@@ -188,7 +188,7 @@ class Fit(SampledFit):
         separate_from: str | None = None,
         seed: int = 1,
     ) -> Prediction:
-        """Say what another test does, from the draws (`pyburgers.fitting.prediction`).
+        """Predict another test from the draws (`pyburgers.fitting.prediction`).
 
         Parameters
         ----------
@@ -232,8 +232,8 @@ class Fit(SampledFit):
         Raises
         ------
         InputError
-            If it is not a run of one or several tests, has no finished chain, or a file of it was
-            damaged or has changed.
+            If it is no run of one or several tests, has no finished chain, or a file was damaged or
+            changed.
         """
         run = RunDirectory(given_path(path))
         found = run.read_manifest()
@@ -293,19 +293,19 @@ def fit(
         Run directory. An earlier run with the same inputs there is continued: only missing
         chains are run.
     pool : mapping of str to str, optional
-        How parameters of several tests are pooled where it is not the default
+        How parameters of several tests are pooled, if not by default
         (`pyburgers.protocols.together.pooling_for`).
     options : SamplerOptions, optional
-        Chains, iterations, seed. Where a few trajectories diverge, all chains go on with shorter
-        steps (`pyburgers.fitting.sampled_fit.put_aside_where_few_diverged`).
+        Chains, iterations, seed. If a few trajectories diverge, all chains go on with shorter steps
+        (`pyburgers.fitting.sampled_fit.put_aside_where_few_diverged`).
     solver : SolverOptions, optional
-        Tolerance of the ODE solver while sampling. Where the draws, solved again at the reference
-        tolerance, show it too loose (Pareto k), all chains are run again ten times tighter, at
-        most `MAX_REFITS` times; the manifest notes it.
+        Tolerance of the ODE solver while sampling. All draws are solved again at the reference
+        tolerance. If their Pareto k shows that the tolerance was too loose, all chains run again
+        ten times tighter, at most `MAX_REFITS` times.
     use_likelihood : bool
         False samples the prior predictive distribution with the same program.
     command : str
-        What regenerates the run, for the manifest.
+        Command that repeats the run, for the manifest.
     more_draws : int, optional
         Draws that are added to every chain of the run in `out`, after what it still lacks.
     overwrite : bool
@@ -352,7 +352,7 @@ def fit_jointly(
     use_likelihood: bool = True,
     command: str = "pyburgers.fit_jointly(...)",
 ) -> Fit:
-    """Do as `fit` does, of at least two tests.
+    """Fit at least two tests together, as `fit` does.
 
     Parameters
     ----------

@@ -35,25 +35,25 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """A test as draws of a fit predict it, to be looked at as a fit is.
+    """A test as draws of a fit predict it, with the interface of a fit.
 
     Attributes
     ----------
     experiment : Experiment
         The test.
     priors : PriorSet
-        Which parameters have a value, and which of them vary between draws; no prior of anything.
+        Parameters of the test and whether they vary between draws, in the form of priors.
     posterior : DataTree
-        Groups posterior (the parameters of the test, SI) and predictions (along its clock); where
-        the test has data, model_response, posterior_predictive, log_likelihood, observed_data and
-        constant_data as of a fit. One chain; ``fit_draw`` counts the draws of all chains of the
-        fit. The attributes say what `cautions` and `notes` do.
+        Groups posterior (the parameters of the test, SI) and predictions (along its clock). If the
+        test has data, also model_response, posterior_predictive, log_likelihood, observed_data and
+        constant_data. There is one chain; ``fit_draw`` counts the draws of all chains of the fit.
+        The attributes hold `cautions` and `notes`.
     fitted_to : str
         Names of the tests behind the draws, joined.
     cautions : tuple of str
-        What may make it worthless: verdicts on the fit that are not yes, extrapolation.
+        Doubts: verdicts on the fit that are not yes, extrapolation.
     notes : tuple of str
-        Where parameters and noise come from.
+        Sources of parameters and noise.
     """
 
     experiment: Experiment
@@ -65,7 +65,7 @@ class Prediction:
 
     @property
     def title(self) -> str:
-        """What is predicted from what."""
+        """The test, and the fit that predicts it."""
         about = f"{self.experiment.id} ({self.experiment.material}"
         return f"{about}, {self.experiment.temperature_text}) predicted from {self.fitted_to}"
 

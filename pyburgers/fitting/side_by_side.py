@@ -16,7 +16,7 @@ from pyburgers.checks.fit_checks import (
 from pyburgers.common.errors import PyburgersError
 from pyburgers.common.messages import messages_to
 from pyburgers.common.processes import cores
-from pyburgers.common.tasks import ALL_HERE, Workers
+from pyburgers.common.tasks import ALL_HERE, Workers, run_tasks
 from pyburgers.fitting.fit import Fit, fit_problem
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.experiment import Experiment
@@ -30,29 +30,17 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What one fit is of.
-
-    Attributes
-    ----------
-    problem : Problem
-        Tests, priors, pooling.
-    options : SamplerOptions
-        Chains, iterations, seed. On this machine, how many chains run side by side is set by how
-        many fits do.
-    solver : SolverOptions or None
-        None takes that of the protocol.
-    remark : str
-        What the run's manifest says behind the command.
-    extensions : int
-        How often chains that do not agree yet, or left few independent draws, go on for as many
-        draws again.
-    """
+    """A fit to be done. On this machine, the number of fits side by side sets that of chains."""
 
     problem: Problem
     options: SamplerOptions
     solver: SolverOptions | None = None
+    """None takes that of the protocol."""
     remark: str = ""
+    """Follows the command in the run's manifest."""
     extensions: int = 0
+    """How often chains that do not agree yet, or left few independent draws, go on for as many
+    draws again."""
 
 
 def task_of(
@@ -61,13 +49,7 @@ def task_of(
     options: SamplerOptions,
     pool: Mapping[str, str] | None = None,
 ) -> Task:
-    """Return the task of a fit of tests with data; several are fitted together.
-
-    Parameters
-    ----------
-    experiments, priors, options, pool
-        As for `pyburgers.fit`, which says what is raised.
-    """
+    """Return the task of a fit of tests with data, of several together, as `pyburgers.fit`."""
     return Task(problem_of(experiments, priors, pooling_for(experiments, pool)), options)
 
 
@@ -81,35 +63,13 @@ def run_fits(
 ) -> dict[Path, PyburgersError]:
     """Do several fits, each in a process of its own; continue where a call stopped.
 
-    What the fits themselves say goes to standard error of their processes, a line each with the
-    name of the fit before it.
-
-    Parameters
-    ----------
-    tasks : mapping of Path to Task
-        By run directory, begun in this order: those that take longest should come first.
-    workers : Workers
-        Who does them. On this machine, cores that are left over run chains.
-    command : str
-        What regenerates the runs, for their manifests.
-    keep_going : bool
-        Whether fits that cannot be done are returned instead of raised, and the others go on.
-    after : callable
-        Receives the run directory of each fit when it is done, while others go on.
-
-    Returns
-    -------
-    dict of Path to PyburgersError
-        Fits that could not be done, and why.
-
-    Raises
-    ------
-    InputError
-        If an input is wrong or a run directory holds something else.
-    SamplingError
-        If no chain of a fit finished.
-    SystemFailureError
-        If the system killed a process.
+    The fits begin in the order of their run directories in `tasks`, so those that take longest
+    should come first. Cores of this machine that are left over run chains. Messages of a fit go to
+    standard error of its process, each line with the name of the fit before it. When a fit is done,
+    `after` receives its run directory. If `keep_going`, fits that cannot be done are returned with
+    their errors, and the others go on. Else raises InputError if an input is wrong or a run
+    directory holds something else, and SamplingError if no chain of a fit finished. Raises
+    SystemFailureError if the system killed a process.
     """
     mine = workers.mine(tasks)
     if not mine:
@@ -125,7 +85,7 @@ def run_fits(
         # Elsewhere the working directory may be another one.
         calls[out] = (name, task, out.absolute(), command, keep_going)
     failed = {}
-    done = workers.completed(_do, calls, folder=Path(above))
+    done = run_tasks(_do, calls, workers=workers, out=Path(above))
     for n_done, (out, error) in enumerate(done, start=1):
         how = "is done" if error is None else f"could not be done ({error})"
         logger.info(f"Fit {calls[out][0]} {how}, {n_done} of {len(mine)}.")
@@ -144,18 +104,9 @@ def fit_side_by_side(
     command: str,
     after: Callable[[str, Fit], None] = lambda _name, _fit: None,
 ) -> dict[str, Fit]:
-    """Do several fits (`run_fits`) and return those of this part, in their order.
+    """Do fits by name in ``folder/NAME`` (`run_fits`); return those of this part, in their order.
 
-    Parameters
-    ----------
-    tasks : mapping of str to Task
-        By name.
-    folder : Path
-        Of the run directories, ``folder/NAME``.
-    workers, command
-        As for `run_fits`, which says what is raised.
-    after : callable
-        Receives name and fit when a fit is done, while others go on.
+    When a fit is done, `after` receives its name and the fit.
     """
     found: dict[str, Fit] = {}
 

@@ -154,12 +154,11 @@ class PeakStressFit(SampledFit):
     Attributes
     ----------
     directory, posterior, manifest
-        As of every `SampledFit`; groups of the draws: posterior, sample_stats, log_likelihood (of
-        each ln(peak stress)), log_prior, model_response, posterior_predictive, predictions (strain
-        rates by group and stress, of undeformed material and of peaks; softening; flow rate of
-        another test), observed_data, constant_data.
+        As of every `SampledFit`. The group log_likelihood is of each ln(peak stress). The group
+        predictions has strain rates by group and stress (of undeformed material and of peaks),
+        softening, and the flow rate of another test.
     data : PeakStressData
-        What was fitted.
+        The fitted table.
     priors : PriorSet
         Priors of `pyburgers.flow_law_tables.inputs.FLOW_LAW_PARAMETERS` in SI.
     softening : SofteningPrior
@@ -172,7 +171,7 @@ class PeakStressFit(SampledFit):
 
     @property
     def provenance(self) -> Provenance:
-        """Where the table comes from."""
+        """Origin of the table."""
         return self.data.provenance
 
     def influences(
@@ -201,8 +200,7 @@ class PeakStressFit(SampledFit):
         Raises
         ------
         InputError
-            If it is not a run of this kind, has no finished chain, or a file of it was damaged or
-            has changed.
+            If it is no run of this kind, has no finished chain, or a file was damaged or changed.
         """
         run = RunDirectory(given_path(path))
         run.read_manifest()
@@ -258,7 +256,7 @@ def fit_peak_stress(
     use_likelihood : bool
         False samples the prior.
     command : str
-        What regenerates the run, for the manifest.
+        Command that repeats the run, for the manifest.
 
     Raises
     ------
@@ -321,10 +319,10 @@ def is_peak_stress_run(path: str | Path) -> bool:
 
 
 def flow_law_prior(fit: PeakStressFit) -> FlowLawPrior:
-    """Return the flow law of another test (see `FlowLawPrior`) as the posterior has it.
+    """Return the posterior flow law of another test (see `FlowLawPrior`).
 
-    It scatters about that of all tests as they do among each other, in ln(S_0) by the scatter of
-    ln(peak stress). Where this is one of single readings, not of samples, the prior is too wide.
+    Its ln(S_0) scatters like ln(peak stress) of the tests. If that scatter is one of readings, not
+    of samples, the prior is too wide.
 
     Raises
     ------

@@ -86,11 +86,11 @@ class PeakStressData:
     relative_stress_uncertainty : array, shape (n_points,)
         Standard deviation of each stress as a fraction of it; 0 where it is taken as exact.
     provenance : Provenance
-        Where the numbers come from.
+        Origin of the numbers.
     peak_strain : PeakStrain or None
-        Where the peaks are, if it is stated.
+        Strain of the peaks, if it is stated.
     notices : tuple of str
-        What was done to read them: sentences.
+        Sentences about changes during reading.
     """
 
     id: str

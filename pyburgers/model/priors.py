@@ -64,7 +64,7 @@ class PriorSet:
     Attributes
     ----------
     material, title : str
-        What the priors are for.
+        Material and title, as in the file.
     priors : mapping of str to Prior
         Every one of `pyburgers.model.parameters.PARAMETERS`, in their order, then those of variants
         and of conditions that are given; the others have their standard values.
@@ -131,7 +131,7 @@ class PriorSet:
 
 
 def with_flow_law(priors: PriorSet, flow_law: FlowLawPrior, where: str) -> PriorSet:
-    """Put a flow law in the place of the priors of n, p, Q_M and beta.
+    """Replace the priors of n, p, Q_M and beta by a flow law.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def with_flow_law(priors: PriorSet, flow_law: FlowLawPrior, where: str) -> Prior
     flow_law : FlowLawPrior
         Joint prior of the four.
     where : str
-        Where it comes from, for messages.
+        Its origin, for messages.
 
     Raises
     ------
@@ -221,17 +221,17 @@ def load_priors(path: str | Path, choices: Mapping[str, str] | None = None) -> P
     Parameters
     ----------
     path : str or Path
-        TOML with material, title and one table ``[parameters.NAME]`` for every parameter; those of
-        variants (`pyburgers.model.parameters.VARIANT_PARAMETERS`) may be left out.
+        TOML with material, title and one table ``[parameters.NAME]`` for every parameter.
+        Parameters of variants (`pyburgers.model.parameters.VARIANT_PARAMETERS`) may be left out.
     choices : mapping of str to str, optional
-        Law by part that `pyburgers.with_variant` will be asked for: tables of parameters that it
-        takes out may be left out as well.
+        Law by part, as for `pyburgers.with_variant`. Tables of parameters that these laws take out
+        may be left out.
 
     Raises
     ------
     InputError
-        If the file, a key, a unit or a number is not what it has to be, or a prior gives mass to
-        values that the model excludes.
+        If the file, a key, a unit or a number is wrong, or a prior gives mass to values that the
+        model excludes.
     """
     path = given_path(path)
     file = read_toml(path, _PriorFile)
@@ -311,13 +311,13 @@ def default_priors(material: str, protocol: str | None = None) -> PriorSet:
     material : str
         For example ``"ice"``.
     protocol : str, optional
-        Kind of test that they are for: some kinds have priors of their own, such as of the
-        material's elastic modulus where others see the apparatus.
+        Kind of test. Some kinds have priors of their own, such as of the material's elastic modulus
+        without an apparatus.
 
     Raises
     ------
     InputError
-        If there are none, or no such kind of test; the message names those that there are.
+        If there are none, or no such kind of test. The message names the known ones.
     """
     own = {} if protocol is None else shipped_prior_files(protocol)
     if protocol is not None and not own and protocol not in (kinds := _kinds_of_test()):

@@ -82,8 +82,8 @@ class ModelVariant:
     maxwell : str
         Dashpot of the Maxwell element: a name of `pyburgers.model.laws.DASHPOT_LAWS`.
     grain_size : {"evolving", "constant", "piezometric"}
-        Evolving towards a steady-state size, constant, or evolving towards the size that the
-        piezometer of the material wants, as it does in oscillating tests.
+        Evolving towards a steady-state size, constant, or evolving towards the size of the
+        material's piezometer, as in oscillating tests.
     fabric : {"evolving", "constant"}
         Crystal fabric; oscillating tests have a constant one.
     residuals : {"independent", "autocorrelated"}
@@ -111,7 +111,7 @@ class ModelVariant:
 
     @property
     def short_text(self) -> str:
-        """What differs from the paper's model at constant rate, as options of the command line."""
+        """Differences from the paper's model at constant rate, as options of the command line."""
         standard = ModelVariant().record()
         different = [
             f"{part}={choice}" for part, choice in self.record().items() if choice != standard[part]
@@ -120,7 +120,7 @@ class ModelVariant:
 
     @property
     def residuals_correlate(self) -> bool:
-        """Whether a reading depends on what its neighbours missed."""
+        """Whether residuals correlate between neighbouring readings."""
         return self.residuals == "autocorrelated"
 
 
@@ -159,7 +159,7 @@ def with_variant(priors: PriorSet, experiment: Test, choices: Mapping[str, str])
     Parameters
     ----------
     priors : PriorSet
-        Priors of the material. What is not chosen stays as they have it.
+        Priors of the material. Laws that are not chosen stay as in these priors.
     experiment : Test
         The test with data that is to be fitted.
     choices : mapping of str to str
@@ -187,7 +187,7 @@ def with_variant(priors: PriorSet, experiment: Test, choices: Mapping[str, str])
 
 
 def variant_of(priors: PriorSet, experiment: Test) -> ModelVariant:
-    """Tell from the priors which laws a fit of an experiment uses."""
+    """Return the laws that the priors give a fit of an experiment."""
     constant_fabric = not _allows(experiment, "fabric", "evolving") or is_fixed_at(
         priors["steady_state_fabric_factor"], 1.0
     )

@@ -82,10 +82,10 @@ def attenuation_spectrum(
     Parameters
     ----------
     parameters : mapping of str to array
-        Draws of `PARAMETER_NAMES` (SI), all of one shape: ``()``, ``(draw,)`` or
-        ``(chain, draw)``. With `pyburgers.predictions.assumptions.EVOLUTION` it is told where
-        frozen microstructure fails, with `pyburgers.model.relaxation.RELAXATION_PARAMETERS`
-        the Kelvin part follows another linear law. Other names are ignored.
+        Draws of `PARAMETER_NAMES` (SI), all of one shape: ``()``, ``(draw,)`` or ``(chain, draw)``.
+        With `pyburgers.predictions.assumptions.EVOLUTION` the result shows failures of frozen
+        microstructure. With `pyburgers.model.relaxation.RELAXATION_PARAMETERS` the Kelvin part
+        follows another linear law. Other names are ignored.
     frequencies : array, shape (n_frequencies,)
         Hz, positive.
     regimes : sequence of Regime
@@ -101,16 +101,16 @@ def attenuation_spectrum(
     critical_share : float
         Share of the critical strain beyond which frozen microstructure fails.
     with_strains : bool
-        False leaves out what is about the assumption, which takes ten times as long as the rest.
+        False leaves out the strains of the assumption, which take ten times as long as the rest.
 
     Returns
     -------
     Dataset
-        ``tan_delta``, ``storage_compliance`` J1 and ``loss_compliance`` J2 (1/Pa), dimensions of
-        the draws, then regime, frequency; ``debye_peak``, whether dip and peak show at some
-        frequency, without frequency; ``grain_size`` and ``fabric_factor`` as used. About the
-        assumption (`pyburgers.predictions.assumptions`): ``hold_strain``, ``cycle_strain`` (path
-        strain of one settled cycle), ``critical_strain``, and ``frozen_fails``, 1 or 0.
+        ``tan_delta``, ``storage_compliance`` J1 and ``loss_compliance`` J2 (1/Pa), with dimensions
+        of the draws, regime and frequency. ``debye_peak`` says whether dip and peak show at some
+        frequency. ``grain_size`` and ``fabric_factor`` are those used. The assumption
+        (`pyburgers.predictions.assumptions`) has ``hold_strain``, ``cycle_strain`` (path strain of
+        one settled cycle), ``critical_strain``, and ``frozen_fails``, 1 or 0.
         Coordinates ``frequency`` (Hz), ``regime`` (label), ``median_stress`` and ``amplitude``
         (Pa), ``temperature``, ``hold_time``, ``critical_share``.
 

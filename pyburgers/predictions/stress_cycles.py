@@ -49,7 +49,7 @@ class Regime:
     median_stress : float
         sigma_m, Pa, not negative.
     amplitude : float
-        sigma_0, Pa, positive; where it exceeds the median, stress changes sign.
+        sigma_0, Pa, positive; if it exceeds the median, stress changes sign.
 
     Raises
     ------

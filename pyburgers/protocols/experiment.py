@@ -85,7 +85,7 @@ CONDITION_KEYS: Mapping[str, tuple[str, str]] = MappingProxyType(
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Experiment(ABC):
-    """What deformation tests of all protocols share, in SI units.
+    """A deformation test of any protocol, in SI units.
 
     Attributes
     ----------
@@ -95,14 +95,14 @@ class Experiment(ABC):
         Laws that such tests can be fitted with, by part of the model
         (`pyburgers.model.variants.CHOICES`): any of a part that is not named. A constant as well.
     parts_name : str
-        What the parts of a test are, in the plural. A constant as well.
+        Name of the parts of a test, in the plural. A constant as well.
     residual_correlation : str
         Parameter along which residuals may correlate: over strain or over time. A constant as well.
     may_be_uncertain : frozenset of str
         Errors of conditions (`pyburgers.model.parameters.CONDITIONS`) that the program of such
         tests knows. A constant as well.
     without_effect : frozenset of str
-        Parameters that such tests say nothing of. A constant as well.
+        Parameters that such tests do not inform. A constant as well.
     small_strain : float
         Largest strain (fraction) of a table below which its unit is doubted. A constant as well.
     id, material : str
@@ -114,13 +114,13 @@ class Experiment(ABC):
     uncertain : tuple of UncertainCondition
         Conditions that are not taken as known.
     microstructure : tuple of MeasuredMicrostructure
-        What was measured beside the response, by increasing strain or time.
+        Measured grain sizes and fabric factors, by increasing strain or time.
     provenance : Provenance
-        Where the data come from.
+        Origin of the data.
     metadata : mapping
         Free remarks that no computation uses.
     notices : tuple of str
-        What reading changed or doubts: sentences.
+        Sentences about numbers that were changed or doubted during reading.
     true_parameters : mapping of str to float, or None
         Parameters (SI) behind synthetic data.
     """
@@ -158,7 +158,7 @@ class Experiment(ABC):
     @property
     @abstractmethod
     def position(self) -> FloatArray:
-        """Where on the clock of the protocol the response was observed (SI), shape (n_points,)."""
+        """Positions of the readings on the clock of the protocol (SI), shape (n_points,)."""
 
     @property
     @abstractmethod
@@ -168,11 +168,11 @@ class Experiment(ABC):
     @property
     @abstractmethod
     def response(self) -> FloatArray:
-        """What the model is compared with (SI unit of the protocol's response), (n_points,)."""
+        """Readings for comparison with the model (SI unit), shape (n_points,)."""
 
     @property
     def response_limit(self) -> FloatArray:
-        """Response at or below which a reading says no more than that; -inf: none, (n_points,)."""
+        """Response at or below which a reading is an upper limit; -inf: none, (n_points,)."""
         return np.full(self.n_points, -np.inf)
 
     @property

@@ -247,23 +247,24 @@ def simulate(
     Parameters
     ----------
     experiment : Experiment
-        What is driven, temperature and initial grain size; points are not needed.
+        Imposed quantities, temperature and initial grain size; points are not needed.
     parameters : mapping
-        SI values by name (see `check_parameters`). Compliance of the apparatus and zero of the
-        strain, where they are missing, are those that the test states, else none.
+        SI values by name (see `check_parameters`). If compliance of the apparatus or zero of the
+        strain is missing, the value is that of the test, else none.
     at : array, shape (n,), optional
-        Positions on the clock of the protocol, within the test, not decreasing: strains (fraction,
-        positive; those of rate steps are added), times (s) of an oscillating test, or since the
-        start of a loading history (the second of two at a jump is behind it), places in a table
-        of attenuation. Default `pyburgers.protocols.protocol.Protocol.output_grid`.
+        Positions on the clock of the protocol, within the test, not decreasing. At constant rate
+        they are strains (positive fractions; those of rate steps are added). In oscillations and
+        loading histories they are times (s) from the start; the second of two at a jump is behind
+        it. In a table of attenuation they are places. Default
+        `pyburgers.protocols.protocol.Protocol.output_grid`.
     solver : SolverOptions
         Tolerance and step limit.
 
     Returns
     -------
     DataFrame
-        Columns time_s, strain, stress_Pa, kelvin_strain, grain_size_m, fabric_factor. Strain is
-        what drives an oscillating test: without its trend where the background is removed. The
+        Columns time_s, strain, stress_Pa, kelvin_strain, grain_size_m, fabric_factor. Strain of an
+        oscillating test is the driving strain, without the trend of a removed background. The
         reference stress (Pa), or flow rate (1/s), is in ``.attrs`` under its name.
 
     Raises

@@ -423,8 +423,7 @@ def load_experiment(path: str | Path) -> Experiment:
     Returns
     -------
     Experiment
-        Of the class of its key `protocol`; how it is read says the module ``experiment`` in the
-        folder of that name.
+        Of the class of its key `protocol`.
 
     Raises
     ------

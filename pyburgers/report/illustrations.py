@@ -6,7 +6,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from pyburgers.common.processes import completed, number_of_processes
+from pyburgers.common.tasks import Workers, run_tasks
 from pyburgers.drawing.inline_svg import InlineSvg, dark_colours, glyph_library, inline_svg
 from pyburgers.drawing.page_parts import FigureText
 from pyburgers.drawing.style import write_page_images
@@ -112,13 +112,13 @@ def write_figures(
         Pictures that are there already; the others are added.
     """
     calls = {one.file: (one.figure, one.file) for one in illustrations if one.file not in by_file}
-    processes = number_of_processes(jobs, len(calls))
-    if processes == 1:
+    workers = Workers(jobs=jobs)
+    if workers.processes(len(calls)) == 1:
         drawn: Iterable[tuple[Path, str]] = (
             (file, write_page_images(*call)) for file, call in calls.items()
         )
     else:
-        drawn = completed(write_page_images, calls, processes=processes, folder=out)
+        drawn = run_tasks(write_page_images, calls, workers=workers, out=out)
     by_file |= dict(drawn)
     found: dict[str, Picture] = {}
     explained: dict[str, str] = {}

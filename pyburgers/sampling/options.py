@@ -36,16 +36,16 @@ class SamplerOptions:
     chains, draws : int
         Number of chains, and kept iterations of each.
     warmup : int or None
-        Iterations before them; None takes what suits the protocol.
+        Iterations before them; None takes the protocol's default.
     seed : int
         Seed of initial values and chains.
     adapt_delta : float or None
-        Target acceptance rate; None takes what suits the protocol.
+        Target acceptance rate; None takes the protocol's default.
     max_treedepth : int
         Trajectories have at most 2**max_treedepth - 1 leapfrog steps.
     coordinates : str
         Coordinates of the sampler (`docs/coordinates.md`), one of `COORDINATES`; the posterior is
-        the same. "auto" takes those of the protocol where priors and record suit them.
+        the same. "auto" takes those of the protocol if priors and record suit them.
     chain_timeout : float or None
         Seconds after which a chain is stopped and reported as failed.
     parallel_chains : int or None

@@ -1,4 +1,4 @@
-"""Whether a fit of a calibration has converged, and how it is repeated where it has not."""
+"""Convergence of a fit of a calibration, and the repetition of a fit without it."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -32,14 +32,8 @@ CHECKS = tuple(
 def lengthened(options: SamplerOptions, n_refits: int, failed: Sequence[str]) -> SamplerOptions:
     """Return settings of a repetition: longer, after divergences with steps that diverge less.
 
-    Parameters
-    ----------
-    options : SamplerOptions
-        Of the first fit, with numbers for warm-up and target.
-    n_refits : int
-        Which repetition; 0 is the first fit.
-    failed : sequence of str
-        Names of the checks of convergence that the fit before it failed.
+    Repetition 0 is the first fit, whose warm-up and target are known numbers; `failed` names the
+    checks that the fit before the repetition failed.
     """
     assert options.warmup is not None
     assert options.adapt_delta is not None

@@ -5,10 +5,10 @@ posterior is uniform (Talts et al. 2018, arXiv:1804.06788). `pyburgers.sbc.run` 
 many times, `pyburgers.sbc.rank_uniformity` judges the ranks.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -49,64 +49,45 @@ PRIOR_ATTEMPTS = 1000
 """Draws from the prior, one after the other, of which none is of use, at which it gives up."""
 
 
+SHORT_RUN = SamplerOptions(chains=2, warmup=300, draws=400, parallel_chains=1)
+"""Default of each fit: long enough for as many nearly independent draws as are ranked."""
+
+
 @dataclass(frozen=True)
 class DataSetPlan:
-    """How a data set is made, fitted and ranked.
+    """How a data set is made, fitted and ranked."""
 
-    Attributes
-    ----------
-    n_ranked : int
-        Draws of the fit among which the truth is ranked: evenly spaced, nearly independent.
-    refits : int
-        How often a fit that has not converged is repeated, each time
-        `pyburgers.sbc.convergence.LONGER` times as long.
-    stress_range, strain_range : tuple of two floats, or None
-        Least and largest stress (Pa), and strain where strains are read: data sets whose largest
-        |stress| or |strain| lies outside are replaced. That looks at the data alone, so that the
-        ranks of the others stay uniform.
-    first : int
-        Repetition to begin with; fits before it had not converged.
-    """
-
-    n_ranked: int
-    refits: int
+    n_ranked: int = 99
+    """Draws of the fit among which the truth is ranked: evenly spaced, nearly independent."""
+    refits: int = 1
+    """How often a fit that has not converged is repeated, each time `LONGER` times as long."""
+    sampler: SamplerOptions = SHORT_RUN
+    """Of the first fit; its seed is that of the data set."""
     stress_range: Range | None = None
     strain_range: Range | None = None
-    first: int = 0
+    """Least and largest stress (Pa), and strain where strains are read: data sets whose largest
+    |stress| or |strain| lies outside are replaced. That looks at the data alone, so that the ranks
+    of the others stay uniform."""
 
 
 @dataclass(frozen=True, eq=False)
 class Simulated:
-    """Data simulated at a draw from the prior.
-
-    Attributes
-    ----------
-    problem : Problem
-        The template with simulated responses; its tests' true parameters are the draw.
-    pooled : mapping of str to float
-        True centres (SI) and spreads of partially pooled parameters, as NAME[centre], NAME[spread].
-    n_unsolvable : int
-        Draws before it whose curve the solver could not compute.
-    n_outside : int
-        Data sets before it whose stresses or strains lay outside their range.
-    """
+    """Data simulated at a draw from the prior: the true parameters of the problem's tests."""
 
     problem: Problem
     pooled: Mapping[str, float]
+    """True centres (SI) and spreads of partially pooled parameters: NAME[centre], NAME[spread]."""
     n_unsolvable: int
+    """Draws before it whose curve the solver could not compute."""
     n_outside: int
+    """Data sets before it whose stresses or strains lay outside their range."""
 
 
 def calibration_priors(material: str, protocol: str | None = None) -> PriorSet:
     """Return the priors that a material's program is calibrated with.
 
     Those of the protocol where it has its own; those in ``data/priors/calibration``, whose noise is
-    never next to none; or the material's own.
-
-    Raises
-    ------
-    InputError
-        If the material has none.
+    never next to none; or the material's own. Raises InputError if the material has none.
     """
     if protocol is not None and material in shipped_prior_files(protocol):
         return default_priors(material, protocol)
@@ -117,11 +98,8 @@ def calibration_priors(material: str, protocol: str | None = None) -> PriorSet:
 def check_template(problem: Problem, strain_range: Range | None = None) -> None:
     """Check that data of a problem can be simulated as the program assumes them.
 
-    Raises
-    ------
-    InputError
-        If a parameter has a prior that differs between the tests, none is free, or strains that no
-        test reads are to lie in a range.
+    Raises InputError if a prior differs between the tests or no parameter is free. A range for
+    strains that no test reads is an error too.
     """
     first, tests = problem.priors[0], problem.experiments
     if strain_range is not None and all(one.largest_strain_read is None for one in tests):
@@ -147,23 +125,9 @@ def simulate_from_prior(
 ) -> Simulated:
     """Draw parameters from the prior and simulate the data of every test of a problem.
 
-    A draw without a solution within the limits of the solver that fits use
-    (`pyburgers.protocols.stan_data.SolverOptions`) is replaced by the next one: the sampler
-    rejects such parameters too.
-
-    Parameters
-    ----------
-    template : Problem
-        Protocol, points, resolved priors, shared parameters.
-    seed : int
-        Decides the draw and the noise.
-    stress_range, strain_range : tuple of two floats, optional
-        See `DataSetPlan`.
-
-    Raises
-    ------
-    SamplingError
-        If none of `PRIOR_ATTEMPTS` draws has a solution within the ranges.
+    A draw without a solution within the limits of a fit's solver (`SolverOptions`) is replaced by
+    the next one: the sampler rejects such parameters too. Raises SamplingError if none of
+    `PRIOR_ATTEMPTS` draws has a solution within the ranges.
     """
     rng = np.random.default_rng(seed)
     n_unsolvable = n_outside = 0
@@ -227,36 +191,14 @@ def replicate(
     out: Path,
     *,
     seed: int,
-    options: SamplerOptions,
     plan: DataSetPlan,
-    failed: Sequence[str] = (),
+    before: Replication | None = None,
 ) -> Replication:
-    """Simulate one data set, fit it until it has converged, and rank the true values.
-
-    A fit that has not converged after its longest try is not ranked: its draws are not those of the
-    posterior.
-
-    Parameters
-    ----------
-    template : Problem
-        Protocol, points, resolved priors, the same for all data sets.
-    out : Path
-        Folder for run directories of fits.
-    seed : int
-        Of the data set and of the fit.
-    options : SamplerOptions
-        Chains, iterations, target of the first fit.
-    plan : DataSetPlan
-        Ranks, repetitions, ranges of the data.
-    failed : sequence of str
-        Names of the checks of convergence that the fit before the plan's first one failed.
-    """
+    """Simulate one data set of a seed, and go on as `fit_and_rank`."""
     simulated = simulate_from_prior(
         template, seed=seed, stress_range=plan.stress_range, strain_range=plan.strain_range
     )
-    return fit_and_rank(
-        simulated, template, out, seed=seed, options=options, plan=plan, failed=failed
-    )
+    return fit_and_rank(simulated, template, out, seed=seed, plan=plan, before=before)
 
 
 def fit_and_rank(
@@ -265,48 +207,49 @@ def fit_and_rank(
     out: Path,
     *,
     seed: int,
-    options: SamplerOptions,
     plan: DataSetPlan,
-    failed: Sequence[str] = (),
+    before: Replication | None = None,
 ) -> Replication:
-    """Fit simulated data until the fit has converged, and rank the true values: see `replicate`."""
-    done = Replication(
-        seed, {}, plan.n_ranked, simulated.n_unsolvable, simulated.n_outside, failure="not fitted"
-    )
-    for n_refits in range(plan.first, plan.refits + 1):
-        longer = lengthened(replace(options, seed=seed), n_refits, failed)
-        done = replace(done, n_refits=n_refits)
+    """Fit simulated data until the fit has converged, and rank the true values.
+
+    The fits go into the folder `out`. If an earlier call ended with `before`, only repetitions
+    follow. A fit that has not converged after its longest try is not ranked: its draws are not
+    those of the posterior. Raises SystemFailureError if the system killed a chain.
+    """
+    found: dict[str, Any] = {
+        "seed": seed,
+        "n_draws": plan.n_ranked,
+        "n_unsolvable": simulated.n_unsolvable,
+        "n_outside": simulated.n_outside,
+    }
+    first, failed = (before.n_refits + 1, before.failed_checks) if before else (0, ())
+    for n_refits in range(first, plan.refits + 1):
+        found["n_refits"] = n_refits
         try:
             result = fit_problem(
                 simulated.problem,
                 out=out / f"fit_{n_refits}",
-                options=longer,
+                options=lengthened(replace(plan.sampler, seed=seed), n_refits, failed),
                 command=f"a calibration, data set {seed}",
             )
         except SamplingError as error:
-            return replace(done, failure=str(error))
+            return Replication(**found, failure=str(error))
         for lost in result.missing_chains():
             if lost.by_system:
                 raise SystemFailureError(lost.reason)
-        done = _with_fit(done, result)
-        failed = done.failed_checks
+        failed = not_converged(result, plan.n_ranked)
+        found |= {
+            "failed_checks": failed,
+            "n_shortened": len(shortened(result.manifest)),
+            "divergences": int(result.posterior["sample_stats"]["diverging"].sum()),
+            "rhat": largest_rhat(result.posterior),
+            "least_ess": float(convergence_table(result.posterior)["ess_bulk"].min()),
+            "coordinates": result.manifest["coordinates"]["system"],
+        }
         if not failed:
-            return replace(done, ranks=rank_truth(result, simulated, template, plan.n_ranked))
-    return done
-
-
-def _with_fit(done: Replication, result: Fit) -> Replication:
-    """Note how a fit has gone."""
-    return replace(
-        done,
-        failure=None,
-        failed_checks=not_converged(result, done.n_draws),
-        n_shortened=len(shortened(result.manifest)),
-        divergences=int(result.posterior["sample_stats"]["diverging"].sum()),
-        rhat=largest_rhat(result.posterior),
-        least_ess=float(convergence_table(result.posterior)["ess_bulk"].min()),
-        coordinates=result.manifest["coordinates"]["system"],
-    )
+            ranks = rank_truth(result, simulated, template, plan.n_ranked)
+            return Replication(**found, ranks=ranks)
+    return Replication(**found)
 
 
 def rank_truth(
@@ -314,17 +257,7 @@ def rank_truth(
 ) -> dict[str, int]:
     """Count the thinned draws of a fit that lie below the truth, for every ranked quantity.
 
-    Parameters
-    ----------
-    result : Fit
-        Fit of the simulated problem.
-    simulated : Simulated
-        With its true parameters.
-    template : Problem
-        What it was simulated from: its tests are driven by what drove the simulation, and give the
-        names.
-    n_thinned : int
-        Draws to keep.
+    The tests of the template are driven by what drove the simulation, and give the names.
     """
     draws = result.posterior["posterior"].to_dataset()
     solver, problem = SolverOptions(**result.manifest["solver"]), simulated.problem

@@ -1,10 +1,10 @@
 """Calibration of the hand-over from tables of peak stresses: whether its prior holds the truth.
 
-For each data set a material is drawn from the priors of a curve, the peaks of a table's tests are
-solved with it, all with the same parameters but for the scatter between tests, and the table is
-fitted. Ranked is the flow law of one more test of that scatter among draws of the prior that the
-fit hands on (`pyburgers.flow_law_tables.fit.flow_law_prior`), and, of a curve of this test that is
-fitted with this prior, every parameter among the draws of the posterior.
+For each data set a material is drawn from the priors of a curve. The peaks of a table's tests are
+solved with its parameters and with the scatter between tests, and the table is fitted. The flow law
+of one more test of that scatter is ranked among draws of the prior that the fit hands on
+(`pyburgers.flow_law_tables.fit.flow_law_prior`). A curve of this test is fitted with this prior,
+and every parameter is ranked among the draws of the posterior.
 """
 
 from dataclasses import dataclass, replace
@@ -28,7 +28,6 @@ from pyburgers.model.priors import PriorSet, with_flow_law
 from pyburgers.protocols.experiment import Experiment, Provenance
 from pyburgers.protocols.forward import simulate_data
 from pyburgers.protocols.problem import one_test
-from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sbc.convergence import lengthened
 from pyburgers.sbc.data_sets import DataSetPlan, Simulated, fit_and_rank
 from pyburgers.sbc.replication import Replication
@@ -47,28 +46,20 @@ CURVE_STREAM = 1
 """Of random numbers for the noise of a curve, beside those of its table."""
 
 TABLE_STREAM = 1000
-"""Of random numbers for a table. The fit of the table simulates its prior from the seed itself, so
-that with the same numbers the truth would be the first material there; chains start from streams of
+"""Of random numbers for a table. The fit of the table simulates its prior from the seed itself:
+with the same numbers, the truth would be the first material there. Chains start from streams of
 their numbers."""
 
 
 @dataclass(frozen=True, eq=False)
 class SimulatedTable:
-    """A table of peak stresses whose truth is known.
-
-    Attributes
-    ----------
-    data : PeakStressData
-        Conditions of a template, stresses of the model with scatter.
-    values : dict of str to float
-        Parameters (SI) of the material.
-    offset : float
-        ln(flow rate) of one more test less that of the material.
-    """
+    """A table of peak stresses, of the model with scatter, whose truth is known."""
 
     data: PeakStressData
     values: dict[str, float]
+    """Parameters (SI) of the material."""
     offset: float
+    """ln(flow rate) of one more test less that of the material."""
 
     def truth(self, law: FlowLawPrior) -> FloatArray:
         """Quantities of a `FlowLawPrior`, shape (4,), of the one more test."""
@@ -82,24 +73,9 @@ def simulate_table(
 ) -> SimulatedTable:
     """Draw materials and solve the peaks of a table's tests until they look like it.
 
-    Where the template states the strain of its peaks, the simulated table states its own, with the
-    same relative standard deviation.
-
-    Parameters
-    ----------
-    template : PeakStressData
-        Conditions of the tests.
-    priors : PriorSet
-        Of the fit of a table, for the scatter.
-    curve : PriorSet
-        Of every parameter of a curve, for the material.
-    seed : int
-        Of everything drawn.
-
-    Raises
-    ------
-    SamplingError
-        If no draw has stresses like those of the template.
+    If the template states the strain of its peaks, the simulated table states its own, with the
+    same relative standard deviation. Raises SamplingError if no draw has stresses like those of the
+    template.
     """
     rng = np.random.default_rng([seed, TABLE_STREAM])
     for _ in range(PRIOR_ATTEMPTS):
@@ -144,24 +120,15 @@ def simulate_table(
 
 @dataclass(frozen=True, eq=False)
 class RankedTable:
-    """What the fit of a simulated table hands on, and where one more test's flow law lies in it.
-
-    Attributes
-    ----------
-    law : FlowLawPrior
-        The prior handed on.
-    ranks : dict of str to int
-        Draws of the prior below the truth, by quantity; empty where the last fit failed a check.
-    n_refits : int
-        Longer fits after the first.
-    failed_checks : tuple of str
-        Names of the checks of the sampling that the last fit failed.
-    """
+    """The prior that the fit of a simulated table hands on, and ranks of one more test in it."""
 
     law: FlowLawPrior
     ranks: dict[str, int]
+    """Draws of the prior below the truth, by quantity; empty if the last fit failed a check."""
     n_refits: int
+    """Longer fits after the first."""
     failed_checks: tuple[str, ...]
+    """Names of the checks of the sampling that the last fit failed."""
 
 
 def rank_hand_over(
@@ -171,23 +138,11 @@ def rank_hand_over(
     out: Path,
     *,
     seed: int,
-    options: SamplerOptions,
     plan: DataSetPlan,
 ) -> RankedTable:
     """Simulate a table, fit it, and rank one more test's flow law in the prior handed on.
 
     A fit that fails a check of the sampling is repeated, longer; one that still does is not ranked.
-
-    Parameters
-    ----------
-    template, priors, curve, seed
-        As for `simulate_table`; the fit has the flow law's priors of the curve.
-    out : Path
-        Folder for run directories of fits.
-    options : SamplerOptions
-        Chains, iterations, target of the first fit.
-    plan : DataSetPlan
-        Ranks and repetitions.
     """
     table = simulate_table(template, priors, curve, seed=seed)
     failed: tuple[str, ...] = ()
@@ -197,7 +152,7 @@ def rank_hand_over(
             with_curve_flow_law(priors, curve),
             out=out / f"table_{n_refits}",
             curve=curve,
-            options=lengthened(replace(options, seed=seed), n_refits, failed),
+            options=lengthened(replace(plan.sampler, seed=seed), n_refits, failed),
         )
         failed = tuple(
             one.name
@@ -222,31 +177,12 @@ def rank_curve(
     out: Path,
     *,
     seed: int,
-    options: SamplerOptions,
     plan: DataSetPlan,
 ) -> Replication:
     """Simulate the curve of one more test, fit it with the prior handed on, and rank its truth.
 
     The test has the parameters of the table's material; its flow rate scatters as those of the
-    table do.
-
-    Parameters
-    ----------
-    table : SimulatedTable
-        Of the same material, without the curve among its tests.
-    law : FlowLawPrior
-        What the fit of the table hands on.
-    template : Experiment
-        How the curve is taken.
-    curve : PriorSet
-        Of every parameter; the flow law handed on takes its place in it.
-    out, seed, options, plan
-        As for `pyburgers.sbc.data_sets.fit_and_rank`.
-
-    Raises
-    ------
-    SamplingError
-        If the curve has no solution.
+    table do. Raises SamplingError if the curve has no solution.
     """
     rng = np.random.default_rng([seed, CURVE_STREAM])
     truth = table.truth(law)
@@ -264,6 +200,5 @@ def rank_curve(
         one_test(template, curve),
         out,
         seed=seed,
-        options=options,
         plan=plan,
     )

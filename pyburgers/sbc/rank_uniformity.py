@@ -25,49 +25,34 @@ NOTICEABLE = 2.0
 Verdict = Literal["calibrated", "within chance", "not calibrated", "too few data sets"]
 
 VERDICTS_TEXT = (
-    "A quantity is calibrated where the distribution of its ranks stays inside the band that holds "
-    f"all of it in {PROBABILITY:.0%} of calibrations of a right program. Of many quantities one "
-    "leaves its own band now and then: it is within chance where it stays inside the wider band "
-    f"that holds all quantities together in {PROBABILITY:.0%}. Outside that, it is not calibrated. "
-    "The mean rank is a share of all draws, 0.5 if right; the spread of the ranks is their "
-    "standard deviation about 0.5 over that of uniform ranks, 1 if right."
+    "A quantity is calibrated if the distribution of its ranks stays inside the narrow band. For a "
+    f"right program, this band holds the whole distribution in {PROBABILITY:.0%} of calibrations. "
+    "Of many quantities, one leaves its own band now and then. It is within chance if it stays "
+    f"inside the wide band, which holds all quantities together in {PROBABILITY:.0%}. Outside the "
+    "wide band, a quantity is not calibrated. The mean rank is a share of all draws, 0.5 if right. "
+    "The spread of the ranks is their standard deviation about 0.5 over that of uniform ranks, 1 "
+    "if right."
 )
 
 
 @dataclass(frozen=True)
 class RankVerdict:
-    """What the ranks of one quantity say.
-
-    Attributes
-    ----------
-    mean : float
-        Mean rank as a share of all draws; 0.5 if right.
-    spread : float
-        Root mean square distance of the ranks from 0.5 over that of uniform ones; 1 if right.
-    verdict : str
-        See `VERDICTS_TEXT`.
-    sentence : str
-        The same in words.
-    """
+    """The verdict on the ranks of one quantity."""
 
     mean: float
+    """Mean rank as a share of all draws; 0.5 if right."""
     spread: float
+    """Root mean square distance of the ranks from 0.5 over that of uniform ones; 1 if right."""
     verdict: Verdict
     sentence: str
 
 
 @dataclass(frozen=True, eq=False)
 class RankBands:
-    """Limits of the number of ranks that are at most 0, 1, ..., n_draws - 1.
+    """Limits, shape (n_draws,), of the number of ranks that are at most 0, 1, ..., n_draws - 1.
 
-    Attributes
-    ----------
-    n_ranks, n_draws : int
-        Data sets, and ranked draws of each.
-    own : tuple of two arrays, shape (n_draws,)
-        Lower and upper limit for a quantity by itself.
-    joint : tuple of two arrays, shape (n_draws,)
-        The same for all quantities together.
+    There are `n_ranks` data sets. The lower and upper limits are for a quantity by itself, and for
+    all quantities together.
     """
 
     n_ranks: int
@@ -77,15 +62,7 @@ class RankBands:
 
 
 def rank_bands(n_ranks: int, n_draws: int, n_quantities: int) -> RankBands:
-    """Return the bands of a calibration.
-
-    Parameters
-    ----------
-    n_ranks, n_draws : int
-        Data sets, and ranked draws of each.
-    n_quantities : int
-        Quantities that are judged together, taken as independent.
-    """
+    """Return the bands of a calibration, whose quantities are taken as independent."""
     own, joint = (
         simultaneous_band(n_ranks, n_draws, probability=probability)
         for probability in (PROBABILITY, PROBABILITY ** (1 / n_quantities))
@@ -94,15 +71,7 @@ def rank_bands(n_ranks: int, n_draws: int, n_quantities: int) -> RankBands:
 
 
 def judge_ranks(ranks: Mapping[str, Sequence[int]], bands: RankBands) -> dict[str, RankVerdict]:
-    """Judge every quantity.
-
-    Parameters
-    ----------
-    ranks : mapping of str to sequence of int
-        Ranks of each quantity, one for each data set.
-    bands : RankBands
-        For these data sets.
-    """
+    """Judge every quantity."""
     return {name: _judge(np.asarray(values), bands) for name, values in ranks.items()}
 
 
@@ -125,7 +94,7 @@ def _judge(ranks: IntArray, bands: RankBands) -> RankVerdict:
 
 
 def is_inside(counts: IntArray, band: tuple[IntArray, IntArray]) -> bool:
-    """Whether counts of ranks (`counts_at_most`) lie inside a band everywhere."""
+    """Tell whether counts of ranks (`counts_at_most`) lie inside a band everywhere."""
     return bool(np.all((counts >= band[0]) & (counts <= band[1])))
 
 
@@ -149,24 +118,9 @@ def simultaneous_band(
 ) -> tuple[IntArray, IntArray]:
     """Band that holds the whole empirical distribution of uniform ranks with a probability.
 
-    Pointwise binomial intervals whose common level is set by simulation (Säilynoja, Bürkner and
-    Vehtari 2022, Statistics and Computing 32, 32).
-
-    Parameters
-    ----------
-    n_ranks : int
-        Number of data sets.
-    n_draws : int
-        Ranks go from 0 to this.
-    probability : float
-        Of the whole band.
-    seed : int
-        Of the simulation.
-
-    Returns
-    -------
-    lower, upper : array, shape (n_draws,)
-        Limits of the number of ranks that are at most 0, 1, ..., n_draws - 1.
+    Returns the lower and upper limits, shape (n_draws,), of a `RankBands`. They are pointwise
+    binomial intervals whose common level is set by simulation (Säilynoja, Bürkner and Vehtari 2022,
+    Statistics and Computing 32, 32).
     """
     rng = np.random.default_rng(seed)
     law = stats.binom(n_ranks, np.arange(1, n_draws + 1) / (n_draws + 1))

@@ -2,11 +2,10 @@
 
 import csv
 from collections.abc import Container, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import pandas as pd
-from pydantic import ConfigDict
+from pydantic import ConfigDict, Field
 
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError
@@ -20,75 +19,39 @@ RANKS = "ranks.csv"
 """Table of the data sets that were done when results were last written."""
 
 
-@dataclass(frozen=True)
-class Replication:
-    """One data set of a calibration.
+class Replication(Table):
+    """The outcome of one data set of a calibration; the numbers of fits are those of the last."""
 
-    Attributes
-    ----------
-    seed : int
-        Of this data set.
-    ranks : mapping of str to int
-        Number of thinned draws below the true value, for each free parameter, the reference
-        quantity and the log likelihood; of several tests those of one as NAME[TEST]. Empty where
-        the fit failed or did not converge.
-    n_draws : int
-        Thinned draws; ranks go from 0 to this.
-    n_unsolvable, n_outside : int
-        See `pyburgers.sbc.data_sets.Simulated`.
-    n_refits : int
-        Longer fits after the first.
-    n_shortened : int
-        How often the last fit went on with shorter steps because a few trajectories diverged.
-    failure : str or None
-        Why there is no fit.
-    failed_checks : tuple of str
-        Names of the checks of convergence that the last fit failed.
-    divergences : int
-        Of the last fit.
-    rhat, least_ess : float or None
-        Largest R-hat and least bulk effective sample size of the last fit.
-    coordinates : str or None
-        Coordinates of the fit.
-    """
+    model_config = ConfigDict(allow_inf_nan=True)
 
     seed: int
-    ranks: Mapping[str, int]
+    ranks: dict[str, int] = Field(default_factory=dict)
+    """Number of thinned draws below the true value, for each free parameter, the reference quantity
+    and the log likelihood; of several tests as NAME[TEST]. Empty if no fit has converged."""
     n_draws: int
+    """Thinned draws; ranks go from 0 to this."""
     n_unsolvable: int
     n_outside: int = 0
+    """Draws without a solution, and data sets outside their ranges, before this one."""
     n_refits: int = 0
+    """Longer fits after the first."""
     n_shortened: int = 0
+    """How often the fit went on with shorter steps because a few trajectories diverged."""
     failure: str | None = None
-    failed_checks: tuple[str, ...] = ()
+    """Why there is no fit."""
+    failed_checks: tuple[str, ...] = Field(default=(), strict=False)
     divergences: int = 0
     rhat: float | None = None
     least_ess: float | None = None
     coordinates: str | None = None
 
-
-class _ReplicationTable(Table):
-    """A `Replication` in its file."""
-
-    model_config = ConfigDict(allow_inf_nan=True)
-
-    seed: int
-    ranks: dict[str, int]
-    n_draws: int
-    n_unsolvable: int
-    n_outside: int
-    n_refits: int
-    n_shortened: int = 0
-    failure: str | None
-    failed_checks: list[str]
-    divergences: int
-    rhat: float | None
-    least_ess: float | None
-    coordinates: str | None
+    def is_done(self, refits: int) -> bool:
+        """Tell whether so many longer fits leave nothing to repeat."""
+        return not self.failed_checks or self.n_refits >= refits
 
 
 def simulation_file(run: RunDirectory, seed: int) -> Path:
-    """Return where the outcome of one data set is."""
+    """Return the file of the outcome of one data set."""
     return run.path / SIMULATIONS / f"simulation_{seed:06d}.json"
 
 
@@ -98,34 +61,13 @@ def scratch_of(file: Path) -> Path:
 
 
 def read_replication(file: Path) -> Replication:
-    """Return what a file keeps.
-
-    Raises
-    ------
-    InputError
-        If it was damaged.
-    """
-    content = read_json_table(file, _ReplicationTable).model_dump()
-    return Replication(**{**content, "failed_checks": tuple(content["failed_checks"])})
+    """Return what a file keeps; raise InputError if it was damaged."""
+    return read_json_table(file, Replication)
 
 
 def write_replication(file: Path, replication: Replication) -> None:
     """Write what `read_replication` reads."""
-    write_json(file, asdict(replication))
-
-
-def next_fit(file: Path, refits: int) -> int | None:
-    """Return which fit of a data set is to be made: 0, a repetition, or None where it is done.
-
-    Raises
-    ------
-    InputError
-        If its file was damaged.
-    """
-    if not file.is_file():
-        return 0
-    done = read_replication(file)
-    return done.n_refits + 1 if done.failed_checks and done.n_refits < refits else None
+    write_json(file, replication.model_dump())
 
 
 _COLUMNS = {
@@ -147,22 +89,7 @@ _SEPARATOR = "; "
 
 
 def replication_table(replications: Iterable[Replication], ranked: Sequence[str]) -> pd.DataFrame:
-    """Return every data set: seed, outcome, and its ranks.
-
-    Parameters
-    ----------
-    replications : iterable of Replication
-        The data sets.
-    ranked : sequence of str
-        Quantities.
-
-    Returns
-    -------
-    DataFrame
-        Columns seed, unsolvable_draws, outside_draws, refits, shortened, coordinates, divergences,
-        rhat, least_ess, failed_checks, failure, then the rank of each quantity (missing where no
-        fit has converged).
-    """
+    """Return every data set: seed, outcome, and the rank of each quantity, missing without one."""
     return pd.DataFrame(
         [
             {
@@ -178,17 +105,7 @@ def replication_table(replications: Iterable[Replication], ranked: Sequence[str]
 def read_replication_table(file: Path, n_draws: int) -> tuple[Replication, ...]:
     """Return the data sets of a table that `replication_table` has made.
 
-    Parameters
-    ----------
-    file : Path
-        The table.
-    n_draws : int
-        With which they were ranked.
-
-    Raises
-    ------
-    InputError
-        If it is no such table.
+    Raises InputError if it is no such table.
     """
     try:
         with file.open(encoding="utf-8", newline="") as lines:
@@ -229,19 +146,7 @@ def _of_row(row: Mapping[str, str], n_draws: int) -> Replication:
 def replications(run: RunDirectory, seeds: Iterable[int], n_draws: int) -> tuple[Replication, ...]:
     """Read the data sets that are done, of those without a file what the table of results has.
 
-    Parameters
-    ----------
-    run : RunDirectory
-        Of the calibration.
-    seeds : iterable of int
-        Of its data sets.
-    n_draws : int
-        With which they are ranked.
-
-    Raises
-    ------
-    InputError
-        If a file of one, or the table, was damaged.
+    Raises InputError if a file of one, or the table, was damaged.
     """
     seeds = tuple(seeds)
     done = {one.seed: one for one in _tabled(run, n_draws)}
@@ -253,17 +158,8 @@ def replications(run: RunDirectory, seeds: Iterable[int], n_draws: int) -> tuple
 def take_from_table(run: RunDirectory, seeds: Container[int], n_draws: int) -> None:
     """Write the files of data sets that only the table of results has.
 
-    So a calibration goes on from its results alone, on another machine.
-
-    Parameters
-    ----------
-    run, seeds, n_draws
-        As for `replications`.
-
-    Raises
-    ------
-    InputError
-        If the table was damaged.
+    So a calibration goes on from its results alone, on another machine. Raises InputError if the
+    table was damaged.
     """
     for one in _tabled(run, n_draws):
         file = simulation_file(run, one.seed)

@@ -1,4 +1,4 @@
-"""What a calibration found: counts, table of verdicts, figure of the ranks, and their files."""
+"""Results of a calibration: counts, table of verdicts, figure of the ranks, and their files."""
 
 import math
 from collections import Counter
@@ -35,14 +35,7 @@ def ranked_label(name: str) -> str:
 
 
 def verdict_table(calibration: Calibration) -> pd.DataFrame:
-    """Verdicts, a row for each ranked quantity.
-
-    Returns
-    -------
-    DataFrame
-        Columns quantity (its name), data_sets, mean_rank and rank_spread (numbers), verdict and
-        in_words.
-    """
+    """Verdicts, a row for each ranked quantity."""
     rows = [
         {
             "quantity": name,
@@ -139,15 +132,7 @@ def _table_row(cells: Sequence[str]) -> str:
 
 
 def save_calibration(calibration: Calibration, folder: Path) -> None:
-    """Write ``verdicts.csv``, ``ranks.csv`` and ``calibration.md``.
-
-    Parameters
-    ----------
-    calibration : Calibration
-        What to write.
-    folder : Path
-        An existing folder.
-    """
+    """Write ``verdicts.csv``, ``ranks.csv`` and ``calibration.md``."""
     write_text(folder / "verdicts.csv", verdict_table(calibration).to_csv(index=False))
     table = replication_table(calibration.replications, list(calibration.ranks))
     write_text(folder / RANKS, table.to_csv(index=False))

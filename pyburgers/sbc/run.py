@@ -1,9 +1,9 @@
 """Simulation-based calibration over processes: many data sets, each a small file, resumable.
 
 The folder of a calibration holds ``manifest.json``, ``inputs/`` (templates and priors) and
-``simulations/simulation_SEED.json``, one for each data set, written when its fit is done; the same
-command continues with those that are missing. Several calls may do a part of them each. Their
-number is fixed with the first: nobody can stop, or go on, because of what the ranks look like.
+``simulations/simulation_SEED.json``. The file of a data set is written when its fit is done; the
+same command continues with those that are missing. Several calls may do a part of them each. Their
+number is fixed with the first: nobody can stop, or go on, because of how the ranks look.
 """
 
 import logging
@@ -21,7 +21,7 @@ from pydantic import Field
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.atomic_files import sha256_of_json
 from pyburgers.common.errors import InputError, SystemFailureError
-from pyburgers.common.tasks import ALL_HERE, Workers
+from pyburgers.common.tasks import ALL_HERE, Workers, run_tasks
 from pyburgers.common.toml_files import Table
 from pyburgers.model.pooling import pooling_from
 from pyburgers.model.priors import PriorSet, load_priors, note_other_material, save_priors
@@ -36,12 +36,11 @@ from pyburgers.sampling.manifest import COMPLETE, PoolingRecord, RecordedHashes,
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
 from pyburgers.sampling.run import files_in, origin_record, problem_record
 from pyburgers.sampling.run_directory import RunDirectory
-from pyburgers.sbc.data_sets import DataSetPlan, Range, check_template, replicate
+from pyburgers.sbc.data_sets import DataSetPlan, check_template, replicate
 from pyburgers.sbc.rank_uniformity import RankBands, RankVerdict, judge_ranks, rank_bands
 from pyburgers.sbc.replication import (
     SIMULATIONS,
     Replication,
-    next_fit,
     read_replication,
     replications,
     scratch_of,
@@ -53,55 +52,26 @@ from pyburgers.sbc.replication import (
 logger = logging.getLogger(__name__)
 
 CALIBRATION_KIND = "pyburgers sbc"
-"""What the manifest of a calibration says."""
-
-SHORT_RUN = SamplerOptions(chains=2, warmup=300, draws=400, parallel_chains=1)
-"""Default of each fit: long enough for `N_RANKED` nearly independent draws."""
-
-N_RANKED = 99
-
-REFITS = 1
-"""Default of the repetitions of a fit that has not converged."""
+"""The kind of run in the manifest of a calibration."""
 
 SYSTEM_ATTEMPTS = 3
 """Tries of a data set whose chains the system ends, after which the calibration stops."""
 
 
 @dataclass(frozen=True)
-class CalibrationPlan:
-    """What a calibration does.
+class CalibrationPlan(DataSetPlan):
+    """The data sets of a calibration; their number is fixed with the first one.
 
-    Attributes
-    ----------
-    simulations : int
-        Data sets, fixed with the first one.
-    seed : int
-        Seed of the first data set; the others follow on, by 1.
-    n_ranked : int
-        Draws of each fit among which the truth is ranked.
-    sampler : SamplerOptions
-        Of each first fit; its seed is that of the data set.
-    refits : int
-        How often a fit that has not converged is repeated, each time longer.
-    stress_range, strain_range : tuple of two floats, or None
-        See `pyburgers.sbc.data_sets.DataSetPlan`.
+    The seed is that of the first data set; the others follow on, by 1.
     """
 
     simulations: int = 200
     seed: int = 1
-    n_ranked: int = N_RANKED
-    sampler: SamplerOptions = SHORT_RUN
-    refits: int = REFITS
-    stress_range: Range | None = None
-    strain_range: Range | None = None
 
     def __post_init__(self) -> None:
         """Check the values.
 
-        Raises
-        ------
-        InputError
-            If one is out of range.
+        Raises InputError if one is out of range.
         """
         draws = self.sampler.chains * self.sampler.draws
         for name, value, least, most in (
@@ -122,11 +92,6 @@ class CalibrationPlan:
                     f"{name} is {low:g} to {high:g}{unit}, expected two numbers of which the "
                     "second is larger."
                 )
-
-    @property
-    def data_set(self) -> DataSetPlan:
-        """How each data set is made, fitted and ranked."""
-        return DataSetPlan(self.n_ranked, self.refits, self.stress_range, self.strain_range)
 
     @property
     def seeds(self) -> range:
@@ -157,17 +122,8 @@ class _CalibrationManifest(RecordedHashes):
 class Calibration:
     """A calibration, finished or as far as it has come.
 
-    Attributes
-    ----------
-    template : Problem
-        Protocol and points of the data sets, shared parameters, and the priors that truths were
-        drawn from.
-    plan : CalibrationPlan
-        Data sets, seeds, sampler.
-    replications : tuple of Replication
-        One for each data set that is done, by seed.
-    command : str
-        What regenerates or continues it.
+    The template has the conditions and points of the data sets, and the priors of the truths. There
+    is a replication for each data set that is done, by seed. `command` regenerates or continues it.
     """
 
     template: Problem
@@ -215,35 +171,12 @@ def calibrate(
 ) -> Calibration:
     """Simulate data sets from the prior, fit each, and rank the truths; continue where one stopped.
 
-    Parameters
-    ----------
-    templates : Experiment or sequence of Experiment
-        Protocol and points, of several tests those of a joint fit; stresses serve to resolve a
-        relative noise prior.
-    priors : PriorSet
-        What truths are drawn from and fits use.
-    out : Path
-        Folder of the calibration. An earlier one with the same inputs there is continued, with more
-        repetitions as if there had been so many from the beginning.
-    plan : CalibrationPlan
-        Data sets, seeds, sampler.
-    pool : mapping of str to str, optional
-        How parameters of several tests are pooled where it is not the default
-        (`pyburgers.protocols.together.pooling_for`).
-    workers : Workers
-        Who does the data sets; each process runs one chain at a time. Where this call does a part
-        of them, others may do the other parts at the same time.
-    command : str
-        What regenerates the calibration, for the manifest.
-
-    Raises
-    ------
-    InputError
-        If an input is wrong or `out` holds something else.
-    SamplingError
-        If the priors have no solvable draws.
-    SystemFailureError
-        If a process was killed, or chains again and again.
+    Data sets are like the templates, fitted jointly if there are several; their stresses serve to
+    resolve a relative noise prior. An earlier calibration of the same inputs in the folder `out` is
+    continued. If the plan has more repetitions than before, only these are added. If this call does
+    a part of the data sets, others may do the other parts at the same time. Raises InputError if an
+    input is wrong or `out` holds something else, and SamplingError if the priors have no solvable
+    draws. Raises SystemFailureError if a process was killed, or chains again and again.
     """
     tests = [templates] if isinstance(templates, Experiment) else list(templates)
     problem = problem_of(tests, priors, pooling_for(tests, pool))
@@ -296,10 +229,7 @@ def _write_inputs(run: RunDirectory, problem: Problem, plan: CalibrationPlan, co
 def load_calibration(folder: Path) -> Calibration:
     """Return a calibration as far as it has come.
 
-    Raises
-    ------
-    InputError
-        If the folder holds none, or a file of it was damaged or has changed.
+    Raises InputError if the folder holds none, or a file of it was damaged or has changed.
     """
     run = RunDirectory(folder)
     if run.read_manifest().get("kind") != CALIBRATION_KIND:
@@ -340,7 +270,13 @@ def _fingerprint(problem: Problem, plan: CalibrationPlan, recipe: str) -> str:
             "seed": plan.seed,
             "simulations": plan.simulations,
             # Repetitions can be added: the first ones stay what they were.
-            "data_set": asdict(replace(plan.data_set, refits=0)),
+            "data_set": {
+                "n_ranked": plan.n_ranked,
+                "refits": 0,
+                "first": 0,
+                "stress_range": plan.stress_range,
+                "strain_range": plan.strain_range,
+            },
             "sampler": sampler,
             "program": recipe,
         }
@@ -367,7 +303,7 @@ def _run_missing(run: RunDirectory, plan: CalibrationPlan, workers: Workers) -> 
     missing = [
         seed
         for seed, file in mine.items()
-        if scratch_of(file).exists() or next_fit(file, plan.refits) is not None
+        if scratch_of(file).exists() or not _is_done(file, plan.refits)
     ]
     if len(missing) < len(mine):
         n_found = len(mine) - len(missing)
@@ -376,7 +312,7 @@ def _run_missing(run: RunDirectory, plan: CalibrationPlan, workers: Workers) -> 
         return
     # Elsewhere the working directory may be another one.
     calls = {seed: (run.path.absolute(), seed, plan) for seed in missing}
-    done = workers.completed(_replicate_into, calls, folder=run.path)
+    done = run_tasks(_replicate_into, calls, workers=workers, out=run.path)
     try:
         for n_done, (seed, outcome) in enumerate(done, start=1):
             logger.info(f"Data set {seed}: {outcome}, {n_done} of {len(missing)}.")
@@ -397,10 +333,9 @@ def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:
     scratch.mkdir(exist_ok=True)
     try:
         with FileLock(scratch / ".lock", timeout=0):
-            first = next_fit(file, plan.refits)
-            if first is not None:
-                failed = read_replication(file).failed_checks if first else ()
-                write_replication(file, _replicate(run, scratch, seed, plan, first, failed))
+            if not _is_done(file, plan.refits):
+                before = read_replication(file) if file.is_file() else None
+                write_replication(file, _replicate(run, scratch / "fits", seed, plan, before))
             replication = read_replication(file)
             shutil.rmtree(scratch)
     except Timeout as error:
@@ -413,29 +348,21 @@ def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:
     return "ranked" if replication.ranks else "not converged"
 
 
+def _is_done(file: Path, refits: int) -> bool:
+    """Tell whether a data set has its outcome, after so many longer fits if they are needed."""
+    return file.is_file() and read_replication(file).is_done(refits)
+
+
 def _replicate(
-    run: RunDirectory,
-    scratch: Path,
-    seed: int,
-    plan: CalibrationPlan,
-    first: int,
-    failed: Sequence[str],
+    run: RunDirectory, out: Path, seed: int, plan: CalibrationPlan, before: Replication | None
 ) -> Replication:
     """Do one data set in a folder of its own, where fits of an earlier attempt go on."""
     template = _template(run, run.read_manifest())
-    data_set = replace(plan.data_set, first=first)
     tries_left = SYSTEM_ATTEMPTS
     while True:
         tries_left -= 1
         try:
-            return replicate(
-                template,
-                scratch / "fits",
-                seed=seed,
-                options=plan.sampler,
-                plan=data_set,
-                failed=failed,
-            )
+            return replicate(template, out, seed=seed, plan=plan, before=before)
         except SystemFailureError:
             if not tries_left:
                 raise

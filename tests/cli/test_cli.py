@@ -27,7 +27,6 @@ from pyburgers.cmdstan.installation import PYPI_VERSION
 from pyburgers.fitting.fit import Fit
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.protocol import protocols
-from pyburgers.sampling.options import COORDINATES
 
 COLUMNS = ["time_s", "strain", "stress_Pa", "kelvin_strain", "grain_size_m", "fabric_factor"]
 
@@ -125,23 +124,6 @@ def test_a_missing_file_is_named(
     assert_refused(main(arguments), capsys, missing)
 
 
-def test_progress_goes_to_standard_error_and_is_said_once_at_every_call(
-    programs: None, small_problem: Problem, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    arguments = [
-        *("fit", str(small_problem.experiment_file), "--priors", str(small_problem.priors_file)),
-        *("--out", str(tmp_path / "run"), "--chains", "2", "--warmup", "150", "--draws", "100"),
-        *("--adapt-delta", "0.8"),
-    ]
-    main(arguments)
-    first = capsys.readouterr()
-    assert "Coordinates: " in first.err
-    assert first.err.count("100% of 2 chains of 250 iterations (sampling)\n") == 1
-    assert "iterations" not in first.out
-    main(arguments)
-    assert capsys.readouterr().err == "2 of 2 chains are there already.\n"
-
-
 def test_a_material_without_priors_names_those_with(
     write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -154,6 +136,7 @@ def test_a_material_without_priors_names_those_with(
     "option",
     [
         ("--chains", "0"),
+        ("--chains", "-3"),
         ("--draws", "-5"),
         ("--warmup", "1"),
         ("--seed", "-1"),
@@ -172,7 +155,9 @@ def test_options_out_of_range_are_refused(
     assert code == 2
     assert out == ""
     # Few points are worth a note, before the options are looked at.
-    assert error.splitlines()[-1].startswith(f"pyburgers: {option[0][2:].replace('-', '_')}")
+    last, (name, value) = error.splitlines()[-1], option
+    assert last.startswith(f"pyburgers: {name[2:].replace('-', '_')} is {value}")
+    assert last.endswith(f"(option {name}).")
     assert not (tmp_path / "run").exists()
 
 
@@ -243,7 +228,9 @@ def test_a_fit_prints_table_and_checks_and_check_repeats_the_verdicts(
     assert f"run directory: {run}" in out
     assert re.search(r"^FAILED +effective sample size: .*--draws", out, re.MULTILINE)
     assert re.search(r"^passed +chains: ", out, re.MULTILINE)
-    assert "100% of 2 chains of 200 iterations (sampling)" in error
+    assert "Coordinates: " in error
+    assert error.count("100% of 2 chains of 200 iterations (sampling)\n") == 1
+    assert "iterations" not in out
 
     verdicts = re.findall(r"^(?:FAILED|passed) .*$", out, re.MULTILINE)
     assert len(verdicts) == len(CHECKS)
@@ -256,9 +243,7 @@ def test_a_fit_prints_table_and_checks_and_check_repeats_the_verdicts(
 
     # Once more: nothing to do, the same answer.
     assert main(arguments) == 3
-    again, error = capsys.readouterr()
-    assert again == out
-    assert "2 of 2 chains are there already" in error
+    assert capsys.readouterr() == (out, "2 of 2 chains are there already.\n")
 
 
 def test_all_checks_passed_is_exit_code_0(
@@ -338,37 +323,32 @@ def test_the_printed_beta_is_warned_about(
 
 
 @pytest.mark.parametrize(
-    ("changes", "word"),
+    ("content", "word"),
     [
         ({"viscosity": 1.0}, "viscosity"),
         ({"maxwell_modulus": -1.0}, "maxwell_modulus"),
         ({"beta": "small"}, "beta"),
         ({"steady_state_fabric_factor": 0.0}, "steady_state_fabric_factor"),
         ({"kelvin_modulus": True}, "kelvin_modulus"),
+        *((text, "parameters.json") for text in (None, "{", "[1, 2]", '{"beta": -7.29e-4}')),
     ],
 )
 def test_simulate_refuses_wrong_parameters(
-    changes: dict[str, object],
+    content: dict[str, object] | str | None,
     word: str,
     parameters: Parameters,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    out = tmp_path / "curve.csv"
-    files = ["--parameters", str(parameters(**changes)), "--out", str(out)]
+    """Changed values, another text of the file, or no file."""
+    out, file = tmp_path / "curve.csv", tmp_path / "parameters.json"
+    if isinstance(content, dict):
+        parameters(**content)
+    elif content is not None:
+        file.write_text(content, encoding="utf-8")
+    files = ["--parameters", str(file), "--out", str(out)]
     assert_refused(main(["simulate", str(ICE / "PIL40.toml"), *files]), capsys, word)
     assert not out.exists()
-
-
-@pytest.mark.parametrize("content", [None, "{", "[1, 2]", '{"beta": -7.29e-4}'])
-def test_simulate_refuses_a_wrong_parameter_file(
-    content: str | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "parameters.json"
-    if content is not None:
-        path.write_text(content, encoding="utf-8")
-    files = ["--parameters", str(path), "--out", str(tmp_path / "curve.csv")]
-    assert_refused(main(["simulate", str(ICE / "PIL40.toml"), *files]), capsys, "parameters.json")
 
 
 def test_simulate_refuses_an_unwritable_file(
@@ -404,17 +384,6 @@ def test_a_wrong_command_line_costs_one_line(
     arguments: list[str], words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert_refused(main(arguments), capsys, *words)
-
-
-@pytest.mark.parametrize(
-    "option", ["--chains", "--seed", "--adapt-delta", "--tolerance", "--chain-timeout"]
-)
-def test_numbers_out_of_range_name_their_option(
-    option: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    code = main(["fit", str(ICE / "PIL40.toml"), f"{option}=-3"])
-    field = option.removeprefix("--").replace("-", "_")
-    assert_refused(code, capsys, f"{field} is -3", f"(option {option}).")
 
 
 def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
@@ -459,35 +428,6 @@ def test_help_of_compare_says_that_only_left_out_tests_are_handed_out(
             main([command, "--help"])
         text = " ".join(capsys.readouterr().out.split())
         assert text.count("with --leave-out tests: ") == times
-
-
-@pytest.mark.parametrize(
-    ("line", "offered"),
-    [
-        ("pyburgers fi", {"fit", "fit-peak-stress"}),
-        ("pyburgers sbc --re", {"--refits", "--results-of"}),
-        ("pyburgers fit --coordinates ", set(COORDINATES)),
-        (
-            "pyburgers fit --variant maxwell",
-            {"maxwell=power_law", "maxwell=linear", "maxwell=hyperbolic_sine"},
-        ),
-    ],
-)
-def test_a_shell_is_told_what_may_stand_next(line: str, offered: set[str], tmp_path: Path) -> None:
-    answer = tmp_path / "answer"
-    subprocess.run(
-        [sys.executable, "-m", "pyburgers"],
-        env={
-            **os.environ,
-            "_ARGCOMPLETE": "1",
-            "_ARGCOMPLETE_IFS": "\n",
-            "_ARGCOMPLETE_STDOUT_FILENAME": str(answer),
-            "COMP_LINE": line,
-            "COMP_POINT": str(len(line)),
-        },
-        check=True,
-    )
-    assert {word.strip() for word in answer.read_text().split("\n")} == offered
 
 
 def test_the_module_and_the_console_script_are_the_same_command() -> None:

@@ -88,7 +88,7 @@ def test_unusable_cache_folder(bare_machine: Path, monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize(
     ("package", "module"),
     [
-        ("argcomplete", "argcomplete"),
+        ("shtab", "shtab"),
         ("arviz", "arviz"),
         ("filelock", "filelock"),
         ("netcdf4", "netCDF4"),

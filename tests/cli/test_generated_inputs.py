@@ -23,6 +23,7 @@ from mutations import NUMBERS, TEXT, changed_bytes, changed_tables
 from pyburgers.cli.check_file import check as check_file
 from pyburgers.cli.main import COMMANDS, main
 from pyburgers.common.errors import PyburgersError
+from pyburgers.fitting.campaign import load_campaign
 from pyburgers.flow_law_tables.inputs import load_peak_stress, load_peak_stress_priors
 from pyburgers.model.priors import default_priors, load_priors
 from pyburgers.predictions.measured_attenuation import load_measured_attenuation
@@ -32,7 +33,6 @@ from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.protocol import NAMES, load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.studies.campaign import load_campaign
 
 DATA = Path(__file__).parents[2] / "data"
 LIMIT_S = 10.0
@@ -315,4 +315,5 @@ def test_options_work_or_are_refused(
 
 
 def test_every_command_is_tried_that_reads_files() -> None:
-    assert set(COMMANDS) - set(OPTIONS) <= {"doctor", "install-cmdstan", "reproduce"}
+    others = {"completion", "doctor", "install-cmdstan", "reproduce"}
+    assert set(COMMANDS) - set(OPTIONS) <= others

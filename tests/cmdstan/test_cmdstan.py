@@ -13,6 +13,7 @@ import urllib.request
 import zipfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ import pytest
 
 from pyburgers.cmdstan import installation as cmdstan_installation
 from pyburgers.cmdstan.compilation import cache_directory, compile_program, program_key
+from pyburgers.cmdstan.draw_files import adaptation_of, read_draws
 from pyburgers.cmdstan.installation import install_cmdstan
 from pyburgers.cmdstan.program import Program, Unsolved, load_program
 from pyburgers.cmdstan.toolchain import (
@@ -143,9 +145,7 @@ class TestMissingTools:
         assert not (home / ".cmdstan").exists()
 
     def test_compiler_that_does_not_work(self, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        broken = home / "broken-g++"
-        broken.write_text("#!/bin/sh\necho no licence; exit 3\n")
-        broken.chmod(0o755)
+        broken = executable_file(home / "broken-g++", "echo no licence; exit 3")
         monkeypatch.setenv("CXX", str(broken))
         with pytest.raises(ToolchainError, match="ended with code 3") as caught:
             toolchain(make_cmdstan(home / "cmdstan"))
@@ -353,38 +353,26 @@ class TestProgramKey:
         moved = program.parent.rename(home / "elsewhere")
         assert program_key(moved / program.name, moved, cmdstan) == key
 
-    @pytest.mark.parametrize(
-        "changed", ["program.stan", "functions/outer.stan", "functions/inner.stan"]
-    )
-    def test_changes_with_each_source(self, home: Path, program: Path, changed: str) -> None:
-        cmdstan = make_cmdstan(home / "cmdstan")
-        key = program_key(program, program.parent, cmdstan)
-        with (program.parent / changed).open("a") as file:
-            file.write("// one comment more\n")
-        assert program_key(program, program.parent, cmdstan) != key
-
-    def test_changes_with_cmdstan(self, home: Path, program: Path) -> None:
-        folders = [make_cmdstan(home / "a"), make_cmdstan(home / "b")]
-        keys = {program_key(program, program.parent, folder) for folder in folders}
-        (folders[0] / "makefile").write_text("CMDSTAN_VERSION := 2.28.0\n")
-        keys.add(program_key(program, program.parent, folders[0]))
-        (folders[0] / "make").mkdir()
-        (folders[0] / "make" / "local").write_text("# faster\nO=2\n")
-        keys.add(program_key(program, program.parent, folders[0]))
-        assert len(keys) == 4
-
-    def test_changes_with_the_compiler(
+    def test_whatever_decides_the_executable_changes_it(
         self, home: Path, program: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        cmdstan = make_cmdstan(home / "cmdstan")
-        compiler = home / "my-g++"
-        monkeypatch.setenv("CXX", str(compiler))
-        keys = set()
-        for version in ("12.2", "13.1"):
-            compiler.write_text(f"#!/bin/sh\necho my-g++ {version}\n")
-            compiler.chmod(0o755)
+        cmdstan, compiler = make_cmdstan(home / "cmdstan"), home / "my-g++"
+        monkeypatch.setenv("CXX", str(executable_file(compiler, "echo my-g++ 12.2")))
+        sources = [program, *(program.parent / "functions").glob("[io]*.stan")]
+        changes: list[Callable[[], object]] = [
+            *(partial(path.write_text, path.read_text() + "// more\n") for path in sources),
+            lambda: (cmdstan / "makefile").write_text("CMDSTAN_VERSION := 2.28.0\n"),
+            lambda: (cmdstan / "make" / "local").write_text("# faster\nO=2\n"),
+            lambda: executable_file(compiler, "echo my-g++ 13.1"),
+        ]
+        (cmdstan / "make").mkdir()
+        keys = {program_key(program, program.parent, cmdstan)}
+        for change in changes:
+            change()
             keys.add(program_key(program, program.parent, cmdstan))
-        assert len(keys) == 2
+        keys.add(program_key(program, program.parent, make_cmdstan(home / "other")))
+        assert len(sources) == 3
+        assert len(keys) == 2 + len(changes)
 
     def test_missing_include_is_named(self, home: Path, program: Path) -> None:
         cmdstan = make_cmdstan(home / "cmdstan")
@@ -436,6 +424,19 @@ def assert_every_method_runs(program: Program, folder: Path) -> None:
     assert generated.dataset(["square"])["square"].sel(chain=2, draw=0) == 9.0
     with pytest.raises(Unsolved, match="no solution at some of the draws"):
         program.generate({}, files, seed=1)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [("# no draws\n", "is empty"), ("lp__,x\n1,2\n1\n", "columns"), ("lp__\n1\n", "no step size")],
+)
+def test_a_file_of_draws_that_was_cut_short_is_refused(
+    text: str, reason: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "draws.csv"
+    file.write_text(text)
+    with pytest.raises(ValueError, match=reason):
+        adaptation_of(file) if "step" in reason else read_draws([file])
 
 
 def executable_file(path: Path, text: str) -> Path:

@@ -1,19 +1,27 @@
-"""Who does tasks: parts are all tasks once, and any executor does them."""
+"""Tasks in processes: parts, outcomes, errors, interrupts, and any executor does them."""
 
+import os
 import pickle
+import signal
+import subprocess
+import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import MappingProxyType
 
+import psutil
 import pytest
 from conftest import ICE
 
-from pyburgers.common.errors import InputError
-from pyburgers.common.tasks import Workers
+from pyburgers.common.errors import InputError, SystemFailureError
+from pyburgers.common.tasks import Workers, run_tasks
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.protocol import load_experiment
+
+TWO = Workers(jobs=2)
 
 
 @pytest.mark.parametrize("number", [1, 2, 3, 7])
@@ -36,7 +44,7 @@ def test_an_executor_that_is_given_does_the_calls_and_stays_open() -> None:
     with ThreadPoolExecutor(2) as pool:
         workers = Workers(pool)
         for _ in range(2):
-            done = workers.completed(pow, {n: (n, 2) for n in range(5)}, folder=Path("out"))
+            done = run_tasks(pow, {n: (n, 2) for n in range(5)}, workers=workers, out=Path("out"))
             assert dict(done) == {n: n * n for n in range(5)}
 
 
@@ -44,7 +52,7 @@ def test_a_call_that_raises_ends_those_that_wait() -> None:
     with ThreadPoolExecutor(1) as pool:
         calls = {0: ("x",), **{n: (n,) for n in range(1, 4)}}
         with pytest.raises(ValueError, match="invalid literal"):
-            list(Workers(pool).completed(int, calls, folder=Path("out")))
+            list(run_tasks(int, calls, workers=Workers(pool), out=Path("out")))
         assert pool.submit(int, "7").result() == 7
 
 
@@ -55,3 +63,93 @@ def test_what_is_fitted_travels_between_processes() -> None:
     assert isinstance(again.given_priors.priors, MappingProxyType)
     solver = problem.protocol.solver
     assert program_data(again, solver=solver) == program_data(problem, solver=solver)
+
+
+def test_processes_are_one_for_each_core_and_no_more_than_tasks() -> None:
+    assert Workers().processes(1000) == (os.cpu_count() or 1)
+    assert Workers(jobs=3).processes(2) == 2
+    assert Workers(jobs=3).processes(0) == 1
+    with pytest.raises(InputError, match=r"^jobs is 0, expected at least 1.$"):
+        Workers(jobs=0)
+
+
+def refuse(word: str) -> None:
+    raise InputError(f"{word}: refused.")
+
+
+def test_every_call_is_done_and_keeps_its_key() -> None:
+    calls = {number: (number, 3) for number in range(4)}
+    done = dict(run_tasks(pow, calls, workers=TWO, out=Path("out")))
+    assert done == {number: number**3 for number in range(4)}
+
+
+def test_an_error_of_a_call_is_raised_as_it_is() -> None:
+    with pytest.raises(InputError, match=r"^ice: refused.$"):
+        list(run_tasks(refuse, {1: ("ice",)}, out=Path("out")))
+
+
+def test_a_killed_process_is_told_with_what_to_do() -> None:
+    with pytest.raises(SystemFailureError, match=r"^out: the system killed a process; free memory"):
+        list(run_tasks(os._exit, {1: (1,)}, out=Path("out")))
+
+
+def test_an_interrupt_ends_calls_that_run() -> None:
+    calls = {"short": (0,), "long": (600,), "waiting": (600,)}
+    done = run_tasks(time.sleep, calls, workers=TWO, out=Path("out"))
+    assert next(done) == ("short", None)
+    started = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        done.throw(KeyboardInterrupt())
+    assert time.monotonic() - started < 60
+    assert not [
+        one for one in psutil.Process().children() if "spawn_main" in " ".join(one.cmdline())
+    ]
+
+
+INTERRUPTED = """
+import os, signal, sys
+from pathlib import Path
+from pyburgers.common.tasks import Workers, run_tasks
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+calls = {k: (f"touch {sys.argv[1]}/{k}; sleep 600",) for k in range(3)}
+try:
+    list(run_tasks(os.system, calls, workers=Workers(jobs=2), out=Path("out")))
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+@pytest.mark.parametrize("inherited", [signal.SIG_DFL, signal.SIG_IGN], ids=["heard", "ignored"])
+def test_an_interrupt_of_the_whole_group_ends_workers_and_their_programs(
+    inherited: signal.Handlers, tmp_path: Path
+) -> None:
+    """A terminal sends it to all; a shell has it ignored by what it runs in the background."""
+    before = signal.signal(signal.SIGINT, inherited)
+    try:
+        process = subprocess.Popen(
+            [sys.executable, "-c", INTERRUPTED, str(tmp_path)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+    finally:
+        signal.signal(signal.SIGINT, before)
+    deadline = time.monotonic() + 60
+    while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)
+    assert process.communicate(timeout=60) == ("interrupted\n", "")
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["0", "1"]
+    # Python's resource tracker, which multiprocessing starts, ends a moment after the program.
+    while left := [one for one in psutil.process_iter() if runs_in_session(one, process.pid)]:
+        assert time.monotonic() < deadline, left
+        time.sleep(0.05)
+
+
+def runs_in_session(process: psutil.Process, session: int) -> bool:
+    try:
+        return os.getsid(process.pid) == session and process.status() != psutil.STATUS_ZOMBIE
+    except (ProcessLookupError, psutil.NoSuchProcess):
+        return False  # it ended in the meantime

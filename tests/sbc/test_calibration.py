@@ -292,8 +292,8 @@ def test_a_fit_that_does_not_converge_is_repeated_longer_and_never_ranked(
     monkeypatch.setattr("pyburgers.sbc.data_sets.not_converged", lambda *_: ("divergences",))
     template = one_test(load_constant_rate(ICE / "PIL40.toml"), calibration_priors("ice"))
     options = SamplerOptions(warmup=100, draws=50, adapt_delta=0.8)
-    plan = DataSetPlan(n_ranked=19, refits=2, stress_range=None)
-    done = replicate(template, tmp_path, seed=1, options=options, plan=plan)
+    plan = DataSetPlan(n_ranked=19, refits=2, sampler=options)
+    done = replicate(template, tmp_path, seed=1, plan=plan)
     assert lengths == [
         (50, 100, 0.8),
         (200, 400, pytest.approx(0.95)),
@@ -303,13 +303,13 @@ def test_a_fit_that_does_not_converge_is_repeated_longer_and_never_ranked(
     # Where nothing diverged a stricter target would only cost steps.
     lengths.clear()
     monkeypatch.setattr("pyburgers.sbc.data_sets.not_converged", lambda *_: ("R-hat",))
-    replicate(template, tmp_path, seed=1, options=options, plan=plan)
+    replicate(template, tmp_path, seed=1, plan=plan)
     assert lengths == [(50, 100, 0.8), (200, 400, 0.8), (800, 1600, 0.8)]
     # A repetition of its own goes by what the fit before it failed.
     lengths.clear()
-    later = replace(plan, first=2)
     for failed in (("R-hat",), ("divergences", "R-hat")):
-        replicate(template, tmp_path, seed=1, options=options, plan=later, failed=failed)
+        before = done.model_copy(update={"n_refits": 1, "failed_checks": failed})
+        replicate(template, tmp_path, seed=1, plan=plan, before=before)
     assert lengths == [(800, 1600, 0.8), (800, 1600, pytest.approx(0.9875))]
 
 

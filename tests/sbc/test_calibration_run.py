@@ -120,7 +120,9 @@ def test_a_table_reads_back_also_where_it_does_not_tell_of_shorter_steps(tmp_pat
     table.to_csv(file, index=False)
     assert read_replication_table(file, 99) == done
     table.drop(columns="shortened").to_csv(file, index=False)
-    assert read_replication_table(file, 99) == tuple(replace(one, n_shortened=0) for one in done)
+    assert read_replication_table(file, 99) == tuple(
+        one.model_copy(update={"n_shortened": 0}) for one in done
+    )
 
 
 def test_too_few_data_sets_to_tell_are_not_passed() -> None:

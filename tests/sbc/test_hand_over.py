@@ -36,7 +36,7 @@ from pyburgers.sbc.replication import Replication
 pytestmark = pytest.mark.usefixtures("programs")
 
 N_RANKED = 99
-PLAN = DataSetPlan(n_ranked=N_RANKED, refits=1, stress_range=None)
+PLAN = DataSetPlan(n_ranked=N_RANKED)
 
 
 def template() -> PeakStressData:
@@ -123,7 +123,7 @@ def test_the_curve_is_of_the_material_of_its_table_but_for_the_scatter(
         simulated: Simulated, template: Problem, out: Path, **_: object
     ) -> Replication:
         fitted.append(simulated)
-        return Replication(4, {}, N_RANKED, 0)
+        return Replication(seed=4, n_draws=N_RANKED, n_unsolvable=0)
 
     monkeypatch.setattr(hand_over, "fit_and_rank", fit_and_rank)
     for _ in range(2):
@@ -134,7 +134,6 @@ def test_the_curve_is_of_the_material_of_its_table_but_for_the_scatter(
             calibration_priors("ice"),
             tmp_path,
             seed=4,
-            options=SamplerOptions(),
             plan=PLAN,
         )
     (one,) = fitted[0].problem.experiments
@@ -156,8 +155,7 @@ def test_a_table_that_was_not_sampled_well_is_fitted_longer_and_not_ranked(tmp_p
         default_priors("ice"),
         tmp_path,
         seed=1,
-        options=SamplerOptions(chains=1, warmup=100, draws=25, adapt_delta=0.9),
-        plan=PLAN,
+        plan=replace(PLAN, sampler=SamplerOptions(chains=1, warmup=100, draws=25, adapt_delta=0.9)),
     )
     assert ranked.n_refits == 1
     assert "effective sample size" in ranked.failed_checks
@@ -176,8 +174,7 @@ def test_the_law_of_one_more_test_ranks_uniformly(tmp_path: Path) -> None:
             default_priors("ice"),
             tmp_path / str(seed),
             seed=seed,
-            options=options,
-            plan=PLAN,
+            plan=replace(PLAN, sampler=options),
         )
         for seed in range(501, 529)
     ]

@@ -100,7 +100,7 @@ def solved(searcher: ModuleType, stress_at: Callable[[Any], FloatArray], twin: A
 
 
 class TestTruths:
-    """Each could be the paper's sample: see docs/twins.md."""
+    """Each could be the paper's sample: see docs/synthetic_ice.md."""
 
     @pytest.mark.parametrize("number", range(3))
     def test_every_printed_statement_holds(

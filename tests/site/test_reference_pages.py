@@ -1,5 +1,6 @@
 """Tables of the reference are complete, and say what the readers of files do."""
 
+import re
 import shutil
 import tomllib
 from pathlib import Path
@@ -8,7 +9,14 @@ import pytest
 from combinations import FROZEN, REFUSED, STANDARD, Combination, combinations, materials
 from conftest import DUNITE, ICE
 from file_keys import Key, KeyTable, key_tables, structures
-from generated_tables import FREE_IN_HISTORIES, command_lines, key_lines, parameter_lines
+from generated_tables import (
+    FREE_IN_HISTORIES,
+    TABLES,
+    command_lines,
+    key_lines,
+    main,
+    parameter_lines,
+)
 
 import pyburgers
 from pyburgers.cli.main import COMMANDS
@@ -33,6 +41,8 @@ SHIPPED = {
     "priors": DATA / "priors" / "ice.toml",
     "peak_stress_priors": DATA / "priors" / "peak_stress" / "ice.toml",
 }
+
+REFERENCE = sorted((DATA.parent / "docs/reference").glob("*.md"))
 
 
 def tables(name: str) -> dict[str, KeyTable]:
@@ -73,6 +83,25 @@ def test_the_keys_of_shipped_files_are_listed(name: str) -> None:
             )
         else:
             assert f"| `{top}` |" in listed
+
+
+@pytest.mark.parametrize("page", REFERENCE, ids=lambda page: page.stem)
+def test_commands_for_readers_of_a_checkout_name_tables(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    named = set(re.findall(r"generated_tables\.py ([a-z_-]+)", text))
+    shown = re.findall(r"^```\{file-keys\} (\w+)|^```\{(?!eval-rst|toctree)([a-z-]+)", text, re.M)
+    assert named == {kind or table for kind, table in shown if kind or table != "file-keys"}
+    assert named <= {*structures(), *TABLES}
+
+
+def test_a_table_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["attenuation"])
+    main(["prior-families"])
+    printed = capsys.readouterr().out
+    assert "| `amplitude_column` |" in printed
+    assert "| `lognormal` |" in printed
+    with pytest.raises(SystemExit):
+        main(["no-such-table"])
 
 
 def test_units_defaults_and_choices_are_told() -> None:

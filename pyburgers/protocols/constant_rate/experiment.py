@@ -77,7 +77,7 @@ class ConstantRateExperiment(Experiment):
     final_strain : float
         Strain at which the protocol ends, not below that of the last datum.
     stress_uncertainty : float or None
-        Standard deviation of a reading (Pa) where it is stated, for checks of the residuals.
+        Stated standard deviation of a reading (Pa), for checks of the residuals.
     """
 
     protocol: ClassVar[str] = "constant_rate"
@@ -118,7 +118,7 @@ class ConstantRateExperiment(Experiment):
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Say where a rate is that of no press, and where readings end far before the test."""
+        """Return doubts about rates that no press has and about missing readings at the end."""
         found = []
         fastest = max(segment.strain_rate for segment in self.segments)
         if fastest > FASTEST_PRESS:

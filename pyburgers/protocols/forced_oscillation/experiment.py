@@ -45,12 +45,11 @@ class OscillationExperiment(Experiment):
     settings : OscillationSettings
         How the record is prepared; every choice is a number.
     prepared : PreparedOscillation
-        What drives the model and what it is compared with.
+        Driving strain and readings for comparison, as the settings give them.
     spin_up_cycles : int
-        Cycles that the model runs through ahead of the record, so that no start-up transient is
-        left in it.
+        Cycles of the model ahead of the record, so that no start-up transient is left.
     imposed : ImposedCycles or None
-        What drives a test without a record, which can only be simulated.
+        Driving cycles of a test without a record, which can only be simulated.
     """
 
     protocol: ClassVar[str] = "forced_oscillation"
@@ -87,7 +86,7 @@ class OscillationExperiment(Experiment):
 
     @property
     def stress(self) -> FloatArray:
-        """Stress (Pa) of `prepared`, that the model is compared with, shape (n_points,)."""
+        """Stress (Pa) of `prepared`, for comparison with the model, shape (n_points,)."""
         return self.prepared.stress
 
     @property

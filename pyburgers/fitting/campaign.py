@@ -1,15 +1,13 @@
-"""Campaigns: fits of every combination of tests, laws, priors and seeds, and one page about them.
+"""Campaigns: fits of every combination of tests, laws, priors and seeds in a plan.
 
 The folder of a campaign holds ``runs/NAME/``, the run directory of each fit, ``status.csv`` and
-``report/``. What has come of a fit is read from its run directory alone, so that any number of
-processes on any machines can work on the same campaign.
+``report/``. The status of a fit is read from its run directory alone. So any number of processes,
+on any machines, can work on the same campaign.
 """
 
-import logging
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,22 +19,15 @@ from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError, PyburgersError
 from pyburgers.common.tasks import ALL_HERE, Workers
 from pyburgers.common.toml_files import NAME, Table, read_json, read_toml
-from pyburgers.drawing.page_parts import PageSection, PageTable
-from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Task, run_fits, task_of
 from pyburgers.model.priors import load_priors, note_other_material
 from pyburgers.model.variants import with_variant
 from pyburgers.protocols.problem import of_one_program
 from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.together import default_priors_for
-from pyburgers.report.comparison_sections import comparison_sections
-from pyburgers.report.joint_section import joint_sections
-from pyburgers.report.page import write_report
 from pyburgers.sampling.manifest import COMPLETE
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
-
-logger = logging.getLogger(__name__)
 
 DEFAULTS = SamplerOptions()
 
@@ -86,7 +77,7 @@ class _PlanFile(Table):
 
 @dataclass(frozen=True)
 class Combination:
-    """What one fit of a campaign is of, by the names in its plan."""
+    """Test, laws, priors and seed of one fit, by the names in the plan."""
 
     test: str
     variant: str
@@ -101,15 +92,7 @@ class Combination:
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """Every fit of a plan.
-
-    Attributes
-    ----------
-    id : str
-        Name.
-    tasks : mapping of Combination to Task
-        Tests outermost, seeds innermost.
-    """
+    """Every fit of a plan by its combination, tests outermost and seeds innermost."""
 
     id: str
     tasks: Mapping[Combination, Task]
@@ -118,10 +101,7 @@ class Campaign:
 def load_campaign(path: Path) -> Campaign:
     """Read a plan and everything that it names; nothing is fitted.
 
-    Raises
-    ------
-    InputError
-        If a file is wrong, or a combination cannot be fitted.
+    Raises InputError if a file is wrong, or a combination cannot be fitted.
     """
     plan = read_toml(path, _PlanFile)
     settings = plan.sampler.model_dump(exclude_unset=True)
@@ -168,50 +148,25 @@ def _check_names(path: Path, names: list[str]) -> None:
 def run_campaign(
     campaign: Campaign, out: Path, *, workers: Workers = ALL_HERE, command: str
 ) -> dict[str, PyburgersError]:
-    """Do the fits of a campaign, or a part of them; what is there already is continued.
+    """Do the fits of a campaign in a folder, or a part of them; begun fits are continued.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        From `load_campaign`.
-    out : Path
-        Folder of the campaign.
-    workers : Workers
-        Who does the fits.
-    command : str
-        What regenerates them, for their manifests.
-
-    Returns
-    -------
-    dict of str to PyburgersError
-        Fits that could not be done, by the names of their runs, and why; the others went on.
-
-    Raises
-    ------
-    SystemFailureError
-        If the system killed a process.
+    Returns the fits that could not be done, by the names of their runs, and why. Raises
+    SystemFailureError if the system killed a process.
     """
-    tasks = {_folder(out, one): task for one, task in campaign.tasks.items()}
+    tasks = {run_folder(out, one): task for one, task in campaign.tasks.items()}
     failed = run_fits(tasks, workers=workers, command=command, keep_going=True)
     return {folder.name: error for folder, error in failed.items()}
 
 
 def status_table(campaign: Campaign, out: Path) -> pd.DataFrame:
-    """Return how far each fit of a campaign is, from what is in its run directory.
+    """Return how far each fit of a campaign is, by the name of its run, from its run directory.
 
-    Parameters
-    ----------
-    campaign, out
-        As for `run_campaign`.
-
-    Returns
-    -------
-    DataFrame
-        Index run; columns test, variant, priors, seed, status, chains (finished), of_chains,
-        sampled_well, describes_data (yes, no, cannot tell, or nothing before a fit is complete),
-        chain_seconds (wall time of all finished chains).
+    Verdicts (yes, no, cannot tell) are empty before a fit is complete. `chains` counts the finished
+    chains of `of_chains`; `chain_seconds` is their wall time (s).
     """
-    rows = {one.name: _status(_folder(out, one), one, task) for one, task in campaign.tasks.items()}
+    rows = {
+        one.name: _status(run_folder(out, one), one, task) for one, task in campaign.tasks.items()
+    }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("run")
 
 
@@ -266,102 +221,6 @@ def write_status(table: pd.DataFrame, out: Path) -> Path:
     return file
 
 
-def write_page(campaign: Campaign, out: Path, *, command: str) -> Path:
-    """Write the page of a campaign, ``report/index.html``, about the fits that are complete.
-
-    Fits that differ only in their seed are of the same posterior: the page has the first of them,
-    and a table in which its seeds are held against each other.
-
-    Parameters
-    ----------
-    campaign, out
-        As for `run_campaign`.
-    command : str
-        What makes the page again.
-
-    Returns
-    -------
-    Path
-        The page.
-
-    Raises
-    ------
-    InputError
-        If no fit is complete.
-    """
-    table = status_table(campaign, out)
-    complete = [one for one in campaign.tasks if table["status"][one.name] == COMPLETE]
-    if not complete:
-        raise InputError(f"{out}: no fit of the campaign is complete, so there is no page yet.")
-    first, rows = [], []
-    for (test, variant, priors), group in groupby(
-        complete, key=lambda one: (one.test, one.variant, one.priors)
-    ):
-        fits = {one.seed: Fit.load(_folder(out, one)) for one in group}
-        first.append(next(iter(fits.values())))
-        rows.append(
-            {
-                "test": test,
-                "variant": variant,
-                "priors": priors,
-                "seeds": " ".join(map(str, fits)),
-                "between_seeds": _between_seeds(fits),
-            }
-        )
-    joints = [fit for fit in first if fit.is_joint]
-    alone = [fit for fit in first if not fit.is_joint]
-    fits_shown = [*(fit for joint in joints for fit in joint.tests().values()), *alone]
-    return write_report(
-        fits_shown,
-        out / "report",
-        title=f"Campaign {campaign.id}",
-        command=command,
-        joints=joints,
-        extras=(
-            _section(table, pd.DataFrame(rows)),
-            *joint_sections(joints, alone),
-            *comparison_sections([*joints, *fits_shown]),
-        ),
-        jobs=None,
-    )
-
-
-def _between_seeds(fits: Mapping[int, Fit]) -> float:
-    """Largest difference of a posterior mean between seeds, in posterior standard deviations."""
-    tables = [fit.summary("SI") for fit in fits.values()]
-    means = pd.concat([table["mean"] for table in tables], axis=1)
-    spread = (means.max(axis=1) - means.min(axis=1)) / tables[0]["sd"]
-    return float(spread.max())
-
-
-def _section(status: pd.DataFrame, models: pd.DataFrame) -> PageSection:
-    """Return the part of the page about how far the campaign is and whether seeds agree."""
-    n_done = int((status["status"] == COMPLETE).sum())
-    between = models["between_seeds"].map("{:.2f}".format)
-    shown_models = models.drop(columns="between_seeds")
-    return PageSection(
-        key="campaign",
-        title="The campaign",
-        paragraphs=(f"{n_done} of {len(status)} fits are complete.",),
-        tables=(
-            PageTable(
-                "status",
-                "How far each fit is",
-                shown_status_table(status),
-                status.reset_index(),
-                words=("run", "status"),
-            ),
-            PageTable(
-                "models",
-                "Models, each shown by the fit of its first seed",
-                shown_models.assign(**{"largest difference between seeds (sd)": between}),
-                models,
-                words=("test", "variant", "priors", "seeds"),
-            ),
-        ),
-    )
-
-
-def _folder(out: Path, one: Combination) -> Path:
-    """Run directory of a fit."""
+def run_folder(out: Path, one: Combination) -> Path:
+    """Return the run directory of a fit."""
     return out / "runs" / one.name

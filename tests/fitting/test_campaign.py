@@ -11,10 +11,10 @@ from conftest import SMALL_RUN, Problem
 from refusals import assert_refused
 
 from pyburgers.cli.main import main
+from pyburgers.fitting.campaign import load_campaign
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.priors import save_priors
 from pyburgers.protocols.protocol import save_experiment
-from pyburgers.studies.campaign import load_campaign
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
 

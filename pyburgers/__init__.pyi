@@ -1,0 +1,45 @@
+from .checks.fit_checks import Outcome as Outcome
+from .common.errors import InputError as InputError
+from .common.errors import PyburgersError as PyburgersError
+from .common.errors import SamplingError as SamplingError
+from .common.errors import SystemFailureError as SystemFailureError
+from .common.errors import ToolchainError as ToolchainError
+from .common.tasks import Workers as Workers
+from .comparison.by_points import compare as compare
+from .comparison.by_tests import compare_by_test as compare_by_test
+from .comparison.marginal_likelihood import log_marginal_likelihood as log_marginal_likelihood
+from .comparison.results import Comparison as Comparison
+from .comparison.results import ComparisonByTest as ComparisonByTest
+from .fitting.fit import Fit as Fit
+from .fitting.fit import JointFit as JointFit
+from .fitting.fit import fit as fit
+from .fitting.fit import fit_jointly as fit_jointly
+from .fitting.prediction import Prediction as Prediction
+from .flow_law_tables.fit import PeakStressFit as PeakStressFit
+from .flow_law_tables.fit import fit_peak_stress as fit_peak_stress
+from .flow_law_tables.fit import flow_law_prior as flow_law_prior
+from .flow_law_tables.inputs import PeakStressData as PeakStressData
+from .flow_law_tables.inputs import default_peak_stress_priors as default_peak_stress_priors
+from .flow_law_tables.inputs import load_peak_stress as load_peak_stress
+from .flow_law_tables.inputs import load_peak_stress_priors as load_peak_stress_priors
+from .model.priors import PriorSet as PriorSet
+from .model.priors import default_priors as default_priors
+from .model.priors import load_priors as load_priors
+from .model.priors import with_flow_law as with_flow_law
+from .model.variants import ModelVariant as ModelVariant
+from .model.variants import variant_of as variant_of
+from .model.variants import with_variant as with_variant
+from .predictions.attenuation import attenuation_spectrum as attenuation_spectrum
+from .predictions.attenuation import predict_attenuation as predict_attenuation
+from .predictions.stress_cycles import Regime as Regime
+from .protocols.constant_rate.experiment import ConstantRateExperiment as ConstantRateExperiment
+from .protocols.experiment import Experiment as Experiment
+from .protocols.forced_oscillation.experiment import OscillationExperiment as OscillationExperiment
+from .protocols.forward import load_parameters as load_parameters
+from .protocols.forward import simulate as simulate
+from .protocols.protocol import load_experiment as load_experiment
+from .protocols.stan_data import SolverOptions as SolverOptions
+from .sampling.options import SamplerOptions as SamplerOptions
+
+__all__: list[str]
+__version__: str

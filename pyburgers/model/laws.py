@@ -117,6 +117,15 @@ DASHPOT_LAWS: Mapping[str, DashpotLaw] = MappingProxyType(
                 words="Flow law that is proportional to small stresses and exponential in large "
                 "ones.",
             ),
+            DashpotLaw(
+                "threshold_stress",
+                ("threshold_stress",),
+                "max(stress - threshold_stress, 0)/fabric_factor",
+                own_stress=True,
+                closed_form=False,
+                stress_share=0.1,
+                words="Stress up to which a dashpot does not flow.",
+            ),
         )
     }
 )

@@ -5,7 +5,7 @@
  */
 
 /** Stresses of the laws beside the power law. */
-array[] int dashpot_stresses() { return {i_breakdown_stress()}; }
+array[] int dashpot_stresses() { return {i_breakdown_stress(), i_threshold_stress()}; }
 
 /** Law of the dashpot at given parameters. */
 int dashpot_law(vector parameter) {
@@ -21,6 +21,19 @@ int dashpot_law(vector parameter) {
 real dashpot_stress(vector parameter, data int law) { return law > 0 ? parameter[law] : 0; }
 
 /**
+ * What a stress has above a threshold, sgn(stress) max(|stress| - threshold, 0).
+ *
+ * A power of it with n > 1 has a continuous slope. With n = 1 the slope jumps at the threshold, but
+ * the rate does not, so sensitivities of a solution have no jump there.
+ */
+real stress_above(real stress, real threshold) {
+  if (stress > threshold) {
+    return stress - threshold;
+  }
+  return stress < -threshold ? stress + threshold : 0;
+}
+
+/**
  * Stress at which a power law creeps as fast as the dashpot does at a stress, all in one unit.
  *
  * @param law of dashpot_law()
@@ -32,6 +45,9 @@ real equivalent_stress(real stress, real law, real law_stress, real fabric_facto
                        real stress_exponent) {
   if (law == i_breakdown_stress()) {
     return power_law_stress(stress, law_stress, fabric_factor, stress_exponent);
+  }
+  if (law == i_threshold_stress()) {
+    return stress_above(stress, law_stress);
   }
   return stress;
 }

@@ -43,6 +43,7 @@ DASHPOTS: Mapping[str, Mapping[str, float]] = {
     "sine": SINE,
     "linear sine": {**SINE, "stress_exponent": 1.0, "beta": -6.4e-4},
     "sine that hardens": {**SINE, "steady_state_fabric_factor": 3.0},
+    "threshold that hardens": {"threshold_stress": 1e6, "steady_state_fabric_factor": 3.0},
     "constant fabric": {"steady_state_fabric_factor": 1.0},
     "constant grains": {"steady_state_grain_size": GRAIN_SIZE},
     "piezometer": PIEZOMETER,

@@ -270,8 +270,8 @@ def simulate(
     Raises
     ------
     InputError
-        If a parameter or a position is wrong, tests of the kind do not take a law, or a piezometer
-        is missing that the grain size follows.
+        If a parameter or a position is wrong, the kind of test does not take a law, or the grain
+        size lacks its piezometer.
     SamplingError
         If the solver finds no solution.
     """

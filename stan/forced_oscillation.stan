@@ -8,6 +8,7 @@
 functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
+#include physics/dashpot_laws.stan
 #include physics/kelvin_element.stan
 #include physics/microstructure.stan
 #include protocols/forced_oscillation_dynamics.stan
@@ -173,21 +174,13 @@ generated quantities {
     }
     for (j in 1 : size(here)) {
       vector[3] state = solution[size(points) + j];
-      real stress = state[1] / stress_reading_factor(parameter[e]);
       int i = here[j];
       grid_stress[i] = state[1];
       grid_kelvin_strain[i] = state[2];
       grid_grain_size[i] = state[3];
-      grid_dashpot_rate[i] = dashpot_strain_rate(
-                               power_law_stress(stress, parameter[e][i_breakdown_stress()], 1,
-                                                parameter[e][i_stress_exponent()]),
-                               state[3], 1,
-                               parameter[e][i_stress_exponent()],
-                               parameter[e][i_grain_size_exponent()],
-                               log_rate_factor(parameter[e][i_activation_enthalpy()],
-                                               parameter[e][i_beta()],
-                                               true_temperature(parameter[e],
-                                                                temperature[e])));
+      grid_dashpot_rate[i] = dashpot_rate_at(state[1] / stress_reading_factor(parameter[e]),
+                                             state[3], 1, parameter[e],
+                                             true_temperature(parameter[e], temperature[e]));
     }
     grid_oscillating_stress[here] = grid_stress[here] - grid_trend_shape[here] * trend[e];
     for (i in here) {

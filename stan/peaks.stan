@@ -10,6 +10,7 @@
 functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
+#include physics/dashpot_laws.stan
 #include physics/reference_stress.stan
 #include physics/kelvin_element.stan
 #include physics/microstructure.stan

@@ -26,7 +26,7 @@ from pyburgers.model.parameters import (
     VARIANT_PARAMETERS,
     Parameter,
 )
-from pyburgers.model.prior_families import MAX_STRESS, OPTIONAL_KEYS, REQUIRED_KEYS
+from pyburgers.model.prior_families import FAMILIES, MAX_STRESS
 from pyburgers.protocols.protocol import NAMES
 
 FREE_IN_HISTORIES = ("strain_noise", "residual_correlation_time", "residual_correlated_share")
@@ -74,8 +74,8 @@ def parameter_lines() -> list[str]:
 def family_lines() -> list[str]:
     """Return families of priors and the numbers that each needs."""
     rows = (
-        (f"`{family}`", _codes(keys), _codes(OPTIONAL_KEYS.get(family, ())))
-        for family, keys in REQUIRED_KEYS.items()
+        (f"`{family}`", _codes(rules.required), _codes(rules.optional))
+        for family, rules in FAMILIES.items()
     )
     return _table(("family", "needed numbers", "may have"), rows)
 

@@ -1,35 +1,18 @@
-"""Laws of the Kelvin part: which parameters make one, and their priors.
+"""Laws of the Kelvin part (`pyburgers.model.laws`): how priors tell them, and their priors.
 
-A law is on where its switch is not left at its standard value. The equations are in
-`stan/physics/kelvin_element.stan` and `stan/physics/relaxation.stan`.
+A law is on where its switch is not left at its standard value.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Literal
 
 from pyburgers.common.errors import InputError
+from pyburgers.model.laws import KELVIN_LAWS
 from pyburgers.model.parameters import PARAMETER_BY_NAME, STANDARD_VALUES
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 
-KelvinLaw = Literal["linear", "power_law", "two_elements", "extended", "extended_peak", "andrade"]
-
-_BAND = ("relaxation_time_decades", "relaxation_exponent")
-
-PARAMETERS_OF_LAW: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "linear": (),
-        "power_law": ("kelvin_stress_exponent",),
-        "two_elements": ("peak_strength", "peak_time_decades"),
-        "extended": _BAND,
-        "extended_peak": (*_BAND, "peak_strength", "peak_time_decades", "peak_width"),
-        "andrade": ("andrade_exponent",),
-    }
-)
-"""What each law has beside modulus and viscosity."""
-
-_SWITCHES: Mapping[str, KelvinLaw] = MappingProxyType(
+_SWITCHES: Mapping[str, str] = MappingProxyType(
     {
         "kelvin_stress_exponent": "power_law",
         "relaxation_time_decades": "extended",
@@ -51,20 +34,10 @@ _COMPLIANCE = "kelvin_modulus"
 """Of Andrade creep, a convention: after the time eta_K/E_K it has reached stress/E_K."""
 
 
-def kelvin_law(priors: Mapping[str, Prior], where: str) -> KelvinLaw:
-    """Tell the law of the Kelvin part from priors.
+def kelvin_law(priors: Mapping[str, Prior], where: str) -> str:
+    """Tell the law of the Kelvin part from priors by parameter; `where` is for messages.
 
-    Parameters
-    ----------
-    priors : mapping of str to Prior
-        By parameter; those left out have their standard values.
-    where : str
-        Name of the test, for messages.
-
-    Raises
-    ------
-    InputError
-        If parameters of laws are free that do not go together.
+    Raises InputError if parameters of laws are free that do not go together.
     """
     on = [law for switch, law in _SWITCHES.items() if not _is_standard(priors, switch)]
     if on == ["extended", "extended_peak"]:
@@ -89,23 +62,9 @@ def changes_for(
 ) -> Sequence[Prior]:
     """Return the priors to exchange for another law of the Kelvin part.
 
-    Parameters
-    ----------
-    law : str
-        A key of `PARAMETERS_OF_LAW`.
-    priors : mapping of str to Prior
-        Of the material, by parameter. What the law does not need stays as they have it.
-    freed : mapping of str to Prior
-        Weak priors of the parameters that laws free.
-    references : mapping of str to float
-        For what modulus and viscosity are given (SI), where the priors do not say it.
-    where : str
-        Name of the test, for messages.
-
-    Raises
-    ------
-    InputError
-        If the priors are those of Andrade creep, whose modulus is a convention.
+    `priors` are the material's, `freed` weak priors of what laws free, and `references` (SI) that
+    for which modulus and viscosity are given where the priors do not say it. Raises InputError if
+    the priors are those of Andrade creep, whose modulus is a convention.
     """
     found = kelvin_law(priors, where)
     if law == found:
@@ -115,7 +74,7 @@ def changes_for(
             f"{where}: kelvin={law} needs a prior of {_COMPLIANCE}, which is fixed where the "
             "Kelvin part is Andrade creep, expected the priors of the material."
         )
-    wanted, present = PARAMETERS_OF_LAW[law], PARAMETERS_OF_LAW[found]
+    wanted, present = KELVIN_LAWS[law].parameters, KELVIN_LAWS[found].parameters
     switches = (*_SWITCHES, _WIDTH)
     effective = dict.fromkeys((*switches, *present))
     taken_out = [name for name in effective if name in priors and name not in wanted]

@@ -1,37 +1,27 @@
 """Which other laws data may hardly tell from that of a fit."""
 
-from pyburgers.model.kelvin_laws import PARAMETERS_OF_LAW
+from pyburgers.model.laws import DASHPOT_LAWS, KELVIN_LAWS
 from pyburgers.model.variants import ModelVariant, Test
 
 MOST_OF_A_PART = 2
 
-_MAXWELL = {
-    "power_law": ("hyperbolic_sine",),
-    "hyperbolic_sine": ("power_law",),
-    "linear": ("power_law",),
-}
-
 
 def neighbouring_laws(variant: ModelVariant, test: Test) -> tuple[str, ...]:
-    """Return choices such as ``kelvin=power_law`` that are next to those of a fit.
+    """Return choices such as ``kelvin=power_law`` that a test can have next to those of its fit.
 
     Laws of the Kelvin part are neighbours where one has all parameters of the other; those with
     the fewest parameters between them come first.
-
-    Parameters
-    ----------
-    variant : ModelVariant
-        Laws of the fit.
-    test : Test
-        What is fitted, which says what laws it can have.
     """
-    own = {*PARAMETERS_OF_LAW[variant.kelvin]}
+    own = {*KELVIN_LAWS[variant.kelvin].parameters}
     apart = {
-        law: len(own ^ {*names})
-        for law, names in PARAMETERS_OF_LAW.items()
-        if law != variant.kelvin and (own <= {*names} or own >= {*names})
+        name: len(own ^ {*law.parameters})
+        for name, law in KELVIN_LAWS.items()
+        if name != variant.kelvin and (own <= {*law.parameters} or own >= {*law.parameters})
     }
-    nearest = {"kelvin": sorted(apart, key=apart.__getitem__), "maxwell": _MAXWELL[variant.maxwell]}
+    nearest = {
+        "kelvin": sorted(apart, key=apart.__getitem__),
+        "maxwell": DASHPOT_LAWS[variant.maxwell].neighbours,
+    }
     return tuple(
         f"{part}={law}"
         for part, laws in nearest.items()

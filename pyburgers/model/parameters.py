@@ -320,6 +320,15 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         "um",
         standard=1e-5,
     ),
+    Parameter(
+        "threshold_stress",
+        r"\sigma_t",
+        "stress up to which the dashpot does not flow",
+        "stress",
+        "Pa",
+        "MPa",
+        standard=0.0,
+    ),
 )
 """Parameters of variants (`docs/variants.md`), which a prior file may name."""
 

@@ -19,6 +19,7 @@ from scipy.special import ndtri_exp
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, factor_to_si
+from pyburgers.model.laws import DASHPOT_STRESSES
 from pyburgers.model.parameters import CONDITIONS, CONSTANTS, STANDARD_VALUES, Parameter
 
 if TYPE_CHECKING:
@@ -29,17 +30,37 @@ Family = Literal["uniform", "normal", "half_normal", "lognormal", "fixed"]
 MAX_STRESS = "max_stress"
 """Unit of a stress that is a share of the largest measured stress, known only with the data."""
 
-REQUIRED_KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+
+@dataclass(frozen=True)
+class FamilyRules:
+    """Number keys that a family needs and may have, and its code in `stan/statistics/priors.stan`.
+
+    `least` is the lower bound of its values if no key says one; `sign_key` is the key that decides
+    the sign of its values.
+    """
+
+    required: tuple[str, ...]
+    code: int
+    optional: tuple[str, ...] = ()
+    least: float = -math.inf
+    sign_key: str = "lower"
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """All number keys; no other is allowed."""
+        return (*self.required, *self.optional)
+
+
+FAMILIES: Mapping[Family, FamilyRules] = MappingProxyType(
     {
-        "uniform": ("lower", "upper"),
-        "normal": ("location", "scale"),
-        "half_normal": ("scale",),
-        "lognormal": ("location", "scale"),
-        "fixed": ("value",),
+        "uniform": FamilyRules(("lower", "upper"), 1),
+        "normal": FamilyRules(("location", "scale"), 2, optional=("lower", "upper")),
+        # A normal that is cut at zero.
+        "half_normal": FamilyRules(("scale",), 2, least=0.0, sign_key="family"),
+        "lognormal": FamilyRules(("location", "scale"), 3, least=0.0),
+        "fixed": FamilyRules(("value",), 0),
     }
 )
-OPTIONAL_KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType({"normal": ("lower", "upper")})
-"""Number keys of each family; no other is allowed."""
 
 MAY_BE_ZERO = frozenset(
     {"grain_size_exponent", *(name for name, value in STANDARD_VALUES.items() if value == 0.0)}
@@ -62,12 +83,13 @@ BOUNDED_AWAY_FROM_ZERO = frozenset(
         "steady_state_fabric_factor",
         "critical_strain_grain_size",
         "critical_strain_fabric",
-        "breakdown_stress",
+        *DASHPOT_STRESSES,
         "relaxation_exponent",
         "peak_width",
     }
 )
-"""Parameters that divide: at zero the model breaks down, so priors may not pile up there.
+"""Parameters that divide or make a law: at zero the model breaks down, or the law is another one,
+so priors may not pile up there.
 
 The lower bound of zero that the paper prints for the critical strain of olivine is one of these.
 """
@@ -181,8 +203,7 @@ class Prior:
         cls, parameter: str, family: Family, numbers: Mapping[str, float], **others: Any
     ) -> Self:
         """Return a prior from the numbers of its family; `others` are the remaining fields."""
-        positive = family in ("half_normal", "lognormal")
-        lower = numbers.get("lower", 0.0 if positive else -math.inf)
+        lower = numbers.get("lower", FAMILIES[family].least)
         upper = numbers.get("upper", math.inf)
         if family == "uniform":
             location, scale = 0.5 * (lower + upper), 0.5 * (upper - lower)
@@ -194,7 +215,7 @@ class Prior:
 
     def numbers(self) -> dict[str, float]:
         """Return the numbers under the keys of the family, as `of_family` takes them."""
-        keys = (*REQUIRED_KEYS[self.family], *OPTIONAL_KEYS.get(self.family, ()))
+        keys = FAMILIES[self.family].keys
         values = {key: self.location if key == "value" else getattr(self, key) for key in keys}
         return {key: value for key, value in values.items() if math.isfinite(value)}
 
@@ -293,16 +314,15 @@ def is_fixed_at(prior: Prior, value: float) -> bool:
 
 def _check_keys(where: str, family: Family, numbers: Mapping[str, float]) -> None:
     """Check that a family has the numbers that it needs and no others."""
-    required = REQUIRED_KEYS[family]
-    allowed = (*required, *OPTIONAL_KEYS.get(family, ()))
-    for key in required:
+    rules = FAMILIES[family]
+    for key in rules.required:
         if key not in numbers:
             raise InputError(f"{where}: key {key!r} is missing, the family {family!r} needs it.")
     for key in numbers:
-        if key not in allowed:
+        if key not in rules.keys:
             raise InputError(
                 f"{where}: key {key!r} does not go with the family {family!r}, "
-                f"expected {' and '.join(allowed)}."
+                f"expected {' and '.join(rules.keys)}."
             )
 
 
@@ -378,7 +398,7 @@ def _check_sign(where: str, prior: Prior) -> None:
                 f"{where}: key 'value': found {prior.location:g}, expected a positive number."
             )
         return
-    key = "family" if prior.family == "half_normal" else "lower"
+    key = FAMILIES[prior.family].sign_key
     found = "no lower bound" if math.isinf(prior.lower) else f"a lower bound of {prior.lower:g}"
     if prior.lower < 0:
         raise InputError(
@@ -389,5 +409,5 @@ def _check_sign(where: str, prior: Prior) -> None:
     if strict and prior.lower == 0:
         raise InputError(
             f"{where}: key {key!r}: found {found}, expected a positive one (such as 1e-3) because "
-            "the model breaks down at zero."
+            "the model breaks down at zero, or follows another law."
         )

@@ -14,7 +14,7 @@ from scipy.special import gamma
 from pyburgers.common.errors import InputError
 from pyburgers.model.arrhenius import log_slowdown
 from pyburgers.model.kelvin_elements import band_elements, peak_elements
-from pyburgers.model.kelvin_laws import PARAMETERS_OF_LAW
+from pyburgers.model.laws import KELVIN_LAWS
 from pyburgers.model.parameters import KELVIN_REFERENCES, STANDARD_VALUES
 
 FloatArray = npt.NDArray[np.float64]
@@ -23,8 +23,8 @@ ERROR = 1e-8
 """Of the sums, relative to the relaxed compliance."""
 
 RELAXATION_PARAMETERS = (
-    *PARAMETERS_OF_LAW["extended_peak"],
-    *PARAMETERS_OF_LAW["andrade"],
+    *KELVIN_LAWS["extended_peak"].parameters,
+    *KELVIN_LAWS["andrade"].parameters,
     *KELVIN_REFERENCES,
     *KELVIN_REFERENCES.values(),
 )

@@ -6,15 +6,16 @@ priors and equations cannot contradict each other, and what a run used can be to
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from types import MappingProxyType
-from typing import Literal, Protocol, get_args, get_type_hints
+from typing import Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from pyburgers.common.errors import InputError, nearest
-from pyburgers.model.kelvin_laws import KelvinLaw, changes_for, kelvin_law
+from pyburgers.model.kelvin_laws import changes_for, kelvin_law
+from pyburgers.model.laws import DASHPOT_LAWS, DASHPOT_STRESSES, KELVIN_LAWS
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PIEZOMETER
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 from pyburgers.model.priors import PriorSet, priors_of_freed_parameters
@@ -76,11 +77,10 @@ class ModelVariant:
 
     Attributes
     ----------
-    kelvin : {"linear", "power_law", "two_elements", "extended", "extended_peak", "andrade"}
-        Kelvin element with a linear or power-law dashpot, two linear elements, a band of relaxation
-        times without or with a peak, or Andrade creep (`pyburgers.model.kelvin_laws`).
-    maxwell : {"power_law", "linear", "hyperbolic_sine"}
-        Dashpot of the Maxwell element.
+    kelvin : str
+        Kelvin part: a name of `pyburgers.model.laws.KELVIN_LAWS`.
+    maxwell : str
+        Dashpot of the Maxwell element: a name of `pyburgers.model.laws.DASHPOT_LAWS`.
     grain_size : {"evolving", "constant", "piezometric"}
         Evolving towards a steady-state size, constant, or evolving towards the size of the
         material's piezometer, as in oscillating tests.
@@ -90,8 +90,8 @@ class ModelVariant:
         From point to point, or along strain or time.
     """
 
-    kelvin: KelvinLaw = "linear"
-    maxwell: Literal["power_law", "linear", "hyperbolic_sine"] = "power_law"
+    kelvin: str = "linear"
+    maxwell: str = "power_law"
     grain_size: Literal["evolving", "constant", "piezometric"] = "evolving"
     fabric: Literal["evolving", "constant"] = "evolving"
     residuals: Literal["independent", "autocorrelated"] = "independent"
@@ -126,32 +126,20 @@ class ModelVariant:
 
 CHOICES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
-        field.name: get_args(get_type_hints(ModelVariant)[field.name])
-        for field in fields(ModelVariant)
+        "kelvin": (*KELVIN_LAWS,),
+        "maxwell": (*DASHPOT_LAWS,),
+        "grain_size": ("evolving", "constant", "piezometric"),
+        "fabric": ("evolving", "constant"),
+        "residuals": ("independent", "autocorrelated"),
     }
 )
 """Names of the parts and of the laws that each may follow."""
 
 
 def parse_choices(options: Sequence[str], where: str = "--variant") -> dict[str, str]:
-    """Read choices such as ``kelvin=power_law``.
+    """Return law by part of choices such as ``kelvin=power_law``; `where` is for messages.
 
-    Parameters
-    ----------
-    options : sequence of str
-        One choice each.
-    where : str
-        Option or argument, for messages.
-
-    Returns
-    -------
-    dict
-        Law by part.
-
-    Raises
-    ------
-    InputError
-        If an option is no choice, names an unknown part or law, or a part comes twice.
+    Raises InputError if an option is no choice, names an unknown part or law, or repeats a part.
     """
     choices: dict[str, str] = {}
     for option in options:
@@ -200,17 +188,13 @@ def with_variant(priors: PriorSet, experiment: Test, choices: Mapping[str, str])
 
 def variant_of(priors: PriorSet, experiment: Test) -> ModelVariant:
     """Return the laws that the priors give a fit of an experiment."""
-    linear_maxwell = is_fixed_at(priors["stress_exponent"], 1.0)
-    has_breakdown = not is_fixed_at(priors["breakdown_stress"], 0.0)
     constant_fabric = not _allows(experiment, "fabric", "evolving") or is_fixed_at(
         priors["steady_state_fabric_factor"], 1.0
     )
     independent = is_fixed_at(priors[experiment.residual_correlation], 0.0)
     return ModelVariant(
         kelvin=kelvin_law(priors.priors, experiment.id),
-        maxwell="hyperbolic_sine"
-        if has_breakdown
-        else ("linear" if linear_maxwell else "power_law"),
+        maxwell=_maxwell_law(priors, experiment),
         grain_size=_grain_size_law(priors, experiment),
         fabric="constant" if constant_fabric else "evolving",
         residuals="independent" if independent else "autocorrelated",
@@ -218,23 +202,8 @@ def variant_of(priors: PriorSet, experiment: Test) -> ModelVariant:
 
 
 def check_variant(priors: PriorSet, experiment: Test) -> None:
-    """Refuse priors of a variant that the experiment cannot be fitted with.
-
-    Raises
-    ------
-    InputError
-        If the Kelvin part follows a law that tests of the kind cannot be fitted with, if residuals
-        are to correlate along strain in an oscillating test, or in full where two points have the
-        same strain, or if the grain size is to follow a piezometer that the material does not have.
-    """
-    check_piezometer(priors, experiment)
-    variant = variant_of(priors, experiment)
-    if not _allows(experiment, "kelvin", variant.kelvin):
-        raise InputError(
-            f"{experiment.id}: kelvin={variant.kelvin} is not for tests of the protocol "
-            f"{experiment.protocol}, expected {' or '.join(experiment.laws['kelvin'])}; tests that "
-            "are given as loading histories take more laws (docs/variants.md)."
-        )
+    """Raise InputError for priors of a variant that the experiment cannot be fitted with."""
+    check_laws(priors, experiment)
     if not _allows(experiment, "kelvin", "extended") and not is_fixed_at(
         priors["kelvin_grain_size_exponent"], 0.0
     ):
@@ -242,7 +211,7 @@ def check_variant(priors: PriorSet, experiment: Test) -> None:
             f"{experiment.id}: kelvin_grain_size_exponent has no effect in tests of the protocol "
             f"{experiment.protocol}, expected it fixed at 0."
         )
-    if variant.residuals == "independent":
+    if variant_of(priors, experiment).residuals == "independent":
         return
     if not _allows(experiment, "residuals", "autocorrelated"):
         raise InputError(
@@ -258,21 +227,23 @@ def check_variant(priors: PriorSet, experiment: Test) -> None:
         )
 
 
-def check_piezometer(priors: PriorSet, experiment: Test) -> None:
-    """Ask for a piezometer where the grain size follows one.
-
-    Raises
-    ------
-    InputError
-        If the priors have none.
-    """
-    if variant_of(priors, experiment).grain_size == "piezometric" and not _has_piezometer(priors):
+def check_laws(priors: PriorSet, experiment: Test) -> None:
+    """Raise InputError for laws that tests of the kind do not take, or without their piezometer."""
+    variant = variant_of(priors, experiment)
+    if variant.grain_size == "piezometric" and not _has_piezometer(priors):
         raise InputError(
             f"{experiment.id}: the grain size of tests of the protocol {experiment.protocol} "
             f"follows a piezometer, found none in the priors {priors.title!r}, expected "
             f"{', '.join(PIEZOMETER[:-1])} and {PIEZOMETER[-1]} in them, or the variant "
             "grain_size=constant."
         )
+    for part, law in (("kelvin", variant.kelvin), ("maxwell", variant.maxwell)):
+        if not _allows(experiment, part, law):
+            raise InputError(
+                f"{experiment.id}: {part}={law} is not for tests of the protocol "
+                f"{experiment.protocol}, expected {' or '.join(experiment.laws[part])}; tests that "
+                "are given as loading histories take more laws (docs/variants.md)."
+            )
 
 
 def _allows(experiment: Test, part: str, law: str) -> bool:
@@ -288,6 +259,19 @@ def _check_names(choices: Mapping[str, str], where: str) -> None:
             raise InputError(
                 f"{where}: unknown law {choice!r} of {part}, {nearest(choice, CHOICES[part])}"
             )
+
+
+def _maxwell_law(priors: PriorSet, experiment: Test) -> str:
+    """Tell the law of the dashpot, which has at most one stress of its own."""
+    on = [name for name in DASHPOT_STRESSES if not is_fixed_at(priors[name], 0.0)]
+    if len(on) > 1:
+        raise InputError(
+            f"{experiment.id}: found effects of {' and '.join(on)} in the priors, expected one law "
+            "of the dashpot."
+        )
+    if on:
+        return DASHPOT_STRESSES[on[0]].name
+    return "linear" if is_fixed_at(priors["stress_exponent"], 1.0) else "power_law"
 
 
 def _grain_size_law(
@@ -328,20 +312,20 @@ def _choose_kelvin(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
 
 
 def _choose_maxwell(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
-    """Fix n, or free the breakdown stress; with n = 1 beta means another A: its prior moves along.
+    """Fix n, or free the law's own stress; with n = 1 beta means another A: its prior moves along.
 
     The flow rate at the largest measured stress keeps the prior that it has with the power law,
-    to first order in the spread of n. The median of the breakdown stress is that stress.
+    to first order in the spread of n. The median of the own stress is a share of that stress.
     """
-    breakdown = "breakdown_stress"
-    if choice == "hyperbolic_sine":
-        median = float(f"{_largest_stress(experiment):.0e}")
-        free = replace(priors_of_freed_parameters()[breakdown], location=median)
-        return priors.exchanging(free) if is_fixed_at(priors[breakdown], 0.0) else priors
-    if not is_fixed_at(priors[breakdown], 0.0):
-        priors = priors.exchanging(_fixed(breakdown, 0.0, f"maxwell={choice}"))
+    for name, law in DASHPOT_STRESSES.items():
+        if law.name == choice and is_fixed_at(priors[name], 0.0):
+            median = float(f"{law.stress_share * _largest_stress(experiment):.0e}")
+            free = replace(priors_of_freed_parameters()[name], location=median)
+            priors = priors.exchanging(free)
+        elif law.name != choice and not is_fixed_at(priors[name], 0.0):
+            priors = priors.exchanging(_fixed(name, 0.0, f"maxwell={choice}"))
     exponent, beta = priors["stress_exponent"], priors["beta"]
-    if choice == "power_law" or is_fixed_at(exponent, 1.0):
+    if choice != "linear" or is_fixed_at(exponent, 1.0):
         return priors
     if priors.flow_law is not None:
         raise InputError(

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.model.laws import DASHPOT_STRESSES
 from pyburgers.model.priors import FLOW_LAW
 from pyburgers.model.relaxation import KelvinPart
 from pyburgers.predictions.stress_cycles import Regime, parameter_columns
@@ -81,7 +82,8 @@ def flow_rate(
     ----------
     parameters : mapping of str to float or array
         SI values of stress_exponent, grain_size_exponent, activation_enthalpy and beta; with a
-        breakdown_stress above zero the law is the hyperbolic sine. Other names are ignored.
+        breakdown_stress above zero the law is the hyperbolic sine, with a threshold_stress
+        that of a threshold. Other names are ignored.
     stress : float or array
         Pa, of either sign.
     temperature : float
@@ -103,7 +105,7 @@ def flow_rate(
     """
     draws = {
         name: np.asarray(parameters[name], dtype=np.float64)
-        for name in (*FLOW_LAW, "breakdown_stress")
+        for name in (*FLOW_LAW, *DASHPOT_STRESSES)
         if name in parameters
     }
     state = [np.asarray(one, dtype=np.float64) for one in (grain_size, fabric_factor, stress)]

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from pyburgers.model.arrhenius import GAS_CONSTANT
+from pyburgers.model.laws import DASHPOT_LAWS, KELVIN_LAWS
 from pyburgers.model.parameters import STANDARD_VALUES
 from pyburgers.model.prior_families import Prior, is_fixed_at
 from pyburgers.model.priors import PriorSet
@@ -27,37 +28,7 @@ VARIABLES: Mapping[str, str] = MappingProxyType(
 )
 """Units of the variables, and the gas constant; stress and strain are positive in compression."""
 
-_THERMAL = (
-    " * grain_size^-grain_size_exponent * exp(ln_flow_law_factor"
-    " - activation_enthalpy/(R*temperature))"
-)
-POWER_LAW = "strain_rate = (stress/fabric_factor)^stress_exponent" + _THERMAL
-HYPERBOLIC_SINE = (
-    "strain_rate = (breakdown_stress*sinh(stress/(fabric_factor*breakdown_stress)))^stress_exponent"
-    + _THERMAL
-)
-
-_LONGEST_TIME = "kelvin_viscosity/kelvin_modulus"
-_ELEMENT = "(1 - exp(-time/({time})))/kelvin_modulus"
-_BAND = (
-    "integral(10^(-relaxation_exponent*u)*(1 - exp(-time/(({time})*10^-u))), u, 0,"
-    " relaxation_time_decades)*relaxation_exponent*log(10)"
-    "/(1 - 10^(-relaxation_exponent*relaxation_time_decades))/kelvin_modulus"
-)
-_PEAK = (
-    " + peak_strength/maxwell_modulus*integral(exp(-x^2/2)/sqrt(2*pi)"
-    "*(1 - exp(-time/(({time})*10^-peak_time_decades*exp(peak_width*x)))), x, -8, 8)"
-)
-_SECOND = " + peak_strength/maxwell_modulus*(1 - exp(-time/(({time})*10^-peak_time_decades)))"
-_CREEP: Mapping[str, str] = MappingProxyType(
-    {
-        "two_elements": _ELEMENT + _SECOND,
-        "extended": _BAND,
-        "extended_peak": _BAND + _PEAK,
-        "andrade": "(time/({time}))^andrade_exponent/kelvin_modulus",
-    }
-)
-"""Kelvin strain over the stress that was put on a time ago, of linear laws without a rate."""
+POWER_LAW = DASHPOT_LAWS["power_law"].flow_law
 
 
 def undeformed(grain_size: str) -> dict[str, str]:
@@ -81,7 +52,7 @@ def laws_of(prior_set: PriorSet, experiment: Test) -> dict[str, object]:
     }[variant.grain_size]
     fabric = "1" if variant.fabric == "constant" else "steady_state_fabric_factor"
     return {
-        "flow_law": HYPERBOLIC_SINE if variant.maxwell == "hyperbolic_sine" else POWER_LAW,
+        "flow_law": DASHPOT_LAWS[variant.maxwell].flow_law,
         "elastic_law": _elastic_law(priors),
         "kelvin_law": _kelvin_law(variant.kelvin, priors),
         "microstructure": {
@@ -112,12 +83,4 @@ def _kelvin_law(law: str, priors: Mapping[str, Prior]) -> str:
         )
     if _has(priors, "kelvin_grain_size_exponent"):
         slowing += "*(initial_grain_size/kelvin_reference_grain_size)^kelvin_grain_size_exponent"
-    if law in _CREEP:
-        return "kelvin_strain/stress = " + _CREEP[law].format(time=_LONGEST_TIME + slowing)
-    driving = "(stress - kelvin_modulus*kelvin_strain)"
-    nonlinear = (
-        f"*abs({driving}/kelvin_reference_stress)^(kelvin_stress_exponent - 1)"
-        if law == "power_law"
-        else ""
-    )
-    return f"kelvin_strain_rate = {driving}{nonlinear}/(kelvin_viscosity{slowing})"
+    return KELVIN_LAWS[law].expression.format(slower=slowing)

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import number
 from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
+from pyburgers.model.laws import DASHPOT_STRESSES
 from pyburgers.model.parameters import PIEZOMETER, PROGRAM_PARAMETERS
 from pyburgers.model.relaxation import RELAXATION_PARAMETERS
 
@@ -35,7 +36,7 @@ EVOLUTION = (
 
 OTHER_PARAMETERS = (
     *RELAXATION_PARAMETERS,
-    "breakdown_stress",
+    *DASHPOT_STRESSES,
     "modulus_temperature_coefficient",
     "modulus_reference_temperature",
     *PIEZOMETER,
@@ -138,6 +139,13 @@ def checked_inputs(
         if name in parameters
     }
     shape = draws[PARAMETER_NAMES[0]].shape
+    for name, law in DASHPOT_STRESSES.items():
+        if not law.closed_form and np.any(np.asarray(parameters.get(name, 0.0)) != 0):
+            raise InputError(
+                f"{name}: found values other than 0, expected a dashpot of another law than "
+                f"{law.name} because stress cycles have no closed form with it; fit and simulate "
+                "them as a loading history."
+            )
     if len(shape) not in DRAW_DIMENSIONS:
         raise InputError(
             f"parameters: found draws of shape {shape}, expected (chain, draw), (draw,) or ()."

@@ -1,14 +1,10 @@
 """What to try where a fit misses the shape of a test, as several kinds of test have it."""
 
 from collections.abc import Collection, Mapping
-from types import MappingProxyType
 
-OTHER_LAWS: Mapping[str, str] = MappingProxyType(
-    {
-        "kelvin_stress_exponent": "kelvin=power_law",
-        "breakdown_stress": "maxwell=hyperbolic_sine",
-    }
-)
+from pyburgers.model.laws import laws_to_try_first
+
+OTHER_LAWS: Mapping[str, str] = laws_to_try_first()
 """Laws that answer stresses and rates otherwise, by the parameter that is free in them."""
 
 LET_CORRELATE = (

@@ -21,6 +21,7 @@ from pydantic import Field
 from pyburgers.common.errors import InputError, all_of, nearest
 from pyburgers.common.toml_files import NAME, Table, write_toml
 from pyburgers.common.units import span_text
+from pyburgers.model.laws import KELVIN_LAWS
 from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME
 from pyburgers.protocols.limits import impossible_conditions, refuse_impossible
 from pyburgers.protocols.microstructure import MeasuredMicrostructure
@@ -116,7 +117,7 @@ class Experiment(ABC):
 
     protocol: ClassVar[str]
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
-        {"kelvin": ("linear", "power_law")}
+        {"kelvin": tuple(law.name for law in KELVIN_LAWS.values() if law.one_time)}
     )
     parts_name: ClassVar[str] = "parts"
     residual_correlation: ClassVar[str] = "residual_correlation_strain"

@@ -19,7 +19,7 @@ from pyburgers.model.parameters import (
     STANDARD_VALUES,
 )
 from pyburgers.model.prior_families import BELOW_ONE, MAY_BE_ZERO, UNSIGNED
-from pyburgers.model.variants import check_piezometer, with_variant
+from pyburgers.model.variants import check_laws, with_variant
 from pyburgers.protocols.experiment import Experiment, Provenance
 from pyburgers.protocols.microstructure import MeasuredMicrostructure
 from pyburgers.protocols.program_data import given_parameters, solve
@@ -234,8 +234,8 @@ def simulate(
     Raises
     ------
     InputError
-        If a parameter or a position is wrong, or a piezometer is missing that the grain size
-        follows.
+        If a parameter or a position is wrong, the kind of test does not take a law, or the grain
+        size lacks its piezometer.
     SamplingError
         If the solver finds no solution.
     """
@@ -255,7 +255,7 @@ def _solved(
         protocol_of(experiment),
     )
     _check_temperature(experiment, values)
-    check_piezometer(given_parameters(experiment.material, values), experiment)
+    check_laws(given_parameters(experiment.material, values), experiment)
     grid = protocol.output_grid(experiment) if at is None else checked_positions(experiment, at)
     draw = solve(experiment, values, grid, solver=solver, sections=sections)
     solution = pd.DataFrame(protocol.solution(experiment, draw))

@@ -21,7 +21,7 @@ from pyburgers.model.parameters import (
     PROGRAM_PARAMETERS,
     Parameter,
 )
-from pyburgers.model.prior_families import fixed_prior, is_fixed_at
+from pyburgers.model.prior_families import FAMILIES, fixed_prior, is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import variant_of
 from pyburgers.protocols.coordinates import Layout
@@ -39,9 +39,6 @@ from pyburgers.protocols.stan_data import (
 )
 
 FloatArray = npt.NDArray[np.float64]
-
-FAMILY_CODE = {"fixed": 0, "uniform": 1, "normal": 2, "half_normal": 2, "lognormal": 3}
-"""Codes of `stan/statistics/priors.stan`; a half-normal is a normal cut at zero."""
 
 PART_OF_FLOW_LAW = 4
 """Code of a parameter whose density is in the joint prior of the flow law."""
@@ -140,7 +137,7 @@ def prior_block(priors: PriorSet, parameters: Sequence[Parameter]) -> StanData:
     joint = FLOW_LAW if priors.flow_law is not None else ()
     return {
         "prior_family": [
-            PART_OF_FLOW_LAW if prior.parameter in joint else FAMILY_CODE[prior.family]
+            PART_OF_FLOW_LAW if prior.parameter in joint else FAMILIES[prior.family].code
             for prior in ordered
         ],
         "prior_location": [prior.location for prior in ordered],

@@ -14,6 +14,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.model.laws import DASHPOT_LAWS
 from pyburgers.model.parameters import PLACE, PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of
@@ -308,8 +309,9 @@ def _check_priors(
     variant = variant_of(priors, experiment)
     if variant.grain_size == "piezometric":
         raise ChartUnsuited("the grain size follows a piezometer")
-    if variant.maxwell == "hyperbolic_sine":
-        raise ChartUnsuited("the stress at a rate is no product of powers in a hyperbolic sine")
+    if DASHPOT_LAWS[variant.maxwell].own_stress:
+        law = variant.maxwell.replace("_", " ")
+        raise ChartUnsuited(f"the stress at a rate is no product of powers with maxwell = {law}")
     if not solved:
         raise ChartUnsuited("neither grain size nor fabric evolves")
     for name in solved:

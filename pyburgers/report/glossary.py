@@ -4,6 +4,8 @@ import re
 
 from markupsafe import Markup, escape
 
+from pyburgers.model.laws import DASHPOT_LAWS
+
 DEFINITIONS = {
     "posterior": "What is known about the parameters after the data: prior times likelihood.",
     "prior": "What is known about a parameter before the data.",
@@ -52,8 +54,7 @@ DEFINITIONS = {
     "tan δ": "Attenuation: tangent of the angle by which strain lags stress.",
     "Maxwell time": "Time in which flow makes as much strain as the elastic one.",
     "relaxation times": "Times after which strain that comes late has come.",
-    "hyperbolic sine": "Flow law that is proportional to small stresses and exponential in large "
-    "ones.",
+    **{law.name.replace("_", " "): law.words for law in DASHPOT_LAWS.values() if law.words},
     "breakdown stress": "Stress at which a hyperbolic sine turns exponential.",
     "compliance": "Strain over stress.",
     "Debye peak": "Attenuation of a single relaxation time against the period.",

@@ -17,8 +17,8 @@
  */
 real log_reference_flow_shift(vector parameter, data real stress, data real path_strain,
                               data real initial_grain_size) {
-  real sigma_l = parameter[i_breakdown_stress()];
-  if (sigma_l == 0) {
+  int law = dashpot_law(parameter);
+  if (law != i_breakdown_stress()) {
     return 0;
   }
   {
@@ -30,8 +30,8 @@ real log_reference_flow_shift(vector parameter, data real stress, data real path
                               parameter[i_steady_state_grain_size()] / initial_grain_size,
                               parameter[i_critical_strain_grain_size()]));
     return parameter[i_stress_exponent()]
-           * (log(power_law_stress(stress, sigma_l, exp(log_fabric),
-                                   parameter[i_stress_exponent()]) / stress) - log_fabric)
+           * (log(equivalent_stress(stress, law, parameter[law], exp(log_fabric),
+                                    parameter[i_stress_exponent()]) / stress) - log_fabric)
            - parameter[i_grain_size_exponent()] * log_grain_size;
   }
 }

@@ -4,7 +4,7 @@
  * Priors, fixed values and `parameter` in the programs have this order. Those of variants have
  * standard values that leave them without effect (docs/variants.md).
  */
-int n_parameters() { return 40; }
+int n_parameters() { return 41; }
 
 int i_maxwell_modulus() { return 1; } // E_M, Pa
 int i_kelvin_modulus() { return 2; } // E_K, Pa
@@ -55,9 +55,11 @@ int i_andrade_exponent() { return 36; } // a; 0: the part is no Andrade creep
 int i_kelvin_grain_size_exponent() { return 37; } // m_K, of relaxation times
 int i_kelvin_reference_grain_size() { return 38; } // d_K, m, always fixed
 
+int i_threshold_stress() { return 39; } // sigma_t, Pa; 0: the dashpot has no threshold
+
 // Of the conditions of a test; 0 where they are taken as known
-int i_temperature_error() { return 39; } // true less stated temperature, K
-int i_stress_calibration_error() { return 40; } // c: the load cell reads 1 + c times the stress
+int i_temperature_error() { return 40; } // true less stated temperature, K
+int i_stress_calibration_error() { return 41; } // c: the load cell reads 1 + c times the stress
 
 /** Temperature of a test (K): the stated one and its error. */
 real true_temperature(vector parameter, data real stated) {

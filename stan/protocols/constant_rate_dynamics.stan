@@ -12,166 +12,73 @@
  * v_K and v_d are the rates of the Kelvin element and of the dashpot over the imposed rate; S_0
  * is the reference stress (physics/flow_law.stan) at the rate of the first segment, rate_0.
  * Where the Kelvin element is a power law (physics/kelvin_element.stan), v_K as given is its
- * driving stress in the unit eta_K rate, and the rate follows from that; the solver gets this form
- * only then, because every argument costs it sensitivities.
+ * driving stress in the unit eta_K rate, and the rate follows from that. With another law of the
+ * dashpot (physics/dashpot_laws.stan) the equivalent stress stands for y in v_d.
  *
  * Where the grain size follows a piezometer, which needs the stress, it is a third state:
  *
  *   w = d/d_0,  dw/d(strain) = (d_piezometer(stress)/d_0 - w)/epsilon_c1.
  *
- * A hyperbolic-sine dashpot has power_law_stress(y, sigma_L/S_0, F, n) in place of y in v_d; its grain
- * size always is a third state, with d_ss in place of the piezometer's where there is none.
+ * Numbers that only some laws need are vectors, empty in the others: every number costs the solver
+ * sensitivities.
  */
 
-/**
- * Number of states: stress, Kelvin strain, and the grain size where it follows a piezometer or the
- * dashpot is a hyperbolic sine.
- *
- * @param constant see constant_rate_solution()
- */
+/** Number of states: stress, Kelvin strain, and the grain size where it follows a piezometer. */
 int n_constant_rate_states(data vector constant) {
-  return constant[i_piezometer_reference_grain_size()] > 0 || constant[i_breakdown_stress()] != 0
-         ? 3 : 2;
+  return constant[i_piezometer_reference_grain_size()] > 0 ? 3 : 2;
 }
 
 /**
- * Rate of the dashpot over the imposed rate, v_d.
- *
- * @param scaled_stress y
- * @param log_grain_size ln(d/d_0)
- * @param log_fabric ln F
- * @param log_rate_ratio ln(rate_0/rate)
- */
-real relative_dashpot_rate(real scaled_stress, real stress_exponent, real grain_size_exponent,
-                           real log_grain_size, real log_fabric, data real log_rate_ratio) {
-  return signed_power(scaled_stress, log_fabric, stress_exponent,
-                      log_rate_ratio - grain_size_exponent * log_grain_size);
-}
-
-/**
- * Right-hand side with a linear Kelvin element; see the head of this file.
+ * Right-hand side; see the head of this file.
  *
  * @param run strain since the start of the segment
- * @param state [y, z]
+ * @param state [y, z], or [y, z, w]
  * @param stiffness E_M/S_0
  * @param kelvin_fluidity S_0/(eta_K rate)
  * @param kelvin_decay E_K/(eta_K rate), per unit strain
- * @param grain_size_deficit 1 - d_ss/d_0
  * @param fabric_deficit 1 - F_ss
- * @param inverse_critical_strain_grain_size 1/epsilon_c1
- * @param inverse_critical_strain_fabric 1/epsilon_c2
- * @param log_rate_ratio ln(rate_0/rate)
- * @param start_strain of the segment
+ * @param inverse_critical_strain 1/epsilon_c1, 1/epsilon_c2
+ * @param grains 1 - d_ss/d_0, or where the grain size is a state S_0 (Pa)
+ * @param kelvin of a power-law Kelvin element: n_K, ln(eta_K rate/q_0)
+ * @param dashpot of another law than the power law: its stress over S_0
+ * @param law of dashpot_law()
+ * @param start_strain, log_rate_ratio of the segment: its start and ln(rate_0/rate)
+ * @param piezometer d_1/d_0, exponent, stress floor (Pa), see piezometer_grain_size()
  */
 vector constant_rate_rhs(real run, vector state, real stiffness, real kelvin_fluidity,
                          real kelvin_decay, real stress_exponent, real grain_size_exponent,
-                         real grain_size_deficit, real fabric_deficit,
-                         real inverse_critical_strain_grain_size,
-                         real inverse_critical_strain_fabric, data real log_rate_ratio,
-                         data real start_strain) {
+                         real fabric_deficit, vector inverse_critical_strain, vector grains,
+                         vector kelvin, vector dashpot, data int law, data real start_strain,
+                         data real log_rate_ratio, data vector piezometer) {
+  int n_states = num_elements(state);
   real kelvin_rate = kelvin_fluidity * state[1] - state[2];
-  real log_grain_size = log_relative_microstructure(start_strain + run, grain_size_deficit,
-                                                    inverse_critical_strain_grain_size);
   real log_fabric = log_relative_microstructure(start_strain + run, fabric_deficit,
-                                                inverse_critical_strain_fabric);
-  real dashpot_rate = relative_dashpot_rate(state[1], stress_exponent, grain_size_exponent,
-                                            log_grain_size, log_fabric, log_rate_ratio);
-  return [stiffness * (1 - kelvin_rate - dashpot_rate), kelvin_decay * kelvin_rate]';
-}
-
-/**
- * Right-hand side with a power-law Kelvin element: as constant_rate_rhs(), and
- *
- * @param kelvin_stress_exponent n_K
- * @param log_kelvin_unit ln(eta_K rate/q_0)
- */
-vector constant_rate_power_law_kelvin_rhs(real run, vector state, real stiffness,
-                                          real kelvin_fluidity, real kelvin_decay,
-                                          real stress_exponent, real grain_size_exponent,
-                                          real grain_size_deficit, real fabric_deficit,
-                                          real inverse_critical_strain_grain_size,
-                                          real inverse_critical_strain_fabric,
-                                          data real log_rate_ratio,
-                                          real kelvin_stress_exponent,
-                                          real log_kelvin_unit, data real start_strain) {
-  real kelvin_rate = linear_driving_stress(kelvin_fluidity * state[1] - state[2],
-                                           kelvin_stress_exponent, log_kelvin_unit);
-  real log_grain_size = log_relative_microstructure(start_strain + run, grain_size_deficit,
-                                                    inverse_critical_strain_grain_size);
-  real log_fabric = log_relative_microstructure(start_strain + run, fabric_deficit,
-                                                inverse_critical_strain_fabric);
-  real dashpot_rate = relative_dashpot_rate(state[1], stress_exponent, grain_size_exponent,
-                                            log_grain_size, log_fabric, log_rate_ratio);
-  return [stiffness * (1 - kelvin_rate - dashpot_rate), kelvin_decay * kelvin_rate]';
-}
-
-/**
- * Right-hand side with a grain size that follows a piezometer and a power-law Kelvin element: as
- * constant_rate_power_law_kelvin_rhs() without grain_size_deficit, and
- *
- * @param state [y, z, w]
- * @param reference_stress S_0, Pa
- * @param relative_piezometer d_1/d_0
- * @param piezometer_exponent, piezometer_stress_floor see piezometer_grain_size()
- */
-vector constant_rate_piezometric_rhs(real run, vector state, real stiffness,
-                                     real kelvin_fluidity, real kelvin_decay,
-                                     real stress_exponent, real grain_size_exponent,
-                                     real fabric_deficit,
-                                     real inverse_critical_strain_grain_size,
-                                     real inverse_critical_strain_fabric,
-                                     data real log_rate_ratio, real kelvin_stress_exponent,
-                                     real log_kelvin_unit, real reference_stress,
-                                     data real relative_piezometer,
-                                     data real piezometer_exponent,
-                                     data real piezometer_stress_floor,
-                                     data real start_strain) {
-  real kelvin_rate = linear_driving_stress(kelvin_fluidity * state[1] - state[2],
-                                           kelvin_stress_exponent, log_kelvin_unit);
-  real log_fabric = log_relative_microstructure(start_strain + run, fabric_deficit,
-                                                inverse_critical_strain_fabric);
-  real dashpot_rate = relative_dashpot_rate(state[1], stress_exponent, grain_size_exponent,
-                                            log(state[3]), log_fabric, log_rate_ratio);
-  real preferred = piezometer_grain_size(reference_stress * state[1], relative_piezometer,
-                                         piezometer_exponent, piezometer_stress_floor);
-  return [stiffness * (1 - kelvin_rate - dashpot_rate), kelvin_decay * kelvin_rate,
-          (preferred - state[3]) * inverse_critical_strain_grain_size]';
-}
-
-/**
- * Right-hand side with a hyperbolic-sine dashpot, a power-law Kelvin element and a grain size of
- * either kind: as constant_rate_piezometric_rhs(), and
- *
- * @param relative_steady_state d_ss/d_0, which counts where d_1 is 0
- * @param breakdown_stress sigma_L, Pa
- */
-vector constant_rate_hyperbolic_sine_rhs(real run, vector state, real stiffness,
-                                         real kelvin_fluidity, real kelvin_decay,
-                                         real stress_exponent, real grain_size_exponent,
-                                         real fabric_deficit,
-                                         real inverse_critical_strain_grain_size,
-                                         real inverse_critical_strain_fabric,
-                                         data real log_rate_ratio, real kelvin_stress_exponent,
-                                         real log_kelvin_unit, real reference_stress,
-                                         data real relative_piezometer,
-                                         data real piezometer_exponent,
-                                         data real piezometer_stress_floor,
-                                         real relative_steady_state, real breakdown_stress,
-                                         data real start_strain) {
-  real kelvin_rate = linear_driving_stress(kelvin_fluidity * state[1] - state[2],
-                                           kelvin_stress_exponent, log_kelvin_unit);
-  real log_fabric = log_relative_microstructure(start_strain + run, fabric_deficit,
-                                                inverse_critical_strain_fabric);
-  real flow_stress = power_law_stress(state[1], breakdown_stress / reference_stress,
-                                      exp(log_fabric), stress_exponent);
-  real dashpot_rate = relative_dashpot_rate(flow_stress, stress_exponent, grain_size_exponent,
-                                            log(state[3]), log_fabric, log_rate_ratio);
-  real preferred = relative_piezometer > 0
-                   ? piezometer_grain_size(reference_stress * state[1], relative_piezometer,
-                                           piezometer_exponent, piezometer_stress_floor)
-                   : relative_steady_state;
-  return [stiffness * (1 - kelvin_rate - dashpot_rate), kelvin_decay * kelvin_rate,
-          (preferred - state[3]) * inverse_critical_strain_grain_size]';
+                                                inverse_critical_strain[2]);
+  real log_grain_size = n_states > 2
+                        ? log(state[3])
+                        : log_relative_microstructure(start_strain + run, grains[1],
+                                                      inverse_critical_strain[1]);
+  real flow_stress = state[1];
+  real dashpot_rate;
+  vector[n_states] slope;
+  if (num_elements(kelvin) > 0) {
+    kelvin_rate = linear_driving_stress(kelvin_rate, kelvin[1], kelvin[2]);
+  }
+  if (law > 0) {
+    flow_stress = equivalent_stress(flow_stress, law, dashpot[1], exp(log_fabric),
+                                    stress_exponent);
+  }
+  dashpot_rate = signed_power(flow_stress, log_fabric, stress_exponent,
+                              log_rate_ratio - grain_size_exponent * log_grain_size);
+  slope[1] = stiffness * (1 - kelvin_rate - dashpot_rate);
+  slope[2] = kelvin_decay * kelvin_rate;
+  if (n_states > 2) {
+    slope[3] = (piezometer_grain_size(grains[1] * state[1], piezometer[1], piezometer[2],
+                                      piezometer[3])
+                - state[3])
+               * inverse_critical_strain[1];
+  }
+  return slope;
 }
 
 /**
@@ -196,58 +103,33 @@ array[] vector constant_rate_segment(vector initial_state, data real start_strai
                                      data vector constant, data real initial_grain_size,
                                      data int power_law_kelvin, data real tolerance,
                                      data int max_num_steps) {
-  real stiffness = parameter[i_maxwell_modulus()] / reference_stress;
-  real kelvin_fluidity = reference_stress / (kelvin_viscosity * strain_rate);
-  real kelvin_decay = parameter[i_kelvin_modulus()] / (kelvin_viscosity * strain_rate);
-  real log_kelvin_unit = log(kelvin_viscosity * strain_rate
-                             / constant[i_kelvin_reference_stress()]);
-  real grain_size_deficit = 1 - parameter[i_steady_state_grain_size()] / initial_grain_size;
-  real fabric_deficit = 1 - parameter[i_steady_state_fabric_factor()];
-  if (constant[i_breakdown_stress()] != 0) {
-    return ode_bdf_tol(constant_rate_hyperbolic_sine_rhs, initial_state, 0,
-                       to_array_1d(to_vector(strain) - start_strain), tolerance,
-                       tolerance, max_num_steps, stiffness, kelvin_fluidity,
-                       kelvin_decay, parameter[i_stress_exponent()],
-                       parameter[i_grain_size_exponent()], fabric_deficit,
-                       1 / parameter[i_critical_strain_grain_size()],
-                       1 / parameter[i_critical_strain_fabric()], log_rate_ratio,
-                       parameter[i_kelvin_stress_exponent()], log_kelvin_unit, reference_stress,
-                       constant[i_piezometer_reference_grain_size()] / initial_grain_size,
-                       constant[i_piezometer_exponent()],
-                       constant[i_piezometer_stress_floor()],
-                       parameter[i_steady_state_grain_size()] / initial_grain_size,
-                       parameter[i_breakdown_stress()], start_strain);
-  }
-  if (constant[i_piezometer_reference_grain_size()] > 0) {
-    return ode_bdf_tol(constant_rate_piezometric_rhs, initial_state, 0,
-                       to_array_1d(to_vector(strain) - start_strain), tolerance,
-                       tolerance, max_num_steps, stiffness, kelvin_fluidity,
-                       kelvin_decay, parameter[i_stress_exponent()],
-                       parameter[i_grain_size_exponent()], fabric_deficit,
-                       1 / parameter[i_critical_strain_grain_size()],
-                       1 / parameter[i_critical_strain_fabric()], log_rate_ratio,
-                       parameter[i_kelvin_stress_exponent()], log_kelvin_unit, reference_stress,
-                       constant[i_piezometer_reference_grain_size()] / initial_grain_size,
-                       constant[i_piezometer_exponent()],
-                       constant[i_piezometer_stress_floor()], start_strain);
-  }
+  int law = dashpot_law(constant);
+  int has_grains = constant[i_piezometer_reference_grain_size()] > 0;
+  vector[1] grains = [has_grains
+                      ? reference_stress
+                      : 1 - parameter[i_steady_state_grain_size()] / initial_grain_size]';
+  vector[2 * power_law_kelvin] kelvin;
+  vector[law > 0] dashpot;
   if (power_law_kelvin) {
-    return ode_bdf_tol(constant_rate_power_law_kelvin_rhs, initial_state, 0,
-                       to_array_1d(to_vector(strain) - start_strain), tolerance,
-                       tolerance, max_num_steps, stiffness, kelvin_fluidity,
-                       kelvin_decay, parameter[i_stress_exponent()],
-                       parameter[i_grain_size_exponent()], grain_size_deficit, fabric_deficit,
-                       1 / parameter[i_critical_strain_grain_size()],
-                       1 / parameter[i_critical_strain_fabric()], log_rate_ratio,
-                       parameter[i_kelvin_stress_exponent()], log_kelvin_unit, start_strain);
+    kelvin = [parameter[i_kelvin_stress_exponent()],
+              log(kelvin_viscosity * strain_rate / constant[i_kelvin_reference_stress()])]';
+  }
+  if (law > 0) {
+    dashpot = [parameter[law] / reference_stress]';
   }
   return ode_bdf_tol(constant_rate_rhs, initial_state, 0,
                      to_array_1d(to_vector(strain) - start_strain), tolerance, tolerance,
-                     max_num_steps, stiffness, kelvin_fluidity, kelvin_decay,
+                     max_num_steps, parameter[i_maxwell_modulus()] / reference_stress,
+                     reference_stress / (kelvin_viscosity * strain_rate),
+                     parameter[i_kelvin_modulus()] / (kelvin_viscosity * strain_rate),
                      parameter[i_stress_exponent()], parameter[i_grain_size_exponent()],
-                     grain_size_deficit, fabric_deficit,
-                     1 / parameter[i_critical_strain_grain_size()],
-                     1 / parameter[i_critical_strain_fabric()], log_rate_ratio, start_strain);
+                     1 - parameter[i_steady_state_fabric_factor()],
+                     [1 / parameter[i_critical_strain_grain_size()],
+                      1 / parameter[i_critical_strain_fabric()]]',
+                     grains, kelvin, dashpot, law, start_strain, log_rate_ratio,
+                     [constant[i_piezometer_reference_grain_size()] / initial_grain_size,
+                      constant[i_piezometer_exponent()],
+                      constant[i_piezometer_stress_floor()]]');
 }
 
 /**
@@ -257,7 +139,7 @@ array[] vector constant_rate_segment(vector initial_state, data real start_strai
  *
  * @param parameter in the order of physics/parameters.stan
  * @param constant parameters that are never inferred, at their places in the same order, and
- *   whether there is a breakdown stress; the others in it have no effect
+ *   which law the dashpot follows; the others in it have no effect
  * @param strain output strains, increasing and positive; the strain of every rate step is one of
  *   them, as the last output of the segment that ends there
  * @param n_strains_in_segment number of output strains in each segment

@@ -3,16 +3,13 @@
     array[grid_end[e + 1] - grid_end[e]] int here = part(grid_end, e);
     real n = parameter[e][i_stress_exponent()];
     real p = parameter[e][i_grain_size_exponent()];
-    real log_factor = log_rate_factor(parameter[e][i_activation_enthalpy()],
-                                      parameter[e][i_beta()],
-                                      true_temperature(parameter[e], temperature[e]));
-    real breakdown_stress = parameter[e][i_breakdown_stress()];
+    real at_temperature = true_temperature(parameter[e], temperature[e]);
     real reading_factor = stress_reading_factor(parameter[e]);
     real kelvin_modulus = parameter[e][i_kelvin_modulus()];
     real kelvin_viscosity
       = kelvin_viscosity_at(parameter[e][i_kelvin_viscosity()],
                             parameter[e][i_kelvin_activation_enthalpy()],
-                            true_temperature(parameter[e], temperature[e]),
+                            at_temperature,
                             prior_location[e][i_kelvin_reference_temperature()]);
     array[size(here)] vector[n_states] solution
       = constant_rate_solution(parameter[e], prior_location[e], grid_strain[here],
@@ -34,10 +31,8 @@
                                           parameter[e][i_kelvin_stress_exponent()],
                                           -log(prior_location[e][i_kelvin_reference_stress()]))
                     / kelvin_viscosity;
-      grid_dashpot_share[i] = dashpot_strain_rate(power_law_stress(stress, breakdown_stress,
-                                                                   grid_fabric_factor[i], n),
-                                                  grid_grain_size[i],
-                                                  grid_fabric_factor[i], n, p, log_factor)
+      grid_dashpot_share[i] = dashpot_rate_at(stress, grid_grain_size[i], grid_fabric_factor[i],
+                                              parameter[e], at_temperature)
                               / grid_rate[i];
       grid_stress_slope[i] = reading_factor * parameter[e][i_maxwell_modulus()]
                              * (1 - grid_dashpot_share[i] - kelvin_rate / grid_rate[i]);

@@ -10,10 +10,9 @@
  *   v_K = (S period/(eta_K e)) (y - z),  v_d = v_d0 sgn(y) |y|^n (d/d_0)^-p.
  *
  * With a power-law Kelvin element (physics/kelvin_element.stan) the linear driving stress stands
- * for y - z in the rates; the solver gets that form only then, because every argument costs it
- * sensitivities.
- *
- * A hyperbolic-sine dashpot has power_law_stress(y, sigma_L/S, 1, n) in place of y in v_d.
+ * for y - z in the rates, and with another law of the dashpot (physics/dashpot_laws.stan) the
+ * equivalent stress for y in v_d. Numbers that only some laws need are vectors, empty in the others:
+ * every number costs the solver sensitivities.
  *
  * S and e are an observed stress and strain (data) and v_d0 the rate of the dashpot at stress S
  * and grain size d_0. v_K and v_d are the rates of the Kelvin element and of the dashpot, in the
@@ -83,49 +82,21 @@ matrix harmonics_of(data vector sine, data vector cosine, data vector background
 }
 
 /**
- * Rates of [y, z, w].
+ * Right-hand side; see the head of this file.
  *
- * @param rate r
- * @param evolves 0 before the record, where the grain size keeps its initial value
- * @param state [y, z, w]
- * @param kelvin_excess linear driving stress of the Kelvin element over S
- * @param flow_stress stress of a power-law dashpot as fast as this one, over S
+ * @param state [y, z, w]; before the record the grain size keeps its initial value
  * @param stiffness E_M e/S
  * @param kelvin_fluidity S period/(eta_K e)
  * @param kelvin_decay E_K period/eta_K
  * @param log_dashpot_rate ln v_d0
  * @param inverse_critical_strain 1/epsilon_c1
+ * @param harmonics, error, n_harmonics, background_range, first_tau see driving_rate()
  * @param stress_scale, strain_scale S (Pa) and e
  * @param unit d_u, m
  * @param piezometer d_1 (m), exponent and stress floor (Pa), see piezometer_grain_size()
- */
-vector forced_oscillation_rates(real rate, int evolves, vector state, real kelvin_excess,
-                                real flow_stress, real stiffness, real kelvin_fluidity,
-                                real kelvin_decay, real stress_exponent,
-                                real grain_size_exponent,
-                                real log_dashpot_rate, real inverse_critical_strain,
-                                real stress_scale, data real strain_scale,
-                                data real unit, data vector piezometer) {
-  real dashpot_rate = signed_power(flow_stress, 0, stress_exponent,
-                                   log_dashpot_rate
-                                   - grain_size_exponent * log(grain_size_unit() * state[3]));
-  real growth = 0;
-  if (evolves) {
-    real preferred = piezometer_grain_size(stress_scale * state[1], piezometer[1],
-                                           piezometer[2], piezometer[3]) / unit;
-    growth = microstructure_rate(state[3], preferred, 1, strain_scale * rate)
-             * inverse_critical_strain;
-  }
-  return [stiffness * (rate - kelvin_fluidity * kelvin_excess - dashpot_rate),
-          kelvin_decay * kelvin_excess, growth]';
-}
-
-/**
- * Right-hand side; see the head of this file.
- *
- * @param state [y, z, w]
- * @param harmonics, error, n_harmonics, background_range, first_tau see driving_rate()
- * @param stiffness and the others see forced_oscillation_rates()
+ * @param kelvin of a power-law Kelvin element: n_K, ln(S/q_0)
+ * @param dashpot of another law than the power law: its stress over S
+ * @param law of dashpot_law()
  */
 vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvin_fluidity,
                               real kelvin_decay, real stress_exponent,
@@ -134,74 +105,31 @@ vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvi
                               vector error, data int n_harmonics,
                               data vector background_range, data real first_tau,
                               real stress_scale, data real strain_scale,
-                              data real unit, data vector piezometer) {
+                              data real unit, data vector piezometer, vector kelvin,
+                              vector dashpot, data int law) {
   real rate = driving_rate(tau, harmonics, error, n_harmonics, background_range, first_tau)
               / strain_scale;
-  return forced_oscillation_rates(rate, tau >= first_tau, state, state[1] - state[2], state[1],
-                                  stiffness, kelvin_fluidity, kelvin_decay, stress_exponent,
-                                  grain_size_exponent, log_dashpot_rate,
-                                  inverse_critical_strain, stress_scale, strain_scale,
-                                  unit, piezometer);
-}
-
-/**
- * Right-hand side with a power-law Kelvin element: as forced_oscillation_rhs(), and
- *
- * @param kelvin_stress_exponent n_K
- * @param log_kelvin_unit ln(S/q_0)
- */
-vector forced_oscillation_power_law_kelvin_rhs(real tau, vector state, real stiffness,
-                                               real kelvin_fluidity, real kelvin_decay,
-                                               real stress_exponent, real grain_size_exponent,
-                                               real log_dashpot_rate,
-                                               real inverse_critical_strain,
-                                               data matrix harmonics, vector error,
-                                               data int n_harmonics,
-                                               data vector background_range,
-                                               data real first_tau, real stress_scale,
-                                               data real strain_scale,
-                                               data real unit, data vector piezometer,
-                                               real kelvin_stress_exponent,
-                                               real log_kelvin_unit) {
-  real rate = driving_rate(tau, harmonics, error, n_harmonics, background_range, first_tau)
-              / strain_scale;
-  real kelvin_excess = linear_driving_stress(state[1] - state[2], kelvin_stress_exponent,
-                                             log_kelvin_unit);
-  return forced_oscillation_rates(rate, tau >= first_tau, state, kelvin_excess, state[1],
-                                  stiffness, kelvin_fluidity, kelvin_decay, stress_exponent,
-                                  grain_size_exponent, log_dashpot_rate,
-                                  inverse_critical_strain, stress_scale, strain_scale,
-                                  unit, piezometer);
-}
-
-/**
- * Right-hand side with a hyperbolic-sine dashpot: as forced_oscillation_power_law_kelvin_rhs(), and
- *
- * @param breakdown sigma_L/S
- */
-vector forced_oscillation_hyperbolic_sine_rhs(real tau, vector state, real stiffness,
-                                              real kelvin_fluidity, real kelvin_decay,
-                                              real stress_exponent, real grain_size_exponent,
-                                              real log_dashpot_rate,
-                                              real inverse_critical_strain,
-                                              data matrix harmonics, vector error,
-                                              data int n_harmonics,
-                                              data vector background_range,
-                                              data real first_tau, real stress_scale,
-                                              data real strain_scale,
-                                              data real unit, data vector piezometer,
-                                              real kelvin_stress_exponent,
-                                              real log_kelvin_unit, real breakdown) {
-  real rate = driving_rate(tau, harmonics, error, n_harmonics, background_range, first_tau)
-              / strain_scale;
-  real kelvin_excess = linear_driving_stress(state[1] - state[2], kelvin_stress_exponent,
-                                             log_kelvin_unit);
-  return forced_oscillation_rates(rate, tau >= first_tau, state, kelvin_excess,
-                                  power_law_stress(state[1], breakdown, 1, stress_exponent),
-                                  stiffness, kelvin_fluidity, kelvin_decay, stress_exponent,
-                                  grain_size_exponent, log_dashpot_rate,
-                                  inverse_critical_strain, stress_scale, strain_scale,
-                                  unit, piezometer);
+  real kelvin_excess = state[1] - state[2];
+  real flow_stress = state[1];
+  real growth = 0;
+  real dashpot_rate;
+  if (num_elements(kelvin) > 0) {
+    kelvin_excess = linear_driving_stress(kelvin_excess, kelvin[1], kelvin[2]);
+  }
+  if (law > 0) {
+    flow_stress = equivalent_stress(flow_stress, law, dashpot[1], 1, stress_exponent);
+  }
+  dashpot_rate = signed_power(flow_stress, 0, stress_exponent,
+                              log_dashpot_rate
+                              - grain_size_exponent * log(grain_size_unit() * state[3]));
+  if (tau >= first_tau) {
+    real preferred = piezometer_grain_size(stress_scale * state[1], piezometer[1],
+                                           piezometer[2], piezometer[3]) / unit;
+    growth = microstructure_rate(state[3], preferred, 1, strain_scale * rate)
+             * inverse_critical_strain;
+  }
+  return [stiffness * (rate - kelvin_fluidity * kelvin_excess - dashpot_rate),
+          kelvin_decay * kelvin_excess, growth]';
 }
 
 /**
@@ -215,7 +143,7 @@ vector forced_oscillation_hyperbolic_sine_rhs(real tau, vector state, real stiff
  *
  * @param parameter in the order of physics/parameters.stan
  * @param constant parameters that are never inferred, at their places in the same order, and
- *   whether there is a breakdown stress; the others in it have no effect
+ *   which law the dashpot follows; the others in it have no effect
  * @param tau output times in periods, not decreasing, all after first_tau
  * @param start_tau, first_tau start of the spin-up and of the record, in periods
  * @param period s
@@ -255,51 +183,30 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
                                                 parameter[i_activation_enthalpy()],
                                                 parameter[i_beta()]))
                               * period / strain_scale);
+  int law = dashpot_law(constant);
+  vector[2 * power_law_kelvin] kelvin;
+  vector[law > 0] dashpot;
   array[size(tau)] vector[3] solution;
+  if (power_law_kelvin) {
+    kelvin = [parameter[i_kelvin_stress_exponent()],
+              log(stress_scale / constant[i_kelvin_reference_stress()])]';
+  }
+  if (law > 0) {
+    dashpot = [parameter[law] / stress_scale]';
+  }
   if (size(tau) > 0) {
     // The state at the start is an expression of data: constant to the solver.
-    if (constant[i_breakdown_stress()] != 0) {
-      solution = ode_bdf_tol(forced_oscillation_hyperbolic_sine_rhs,
-                             [relative_start, relative_start,
-                              1 / grain_size_unit()]',
-                             start_tau, tau, tolerance, tolerance, max_num_steps, stiffness,
-                             kelvin_fluidity, kelvin_decay, stress_exponent,
-                             grain_size_exponent, log_dashpot_rate, inverse_critical_strain,
-                             harmonics, error, n_harmonics, background_range, first_tau,
-                             stress_scale, strain_scale,
-                             grain_size_unit() * initial_grain_size,
-                             constant[{i_piezometer_reference_grain_size(),
-                                       i_piezometer_exponent(), i_piezometer_stress_floor()}],
-                             parameter[i_kelvin_stress_exponent()],
-                             log(stress_scale / constant[i_kelvin_reference_stress()]),
-                             parameter[i_breakdown_stress()] / stress_scale);
-    } else if (power_law_kelvin) {
-      solution = ode_bdf_tol(forced_oscillation_power_law_kelvin_rhs,
-                             [relative_start, relative_start,
-                              1 / grain_size_unit()]',
-                             start_tau, tau, tolerance, tolerance, max_num_steps, stiffness,
-                             kelvin_fluidity, kelvin_decay, stress_exponent,
-                             grain_size_exponent, log_dashpot_rate, inverse_critical_strain,
-                             harmonics, error, n_harmonics, background_range, first_tau,
-                             stress_scale, strain_scale,
-                             grain_size_unit() * initial_grain_size,
-                             constant[{i_piezometer_reference_grain_size(),
-                                       i_piezometer_exponent(), i_piezometer_stress_floor()}],
-                             parameter[i_kelvin_stress_exponent()],
-                             log(stress_scale / constant[i_kelvin_reference_stress()]));
-    } else {
-      solution = ode_bdf_tol(forced_oscillation_rhs,
-                             [relative_start, relative_start,
-                              1 / grain_size_unit()]',
-                             start_tau, tau, tolerance, tolerance, max_num_steps, stiffness,
-                             kelvin_fluidity, kelvin_decay, stress_exponent,
-                             grain_size_exponent, log_dashpot_rate, inverse_critical_strain,
-                             harmonics, error, n_harmonics, background_range, first_tau,
-                             stress_scale, strain_scale,
-                             grain_size_unit() * initial_grain_size,
-                             constant[{i_piezometer_reference_grain_size(),
-                                       i_piezometer_exponent(), i_piezometer_stress_floor()}]);
-    }
+    solution = ode_bdf_tol(forced_oscillation_rhs,
+                           [relative_start, relative_start, 1 / grain_size_unit()]',
+                           start_tau, tau, tolerance, tolerance, max_num_steps, stiffness,
+                           kelvin_fluidity, kelvin_decay, stress_exponent,
+                           grain_size_exponent, log_dashpot_rate, inverse_critical_strain,
+                           harmonics, error, n_harmonics, background_range, first_tau,
+                           stress_scale, strain_scale,
+                           grain_size_unit() * initial_grain_size,
+                           constant[{i_piezometer_reference_grain_size(),
+                                     i_piezometer_exponent(), i_piezometer_stress_floor()}],
+                           kelvin, dashpot, law);
   }
   for (i in 1 : size(tau)) {
     solution[i] = solution[i]

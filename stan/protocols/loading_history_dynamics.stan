@@ -218,17 +218,8 @@ real history_strain_rate(row_vector state, data row_vector leg, vector parameter
   real elastic = 1 / (factor * parameter[i_maxwell_modulus()]);
   real stress_rate = leg[l_rate()];
   real inelastic = state[7]
-                   + dashpot_strain_rate(power_law_stress(state[1] / factor,
-                                                          parameter[i_breakdown_stress()],
-                                                          fabric_factor,
-                                                          parameter[i_stress_exponent()]),
-                                         grain_size, fabric_factor,
-                                         parameter[i_stress_exponent()],
-                                         parameter[i_grain_size_exponent()],
-                                         log_rate_factor(parameter[i_activation_enthalpy()],
-                                                         parameter[i_beta()],
-                                                         true_temperature(parameter,
-                                                                          leg[l_temperature()])));
+                   + dashpot_rate_at(state[1] / factor, grain_size, fabric_factor, parameter,
+                                     true_temperature(parameter, leg[l_temperature()]));
   if (leg[l_driven()] == 2) {
     // The area changes with the strain of the specimen.
     stress_rate = (leg[l_rate()] * exp(-state[3] - state[5] - elastic * state[1])

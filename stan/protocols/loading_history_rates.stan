@@ -14,8 +14,8 @@
  *   v_d = v_0 sgn(y) (|y|/F)^n (d/d_0)^-p,
  *
  * v_0 the rate of the undeformed dashpot at stress S. With a power-law Kelvin element its linear
- * driving stress stands for q (physics/kelvin_element.stan), with a hyperbolic-sine dashpot
- * power_law_stress(y, sigma_L/S, F, n) for y in v_d. A Kelvin part with many relaxation times
+ * driving stress stands for q (physics/kelvin_element.stan), with another law of the dashpot
+ * (physics/dashpot_laws.stan) the equivalent stress for y in v_d. A Kelvin part with many relaxation times
  * (physics/relaxation_elements.stan) is a sum of elements, each with a z_k of its own:
  *
  *   dz_k/dt = c_k (D E_K/eta_K) (y - z_k),  z = sum of w_k z_k.
@@ -39,7 +39,7 @@ int h_grain_size_decay() { return 9; } // e/epsilon_c1
 int h_fabric_deficit() { return 10; } // 1 - F_ss
 int h_fabric_decay() { return 11; } // e/epsilon_c2
 int h_kelvin_stress_exponent() { return 12; } // n_K
-int h_breakdown_stress() { return 13; } // sigma_L/S
+int h_dashpot_stress() { return 13; } // of another law than the power law (physics/dashpot_laws.stan), over S
 int h_band_width() { return 14; } // ln(tau_H/tau_L)
 int h_band_exponent() { return 15; } // alpha
 int h_peak_strength() { return 16; } // Delta_P E_K/E_M
@@ -49,7 +49,7 @@ int h_log_relaxation_time() { return 19; } // ln(tau/s) at T_0 and d_K
 int h_andrade_exponent() { return 20; } // a
 
 /** Places in the constants of a test, which are data. */
-int n_history_constants() { return 6; }
+int n_history_constants() { return 7; }
 
 int c_stress_scale() { return 1; } // S, Pa
 int c_strain_scale() { return 2; } // e
@@ -57,6 +57,7 @@ int c_log_kelvin_unit() { return 3; } // ln(S/q_0)
 int c_piezometer() { return 4; } // d_1/d_0; 0: the grain size has a steady state of its own
 int c_piezometer_exponent() { return 5; }
 int c_piezometer_stress_floor() { return 6; } // Pa
+int c_dashpot_law() { return 7; } // of dashpot_law()
 
 /** Constants of a test: see their places. */
 vector history_constants(data vector constant, data real initial_grain_size,
@@ -64,7 +65,8 @@ vector history_constants(data vector constant, data real initial_grain_size,
   return [stress_scale, strain_scale,
           log(stress_scale / constant[i_kelvin_reference_stress()]),
           constant[i_piezometer_reference_grain_size()] / initial_grain_size,
-          constant[i_piezometer_exponent()], constant[i_piezometer_stress_floor()]]';
+          constant[i_piezometer_exponent()], constant[i_piezometer_stress_floor()],
+          dashpot_law(constant)]';
 }
 
 /**
@@ -113,7 +115,7 @@ vector history_rates(vector parameter, data vector constant, data real duration,
           1 - parameter[i_steady_state_fabric_factor()],
           strain_scale / parameter[i_critical_strain_fabric()],
           parameter[i_kelvin_stress_exponent()],
-          parameter[i_breakdown_stress()] / stress_scale,
+          dashpot_stress(parameter, dashpot_law(constant)) / stress_scale,
           log(10) * parameter[i_relaxation_time_decades()], parameter[i_relaxation_exponent()],
           parameter[i_peak_strength()] * parameter[i_kelvin_modulus()]
           / parameter[i_maxwell_modulus()],
@@ -160,7 +162,7 @@ array[] int varying_rates(data array[] int is_free, data matrix element) {
   varies[h_fabric_deficit()] = is_free[i_steady_state_fabric_factor()];
   varies[h_fabric_decay()] = is_free[i_critical_strain_fabric()];
   varies[h_kelvin_stress_exponent()] = is_free[i_kelvin_stress_exponent()];
-  varies[h_breakdown_stress()] = is_free[i_breakdown_stress()];
+  varies[h_dashpot_stress()] = max(is_free[dashpot_stresses()]);
   varies[h_band_width()] = is_free[i_relaxation_time_decades()];
   varies[h_band_exponent()] = is_free[i_relaxation_exponent()];
   varies[h_peak_strength()] = has_part(element, is_of_peak())
@@ -281,10 +283,11 @@ real history_dashpot_rate(real y, real g, real u, vector varying, data array[] i
                                     history_rate(h_fabric_deficit(), varying, place, fixed),
                                     history_rate(h_fabric_decay(), varying, place, fixed));
   }
-  if (in_use(h_breakdown_stress(), place, fixed, 0)) {
-    flow_stress = power_law_stress(y, history_rate(h_breakdown_stress(), varying, place, fixed),
-                                   exp(log_fabric),
-                                   history_rate(h_stress_exponent(), varying, place, fixed));
+  if (test[c_dashpot_law()] > 0) {
+    flow_stress = equivalent_stress(y, test[c_dashpot_law()],
+                                    history_rate(h_dashpot_stress(), varying, place, fixed),
+                                    exp(log_fabric),
+                                    history_rate(h_stress_exponent(), varying, place, fixed));
   }
   return signed_power(flow_stress, log_fabric,
                       history_rate(h_stress_exponent(), varying, place, fixed),

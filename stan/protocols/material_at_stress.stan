@@ -1,15 +1,4 @@
-/** Dashpot and microstructure of a material, its parameters in the order of physics/parameters.stan. */
-
-/** Rate of the dashpot (1/s) at a stress (Pa), grain size (m) and fabric factor. */
-real dashpot_rate_at(real stress, real grain_size, real fabric_factor, vector parameter,
-                     data real temperature) {
-  return dashpot_strain_rate(power_law_stress(stress, parameter[i_breakdown_stress()],
-                                              fabric_factor, parameter[i_stress_exponent()]),
-                             grain_size, fabric_factor, parameter[i_stress_exponent()],
-                             parameter[i_grain_size_exponent()],
-                             log_rate_factor(parameter[i_activation_enthalpy()],
-                                             parameter[i_beta()], temperature));
-}
+/** Microstructure of a material, its parameters in the order of physics/parameters.stan. */
 
 /** Grain size (m) that the material would have in the end. */
 real preferred_grain_size(real stress, vector parameter) {

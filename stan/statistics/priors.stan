@@ -43,7 +43,10 @@ real prior_log_density(real value, data int family, data real location, data rea
   if (family == 2) {
     return normal_lpdf(value | location, scale) - log_mass;
   }
-  return lognormal_lpdf(value | log(location), scale);
+  if (family == 3) {
+    return lognormal_lpdf(value | log(location), scale);
+  }
+  reject("prior family: found ", family, ", expected a number from 0 to 4");
 }
 
 /**

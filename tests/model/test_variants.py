@@ -405,6 +405,7 @@ VARIANT_TABLES = {
     "andrade_exponent": '"uniform"\nlower = 0.1\nupper = 0.9\nunit = "1"',
     "kelvin_grain_size_exponent": '"normal"\nlocation = 1.2\nscale = 0.3\nlower = 0\nunit = "1"',
     "kelvin_reference_grain_size": '"fixed"\nvalue = 10.0\nunit = "um"',
+    "threshold_stress": '"fixed"\nvalue = 0.0\nunit = "MPa"',
 }
 
 

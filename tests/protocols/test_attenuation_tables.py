@@ -14,7 +14,7 @@ from conftest import ICE
 from refusals import refusal
 
 from pyburgers.common.errors import InputError
-from pyburgers.model.kelvin_laws import PARAMETERS_OF_LAW
+from pyburgers.model.laws import KELVIN_LAWS
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
@@ -311,7 +311,7 @@ def test_conditions_of_a_table_are_temperatures_and_periods() -> None:
     [("linear", ["extended"]), ("extended", ["extended_peak"]), ("extended_peak", [])],
 )
 def test_a_table_is_advised_the_next_law_and_not_its_own(law: str, advised: list[str]) -> None:
-    advice = protocol_of(load_attenuation(TWIN)).remedy(PARAMETERS_OF_LAW[law], xr.Dataset())
+    advice = protocol_of(load_attenuation(TWIN)).remedy(KELVIN_LAWS[law].parameters, xr.Dataset())
     assert advice is not None
     assert re.findall(r"kelvin=(\w+)", advice) == advised
     assert "temperatures by themselves" in advice

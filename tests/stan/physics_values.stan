@@ -4,6 +4,7 @@ functions {
 #include physics/kelvin_element.stan
 #include physics/microstructure.stan
 #include statistics/residuals.stan
+#include statistics/priors.stan
 }
 data {
   real<lower=0> temperature;
@@ -36,9 +37,16 @@ data {
   real<lower=0> reference_temperature;
   int<lower=0> n_driving;
   vector[n_driving] driving_stress;
+  int prior_family;
+}
+transformed data {
+  // Here a refusal stops the program.
+  real density_of_prior = prior_log_density(2, prior_family, 3, 0.5, 1, 4,
+                                            prior_log_mass(prior_family, 3, 0.5, 1, 4));
 }
 generated quantities {
   vector[n_stresses] dashpot_rate;
+  real prior_density = density_of_prior;
   vector[n_stresses] preferred_grain_size; // by the piezometer
   real log_s0 = log_reference_stress(strain_rate, initial_grain_size, temperature,
                                      stress_exponent, grain_size_exponent, activation_enthalpy,

@@ -19,7 +19,7 @@ from truth_as_mode import at_truth
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.model.arrhenius import GAS_CONSTANT
-from pyburgers.model.kelvin_laws import PARAMETERS_OF_LAW
+from pyburgers.model.laws import KELVIN_LAWS
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.prior_families import fixed_prior
 from pyburgers.model.priors import PriorSet, default_priors
@@ -72,8 +72,8 @@ def imagined_test(legs: Sequence[Sequence[float]]) -> LoadingHistory:
 def fixed_at(values: Mapping[str, float]) -> PriorSet:
     """Priors that fix everything the Kelvin part has."""
     names = {
-        *PARAMETERS_OF_LAW["extended_peak"],
-        *PARAMETERS_OF_LAW["andrade"],
+        *KELVIN_LAWS["extended_peak"].parameters,
+        *KELVIN_LAWS["andrade"].parameters,
         "kelvin_activation_enthalpy",
         "kelvin_grain_size_exponent",
         "kelvin_reference_temperature",
@@ -290,7 +290,7 @@ def test_the_gradient_along_what_a_law_frees_is_the_slope_of_the_density(
     centre = at_truth(test, priors, SolverOptions()).mode.coordinate
     data = program_data(problem, solver=SolverOptions(1e-9, max_num_steps=1_000_000))
     program = program_with(stan_directory() / "loading_history.stan", data, tmp_path)
-    names = (*PARAMETERS_OF_LAW[law], "kelvin_viscosity")
+    names = (*KELVIN_LAWS[law].parameters, "kelvin_viscosity")
     assert_gradient_is_slope(program, centre, [problem.layout.names.index(name) for name in names])
 
 

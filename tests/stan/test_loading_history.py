@@ -170,6 +170,7 @@ MATERIALS: Mapping[str, Mapping[str, float]] = {
         "kelvin_reference_temperature": 260.0,
     },
     "hyperbolic sine": {"breakdown_stress": 5e6, "stress_exponent": 3.0},
+    "threshold stress": {"threshold_stress": 1e6, "stress_exponent": 3.0},
     "piezometer": {
         "piezometer_reference_grain_size": 2e-3,
         "piezometer_exponent": 1.33,

@@ -4,22 +4,25 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import arviz as az
 import numpy as np
 import pytest
-from conftest import ICE, valley_of, with_fixed
+from conftest import ICE, FunctionValues, valley_of, with_fixed
 from default_chains import sampled
 from independent_table import TRUTHS
 from log_density import constant_rate_program
 from oracle import GAS_CONSTANT
 from scipy import stats
 from stan_data import one_test_data, parameter_in
+from stan_values import PHYSICS
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
+from pyburgers.common.errors import SamplingError
 from pyburgers.model.parameters import PARAMETERS, PLACE
-from pyburgers.model.prior_families import Prior
+from pyburgers.model.prior_families import FAMILIES, Family, Prior
 from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.coordinates import REFERENCE_STRESS
@@ -169,3 +172,24 @@ def test_valley_coordinates_leave_the_prior_as_it_is(
         short_test, priors, solver=SolverOptions(), use_likelihood=False, reference=valley
     )
     assert_prior_marginals(data, priors, tmp_path, draws=750, least_size=400)
+
+
+@pytest.mark.parametrize(
+    ("family", "law"),
+    [
+        ("uniform", stats.uniform(1, 3)),
+        ("normal", stats.truncnorm(-4, 2, loc=3, scale=0.5)),
+        ("lognormal", stats.lognorm(0.5, scale=3)),
+    ],
+)
+def test_families_of_priors_have_the_codes_of_the_programs(
+    family: Family, law: Any, function_values: FunctionValues
+) -> None:
+    values = function_values("physics_values", {**PHYSICS, "prior_family": FAMILIES[family].code})
+    assert values["prior_density"] == pytest.approx(law.logpdf(2.0), rel=1e-12)
+
+
+@pytest.mark.parametrize("code", [-1, 5, 7])
+def test_an_unknown_family_of_priors_is_refused(code: int, function_values: FunctionValues) -> None:
+    with pytest.raises(SamplingError, match=f"prior family: found {code}"):
+        function_values("physics_values", {**PHYSICS, "prior_family": code})

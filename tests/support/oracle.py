@@ -27,8 +27,9 @@ def dashpot_rate(
     grain_size: FloatArray,
     fabric: FloatArray,
 ) -> FloatArray:
-    """Eq. 1 of the paper (1/s), odd in stress, or Garofalo's law where there is a breakdown."""
-    magnitude = np.abs(stress) / fabric
+    """Eq. 1 of the paper (1/s), odd in stress; Garofalo's law, or that of a threshold stress."""
+    threshold = parameters.get("threshold_stress", 0.0)
+    magnitude = np.maximum(np.abs(stress) - threshold, 0.0) / fabric
     breakdown = parameters.get("breakdown_stress", 0.0)
     if breakdown > 0.0:
         magnitude = breakdown * np.sinh(magnitude / breakdown)

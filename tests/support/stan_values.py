@@ -35,6 +35,7 @@ PHYSICS: Mapping[str, object] = {
     "reference_temperature": 260.0,
     "n_driving": 0,
     "driving_stress": [],
+    "prior_family": 0,
 }
 """Of `physics_values`."""
 

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import span_text
+from pyburgers.model.laws import laws_in_closed_form
 from pyburgers.protocols.attenuation.table import (
     CycleConditions,
     Elasticity,
@@ -46,7 +47,7 @@ class AttenuationExperiment(Experiment):
     may_be_uncertain: ClassVar[frozenset[str]] = frozenset()
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
         {
-            "kelvin": ("linear", "two_elements", "extended", "extended_peak", "andrade"),
+            **laws_in_closed_form(),
             "grain_size": ("constant",),
             "fabric": ("constant",),
             "residuals": ("independent",),

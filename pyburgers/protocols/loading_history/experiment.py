@@ -55,9 +55,7 @@ class LoadingHistory(Experiment):
     """
 
     protocol: ClassVar[str] = "loading_history"
-    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
-        {"kelvin": ("linear", "power_law", "two_elements", "extended", "extended_peak", "andrade")}
-    )
+    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType({})
     residual_correlation: ClassVar[str] = "residual_correlation_time"
     without_effect: ClassVar[frozenset[str]] = frozenset(
         {"modulus_temperature_coefficient", "attenuation_scatter", "modulus_scatter"}

@@ -19,6 +19,7 @@ from pyburgers.model.display import (
     Quantity,
     time_unit,
 )
+from pyburgers.model.laws import DASHPOT_LAWS, KELVIN_LAWS
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
@@ -184,8 +185,8 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
         section_times(experiment, priors)
         variant = variant_of(priors, experiment)
         with_stress = (
-            ("kelvin", "power_law"),
-            ("maxwell", "hyperbolic_sine"),
+            *(("kelvin", law.name) for law in KELVIN_LAWS.values() if law.own_stress),
+            *(("maxwell", law.name) for law in DASHPOT_LAWS.values() if law.own_stress),
             ("grain_size", "piezometric"),
         )
         for one in experiment.uncertain:

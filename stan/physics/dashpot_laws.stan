@@ -1,0 +1,72 @@
+/**
+ * Laws of the dashpot. Each is the power law of physics/flow_law.stan at another stress, and has a
+ * stress of its own, a parameter that is 0 in all other laws. A law is named by the place of that
+ * parameter (physics/parameters.stan), the power law by 0. Needs both files.
+ */
+
+/** Stresses of the laws beside the power law. */
+array[] int dashpot_stresses() { return {i_breakdown_stress(), i_threshold_stress()}; }
+
+/** Law of the dashpot at given parameters. */
+int dashpot_law(vector parameter) {
+  for (law in dashpot_stresses()) {
+    if (parameter[law] != 0) {
+      return law;
+    }
+  }
+  return 0;
+}
+
+/** Stress of the law's own, Pa; 0 of the power law. */
+real dashpot_stress(vector parameter, data int law) { return law > 0 ? parameter[law] : 0; }
+
+/**
+ * What a stress has above a threshold, sgn(stress) max(|stress| - threshold, 0).
+ *
+ * A power of it with n > 1 has a continuous slope. With n = 1 the slope jumps at the threshold, but
+ * the rate does not, so sensitivities of a solution have no jump there.
+ */
+real stress_above(real stress, real threshold) {
+  if (stress > threshold) {
+    return stress - threshold;
+  }
+  return stress < -threshold ? stress + threshold : 0;
+}
+
+/**
+ * Stress at which a power law creeps as fast as the dashpot does at a stress, all in one unit.
+ *
+ * @param law of dashpot_law()
+ * @param law_stress of dashpot_stress()
+ * @param fabric_factor F
+ * @param stress_exponent n
+ */
+real equivalent_stress(real stress, real law, real law_stress, real fabric_factor,
+                       real stress_exponent) {
+  if (law == i_breakdown_stress()) {
+    return power_law_stress(stress, law_stress, fabric_factor, stress_exponent);
+  }
+  if (law == i_threshold_stress()) {
+    return stress_above(stress, law_stress);
+  }
+  return stress;
+}
+
+/**
+ * Strain rate of the dashpot, 1/s.
+ *
+ * @param stress Pa
+ * @param grain_size m
+ * @param parameter in the order of physics/parameters.stan
+ * @param temperature true one, K
+ */
+real dashpot_rate_at(real stress, real grain_size, real fabric_factor, vector parameter,
+                     real temperature) {
+  int law = dashpot_law(parameter);
+  real n = parameter[i_stress_exponent()];
+  return dashpot_strain_rate(equivalent_stress(stress, law, law > 0 ? parameter[law] : 0,
+                                               fabric_factor, n),
+                             grain_size, fabric_factor, n, parameter[i_grain_size_exponent()],
+                             log_rate_factor(parameter[i_activation_enthalpy()],
+                                             parameter[i_beta()], temperature));
+}

@@ -127,10 +127,7 @@ def _add_attenuation_options(command: argparse.ArgumentParser) -> None:
 def with_default(arguments: Sequence[str]) -> list[str]:
     """Return the arguments of the command with what is predicted, a test where nothing is said.
 
-    Raises
-    ------
-    InputError
-        If there is one alone, which is neither a run nor a prediction.
+    Raise InputError if there is one alone, which is neither a run nor a prediction.
     """
     named = arguments[:1] and arguments[0] in (TEST, ATTENUATION, "-h", "--help")
     if named or not arguments:

@@ -57,18 +57,8 @@ def flush_to_disk(path: Path) -> None:
 def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
     """Let `write` fill a temporary file beside `path`, then rename it over `path`.
 
-    Parameters
-    ----------
-    path : Path
-        Final name; its folder must exist. The temporary name keeps the suffix, which some
-        writers look at.
-    write : callable
-        Receives the temporary path.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written; names `path`.
+    The folder of `path` must exist. The temporary name keeps the suffix, which some writers look
+    at. Raise OSError, which names `path`, if the file cannot be written.
     """
     temporary = path.with_name(f"{UNFINISHED}{uuid.uuid4().hex}{path.suffix}")
     try:

@@ -25,15 +25,7 @@ def all_draws(values: xr.DataArray) -> FloatArray:
 
 
 def evenly_spaced(rows: npt.NDArray[Number], at_most: int) -> npt.NDArray[Number]:
-    """Thin rows at a fixed stride to a number that can be drawn.
-
-    Parameters
-    ----------
-    rows : array, shape (n, ...)
-        What is thinned along its first axis.
-    at_most : int
-        Rows to keep, at most.
-    """
+    """Thin rows, shape (n, ...), at a fixed stride: `at_most` rows at most, which can be drawn."""
     kept = min(len(rows), at_most)
     thinned: npt.NDArray[Number] = rows[np.arange(kept) * len(rows) // max(kept, 1)]
     return thinned
@@ -42,10 +34,7 @@ def evenly_spaced(rows: npt.NDArray[Number], at_most: int) -> npt.NDArray[Number
 def central_band(draws: FloatArray) -> FloatArray:
     """Lower end, median and upper end of the central 90 % of draws, shape (3, ...).
 
-    Parameters
-    ----------
-    draws : array, shape (n, ...)
-        NaN, which draws without solution have, does not count.
+    Draws have shape (n, ...). NaN, which draws without solution have, does not count.
     """
     ends: FloatArray = np.nanquantile(draws, [TAIL, 0.5, 1.0 - TAIL], axis=0)
     return ends

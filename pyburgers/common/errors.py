@@ -37,12 +37,8 @@ class InputError(PyburgersError):
 class StructureError(InputError):
     """Keys of a file are missing, unknown, or hold something of another type.
 
-    Parameters
-    ----------
-    *sentences : str
-        One for each key.
-    faults : sequence of (tuple, bool)
-        Where each key is, and whether it is unknown there.
+    Each key has one of `sentences`. `faults` say where each key is, and whether it is unknown
+    there.
     """
 
     def __init__(
@@ -67,10 +63,7 @@ class SystemFailureError(PyburgersError):
 def all_of(*steps: Callable[[], Any]) -> list[Any]:
     """Take steps that do not need each other; return what they return.
 
-    Raises
-    ------
-    InputError
-        If steps raise it: one with what all of them say.
+    Raise one InputError with what all of them say if steps raise it.
     """
     found, sentences = [], list[str]()
     for step in steps:

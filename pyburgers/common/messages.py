@@ -10,13 +10,7 @@ PACKAGE = "pyburgers"
 
 
 class NamedLines(logging.Formatter):
-    """Bare messages, with a name before each line.
-
-    Parameters
-    ----------
-    name : str
-        Who speaks.
-    """
+    """Bare messages, with the name of who speaks before each line."""
 
     def __init__(self, name: str) -> None:
         super().__init__()
@@ -29,15 +23,7 @@ class NamedLines(logging.Formatter):
 
 @contextmanager
 def messages_to(stream: TextIO, name: str | None = None) -> Iterator[None]:
-    """Write the package's messages to a stream, one below the other.
-
-    Parameters
-    ----------
-    stream : file object
-        Where they go.
-    name : str, optional
-        What stands before each line.
-    """
+    """Write the package's messages to a stream, one below the other, `name` before each line."""
     package = logging.getLogger(PACKAGE)
     handler = logging.StreamHandler(stream)
     if name is not None:

@@ -9,18 +9,9 @@ FloatArray = npt.NDArray[np.float64]
 def distances_from_neighbours(at: FloatArray, value: FloatArray) -> FloatArray:
     """Distance of each reading from the line through its two neighbours.
 
-    Independent errors of the readings make distances with their own standard deviation.
-
-    Parameters
-    ----------
-    at : array, shape (n,)
-        Positions of the readings, not decreasing.
-    value : array, shape (..., n)
-
-    Returns
-    -------
-    array, shape (..., at most n - 2)
-        Readings between two neighbours at one position are left out.
+    Positions `at`, shape (n,), do not decrease; `value` has shape (..., n), the distances (..., at
+    most n - 2). Readings between two neighbours at one position are left out. Independent errors of
+    the readings make distances with their own standard deviation.
     """
     span = at[2:] - at[:-2]
     kept = span > 0

@@ -19,21 +19,10 @@ _ONE_AT_A_TIME = Lock()
 def write_netcdf(
     path: Path, tree: xr.DataTree, encoding: Mapping[str, Mapping[Any, Any]] | None = None
 ) -> None:
-    """Write labelled arrays in one step.
+    """Write labelled arrays in one step to `path`, whose folder must exist.
 
-    Parameters
-    ----------
-    path : Path
-        The file; its folder must exist.
-    tree : DataTree
-        What to write.
-    encoding : mapping, optional
-        How to write variables, by group and name, as xarray takes it.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
+    `encoding` says how to write variables, by group and name, as xarray takes it. Raise OSError if
+    the file cannot be written.
     """
     # In memory first: where the disk is full, HDF5 brings the process down.
     with _ONE_AT_A_TIME:

@@ -8,26 +8,16 @@ from pathlib import Path
 def given_path(path: str | Path) -> Path:
     """Return the absolute path that a user means: ``~`` at its start is the home folder.
 
-    Every path of a command line, and every argument that is a path, comes through here before it
-    is used. Some libraries take ``~`` as the home folder and others do not: an absolute path means
-    one place to all of them, also after the process has changed its folder.
-
-    Parameters
-    ----------
-    path : str or Path
-        As it was given. The home of a user who is not known stays as it is.
+    Every path of a command line, and every argument that is a path, comes through here before it is
+    used. Some libraries take ``~`` as the home folder and others do not. An absolute path means one
+    place to all of them, also after the process has changed its folder. The home of a user who is
+    not known stays as it is.
     """
     return Path(os.path.expanduser(path)).absolute()  # noqa: PTH111 - pathlib's refuses unknown users
 
 
 def shown(text: object) -> str:
-    """Return a text in which paths below the working folder are relative to it.
-
-    Parameters
-    ----------
-    text : object
-        A path, or a message with paths.
-    """
+    """Return a path, or a message, in which paths below the working folder are relative to it."""
     try:
         here = re.escape(str(Path.cwd()))
     except FileNotFoundError:  # it was removed: nothing lies below it

@@ -5,17 +5,9 @@ from pathlib import Path
 
 
 def shipped_folder(name: str) -> Path:
-    """Return a folder that comes with the package: inside it in a wheel, beside it in a checkout.
+    """Return ``data`` or ``stan`` of the package: inside it in a wheel, beside it in a checkout.
 
-    Parameters
-    ----------
-    name : str
-        ``"data"`` or ``"stan"``.
-
-    Returns
-    -------
-    Path
-        Where neither is there, that of a checkout.
+    If neither is there, return that of a checkout.
     """
     package = Path(str(importlib.resources.files("pyburgers")))
     inside = package / name

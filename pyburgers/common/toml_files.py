@@ -46,17 +46,8 @@ _DEEP_KEY = re.compile(rf"(?<![\w-])(?:{_PART}){{{DEEPEST}}}")
 def read_bytes(path: Path, where: str | None = None) -> bytes:
     """Return the bytes of an input file.
 
-    Parameters
-    ----------
-    path : Path
-        File to read.
-    where : str, optional
-        File and key that name `path`, for the message.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or unreadable.
+    Raise InputError if the file is missing or unreadable. In the message, `where` is the file and
+    key that name `path`.
     """
     prefix = f"{where}: " if where else ""
     try:
@@ -76,10 +67,7 @@ def read_bytes(path: Path, where: str | None = None) -> bytes:
 def read_text(path: Path) -> str:
     """Return the text of an input file: UTF-8 with or without byte order mark.
 
-    Raises
-    ------
-    InputError
-        If the file is missing, unreadable or not text.
+    Raise InputError if the file is missing, unreadable or not text.
     """
     try:
         return read_bytes(path).decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
@@ -90,11 +78,8 @@ def read_text(path: Path) -> str:
 def read_toml(path: Path, structure: type[TableT]) -> TableT:
     """Read a TOML file into `structure`.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is not TOML, or does not have the structure; a sentence for
-        each key at fault, unknown keys before all others.
+    Raise InputError if the file cannot be read, is not TOML, or does not have the structure. The
+    error has a sentence for each key at fault, unknown keys before all others.
     """
     return checked(path, read_tables(path), structure)
 
@@ -102,11 +87,8 @@ def read_toml(path: Path, structure: type[TableT]) -> TableT:
 def read_tables(path: Path) -> dict[str, Any]:
     """Read a TOML file, whatever it holds.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read or is not TOML; of a file with another ending, which command
-        writes an experiment file for its readings.
+    Raise InputError if the file cannot be read or is not TOML. If the file has another ending, the
+    message says which command writes an experiment file for its readings.
     """
     try:
         return _tables(path)
@@ -133,10 +115,8 @@ def _tables(path: Path) -> dict[str, Any]:
 def read_json(path: Path) -> dict[str, Any]:
     """Read a JSON object from a file.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is not JSON, or holds something else than an object.
+    Raise InputError if the file cannot be read, is not JSON, or holds something else than an
+    object.
     """
     text = read_text(path)
     try:
@@ -151,10 +131,7 @@ def read_json(path: Path) -> dict[str, Any]:
 def read_json_table(path: Path, structure: type[TableT]) -> TableT:
     """Read a JSON object from a file into `structure`.
 
-    Raises
-    ------
-    InputError
-        As `read_json`, or if the object does not have the structure.
+    Raise InputError as `read_json` does, or if the object does not have the structure.
     """
     return checked(path, read_json(path), structure)
 
@@ -162,10 +139,8 @@ def read_json_table(path: Path, structure: type[TableT]) -> TableT:
 def checked(path: Path, table: Mapping[str, Any], structure: type[TableT]) -> TableT:
     """Return the contents of a file as `structure`.
 
-    Raises
-    ------
-    StructureError
-        If they do not have it; a sentence for each key at fault, unknown keys before all others.
+    Raise StructureError if they do not have it: a sentence for each key at fault, unknown keys
+    before all others.
     """
     try:
         return structure.model_validate(table)

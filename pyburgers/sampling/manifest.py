@@ -142,14 +142,10 @@ class FitManifest(RunManifest):
 class ChainFailure:
     """A chain that did not finish.
 
-    Attributes
-    ----------
-    chain : int
-        Identifier.
-    reason : str
-        What ended it, where, and what to try, as one sentence.
-    by_system : bool
-        Whether the system killed it or the disk was full: another try may end well.
+    `chain`: its identifier.
+    `reason`: one sentence on what ended it, where, and what to try.
+    `by_system`: whether the system killed it or the disk was full, so that another try may end
+        well.
     """
 
     chain: int

@@ -13,12 +13,8 @@ def log_slowdown(
 ) -> FloatArray:
     """Return (Q/R)(1/T - 1/T_0): by what ln(time) grows, and ln(rate) falls, from T_0 to T.
 
-    Parameters
-    ----------
-    enthalpy : float or array
-        Q, J/mol.
-    temperature, reference : float or array
-        T and T_0, K; all three are broadcast against each other.
+    Q is the `enthalpy` in J/mol, T the `temperature` and T_0 the `reference` in K; all three are
+    broadcast against each other.
     """
     colder = 1 / np.asarray(temperature) - 1 / np.asarray(reference)
     slower: FloatArray = np.asarray(enthalpy) / GAS_CONSTANT * colder

@@ -48,16 +48,10 @@ def time_unit(longest: float) -> tuple[str, float]:
 class Quantity:
     """A quantity along which, or of which, tests of a protocol are.
 
-    Attributes
-    ----------
-    name : str
-        Name of its dimension or variable in draws.
-    column : str
-        Its column in tables of solutions and points.
-    si_unit, display_unit : str
-        Of stored values, and of figures and tables.
-    display_factor : float
-        From the one to the other.
+    `name`: name of its dimension or variable in draws.
+    `column`: its column in tables of solutions and points.
+    `si_unit`, `display_unit`: of stored values, and of figures and tables.
+    `display_factor`: from the one to the other.
     """
 
     name: str

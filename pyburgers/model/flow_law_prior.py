@@ -38,17 +38,7 @@ MOMENT_DRAWS = 20_000
 
 @dataclass(frozen=True)
 class Conditions:
-    """Where on the flow law a point lies.
-
-    Attributes
-    ----------
-    temperature : float
-        Kelvin.
-    stress : float
-        Differential stress (Pa).
-    grain_size : float
-        Mean grain size (m).
-    """
+    """A point of a flow law: temperature (K), differential stress (Pa), mean grain size (m)."""
 
     temperature: float
     stress: float
@@ -59,10 +49,8 @@ class Conditions:
 class PeakTest:
     """The peak of a test at constant strain rate.
 
-    Attributes
-    ----------
-    strain_rate, stress, temperature, grain_size : float
-        1/s imposed, Pa at the peak, K, m at the start.
+    It has the imposed rate (1/s), the stress at the peak (Pa), the temperature (K), and the grain
+    size at the start (m).
     """
 
     strain_rate: float
@@ -93,25 +81,14 @@ class PeakTest:
 class FlowLawPrior:
     """A multivariate normal of a flow law, for fits of other data of the same material.
 
-    Attributes
-    ----------
-    quantities : tuple of str
-        `PRIOR_QUANTITIES`: n, p, ln(flow rate s) at the conditions, beta (mol/J). The activation
-        enthalpy follows from them.
-    mean : array, shape (4,)
-        Of the quantities.
-    covariance : array, shape (4, 4)
-        Of the quantities.
-    conditions : Conditions
-        Where the flow rate holds.
-    material : str
-        What the flow law is of.
-    source : str
-        What it was fitted to.
-    tests : tuple of PeakTest
-        The same, test by test: none of them may be fitted with this prior.
-    read_off : tuple of str
-        Words in the id, source or DOI of other data that the flow law was read off.
+    `quantities`: `PRIOR_QUANTITIES`: n, p, ln(flow rate s) at the conditions, beta (mol/J). The
+        activation enthalpy follows from them.
+    `mean`, `covariance`: of the quantities, shapes (4,) and (4, 4).
+    `conditions`: where the flow rate holds.
+    `material`: what the flow law is of.
+    `source`: what it was fitted to.
+    `tests`: the same, test by test: none of them may be fitted with this prior.
+    `read_off`: words in the id, source or DOI of other data that the flow law was read off.
     """
 
     quantities: tuple[str, ...]
@@ -131,17 +108,9 @@ class FlowLawPrior:
         )
 
     def checked(self, where: str) -> Self:
-        """Return the prior if it is a distribution of the quantities.
+        """Return the prior, or raise InputError if it is no distribution of the quantities.
 
-        Parameters
-        ----------
-        where : str
-            File, for messages.
-
-        Raises
-        ------
-        InputError
-            If it is not.
+        In the message, `where` is the file.
         """
         size = len(PRIOR_QUANTITIES)
         if self.mean.shape != (size,) or self.covariance.shape != (size, size):
@@ -196,10 +165,7 @@ class FlowLawPrior:
     def log_flow_rate(self, values: Mapping[str, npt.ArrayLike]) -> FloatArray:
         """ln(flow rate s) at the conditions: `log_flow_rate` of the Stan functions.
 
-        Parameters
-        ----------
-        values : mapping
-            n, p, Q_M (J/mol) and beta (mol/J) by name, of any shape.
+        The values are n, p, Q_M (J/mol) and beta (mol/J) by name, of any shape.
         """
         at = self.conditions
         arrhenius = np.asarray(values["beta"]) - 1 / (GAS_CONSTANT * at.temperature)
@@ -213,10 +179,7 @@ class FlowLawPrior:
     def scores(self, values: Mapping[str, npt.ArrayLike]) -> FloatArray:
         """Independent standard normal scores of n, p, Q_M and beta, along the last axis.
 
-        Parameters
-        ----------
-        values : mapping
-            As for `log_flow_rate`.
+        The values are those of `log_flow_rate`.
         """
         found = {**values, "log_reference_flow_rate": self.log_flow_rate(values)}
         beside = np.stack([np.asarray(found[name]) for name in self.quantities], axis=-1)
@@ -226,10 +189,7 @@ class FlowLawPrior:
     def log_density(self, values: Mapping[str, npt.ArrayLike]) -> FloatArray:
         """Log density of n, p, Q_M and beta: `flow_law_prior_log_density` of the Stan functions.
 
-        Parameters
-        ----------
-        values : mapping
-            n, p, Q_M (J/mol) and beta (mol/J) by name, of any shape.
+        The values are those of `log_flow_rate`.
         """
         scores = self.scores(values)
         slope = 1 / (GAS_CONSTANT * self.conditions.temperature) - np.asarray(values["beta"])
@@ -250,16 +210,8 @@ class FlowLawPrior:
     ) -> FloatArray:
         """Q_M (J/mol) from the quantities: `activation_enthalpy_from_flow` of the Stan functions.
 
-        Outside Stan because priors are drawn from without a compiled program.
-
-        Parameters
-        ----------
-        stress_exponent, grain_size_exponent : float or array
-            n and p.
-        log_rate : float or array
-            ln(flow rate s) at `conditions`.
-        beta : float or array
-            mol/J; all four are broadcast against each other.
+        The arguments are n, p, ln(flow rate s) at `conditions`, and beta (mol/J), broadcast against
+        each other. It stands outside Stan because priors are drawn from without a compiled program.
         """
         at = self.conditions
         log_factor = (
@@ -292,10 +244,7 @@ class FlowLawPrior:
     def load(cls, path: str | Path) -> "FlowLawPrior":
         """Read what `save` wrote.
 
-        Raises
-        ------
-        InputError
-            If the file cannot be read or is not such a prior.
+        Raise InputError if the file cannot be read or is not such a prior.
         """
         content = read_json(given_path(path))
         try:
@@ -337,10 +286,7 @@ class FlowLawTable(Table):
     def flow_law_prior(self, material: str, where: str) -> FlowLawPrior:
         """Return the flow law of a material, checked; `where` is the file in messages.
 
-        Raises
-        ------
-        InputError
-            If its numbers are no flow law.
+        Raise InputError if its numbers are no flow law.
         """
         if len({len(row) for row in self.covariance}) > 1:
             raise InputError(
@@ -371,10 +317,7 @@ def _is_covariance(matrix: FloatArray) -> bool:
 def load_flow_law_of_run(directory: Path) -> FlowLawPrior:
     """Read the flow law that a fit to peak stresses left in its run directory.
 
-    Raises
-    ------
-    InputError
-        If the directory is not such a run, or a part of its flow law was fixed.
+    Raise InputError if the directory is not such a run, or a part of its flow law was fixed.
     """
     file = directory / FLOW_LAW_PRIOR_FILE
     if not file.is_file():

@@ -26,21 +26,11 @@ what is left is below 1e-4 of the creep and of the compliance, for any exponent.
 
 
 def band_elements(log_width: float, error: float) -> tuple[FloatArray, FloatArray]:
-    """Return elements that stand for a band of relaxation times.
+    """Return elements that stand for a band of relaxation times: `place` and `weight`, shapes (n,).
 
-    Parameters
-    ----------
-    log_width : float
-        ln(longest/shortest relaxation time) of the widest band.
-    error : float
-        Of the complex compliance, relative to the relaxed one.
-
-    Returns
-    -------
-    place : array, shape (n,)
-        Of each element in the band: 0 at the shortest, 1 at the longest ln(t).
-    weight : array, shape (n,)
-        Of the density there, per unit of `place`.
+    `log_width` is ln(longest/shortest relaxation time) of the widest band. `error` is that of the
+    complex compliance, relative to the relaxed one. `place` is 0 at the shortest and 1 at the
+    longest ln(t); `weight` is the density there, per unit of `place`.
     """
     distance = 2 * _POLE / max(log_width, 1.0)
     convergence = distance + math.hypot(1.0, distance)
@@ -50,21 +40,11 @@ def band_elements(log_width: float, error: float) -> tuple[FloatArray, FloatArra
 
 
 def peak_elements(width: float, error: float) -> tuple[FloatArray, FloatArray]:
-    """Return elements that stand for a log-normal peak of relaxation times.
+    """Return elements that stand for a log-normal peak: `place` and `weight`, shapes (n,).
 
-    Parameters
-    ----------
-    width : float
-        Standard deviation of ln(t) of the widest peak; 0 is one element.
-    error : float
-        As for `band_elements`.
-
-    Returns
-    -------
-    place : array, shape (n,)
-        Of each element, in standard deviations of ln(t) from the middle of the peak.
-    weight : array, shape (n,)
-        Its share of the peak's relaxed compliance.
+    `width` is the standard deviation of ln(t) of the widest peak; 0 is one element. `error` is that
+    of `band_elements`. `place` is in standard deviations of ln(t) from the middle of the peak.
+    `weight` is the share of the peak's relaxed compliance.
     """
     if width == 0:
         return np.zeros(1), np.ones(1)
@@ -82,21 +62,10 @@ def andrade_elements(
 ) -> tuple[FloatArray, FloatArray]:
     """Return elements that stand for the relaxation times of Andrade creep that a test tells apart.
 
-    Times go on beyond both ends (`stan/protocols/loading_history_rates.stan`).
-
-    Parameters
-    ----------
-    log_shortest, log_longest : float
-        ln of the times (s) between which creep counts.
-    error : float
-        As for `band_elements`, relative to the creep.
-
-    Returns
-    -------
-    log_time : array, shape (n,)
-        Of each element, ln(t/s), increasing; the first and the last one are the ends.
-    weight : array, shape (n,)
-        Of the density over ln(t) there; 0 at the ends.
+    Creep counts between times (s) with the logarithms `log_shortest` and `log_longest`. Times go on
+    beyond both ends (`stan/protocols/loading_history_rates.stan`). `error` is that of
+    `band_elements`, relative to the creep. Return ln(t/s), increasing from the one end to the
+    other, and the weights of the density over ln(t) there, 0 at the ends. Both have shape (n,).
     """
     start, end = log_shortest - ANDRADE_MARGIN, log_longest + ANDRADE_MARGIN
     place, weight = band_elements(end - start, error)

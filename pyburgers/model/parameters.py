@@ -15,21 +15,13 @@ from pyburgers.common.units import UNITS
 class Parameter:
     """One parameter of the model.
 
-    Attributes
-    ----------
-    name : str
-        Name in files, draws and tables.
-    symbol : str
-        The paper's symbol as matplotlib mathtext, without dollar signs.
-    label : str
-        Plain words for tables and axes.
-    quantity : str
-        Physical quantity, a key of `pyburgers.common.units.UNITS`.
-    si_unit, display_unit : str
-        Unit of stored values and unit of figures and tables.
-    standard : float or None
-        SI value of a parameter of a variant where nothing is said about it: the value that leaves
-        it without effect. None for parameters that always have to be given.
+    `name`: name in files, draws and tables.
+    `symbol`: the paper's symbol as matplotlib mathtext, without dollar signs.
+    `label`: plain words for tables and axes.
+    `quantity`: physical quantity, a key of `pyburgers.common.units.UNITS`.
+    `si_unit`, `display_unit`: unit of stored values, and unit of figures and tables.
+    `standard`: SI value of a parameter of a variant where nothing is said about it: the value that
+        leaves it without effect. None for parameters that always have to be given.
     """
 
     name: str

@@ -50,15 +50,11 @@ curve of their test, and their pooling would fold the posterior (docs/joint.md).
 class Pooling:
     """How the tests of a joint fit hang together.
 
-    Attributes
-    ----------
-    kinds : mapping of str to {"shared", "partial", "separate"}
-        Every parameter that can be inferred but for `CONDITIONS`, whose tests are said by what they
-        were made with. "shared": one value for all tests; "partial": a value
-        for each, normal around a common centre on the real line behind the parameter's bounds;
-        "separate": values that know nothing of each other.
-    spread_scales : mapping of str to float
-        Scale of the half-normal prior of the spread of each "partial" parameter.
+    `kinds`: by name, every parameter that can be inferred but for `CONDITIONS`, whose tests are
+        said by what they were made with. "shared" is one value for all tests. "partial" is a value
+        for each, normal around a common centre on the real line behind the parameter's bounds.
+        "separate" values know nothing of each other.
+    `spread_scales`: scale of the half-normal prior of the spread of each "partial" parameter.
     """
 
     kinds: Mapping[str, Kind]
@@ -80,16 +76,9 @@ SEPARATE = Pooling(MappingProxyType(dict.fromkeys(DEFAULT_KINDS, "separate")), M
 def pooling_of(options: Mapping[str, str] | None = None) -> Pooling:
     """Return the defaults with some parameters pooled in another way.
 
-    Parameters
-    ----------
-    options : mapping of str to str, optional
-        By parameter, or by "all" for every one that is not named: "shared", "partial",
-        "partial:SCALE" with the scale of the spread's prior, or "separate".
-
-    Raises
-    ------
-    InputError
-        If a parameter or a way is unknown, or a scale is not above 0 and at most 10.
+    Options are by parameter, or by "all" for every one that is not named: "shared", "partial",
+    "partial:SCALE" with the scale of the spread's prior, or "separate". Raise InputError if a
+    parameter or a way is unknown, or a scale is not above 0 and at most 10.
     """
     options = options or {}
     for name in options:
@@ -123,10 +112,7 @@ def pooling_from(record: Mapping[str, Any]) -> Pooling:
 def parse_pooling(options: Sequence[str]) -> dict[str, str]:
     """Read options of the form NAME=KIND for `pooling_of`.
 
-    Raises
-    ------
-    InputError
-        If one has another form or a name stands twice.
+    Raise InputError if one has another form or a name stands twice.
     """
     found: dict[str, str] = {}
     for option in options:

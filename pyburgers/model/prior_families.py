@@ -237,15 +237,7 @@ class Prior:
 def normal_scores(
     law: "rv_continuous_frozen[Any, Any]", values: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
-    """Map values to a scale on which a distribution is standard normal.
-
-    Parameters
-    ----------
-    law : frozen distribution of `scipy.stats`
-        Continuous.
-    values : array
-        In the unit of the distribution.
-    """
+    """Map values, in the unit of a continuous `law`, to a scale on which it is standard normal."""
     below, above = law.logcdf(values), law.logsf(values)
     scores = np.where(below < above, ndtri_exp(below), -ndtri_exp(above))
     return np.where(np.isinf(scores), np.sign(scores) * SCORE_AT_BOUND, scores)
@@ -275,10 +267,8 @@ class PriorTable(Table):
 def load_prior(path: Path, parameter: Parameter, table: PriorTable) -> Prior:
     """Check the table of a parameter and convert it to SI.
 
-    Raises
-    ------
-    InputError
-        If a key, a unit or a number is not what it has to be; `path` is the file in the message.
+    Raise InputError if a key, a unit or a number is not what it has to be; the message names the
+    file `path`.
     """
     where = f"{path}: [parameters.{parameter.name}]"
     numbers = table.numbers()
@@ -366,17 +356,8 @@ def _check_prior(where: str, prior: Prior) -> None:
 def check_beta(where: str, prior: Prior) -> None:
     """Refuse the sign of beta that Table 1 of the paper prints for ice.
 
-    Parameters
-    ----------
-    where : str
-        File and table, for the message.
-    prior : Prior
-        Of beta, for a power-law dashpot: A of a linear one, in 1/(Pa s), may well exceed 1.
-
-    Raises
-    ------
-    InputError
-        If beta is not negative.
+    Raise InputError if beta is not negative. The prior is of beta of a power-law dashpot: A of a
+    linear one, in 1/(Pa s), may well exceed 1. In the message, `where` is the file and table.
     """
     if prior.location < 0:
         return

@@ -271,15 +271,8 @@ def save_priors(
 ) -> None:
     """Write a prior file in SI units; `load_priors` reads back an equal set.
 
-    Parameters
-    ----------
-    priors : PriorSet
-        What to write.
-    path : Path
-        The TOML file; its folder must exist.
-    parameters : sequence of Parameter
-        In their order; those that the set does not give are left out. Conditions are in the files
-        of the tests.
+    The folder of `path` must exist. Parameters that the set does not give are left out, and the
+    others keep their order. Conditions are in the files of the tests.
     """
     tables = {}
     for parameter in parameters:
@@ -332,21 +325,11 @@ def _kinds_of_test() -> list[str]:
 
 
 def shipped_prior_file(material: str, folder: str = ".", *, of: str = "") -> Path:
-    """Return the prior file that comes with the package for a material.
+    """Return the prior file that comes with the package for a material, such as ``"ice"``.
 
-    Parameters
-    ----------
-    material : str
-        For example ``"ice"``.
-    folder : str
-        Folder inside that of the priors.
-    of : str
-        What the priors are for, as the error message puts it after "no default priors".
-
-    Raises
-    ------
-    InputError
-        If there is none; the message names the materials that have one.
+    `folder` is inside that of the priors. Raise InputError if there is none; the message names the
+    materials that have one. In the message, `of` after "no default priors" says what the priors are
+    for.
     """
     files = shipped_prior_files(folder)
     if material not in files:

@@ -35,12 +35,8 @@ RELAXATION_PARAMETERS = (
 class KelvinPart:
     """The Kelvin part at one temperature and grain size.
 
-    Attributes
-    ----------
-    longest_time : array, shape of the draws
-        tau = eta_K/E_K there, s.
-    values : mapping of str to array, shape of the draws
-        Moduli and the parameters of its law (SI).
+    `longest_time`: tau = eta_K/E_K there, s, with the shape of the draws.
+    `values`: moduli and the parameters of its law (SI) by name, with the shape of the draws.
     """
 
     longest_time: FloatArray
@@ -79,12 +75,9 @@ class KelvinPart:
                 yield middle * np.exp(spread * place), share * strength / values["maxwell_modulus"]
 
     def compliance(self, angular_frequency: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return storage and loss compliance (1/Pa).
+        """Return storage and loss compliance (1/Pa) at angular frequencies (rad/s).
 
-        Parameters
-        ----------
-        angular_frequency : array
-            rad/s; broadcast against draws with one dimension more at the end.
+        Frequencies are broadcast against draws with one dimension more at the end.
         """
         if self._is_andrade:
             exponent = self.values["andrade_exponent"][..., np.newaxis]
@@ -102,16 +95,8 @@ class KelvinPart:
     def spectrum(self, log_time: FloatArray) -> FloatArray:
         """Return the density of the compliance over ln of the relaxation time, 1/Pa.
 
-        Elements of one time, which have no density, are left out.
-
-        Parameters
-        ----------
-        log_time : array, shape (n,)
-            ln(time / s).
-
-        Returns
-        -------
-        array, shape of the draws and (n,)
+        It has the shape of the draws and then (n,), that of `log_time`, ln(time / s). Elements of
+        one time, which have no density, are left out.
         """
         values = {name: own[..., np.newaxis] for name, own in self.values.items()}
         compliance = 1 / values["kelvin_modulus"]
@@ -153,21 +138,10 @@ class KelvinPart:
 def kelvin_part(
     parameters: Mapping[str, npt.ArrayLike], temperature: float, grain_size: FloatArray
 ) -> KelvinPart:
-    """Return the Kelvin part of draws at a temperature (K) and grain size (m).
+    """Return the Kelvin part of draws at a temperature (K) and grain size (m, shape of the draws).
 
-    Parameters
-    ----------
-    parameters : mapping of str to array
-        Moduli and viscosity (SI), and `RELAXATION_PARAMETERS` where they have an effect.
-    temperature : float
-        K.
-    grain_size : array, shape of the draws
-        m.
-
-    Raises
-    ------
-    InputError
-        If the dashpot is a power law, which has no compliance.
+    `parameters` are moduli and viscosity (SI), and `RELAXATION_PARAMETERS` where they have an
+    effect. Raise InputError if the dashpot is a power law, which has no compliance.
     """
     shape = grain_size.shape
     values = {
@@ -198,10 +172,8 @@ def kelvin_part(
 def require_one_relaxation_time(parameters: Mapping[str, npt.ArrayLike]) -> None:
     """Refuse laws that are not solved in time under imposed stress.
 
-    Raises
-    ------
-    InputError
-        If the Kelvin part has many relaxation times, or one that depends on grain size.
+    Raise InputError if the Kelvin part has many relaxation times, or one that depends on grain
+    size.
     """
     for name in (
         "relaxation_time_decades",

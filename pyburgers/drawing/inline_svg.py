@@ -59,16 +59,11 @@ _BETWEEN = re.compile(r">\s+<")
 class InlineSvg:
     """A picture as a part of a page.
 
-    Attributes
-    ----------
-    width, height : float
-        Its size in points.
-    content : str
-        What stands inside the svg element, without letters.
-    glyphs : mapping of str to str
-        Path elements of the letters it uses, by id; those of several pictures have the same ids.
-    colours : frozenset of str
-        Six digits of colours that the page has no name for; they stand as ``--c-DIGITS``.
+    `width`, `height`: its size in points.
+    `content`: what stands inside the svg element, without letters.
+    `glyphs`: path elements of the letters it uses, by id; those of several pictures have the same
+        ids.
+    `colours`: six digits of colours that the page has no name for; they stand as ``--c-DIGITS``.
     """
 
     width: float
@@ -81,17 +76,8 @@ class InlineSvg:
 def inline_svg(picture: str, key: str) -> InlineSvg:
     """Make a part of a page of a picture whose letters are paths (`pyburgers.drawing.style.image`).
 
-    Parameters
-    ----------
-    picture : str
-        What matplotlib wrote.
-    key : str
-        What the ids of this picture begin with, unique on the page.
-
-    Raises
-    ------
-    ValueError
-        If it is not such a picture.
+    `picture` is what matplotlib wrote; the ids of the part begin with `key`, unique on the page.
+    Raise ValueError if it is not such a picture.
     """
     found = _ROOT.fullmatch(_DROPPED.sub("", picture).strip())
     if found is None:
@@ -131,10 +117,7 @@ def dark_colours(pictures: Iterable[InlineSvg]) -> dict[str, str]:
 def on_dark(digits: str) -> str:
     """Return a colour of the same hue whose contrast with the dark ground is that with white.
 
-    Parameters
-    ----------
-    digits : str
-        Red, green and blue, two hexadecimal digits each.
+    Its `digits` are two hexadecimal ones each of red, green and blue.
     """
     coded = np.array([int(digits[k : k + 2], 16) / 255 for k in (0, 2, 4)])
     linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)

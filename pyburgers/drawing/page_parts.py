@@ -15,14 +15,9 @@ Fitted = TypeVar("Fitted")
 class FigureText:
     """What a page says about a figure.
 
-    Attributes
-    ----------
-    name : str
-        Part of file names.
-    title : str
-        Heading.
-    caption : str
-        What is shown and how to read it, one paragraph.
+    `name`: part of file names.
+    `title`: heading.
+    `caption`: what is shown and how to read it, one paragraph.
     """
 
     name: str
@@ -34,16 +29,11 @@ class FigureText:
 class FigureRecipe(FigureText, Generic[Fitted]):
     """A figure of the fits of a kind.
 
-    Attributes
-    ----------
-    draw : callable
-        Draws it for a fit.
-    result : callable
-        Says in a sentence what it shows of a fit, for those who cannot see it.
-    suits : callable
-        Whether a fit has anything to show; by default every one has.
-    on_every_page : bool
-        Whether the section of every such fit holds it; else it is drawn where it is asked for.
+    `draw`: draws it for a fit.
+    `result`: says in a sentence what it shows of a fit, for those who cannot see it.
+    `suits`: whether a fit has anything to show; by default every one has.
+    `on_every_page`: whether the section of every such fit holds it; else it is drawn where it is
+        asked for.
     """
 
     draw: Callable[[Fitted], Figure]

@@ -22,20 +22,13 @@ from pyburgers.protocols.protocol import NAMES, FittedTest
 class View:
     """How the page shows a kind of test.
 
-    Attributes
-    ----------
-    figures : tuple of FigureRecipe
-        Figures of a fit beside those of its posterior, the curve first.
-    curve : callable
-        Returns the response of a fitted test along its clock, measured and as the fit has it.
-    facts : callable
-        Returns what the page says about a test: names and values.
-    reference_text : Markup
-        What the page says about the kind's `Protocol.reference`.
-    tables : callable
-        Returns tables of a fit beside those that every fit has.
-    joint_figures : callable
-        Returns figures of the tests of a joint fit beside those that every joint fit has.
+    `figures`: figures of a fit beside those of its posterior, the curve first.
+    `curve`: returns the response of a fitted test along its clock, measured and as the fit has it.
+    `facts`: returns what the page says about a test: names and values.
+    `reference_text`: what the page says about the kind's `Protocol.reference`.
+    `tables`: returns tables of a fit beside those that every fit has.
+    `joint_figures`: returns figures of the tests of a joint fit beside those that every joint fit
+        has.
     """
 
     figures: tuple[FigureRecipe[FittedTest], ...]

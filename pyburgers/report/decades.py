@@ -96,16 +96,10 @@ class PriorOfLogarithm:
 class ShownDraws:
     """What panels show of a quantity.
 
-    Attributes
-    ----------
-    quantity : Parameter
-        Symbol and units.
-    draws : DataArray, dimensions chain and draw
-        SI units.
-    prior : Prior, PriorOfLogarithm or None
-        None of what follows from other parameters.
-    truth : float or None
-        Its value in synthetic data (SI units).
+    `quantity`: symbol and units.
+    `draws`: dimensions chain and draw, SI units.
+    `prior`: None of what follows from other parameters.
+    `truth`: its value in synthetic data (SI units), else None.
     """
 
     quantity: Parameter

@@ -37,28 +37,16 @@ DOUBTFUL = (Origin.PRIOR, Origin.CONFLICT, Origin.BOUND, Origin.CANNOT_TELL)
 class Section:
     """What the page says about one fit.
 
-    Attributes
-    ----------
-    key : str
-        Name of its files and its anchor, unique on the page.
-    name : str
-        How the page calls it.
-    fit : Fit
-        The fit.
-    entry : Entry
-        What the top of the page says about it.
-    parameters, priors, sampler : DataFrame
-        Tables as text.
-    fixed : tuple of dict
-        What is not inferred: texts by symbol, quantity, mean, unit.
-    truth : DataFrame or None
-        Comparison with the truth (`pyburgers.report.tables.truth_table`), for synthetic data.
-    more_tables : tuple of PageTable
-        Tables of the protocol.
-    illustrations : tuple of Illustration
-        Figures.
-    same_data_as : Section or None
-        One before it on the page that tells what its data are.
+    `key`: name of its files and its anchor, unique on the page.
+    `name`: how the page calls it.
+    `fit`: the fit.
+    `entry`: what the top of the page says about it.
+    `parameters`, `priors`, `sampler`: tables as text.
+    `fixed`: what is not inferred: texts by symbol, quantity, mean, unit.
+    `truth`: comparison with the truth (`pyburgers.report.tables.truth_table`), for synthetic data.
+    `more_tables`: tables of the protocol.
+    `illustrations`: figures.
+    `same_data_as`: one before it on the page that tells what its data are, else None.
     """
 
     key: str
@@ -178,14 +166,9 @@ def write_section(key: str, name: str, fit: Fit, out: Path) -> Section:
 class Said:
     """What is said of one or several fits of the same data.
 
-    Attributes
-    ----------
-    lines : tuple of str
-        Sentences.
-    of : tuple of str
-        Names of the fits, none where the section is about one fit alone.
-    outcome : Outcome or None
-        The answer that the sentences are about.
+    `lines`: sentences.
+    `of`: names of the fits, none where the section is about one fit alone.
+    `outcome`: the answer that the sentences are about, if they are about one.
     """
 
     lines: tuple[str, ...]
@@ -195,13 +178,7 @@ class Said:
 
 @dataclass(frozen=True, eq=False)
 class SameData:
-    """Fits of the same data.
-
-    Attributes
-    ----------
-    sections : tuple of Section
-        What the page says about each, at least one; the first is unfolded.
-    """
+    """Fits of the same data: the section of each, at least one; the first is unfolded."""
 
     sections: tuple[Section, ...]
 
@@ -258,13 +235,10 @@ class SameData:
     def values(self) -> pd.DataFrame:
         """Return what data say of the parameters: rows that are not the prior's in every fit.
 
-        Returns
-        -------
-        DataFrame
-            Text. Columns symbol, quantity, unit; then mean, sd and, with a likelihood, what
-            decides of the one fit, or mean ± sd of each of several, with the word prior in place
-            of a number that its own prior decides, and in brackets who decides others that the data
-            do not.
+        All cells are text. Columns are symbol, quantity and unit, then of one fit mean, sd and,
+        with a likelihood, what decides. Several fits have mean ± sd of each. There, the word prior
+        takes the place of a number that its own prior decides. If neither data nor that prior
+        decides, brackets say who does.
         """
         if not self.others:
             columns = [*NAMED, "mean", "sd", *([tables.DECISION] if self._is_decided else [])]

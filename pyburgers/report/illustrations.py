@@ -19,16 +19,10 @@ CSS_PIXELS_PER_POINT = 100 / 72
 class Illustration:
     """A figure for a page.
 
-    Attributes
-    ----------
-    text : FigureText
-        Its name, title and caption.
-    figure : Figure
-        The figure itself.
-    file : Path
-        Where it is written as PNG; beside it as SVG.
-    result : str
-        What it shows, in a sentence.
+    `text`: its name, title and caption.
+    `figure`: the figure itself.
+    `file`: where it is written as PNG; beside it as SVG.
+    `result`: what it shows, in a sentence.
     """
 
     text: FigureText
@@ -51,12 +45,9 @@ def picture_file(out: Path, key: str, text: FigureText) -> Path:
 class Picture:
     """A figure as it stands in a page.
 
-    Attributes
-    ----------
-    svg : InlineSvg
-        What is drawn.
-    explained_at : str
-        Anchor of the first figure of the page with the same caption, which holds the caption.
+    `svg`: what is drawn.
+    `explained_at`: anchor of the first figure of the page with the same caption, which holds the
+        caption.
     """
 
     svg: InlineSvg
@@ -70,13 +61,7 @@ class Picture:
 
 @dataclass(frozen=True, eq=False)
 class Pictures:
-    """All figures of a page.
-
-    Attributes
-    ----------
-    by_anchor : mapping of str to Picture
-        Figures by their anchors.
-    """
+    """All figures of a page, by their anchors."""
 
     by_anchor: Mapping[str, Picture]
 

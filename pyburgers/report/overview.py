@@ -36,24 +36,15 @@ SHOWN_CONFLICTS = 2
 class Entry:
     """What the top of the page says about one fit.
 
-    Attributes
-    ----------
-    key : str
-        Anchor of its section.
-    name : str
-        How the page calls it.
-    is_synthetic : bool
-        Whether nobody measured its data.
-    verdicts : mapping of CheckKind to Verdict
-        Both answers.
-    checks : tuple of CheckResult
-        What is behind them.
-    conflict : str or None
-        What prior and data disagree about, in words.
-    decisions : tuple of str
-        Sentences about numbers that a bound or another prior decides, and priors read off the data.
-    row : dict
-        Its row of the table, as text.
+    `key`: anchor of its section.
+    `name`: how the page calls it.
+    `is_synthetic`: whether nobody measured its data.
+    `verdicts`: both answers.
+    `checks`: what is behind them.
+    `conflict`: what prior and data disagree about, in words, else None.
+    `decisions`: sentences about numbers that a bound or another prior decides, and priors read off
+        the data.
+    `row`: its row of the table, as text.
     """
 
     key: str
@@ -87,12 +78,8 @@ class Entry:
 class Answer:
     """The answer to one of the two questions for all fits of a page.
 
-    Attributes
-    ----------
-    kind : CheckKind
-        The question.
-    doubtful : tuple of Entry
-        Fits whose answer is not yes.
+    `kind`: the question.
+    `doubtful`: fits whose answer is not yes.
     """
 
     kind: CheckKind
@@ -123,14 +110,9 @@ def answers(entries: Sequence[Entry]) -> tuple[Answer, ...]:
 class Remedy:
     """What to do about checks that did not pass.
 
-    Attributes
-    ----------
-    check : str
-        Name of the check.
-    text : str
-        The usual remedy.
-    entries : tuple of Entry
-        The fits that it would help.
+    `check`: name of the check.
+    `text`: the usual remedy.
+    `entries`: the fits that it would help.
     """
 
     check: str

@@ -194,23 +194,13 @@ def density(
 ) -> tuple[FloatArray, FloatArray]:
     """Kernel density estimate that loses no mass at hard bounds.
 
+    Return positions and the density in the inverse of their unit, both of shape (DENSITY_POINTS,).
+    Draws, shape (n,), lie within the bounds `lower` and `upper`, which may be infinite.
+    `least_bandwidth` is the floor under the kernel's standard deviation.
+
     A fine histogram is smoothed with a Gaussian kernel and reflected at the ends, which are the
     bounds where draws come near them. Draws that are all equal give a narrow spike. (ArviZ's would
     need limits and bandwidth given all the same, and has none for such draws.)
-
-    Parameters
-    ----------
-    draws : array, shape (n,)
-        Values within the bounds.
-    lower, upper : float
-        Support; may be infinite.
-    least_bandwidth : float
-        Floor under the kernel's standard deviation.
-
-    Returns
-    -------
-    x, height : array, shape (DENSITY_POINTS,)
-        Positions, and density in the inverse of their unit.
     """
     spreads = [float(np.std(draws)), float(stats.iqr(draws)) / 1.349]
     spread = min((s for s in spreads if s > 0), default=0.0)

@@ -30,21 +30,13 @@ def parameter_table(
 ) -> pd.DataFrame:
     """Posterior beside prior, a row for each sampled quantity, then the fixed parameters.
 
-    Parameters
-    ----------
-    summary : DataFrame
-        Posterior table in SI units (`Fit.summary`).
-    priors : PriorSet
-        Priors of the fit, resolved.
-    fixed : sequence of Prior
-        Fixed parameters to name (`pyburgers.protocols.fixed_parameters.fixed_in_effect`).
+    `summary` is the posterior table in SI units (`Fit.summary`), `priors` the resolved ones of the
+    fit. `fixed` are the parameters to name
+    (`pyburgers.protocols.fixed_parameters.fixed_in_effect`).
 
-    Returns
-    -------
-    DataFrame
-        Text. Columns symbol, quantity, unit, mean, sd, with a likelihood `DECISION`, then 5 %,
-        95 %, prior, sd / prior sd (how much of the prior's width is left), ESS bulk, ESS tail,
-        R-hat. The reference stress has no prior of its own.
+    All cells are text. Columns are symbol, quantity, unit, mean, sd, with a likelihood `DECISION`,
+    then 5 %, 95 % and prior. Then come sd / prior sd (how much of the prior's width is left), ESS
+    bulk, ESS tail and R-hat. The reference stress has no prior of its own.
     """
     rows = [
         {

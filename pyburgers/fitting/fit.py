@@ -391,15 +391,7 @@ def fit_problem(
     more_draws: int | None = None,
     overwrite: bool = False,
 ) -> Fit:
-    """Fit what a problem holds.
-
-    Parameters
-    ----------
-    problem : Problem
-        Tests, priors, pooling.
-    out, options, solver, use_likelihood, command, more_draws, overwrite
-        As for `fit`, which says what is returned and raised.
-    """
+    """Fit the tests, priors and pooling of a problem; `fit` describes the options and errors."""
     run = RunDirectory(given_path(out))
     if more_draws is not None:
         require_extendable(run, more_draws, overwrite=overwrite)
@@ -427,12 +419,7 @@ def fit_problem(
 def _sample_until_good(sample: Callable[[], Fit], run: RunDirectory) -> Fit:
     """Sample, and again where the solver's check fails or a few trajectories diverge.
 
-    Parameters
-    ----------
-    sample : callable
-        Runs missing chains and loads the fit.
-    run : RunDirectory
-        Where they are.
+    `sample` runs missing chains of the run directory and loads the fit.
     """
     while True:
         result = sample()

@@ -17,12 +17,9 @@ from pyburgers.protocols.protocol import FittedTest, protocol_of
 
 @dataclass(frozen=True)
 class FitPlots:
-    """What ``fit.plot`` draws; every method returns its axes, new ones where none are given.
+    """What ``fit.plot`` draws of a test.
 
-    Attributes
-    ----------
-    fit : FittedTest
-        Of one test.
+    Every method returns its axes, new ones where none are given.
     """
 
     fit: FittedTest
@@ -39,10 +36,7 @@ class FitPlots:
     def stress_strain(self, ax: Axes | None = None) -> Axes:
         """Draw the stress-strain curve of a test at constant rate.
 
-        Raises
-        ------
-        InputError
-            If it is of another kind.
+        Raise InputError if the test is of another kind.
         """
         experiment = self.fit.experiment
         if protocol_of(experiment).clock.name != "strain":
@@ -62,10 +56,7 @@ class FitPlots:
     def posterior(self, name: str, ax: Axes | None = None) -> Axes:
         """Draw the draws of a sampled quantity, in its display unit, with the density of its prior.
 
-        Raises
-        ------
-        InputError
-            If nothing of that name was sampled.
+        Raise InputError if nothing of that name was sampled.
         """
         sampled = free_parameters(self.fit.posterior)
         if name not in sampled:

@@ -80,26 +80,15 @@ def predict_test(
 ) -> Prediction:
     """Solve a test for draws of a fit.
 
-    Parameters
-    ----------
-    source : Source
-        The draws.
-    experiment : Experiment
-        What is driven; without data there are bands and no points.
-    draws : int, optional
-        How many, evenly spaced; default all.
-    separate_from : str, optional
-        Of a joint fit, the test that separate parameters are taken from; default each in turn.
-    seed : int
-        Of noise, and of the values of partially pooled parameters.
+    `source`: the draws.
+    `experiment`: what is driven; without data there are bands and no points.
+    `draws`: how many, evenly spaced; default all.
+    `separate_from`: of a joint fit, the test that separate parameters are taken from; default each
+        in turn.
+    `seed`: of noise, and of the values of partially pooled parameters.
 
-    Raises
-    ------
-    InputError
-        If the test is of another material, cannot have the laws of the fit, or `separate_from` is
-        no test of the fit.
-    SamplingError
-        If no draw has a solution.
+    Raise InputError if the test is of another material, cannot have the laws of the fit, or
+    `separate_from` is no test of the fit. Raise SamplingError if no draw has a solution.
     """
     first = source.problem.experiments[0]
     if experiment.material != first.material:

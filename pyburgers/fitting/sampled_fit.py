@@ -55,14 +55,9 @@ _Units = Literal["display", "SI"]
 class SampledFit(ABC):
     """A finished run of chains: a fit of one test, of several, or of a table of peak stresses.
 
-    Attributes
-    ----------
-    directory : RunDirectory
-        Where its files are.
-    posterior : DataTree
-        Labelled draws.
-    manifest : dict
-        Command, seeds, versions, hashes, wall times.
+    `directory`: where its files are.
+    `posterior`: labelled draws.
+    `manifest`: command, seeds, versions, hashes, wall times.
     """
 
     directory: RunDirectory

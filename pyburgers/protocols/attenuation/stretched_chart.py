@@ -42,20 +42,12 @@ UNSHIFTED = (
 class StretchedReference:
     """What sets the stretched coordinates of a test up, as in `stan/data/stretched.stan`.
 
-    Attributes
-    ----------
-    log_seen_rate : float
-        ln of the flow rate (1/s) that data can just tell from none.
-    rate_at_mode : float
-        Flow rate of the mode over that one.
-    log_width : float
-        Of ln(flow rate) where the dashpot is not seen, at least 1.
-    log_middle_time : float
-        ln of a time (s) in the middle of what the periods see.
-    unit : array, shape (n_coordinates,)
-        Of each coordinate.
-    slope : array, shape (n_coordinates,)
-        Shift of each coordinate by the flow rate over that one.
+    `log_seen_rate`: ln of the flow rate (1/s) that data can just tell from none.
+    `rate_at_mode`: flow rate of the mode over that one.
+    `log_width`: of ln(flow rate) where the dashpot is not seen, at least 1.
+    `log_middle_time`: ln of a time (s) in the middle of what the periods see.
+    `unit`: of each coordinate, shape (n_coordinates,).
+    `slope`: shift of each coordinate by the flow rate over that one, shape (n_coordinates,).
     """
 
     log_seen_rate: float
@@ -76,11 +68,8 @@ class StretchedChart(Chart[AttenuationExperiment]):
     ) -> tuple[StretchedReference, FloatArray]:
         """Find the flow rate that data can tell from none, and what other elements give for it.
 
-        Raises
-        ------
-        ChartUnsuited
-            If no flow rate is sampled, or a prior of the Kelvin element is not on all positive
-            numbers.
+        Raise ChartUnsuited if no flow rate is sampled, or a prior of the Kelvin element is not on
+        all positive numbers.
         """
         coordinates = test.coordinates
         if coordinates.replaced_parameter is None:

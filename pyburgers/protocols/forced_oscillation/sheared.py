@@ -70,22 +70,9 @@ class ShearedChart(Chart[OscillationExperiment]):
 def find_sheared(test: AtMode[OscillationExperiment]) -> tuple[ShearedReference, FloatArray]:
     """Set the shifts so that the flow rate is as independent of n, p and epsilon_c1 as can be.
 
-    Parameters
-    ----------
-    test : AtMode
-        A test with data at its mode.
-
-    Returns
-    -------
-    ShearedReference
-        Slopes of the flow rate, zero shift at the mode, what the dashpot does at other rates.
-    array, shape (n_coordinates,)
-        Sheared coordinates of the mode.
-
-    Raises
-    ------
-    ChartUnsuited
-        If the priors or the record do not fit the coordinates.
+    The test has data. Return slopes of the flow rate, zero shift at the mode, and what the dashpot
+    does at other rates. Return also the sheared coordinates of the mode, shape (n_coordinates,).
+    Raise ChartUnsuited if the priors or the record do not fit the coordinates.
     """
     priors, coordinates = test.priors, test.coordinates
     replaced = coordinates.replaced_parameter
@@ -170,14 +157,9 @@ def _log_width(test: AtMode[OscillationExperiment], flow: int, curvature: FloatA
 def _flow_slope(
     test: AtMode[OscillationExperiment], flow: int, likelihood: FloatArray
 ) -> FloatArray:
-    """Slopes of `ShearedReference` at the mode.
+    """Slopes of `ShearedReference` at the mode, from the flow rate's place.
 
-    Parameters
-    ----------
-    test, flow : AtMode, int
-        A test at its mode, and the flow rate's place.
-    likelihood : array
-        What the likelihood adds to the curvature of minus the log density.
+    `likelihood` is what the likelihood adds to the curvature of minus the log density.
     """
     coordinates, mode = test.coordinates, test.mode
     if likelihood[flow, flow] < LEAST_INFORMATION:

@@ -69,26 +69,15 @@ def read_sections(
 ) -> tuple[MeasuredMicrostructure, ...]:
     """Check the tables [[microstructure]] of a loading history.
 
-    Parameters
-    ----------
-    test : StageSource
-        The file, and how its numbers are meant.
-    tables : sequence of SectionTable
-        Its tables.
-    stage_tables : sequence of StageTable
-        Its stages, whose times bound those of the tables.
-    legs : sequence of Leg
-        What is imposed.
-    strain_unit : str or None
-        Of the strains in [data]; None: path strains are fractions.
-    is_rigid : bool
-        Whether an imposed strain is all the specimen's.
+    `test`: the file, and how its numbers are meant.
+    `tables`: its tables.
+    `stage_tables`: its stages, whose times bound those of the tables.
+    `legs`: what is imposed.
+    `strain_unit`: of the strains in [data]; None: path strains are fractions.
+    `is_rigid`: whether an imposed strain is all the specimen's.
 
-    Raises
-    ------
-    InputError
-        If a place is missing or given twice, lies outside the test or does not increase, or what
-        was measured makes no sense.
+    Raise InputError if a place is missing or given twice, lies outside the test or does not
+    increase, or what was measured makes no sense.
     """
     factor = strain_factor(test.path, strain_unit)
     start, end = stage_tables[0].start_time, stage_tables[-1].end_time
@@ -151,24 +140,10 @@ def _check_strain(
 
 
 def section_times(experiment: LoadingHistory, priors: PriorSet) -> list[float | None]:
-    """Return the time (s) at which each section needs the solution.
+    """Return the time (s) at which each section needs the solution of a test fitted with `priors`.
 
-    Parameters
-    ----------
-    experiment : LoadingHistory
-        The test.
-    priors : PriorSet
-        That it is fitted with.
-
-    Returns
-    -------
-    list of float or None
-        None: the path strain alone says the microstructure.
-
-    Raises
-    ------
-    InputError
-        If grains follow the stress, and it is not known in advance when a path strain is reached.
+    A time is None if the path strain alone says the microstructure. Raise InputError if grains
+    follow the stress, and it is not known in advance when a path strain is reached.
     """
     if variant_of(priors, experiment).grain_size != "piezometric":
         return [one.time for one in experiment.microstructure]

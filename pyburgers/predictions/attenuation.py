@@ -197,8 +197,8 @@ def predict_attenuation(
     grain_size, fabric_factor : float, optional
         m and 1; take the place of those of `microstructure`.
     elastic_modulus, elastic_modulus_sd : float, optional
-        Pa; mean and standard deviation of a log-normal distribution that takes the place of E_M,
-        of a test at constant rate mostly the stiffness of the apparatus.
+        Pa; mean and standard deviation of a log-normal distribution that takes the place of E_M.
+        Of a test at constant rate, E_M is mostly the stiffness of the apparatus.
     seed : int
         Of the draws of the elastic modulus.
     frequencies, regimes, hold_time, critical_share, with_strains

@@ -81,8 +81,8 @@ def flow_rate(
     Parameters
     ----------
     parameters : mapping of str to float or array
-        SI values of stress_exponent, grain_size_exponent, activation_enthalpy and beta; with a
-        breakdown_stress above zero the law is the hyperbolic sine, with a threshold_stress
+        SI values of stress_exponent, grain_size_exponent, activation_enthalpy and beta.
+        With a breakdown_stress above zero the law is the hyperbolic sine, with a threshold_stress
         that of a threshold. Other names are ignored.
     stress : float or array
         Pa, of either sign.

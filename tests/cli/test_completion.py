@@ -7,6 +7,7 @@ import pytest
 
 from pyburgers.cli.completion import SHELLS
 from pyburgers.cli.main import COMMANDS, main
+from pyburgers.model.laws import DASHPOT_LAWS
 from pyburgers.sampling.options import COORDINATES
 
 ASK = """
@@ -21,9 +22,7 @@ OFFERED = {
     "pyburgers sbc --re": {"--refits", "--results-of"},
     "pyburgers export --form": {"--format"},
     "pyburgers fit --coordinates ''": set(COORDINATES),
-    "pyburgers fit --variant maxwell": {
-        *("maxwell=power_law", "maxwell=linear", "maxwell=hyperbolic_sine")
-    },
+    "pyburgers fit --variant maxwell": {f"maxwell={law}" for law in DASHPOT_LAWS},
     "pyburgers fit some_f": {"some_file.toml"},
 }
 

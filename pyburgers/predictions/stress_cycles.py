@@ -115,11 +115,6 @@ def regimes_named(names: Sequence[str]) -> tuple[Regime, ...]:
     return tuple(_PAPER_REGIME_BY_NAME[name] for name in names)
 
 
-def amplitude_regimes(median_stress: float, amplitudes: Sequence[float]) -> tuple[Regime, ...]:
-    """Return regimes of one median stress and several amplitudes (Pa)."""
-    return tuple(Regime(median_stress, amplitude) for amplitude in amplitudes)
-
-
 def checked_inputs(
     parameters: Mapping[str, npt.ArrayLike],
     temperature: float,

@@ -30,7 +30,6 @@ from pyburgers.predictions.stress_cycles import (
     PAPER_REGIMES,
     PARAMETER_NAMES,
     Regime,
-    amplitude_regimes,
     regimes_named,
 )
 
@@ -294,7 +293,7 @@ def test_microstructure_and_temperature_act_through_the_flow_law() -> None:
 
 
 def test_attenuation_rises_with_the_amplitude_of_a_nonlinear_material_only() -> None:
-    regimes = amplitude_regimes(2e6, (0.1e6, 0.5e6, 1e6, 2e6, 3e6))
+    regimes = tuple(Regime(2e6, amplitude) for amplitude in (0.1e6, 0.5e6, 1e6, 2e6, 3e6))
     assert {regime.median_stress for regime in regimes} == {2e6}
     nonlinear = spectrum_of(material(), regimes)["tan_delta"]
     linear = spectrum_of(material(1.0, 1e-14), regimes)["tan_delta"]

@@ -26,7 +26,7 @@ from pyburgers.predictions.attenuation_figures import (
     attenuation,
     attenuation_draws,
 )
-from pyburgers.predictions.stress_cycles import amplitude_regimes
+from pyburgers.predictions.stress_cycles import Regime
 
 Draw = Callable[[xr.Dataset, str], Figure]
 
@@ -42,7 +42,7 @@ each_figure = pytest.mark.parametrize("draw", DRAWERS, ids=lambda draw: draw.__n
 def spectrum(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     """Five regimes that share a median stress."""
     fit = make_fit(tmp_path_factory.mktemp("run"), chains=2, draws=100)
-    regimes = amplitude_regimes(2e6, [0.5e6, 0.1e6, 1e6, 1.5e6, 2e6])
+    regimes = [Regime(2e6, amplitude) for amplitude in (0.5e6, 0.1e6, 1e6, 1.5e6, 2e6)]
     return predict_attenuation(fit, np.geomspace(1e-4, 1.0, 20), regimes)
 
 

@@ -40,18 +40,25 @@ class Stated:
 class LoadingHistory(Experiment):
     """One test under a history of imposed strain and stress, in SI units.
 
-    `stages`: one after the other without gaps; the first starts at 0 s, where the sample is at
-        rest.
-    `time` (n_points,): of the readings (s since the start), not decreasing.
-    `reading_stage` (n_points,): stage of each reading, from 0.
-    `reading` (n_points,): true stress (Pa) where strain is imposed, true strain (fraction) where
-        stress is imposed.
-    `stress_uncertainty`, `strain_uncertainty`: standard deviation of a reading (Pa, fraction) where
-        it is stated.
-    `apparatus_compliance`: strain of the apparatus for a stress, in strain of the sample (1/Pa),
-        that is part of measured and imposed strains; None for none.
-    `strain_offset`: measured strain of the sample at rest; None for zero.
-    `n_readings_in_file`: before records were thinned.
+    Attributes
+    ----------
+    stages : tuple of Stage
+        One after the other without gaps; the first starts at 0 s, where the sample is at rest.
+    time : array, shape (n_points,)
+        Of the readings (s since the start), not decreasing.
+    reading_stage : array of int, shape (n_points,)
+        Stage of each reading, from 0.
+    reading : array, shape (n_points,)
+        True stress (Pa) where strain is imposed, true strain (fraction) where stress is imposed.
+    stress_uncertainty, strain_uncertainty : float or None
+        Standard deviation of a reading (Pa, fraction) where it is stated.
+    apparatus_compliance : Stated or None
+        Strain of the apparatus for a stress, in strain of the sample (1/Pa), that is part of
+        measured and imposed strains; None for none.
+    strain_offset : Stated or None
+        Measured strain of the sample at rest; None for zero.
+    n_readings_in_file : int
+        Before records were thinned.
     """
 
     protocol: ClassVar[str] = "loading_history"

@@ -4,13 +4,14 @@ Fits that several modules look at are made once, whatever the number of processe
 """
 
 import gc
+import logging
 import os
 
 # Tests run side by side on all cores, where threads of linear algebra wait for each other in loops.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -169,6 +170,15 @@ def valley_of(experiment: ConstantRateExperiment, priors: PriorSet) -> ValleyRef
     test = at_truth(experiment, priors, SolverOptions())
     valley, _ = ConstantRateValley().reference(test)
     return replace(valley, noise_exponent=np.linspace(0.9, 0.0, test.mode.coordinate.size))
+
+
+@pytest.fixture(autouse=True)
+def quiet_logger() -> Iterator[None]:
+    """Undo the level of the package's logger that a script in the same process has set."""
+    package = logging.getLogger("pyburgers")
+    before = package.level
+    yield
+    package.setLevel(before)
 
 
 @pytest.fixture(scope="session")

@@ -1,9 +1,8 @@
 """The example scripts run from any folder and give what they promise."""
 
-import logging
 import runpy
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +24,7 @@ Script = Callable[..., str]
 @pytest.fixture
 def script(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Iterator[Script]:
+) -> Script:
     """Run an example in an empty folder as a user does; return what it prints."""
     monkeypatch.chdir(tmp_path)
 
@@ -34,8 +33,7 @@ def script(
         runpy.run_path(str(EXAMPLES / name), run_name="__main__")
         return capsys.readouterr().out
 
-    yield run
-    logging.getLogger("pyburgers").setLevel(logging.NOTSET)  # one of them has it talk
+    return run
 
 
 def test_a_curve_is_fitted(

@@ -26,11 +26,11 @@ from pyburgers.flow_law_tables.inputs import (
     load_peak_stress,
     without_test,
 )
+from pyburgers.kinds.kind import load_experiment
 from pyburgers.model.flow_law_prior import FlowLawPrior
 from pyburgers.model.parameters import STRESS_SCATTER
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, default_priors
-from pyburgers.protocols.protocol import load_experiment
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sbc.data_sets import DataSetPlan, calibration_priors
 from pyburgers.sbc.hand_over import rank_curve, rank_hand_over, simulate_table

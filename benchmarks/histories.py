@@ -23,16 +23,16 @@ from sampling import ICE, RESULTS, markdown
 from pyburgers.cmdstan.draw_files import read_draws
 from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.fitting.fit import fit
-from pyburgers.model.priors import default_priors
-from pyburgers.protocols.constant_rate.experiment import (
+from pyburgers.kinds.constant_rate.experiment import (
     ConstantRateExperiment,
     load_constant_rate,
 )
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forward import simulate_data
-from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.stages import Stage
-from pyburgers.protocols.protocol import protocol_of
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.forward import simulate_data
+from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.stages import Stage
+from pyburgers.model.priors import default_priors
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
 
@@ -152,7 +152,7 @@ def _fitted(test: Experiment, out: Path) -> Timed:
     run = RunDirectory(out)
     draws = read_draws([run.draws_file(1)])["coordinate"][0]
     points = draws[:: max(1, len(draws) // POINTS)][:POINTS]
-    return Timed(load_program(protocol_of(test).program), run.stan_data_file, points)
+    return Timed(load_program(kind_of(test).program), run.stan_data_file, points)
 
 
 def _table(taken: pd.DataFrame, ratio: pd.DataFrame) -> pd.DataFrame:

@@ -26,8 +26,8 @@ from pyburgers.cmdstan.installation import ensure_cmdstan
 from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.errors import SamplingError
 from pyburgers.fitting.fit import Fit
+from pyburgers.kinds.stan_data import StanData
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
-from pyburgers.protocols.stan_data import StanData
 from pyburgers.sampling.run_directory import RunDirectory
 
 FloatArray = npt.NDArray[np.float64]

@@ -21,19 +21,19 @@ from scipy import stats
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.fitting.prediction import Prediction
-from pyburgers.model.parameters import PARAMETER_BY_NAME
-from pyburgers.model.prior_families import fixed_prior
-from pyburgers.model.priors import PriorSet, default_priors
-from pyburgers.predictions.other_tests import BANDS
-from pyburgers.protocols.constant_rate.experiment import (
+from pyburgers.kinds.constant_rate.experiment import (
     ConstantRateExperiment,
     RateSegment,
     load_constant_rate,
 )
-from pyburgers.protocols.experiment import Provenance
-from pyburgers.protocols.forward import simulate, simulate_data
-from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.stages import Stage
+from pyburgers.kinds.experiment import Provenance
+from pyburgers.kinds.forward import simulate, simulate_data
+from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.stages import Stage
+from pyburgers.model.parameters import PARAMETER_BY_NAME
+from pyburgers.model.prior_families import fixed_prior
+from pyburgers.model.priors import PriorSet, default_priors
+from pyburgers.predictions.other_tests import BANDS
 from pyburgers.sampling.options import SamplerOptions
 
 FloatArray = npt.NDArray[np.float64]

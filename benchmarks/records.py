@@ -19,10 +19,10 @@ from measures import measure
 from sampling import RESULTS, ROOT, markdown
 
 from pyburgers.fitting.fit import fit
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.kinds.forward import simulate_data
 from pyburgers.model.priors import default_priors
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.protocols.forward import simulate_data
-from pyburgers.report.tables import truth_table
+from pyburgers.page.tables import truth_table
 from pyburgers.sampling.options import SamplerOptions
 
 EXPLANATION = """# Other records

@@ -31,10 +31,10 @@ from pyburgers.cmdstan.toolchain import find_cmdstan, toolchain
 from pyburgers.common.messages import messages_to
 from pyburgers.drawing.style import BLUE, GREY, ORANGE
 from pyburgers.fitting.fit import Fit
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment, with_background
+from pyburgers.kinds.forced_oscillation.preparation import Background
+from pyburgers.kinds.kind import kind_of, load_experiment, save_experiment
 from pyburgers.posterior.labelled_draws import grain_size_share
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment, with_background
-from pyburgers.protocols.forced_oscillation.preparation import Background
-from pyburgers.protocols.protocol import load_experiment, protocol_of, save_experiment
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
@@ -105,7 +105,7 @@ def _experiment_file(name: str, scratch: Path) -> Path:
     """File of a test, the program for it compiled; the two treatments of olivine share a record."""
     experiment = load_experiment(TESTS[name])
     with messages_to(sys.stdout):
-        load_program(protocol_of(experiment).program)
+        load_program(kind_of(experiment).program)
     if not isinstance(experiment, OscillationExperiment):
         return TESTS[name]
     background: Background = "kept" if name == "olivine_kept" else "removed"

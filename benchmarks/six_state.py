@@ -25,10 +25,10 @@ from pyburgers.cmdstan.program import compile_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.messages import messages_to
 from pyburgers.fitting.fit import Fit
+from pyburgers.kinds.coordinates import PlainCoordinates
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.coordinates import PlainCoordinates
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -23,13 +23,13 @@ from sampling import ICE, markdown
 from pyburgers.cmdstan.draw_files import read_draws
 from pyburgers.cmdstan.program import load_program
 from pyburgers.fitting.fit import fit_jointly
-from pyburgers.model.priors import default_priors
-from pyburgers.protocols.constant_rate.experiment import (
+from pyburgers.kinds.constant_rate.experiment import (
     ConstantRateExperiment,
     load_constant_rate,
 )
-from pyburgers.protocols.constant_rate.protocol import PROTOCOL
-from pyburgers.protocols.forward import simulate_data
+from pyburgers.kinds.constant_rate.kind import KIND
+from pyburgers.kinds.forward import simulate_data
+from pyburgers.model.priors import default_priors
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
 
@@ -54,9 +54,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--threads", type=int, default=2)
     threads = parser.parse_args(arguments).threads
     programs = {
-        "without threads": load_program(PROTOCOL.program),
-        "with threads, in one": replace(load_program(PROTOCOL.program, threads=2), threads=1),
-        f"with threads, in {threads}": load_program(PROTOCOL.program, threads=threads),
+        "without threads": load_program(KIND.program),
+        "with threads, in one": replace(load_program(KIND.program, threads=2), threads=1),
+        f"with threads, in {threads}": load_program(KIND.program, threads=threads),
     }
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "run"

@@ -27,7 +27,7 @@ from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.verdicts import verdicts
 from pyburgers.common.columns import write_columns
 from pyburgers.common.errors import SamplingError
-from pyburgers.protocols.forward import simulate
+from pyburgers.kinds.forward import simulate
 
 FloatArray = npt.NDArray[np.float64]
 

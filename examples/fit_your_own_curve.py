@@ -15,7 +15,7 @@ import pyburgers
 from pyburgers.common.shipped_files import shipped_folder
 from pyburgers.drawing.style import image
 from pyburgers.drawing.views.constant_rate import stress_strain
-from pyburgers.report.posterior_figures import prior_posterior
+from pyburgers.page.posterior_figures import prior_posterior
 
 
 def main() -> None:

@@ -35,6 +35,16 @@ from .flow_law_tables.inputs import load_peak_stress as load_peak_stress
 from .flow_law_tables.inputs import load_peak_stress_priors as load_peak_stress_priors
 from .flow_law_tables.inputs import with_curve_flow_law as with_curve_flow_law
 from .flow_law_tables.inputs import without_test as without_test
+from .kinds.attenuation.experiment import AttenuationExperiment as AttenuationExperiment
+from .kinds.constant_rate.experiment import ConstantRateExperiment as ConstantRateExperiment
+from .kinds.experiment import Experiment as Experiment
+from .kinds.forced_oscillation.experiment import OscillationExperiment as OscillationExperiment
+from .kinds.forced_oscillation.experiment import with_background as with_background
+from .kinds.forward import load_parameters as load_parameters
+from .kinds.forward import simulate as simulate
+from .kinds.kind import load_experiment as load_experiment
+from .kinds.loading_history.experiment import LoadingHistory as LoadingHistory
+from .kinds.stan_data import SolverOptions as SolverOptions
 from .model.display import shown_quantity as shown_quantity
 from .model.display import symbol_text as symbol_text
 from .model.display import unit_text as unit_text
@@ -46,6 +56,12 @@ from .model.priors import with_flow_law as with_flow_law
 from .model.variants import ModelVariant as ModelVariant
 from .model.variants import variant_of as variant_of
 from .model.variants import with_variant as with_variant
+from .page.attenuation_section import attenuation_section as attenuation_section
+from .page.comparison_sections import comparison_sections as comparison_sections
+from .page.joint_section import joint_sections as joint_sections
+from .page.page import write_report as write_report
+from .page.peak_stress_section import peak_stress_section as peak_stress_section
+from .page.posterior_figures import page_figure as page_figure
 from .predictions.attenuation import attenuation_spectrum as attenuation_spectrum
 from .predictions.attenuation import predict_attenuation as predict_attenuation
 from .predictions.closed_forms import flow_rate as flow_rate
@@ -56,22 +72,6 @@ from .predictions.other_tests import score_sentence as score_sentence
 from .predictions.other_tests import score_table as score_table
 from .predictions.other_tests import surprise_sentence as surprise_sentence
 from .predictions.stress_cycles import Regime as Regime
-from .protocols.attenuation.experiment import AttenuationExperiment as AttenuationExperiment
-from .protocols.constant_rate.experiment import ConstantRateExperiment as ConstantRateExperiment
-from .protocols.experiment import Experiment as Experiment
-from .protocols.forced_oscillation.experiment import OscillationExperiment as OscillationExperiment
-from .protocols.forced_oscillation.experiment import with_background as with_background
-from .protocols.forward import load_parameters as load_parameters
-from .protocols.forward import simulate as simulate
-from .protocols.loading_history.experiment import LoadingHistory as LoadingHistory
-from .protocols.protocol import load_experiment as load_experiment
-from .protocols.stan_data import SolverOptions as SolverOptions
-from .report.attenuation_section import attenuation_section as attenuation_section
-from .report.comparison_sections import comparison_sections as comparison_sections
-from .report.joint_section import joint_sections as joint_sections
-from .report.page import write_report as write_report
-from .report.peak_stress_section import peak_stress_section as peak_stress_section
-from .report.posterior_figures import page_figure as page_figure
 from .sampling.options import SamplerOptions as SamplerOptions
 
 __all__: list[str]

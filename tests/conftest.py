@@ -33,15 +33,15 @@ from pyburgers.comparison.by_tests import fit_without_tests
 from pyburgers.fitting.fit import Fit, fit, fit_jointly
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress
 from pyburgers.flow_law_tables.inputs import default_peak_stress_priors, load_peak_stress
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.kinds.constant_rate.valley import ConstantRateValley
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.forward import simulate_data
+from pyburgers.kinds.kind import kinds, save_experiment
+from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.kinds.valley import ValleyReference
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, save_priors
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.protocols.constant_rate.valley import ConstantRateValley
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forward import simulate_data
-from pyburgers.protocols.protocol import protocols, save_experiment
-from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.protocols.valley import ValleyReference
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
 
@@ -77,7 +77,7 @@ LONGEST_FILES = (
     "test_calibration_run.py",
     "test_calibration.py",
     "test_comparison_sections.py",
-    "test_protocols_together.py",
+    "test_kinds_together.py",
     "test_figures.py",
     "test_peak_stress_fit.py",
 )
@@ -186,7 +186,7 @@ def programs() -> None:
     """Compile what the tests need, side by side."""
     compile_programs(
         [
-            *(protocol.program for protocol in protocols().values()),
+            *(kind.program for kind in kinds().values()),
             *(
                 stan_directory() / f"{name}.stan"
                 for name in (

@@ -6,13 +6,13 @@ from functools import cache
 from pathlib import Path
 
 from pyburgers.drawing.view import View, views
-from pyburgers.protocols.protocol import NAMES
+from pyburgers.kinds.kind import NAMES
 
 PACKAGE = Path(__file__).parents[1] / "pyburgers"
 
 ROOMS = (
     "cli",
-    "report",
+    "page",
     "predictions",
     "comparison",
     "sbc",
@@ -22,7 +22,7 @@ ROOMS = (
     "checks",
     "posterior",
     "sampling",
-    "protocols",
+    "kinds",
     "model",
     "cmdstan",
     "common",
@@ -116,7 +116,7 @@ def decisions(name: str) -> list[str]:
         alias.name
         for node in nodes
         if isinstance(node, ast.ImportFrom)
-        and (node.module or "").startswith(tuple(f"pyburgers.protocols.{kind}" for kind in NAMES))
+        and (node.module or "").startswith(tuple(f"pyburgers.kinds.{kind}" for kind in NAMES))
         for alias in node.names
     }
     return [
@@ -132,7 +132,7 @@ def decisions(name: str) -> list[str]:
 
 
 def test_only_protocols_know_what_kind_of_test_there_is() -> None:
-    assert not [place for name in FILES if room(name) != "protocols" for place in decisions(name)]
+    assert not [place for name in FILES if room(name) != "kinds" for place in decisions(name)]
 
 
 def test_only_the_posterior_knows_arviz() -> None:
@@ -148,7 +148,7 @@ def test_protocols_draw_nothing() -> None:
     drawing = [
         f"{name} imports {other}"
         for name in FILES
-        if room(name) == "protocols"
+        if room(name) == "kinds"
         for other in imported(name)
         if other.split(".")[0] == "matplotlib" or other.startswith("pyburgers.drawing")
     ]

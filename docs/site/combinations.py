@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.common.errors import InputError
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.kind import NAMES, kinds
 from pyburgers.model.priors import default_priors, shipped_prior_files
 from pyburgers.model.variants import CHOICES, variant_of, with_variant
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.protocol import NAMES, protocols
 
 STANDARD, POSSIBLE, REFUSED = "standard", "yes", "no"
 FROZEN = "with constant grain size"
@@ -86,7 +86,7 @@ def combinations() -> list[Combination]:
 
 
 def _any_test(protocol: str) -> AnyTest:
-    protocols()  # imports the modules of all kinds
+    kinds()  # imports the modules of all kinds
     kind = next(kind for kind in Experiment.__subclasses__() if kind.protocol == protocol)
     return AnyTest(
         id="test",

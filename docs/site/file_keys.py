@@ -12,10 +12,10 @@ from pydantic.fields import FieldInfo
 from pyburgers.common.columns import Column
 from pyburgers.common.toml_files import Table
 from pyburgers.flow_law_tables import inputs
+from pyburgers.kinds.attenuation.files import _AttenuationFile
+from pyburgers.kinds.experiment import CONDITION_KEYS, ExperimentFile
+from pyburgers.kinds.kind import kinds
 from pyburgers.model import priors
-from pyburgers.protocols.attenuation.files import _AttenuationFile
-from pyburgers.protocols.experiment import CONDITION_KEYS, ExperimentFile
-from pyburgers.protocols.protocol import protocols
 
 UNIT_OF_ENDING = {
     "_per_Pa": "1/Pa",
@@ -107,13 +107,13 @@ def structures() -> dict[str, type[Table]]:
 
     Those of experiments are found by the protocol that they are for, so that none is left out.
     """
-    protocols()  # imports the modules of all kinds of test
+    kinds()  # imports the modules of all kinds of test
     by_protocol = {
         get_args(structure.model_fields["protocol"].annotation)[0]: structure
         for structure in ExperimentFile.__subclasses__()
     }
     return {
-        **{name: by_protocol[name] for name in protocols()},
+        **{name: by_protocol[name] for name in kinds()},
         "peak_stress": inputs._PeakStressFile,
         "priors": priors._PriorFile,
         "peak_stress_priors": inputs._PeakStressPriorFile,

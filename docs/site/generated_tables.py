@@ -19,6 +19,7 @@ from file_keys import key_tables, structures
 from pyburgers.cli.main import COMMANDS, EXIT_CODES
 from pyburgers.cli.parser import HelpWithDefaults, OneLineParser
 from pyburgers.common.units import UNITS
+from pyburgers.kinds.kind import NAMES
 from pyburgers.model.display import symbol_text
 from pyburgers.model.parameters import (
     CONDITION_PARAMETERS,
@@ -27,7 +28,6 @@ from pyburgers.model.parameters import (
     Parameter,
 )
 from pyburgers.model.prior_families import FAMILIES, MAX_STRESS
-from pyburgers.protocols.protocol import NAMES
 
 FREE_IN_HISTORIES = ("strain_noise", "residual_correlation_time", "residual_correlated_share")
 """Parameters of variants that are free where a loading history reads strain."""

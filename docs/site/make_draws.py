@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 import pyburgers
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 
 HERE = Path(__file__).parent
 DATA = HERE.parents[1] / "data"

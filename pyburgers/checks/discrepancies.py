@@ -36,8 +36,8 @@ from pyburgers.checks.residual_numbers import (
 from pyburgers.checks.tails import Tail
 from pyburgers.common.draws import TAIL
 from pyburgers.common.units import span_text
+from pyburgers.kinds.kind import Kind, kinds
 from pyburgers.posterior.labelled_draws import CORRELATED, groups_of_tests, response_in
-from pyburgers.protocols.protocol import Protocol, protocols
 
 FloatArray = npt.NDArray[np.float64]
 Pair: TypeAlias = tuple[FloatArray, FloatArray]
@@ -112,7 +112,7 @@ class Leftover:
 
     name: str
     group: xr.DataTree
-    protocol: Protocol[Any]
+    protocol: Kind[Any]
     position: FloatArray
     segment: npt.NDArray[np.int64]
     quantity: npt.NDArray[np.int64]
@@ -271,8 +271,8 @@ def _leftover(name: str, group: xr.DataTree, number: int) -> Leftover:
         for part in ("observed_data", "model_response", "posterior_predictive")
     )
     along = group["constant_data"].to_dataset()
-    protocol = protocols()[group.attrs["protocol"]]
-    position = along[protocol.clock.name].to_numpy()
+    kind = kinds()[group.attrs["protocol"]]
+    position = along[kind.clock.name].to_numpy()
     segment = (
         along["segment"].to_numpy().astype(np.int64)
         if "segment" in along
@@ -311,7 +311,7 @@ def _leftover(name: str, group: xr.DataTree, number: int) -> Leftover:
             by_chance = over(noise, least=np.zeros(position.size)).max(axis=0)
             pairs[OVER_SCATTER] = found.max(axis=0), np.maximum(by_chance, AS_LARGE)[:, None]
     enough = {key: pair for key, pair in pairs.items() if position.size >= LEAST_READINGS[key]}
-    return Leftover(name, group, protocol, position, segment, quantity, observed, weight, enough)
+    return Leftover(name, group, kind, position, segment, quantity, observed, weight, enough)
 
 
 def _of_one_size(replicated: FloatArray, quantity: npt.NDArray[np.int64]) -> FloatArray:

@@ -20,10 +20,10 @@ from scipy import stats
 from scipy.special import ndtr
 
 from pyburgers.common.draws import all_draws
+from pyburgers.kinds.coordinates import CENTRE, SPREAD
 from pyburgers.model.prior_families import Prior, normal_scores
 from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR, PriorSet
 from pyburgers.posterior.labelled_draws import free_parameters, on_scale_of_prior, own_name
-from pyburgers.protocols.coordinates import CENTRE, SPREAD
 
 FloatArray = npt.NDArray[np.float64]
 

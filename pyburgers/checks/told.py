@@ -9,8 +9,8 @@ import pandas as pd
 
 from pyburgers.checks.discrepancies import Family, Leftover, discrepancies_of
 from pyburgers.checks.fit_checks import CheckedDraws, Finding
+from pyburgers.kinds.advice import LET_CORRELATE, laws_to_try
 from pyburgers.posterior.labelled_draws import free_parameters
-from pyburgers.protocols.advice import LET_CORRELATE, laws_to_try
 
 
 class Told(NamedTuple):

@@ -14,7 +14,7 @@ from pyburgers.fitting.campaign import (
     status_table,
     write_status,
 )
-from pyburgers.report.campaign_page import write_page
+from pyburgers.page.campaign_page import write_page
 from pyburgers.sampling.manifest import COMPLETE
 
 EXIT_NOT_DONE = 1

@@ -14,17 +14,17 @@ from pyburgers.common.errors import InputError, StructureError
 from pyburgers.common.paths import shown
 from pyburgers.common.toml_files import read_tables, write_toml
 from pyburgers.common.units import count_points, counted
-from pyburgers.flow_law_tables.inputs import PROTOCOL as PEAK_STRESS
+from pyburgers.flow_law_tables.inputs import KIND as PEAK_STRESS
 from pyburgers.flow_law_tables.inputs import (
     PeakStressData,
     load_peak_stress,
     load_peak_stress_priors,
 )
+from pyburgers.kinds.doubts import doubts
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.kind import load_experiment
 from pyburgers.model.parameters import STRESS_SCATTER
 from pyburgers.model.priors import load_priors
-from pyburgers.protocols.doubts import doubts
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.protocol import load_experiment
 
 STAND_INS: Mapping[str, Any] = {
     "id": "test",

@@ -17,6 +17,12 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
 from pyburgers.comparison.neighbours import what_a_yes_leaves_open
 from pyburgers.fitting.fit import fit
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.fixed_parameters import fixed_in_effect
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.problem import of_one_program
+from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.kinds.together import default_priors_for
 from pyburgers.model.flow_law_prior import (
     FLOW_LAW_PRIOR_FILE,
     FlowLawPrior,
@@ -25,14 +31,8 @@ from pyburgers.model.flow_law_prior import (
 from pyburgers.model.pooling import parse_pooling
 from pyburgers.model.priors import PriorSet, load_priors, with_flow_law
 from pyburgers.model.variants import parse_choices, with_variant
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.fixed_parameters import fixed_in_effect
-from pyburgers.protocols.problem import of_one_program
-from pyburgers.protocols.protocol import load_experiment
-from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.protocols.together import default_priors_for
-from pyburgers.report.joint_section import pooling_table, shown_pooling_table
-from pyburgers.report.tables import parameter_table
+from pyburgers.page.joint_section import pooling_table, shown_pooling_table
+from pyburgers.page.tables import parameter_table
 from pyburgers.sampling.run_directory import RunDirectory
 
 

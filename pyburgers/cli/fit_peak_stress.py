@@ -21,9 +21,9 @@ from pyburgers.flow_law_tables.inputs import (
     load_peak_stress_priors,
     without_test,
 )
+from pyburgers.kinds.kind import load_experiment
 from pyburgers.model.priors import load_priors
-from pyburgers.protocols.protocol import load_experiment
-from pyburgers.report.peak_stress_section import flow_law, flow_law_table
+from pyburgers.page.peak_stress_section import flow_law, flow_law_table
 
 logger = logging.getLogger(__name__)
 

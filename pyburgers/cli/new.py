@@ -23,9 +23,9 @@ from pyburgers.common.paths import shown
 from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.common.toml_files import read_tables
 from pyburgers.common.units import UNIT_TABLE, units_text
-from pyburgers.model.priors import shipped_prior_files
-from pyburgers.protocols.guessed_columns import GuessedColumn, guess_columns, left_out
-from pyburgers.protocols.new_file import (
+from pyburgers.kinds.guessed_columns import GuessedColumn, guess_columns, left_out
+from pyburgers.kinds.kind import NAMES
+from pyburgers.kinds.new_file import (
     Columns,
     Description,
     NewFile,
@@ -33,8 +33,8 @@ from pyburgers.protocols.new_file import (
     experiment_text,
     new_files,
 )
-from pyburgers.protocols.protocol import NAMES
-from pyburgers.protocols.quantities import ALONG_AXIS, QUANTITIES
+from pyburgers.kinds.quantities import ALONG_AXIS, QUANTITIES
+from pyburgers.model.priors import shipped_prior_files
 
 MATERIAL = Question("material", "material", example="ice")
 

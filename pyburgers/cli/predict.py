@@ -13,6 +13,7 @@ from pyburgers.common.paths import shown
 from pyburgers.common.units import UNITS
 from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit
+from pyburgers.kinds.conditions import Ranges, beyond_sentences, temperature_range
 from pyburgers.predictions.assumptions import (
     CRITICAL_SHARE,
     elastic_modulus_sentence,
@@ -35,7 +36,6 @@ from pyburgers.predictions.evolving import (
 from pyburgers.predictions.material import fitted_material
 from pyburgers.predictions.measured_attenuation import load_measured_attenuation
 from pyburgers.predictions.stress_cycles import HOLD_TIME, PAPER_REGIMES, Regime, regimes_named
-from pyburgers.protocols.conditions import Ranges, beyond_sentences, temperature_range
 
 TEST, ATTENUATION = "test", "attenuation"
 """What can be predicted."""

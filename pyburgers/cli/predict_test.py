@@ -13,6 +13,7 @@ from pyburgers.common.paths import shown
 from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.prediction import Prediction
+from pyburgers.kinds.kind import load_experiment
 from pyburgers.predictions.other_test_figures import prediction_figure
 from pyburgers.predictions.other_tests import (
     band_table,
@@ -22,7 +23,6 @@ from pyburgers.predictions.other_tests import (
     score_sentence,
     score_table,
 )
-from pyburgers.protocols.protocol import load_experiment
 
 
 def add_options(command: argparse.ArgumentParser) -> None:

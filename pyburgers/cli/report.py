@@ -7,11 +7,11 @@ from pyburgers.cli.shared import command_line
 from pyburgers.common.paths import shown
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import PeakStressFit, is_peak_stress_run
-from pyburgers.report.comparison_sections import comparison_sections
-from pyburgers.report.joint_section import joint_sections
-from pyburgers.report.names import file_key
-from pyburgers.report.page import write_report
-from pyburgers.report.peak_stress_section import PEAK_STRESS_KEY, peak_stress_section
+from pyburgers.page.comparison_sections import comparison_sections
+from pyburgers.page.joint_section import joint_sections
+from pyburgers.page.names import file_key
+from pyburgers.page.page import write_report
+from pyburgers.page.peak_stress_section import PEAK_STRESS_KEY, peak_stress_section
 from pyburgers.sampling.run_directory import names_of_runs
 
 

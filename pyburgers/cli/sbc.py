@@ -16,10 +16,10 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
 from pyburgers.common.units import UNITS
 from pyburgers.drawing.style import write_images
+from pyburgers.kinds.kind import load_experiment
 from pyburgers.model.pooling import parse_pooling
 from pyburgers.model.priors import load_priors
 from pyburgers.model.variants import parse_choices, with_variant
-from pyburgers.protocols.protocol import load_experiment
 from pyburgers.sbc.convergence import LONGER
 from pyburgers.sbc.data_sets import SHORT_RUN, DataSetPlan, Range, calibration_priors
 from pyburgers.sbc.results import (

@@ -11,8 +11,8 @@ from typing import Any
 
 from pyburgers.cli.parser import offer
 from pyburgers.common.errors import InputError
+from pyburgers.kinds.kind import Kind, kinds
 from pyburgers.model.variants import CHOICES
-from pyburgers.protocols.protocol import Protocol, protocols
 from pyburgers.sampling.options import COORDINATES, SamplerOptions
 
 EXIT_CHECK_FAILED = 3
@@ -66,9 +66,9 @@ def add_sampler_options(
         )
 
 
-def by_protocol(value: Callable[[Protocol[Any]], float]) -> str:
+def by_protocol(value: Callable[[Kind[Any]], float]) -> str:
     """Return the default of an option that depends on the kind of test, for its help."""
-    values = {name: f"{value(one):g}" for name, one in protocols().items()}
+    values = {name: f"{value(one):g}" for name, one in kinds().items()}
     same = set(values.values())
     listed = same if len(same) == 1 else (f"{found} {name}" for name, found in values.items())
     return f"; default {', '.join(listed)}"

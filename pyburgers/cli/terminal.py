@@ -10,7 +10,7 @@ from rich.text import Text
 from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
 from pyburgers.checks.verdicts import verdicts
 from pyburgers.cli.shared import EXIT_CHECK_FAILED
-from pyburgers.report.tables import VERDICT_WORDS
+from pyburgers.page.tables import VERDICT_WORDS
 
 EXIT_NOT_DESCRIBED = 4
 """The posterior was sampled well, but the model is not shown to describe the data."""

@@ -8,7 +8,7 @@ from typing import Literal
 
 from pyburgers.common.units import UNIT_TABLE
 
-Kind = Literal["number", "text", ""]
+CellKind = Literal["number", "text", ""]
 
 Row = tuple[int, tuple[str, ...]]
 """Number of the line from 1, and cells."""
@@ -48,7 +48,7 @@ _UNITS = re.compile(
 _IN_BRACKETS = re.compile(r"[(\[][^)\]]*[)\]]")
 
 
-def kind_of(cell: str) -> Kind:
+def kind_of(cell: str) -> CellKind:
     """Return whether a cell holds a number or a time stamp, text, or nothing."""
     if NUMBER.fullmatch(cell):  # most cells
         return "number"

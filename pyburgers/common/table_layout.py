@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from pyburgers.common.cells import Kind, Row, is_unit, kind_of, names_between_blanks
+from pyburgers.common.cells import CellKind, Row, is_unit, kind_of, names_between_blanks
 
 T = TypeVar("T")
 
@@ -240,7 +240,7 @@ def best_run(rows: Iterable[Sequence[str]]) -> tuple[int, int, frozenset[int]]:
     has. Return `numeric`: which of these are numbers, from 0.
     """
     best: tuple[int, int, frozenset[int]] = (0, 0, frozenset())
-    merged: list[Kind] = []
+    merged: list[CellKind] = []
     score = 0
     for cells in rows:
         kinds = [kind_of(cell) for cell in cells]

@@ -21,7 +21,7 @@ from pyburgers.comparison.results import ComparisonByTest, LeaveOneTestOut
 from pyburgers.comparison.same_data import check_same_data, stacking_weights
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Task, run_fits
-from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.sampling.manifest import COMPLETE
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory

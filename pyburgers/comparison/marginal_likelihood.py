@@ -24,8 +24,8 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.comparison.results import LogIntegral
 from pyburgers.fitting.fit import Fit
+from pyburgers.kinds.stan_data import REFERENCE_SOLVER, solver_block
 from pyburgers.posterior.labelled_draws import relative_efficiency
-from pyburgers.protocols.stan_data import REFERENCE_SOLVER, solver_block
 from pyburgers.sampling.densities import log_density_at
 
 logger = logging.getLogger(__name__)

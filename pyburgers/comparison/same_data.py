@@ -9,8 +9,8 @@ import numpy.typing as npt
 from pyburgers.common.atomic_files import sha256_of_json
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
+from pyburgers.kinds.stan_data import decisive
 from pyburgers.posterior.labelled_draws import MICROSTRUCTURE
-from pyburgers.protocols.stan_data import decisive
 
 FloatArray = npt.NDArray[np.float64]
 

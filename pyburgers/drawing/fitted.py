@@ -4,7 +4,7 @@ from typing import Any
 
 from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.drawing.panels import FittedCurve
-from pyburgers.protocols.protocol import FittedTest
+from pyburgers.kinds.kind import FittedTest
 
 
 def predicted(fit: FittedTest, name: str) -> FloatArray:

@@ -62,12 +62,12 @@ def style() -> AbstractContextManager[None]:
     )
 
 
-Kind: TypeAlias = Literal["png", "svg", "page"]
+ImageFormat: TypeAlias = Literal["png", "svg", "page"]
 """What a figure becomes: two kinds of files, and a part of a page, whose letters are paths, which
 look alike on every machine."""
 
 
-def image(figure: Figure, kind: Kind) -> bytes:
+def image(figure: Figure, kind: ImageFormat) -> bytes:
     """Render a figure; the same figure gives the same bytes.
 
     The layout is made once: its engine moves panels a little each time, and takes as long as the
@@ -106,7 +106,7 @@ def _whole_dots(figure: Figure, dots_per_inch: int) -> Iterator[None]:
 
 def write_images(figure: Figure, path: Path) -> None:
     """Write a figure as PNG and, beside it, as SVG."""
-    kinds: tuple[Kind, ...] = ("png", "svg")
+    kinds: tuple[ImageFormat, ...] = ("png", "svg")
     for kind in kinds:
         write_bytes(path.with_suffix(f".{kind}"), image(figure, kind))
 

@@ -20,11 +20,11 @@ from pyburgers.common.errors import InputError, PyburgersError
 from pyburgers.common.tasks import ALL_HERE, Workers
 from pyburgers.common.toml_files import NAME, Table, read_json, read_toml
 from pyburgers.fitting.side_by_side import Task, run_fits, task_of
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.problem import of_one_program
+from pyburgers.kinds.together import default_priors_for
 from pyburgers.model.priors import load_priors, note_other_material
 from pyburgers.model.variants import with_variant
-from pyburgers.protocols.problem import of_one_program
-from pyburgers.protocols.protocol import load_experiment
-from pyburgers.protocols.together import default_priors_for
 from pyburgers.sampling.manifest import COMPLETE
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory

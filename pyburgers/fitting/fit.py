@@ -25,6 +25,12 @@ from pyburgers.fitting.sampled_fit import (
     put_aside_where_few_diverged,
     write_tables,
 )
+from pyburgers.kinds.doubts import doubts
+from pyburgers.kinds.experiment import Experiment, Provenance
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.problem import Problem, one_test, problem_of
+from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.kinds.together import pooling_for
 from pyburgers.model.pooling import pooling_from
 from pyburgers.model.priors import PriorSet, load_priors, note_other_material
 from pyburgers.model.variants import ModelVariant, variant_of
@@ -36,12 +42,6 @@ from pyburgers.posterior.labelled_draws import (
     own_name,
     summary_table,
 )
-from pyburgers.protocols.doubts import doubts
-from pyburgers.protocols.experiment import Experiment, Provenance
-from pyburgers.protocols.problem import Problem, one_test, problem_of
-from pyburgers.protocols.protocol import load_experiment
-from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.protocols.together import pooling_for
 from pyburgers.sampling.extensions import require_extendable
 from pyburgers.sampling.manifest import FitManifest
 from pyburgers.sampling.options import SamplerOptions
@@ -294,7 +294,7 @@ def fit(
         chains are run.
     pool : mapping of str to str, optional
         How parameters of several tests are pooled, if not by default
-        (`pyburgers.protocols.together.pooling_for`).
+        (`pyburgers.kinds.together.pooling_for`).
     options : SamplerOptions, optional
         Chains, iterations, seed. If a few trajectories diverge, all chains go on with shorter steps
         (`pyburgers.fitting.sampled_fit.put_aside_where_few_diverged`).

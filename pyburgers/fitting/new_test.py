@@ -10,6 +10,10 @@ import xarray as xr
 
 from pyburgers.common.draws import all_draws, evenly_spaced
 from pyburgers.common.errors import InputError
+from pyburgers.kinds.coordinates import CENTRE, SPREAD
+from pyburgers.kinds.experiment import Experiment, UncertainCondition
+from pyburgers.kinds.kind import FittedTest, kind_of
+from pyburgers.kinds.problem import Problem
 from pyburgers.model.display import unit_text
 from pyburgers.model.parameters import (
     CONDITIONS,
@@ -21,10 +25,6 @@ from pyburgers.model.prior_families import Prior, fixed_prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of, with_variant
 from pyburgers.posterior.labelled_draws import own_name
-from pyburgers.protocols.coordinates import CENTRE, SPREAD
-from pyburgers.protocols.experiment import Experiment, UncertainCondition
-from pyburgers.protocols.problem import Problem
-from pyburgers.protocols.protocol import FittedTest, protocol_of
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -157,7 +157,7 @@ def _is_same_test(fitted: Experiment, experiment: Experiment) -> bool:
 
 def _stated(experiment: Experiment) -> dict[str, Prior]:
     """Return priors of what the file of a test states, by the parameter."""
-    return {prior.parameter: prior for prior in protocol_of(experiment).stated_priors(experiment)}
+    return {prior.parameter: prior for prior in kind_of(experiment).stated_priors(experiment)}
 
 
 def _same_of_a_test(fitted: Experiment, experiment: Experiment) -> list[str]:
@@ -247,8 +247,8 @@ def add_noises(
     """
     found, notes = dict(values), []
     n_draws = len(next(iter(values.values())))
-    read = {name for test in fitted.experiments for name in protocol_of(test).noises(test)}
-    for name, stated in protocol_of(experiment).noises(experiment).items():
+    read = {name for test in fitted.experiments for name in kind_of(test).noises(test)}
+    for name, stated in kind_of(experiment).noises(experiment).items():
         noise = PARAMETER_BY_NAME[name]
         if name in read and name in values:
             size, origin = float(values[name].mean()), "of the fit"

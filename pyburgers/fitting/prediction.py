@@ -19,16 +19,16 @@ from pyburgers.fitting.new_test import (
     draw_values,
     transfer_laws,
 )
+from pyburgers.kinds.conditions import Ranges, beyond_sentences, conditions
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.problem import one_test
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import REFERENCE_SOLVER
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
 from pyburgers.posterior.groups import drawn_at_points, grid_group, groups_at_points
 from pyburgers.posterior.labelled_draws import label_draws
-from pyburgers.protocols.conditions import Ranges, beyond_sentences, conditions
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.problem import one_test
-from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.protocol import protocol_of
-from pyburgers.protocols.stan_data import REFERENCE_SOLVER
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -99,7 +99,7 @@ def predict_test(
     if draws is not None and draws < 1:
         raise InputError(f"draws: found {draws}, expected at least 1.")
     rng = np.random.default_rng(seed)
-    protocol = protocol_of(experiment)
+    kind = kind_of(experiment)
     kept, values, notes = draw_values(source, draws, separate_from, rng)
     of_the_test, apparatus_notes = apparatus_values(source, experiment, kept, rng)
     values = {**values, **of_the_test}
@@ -116,11 +116,11 @@ def predict_test(
             rng.standard_normal((kept.size, experiment.n_driving_errors)),
         ]
     )
-    grid = protocol.prediction_grid(experiment)
+    grid = kind.prediction_grid(experiment)
     data = program_data(problem, solver=REFERENCE_SOLVER, grids=[grid])
-    solved, drawn = load_program(protocol.program).generate_at(data, "coordinate", rows, seed=seed)
+    solved, drawn = load_program(kind.program).generate_at(data, "coordinate", rows, seed=seed)
     if solved.any():
-        drawn, solved[solved] = drawn.finite_in(protocol.grid_quantities)
+        drawn, solved[solved] = drawn.finite_in(kind.grid_quantities)
     if not solved.any():
         raise SamplingError(
             f"{experiment.id}: no solution at any of {kept.size} draws, expected one; the "
@@ -146,7 +146,7 @@ def predict_test(
         "fitted_to": prediction.fitted_to,
         "cautions": "\n".join(prediction.cautions),
         "notes": "\n".join(prediction.notes),
-        "clock": protocol.clock.name,
+        "clock": kind.clock.name,
     }
     return prediction
 
@@ -160,7 +160,7 @@ def _tree(
     priors: PriorSet,
 ) -> xr.DataTree:
     """Label what was solved as the draws of a fit are."""
-    protocol = protocol_of(experiment)
+    kind = kind_of(experiment)
     labels = {"chain": [1], "draw": np.arange(kept.size), "fit_draw": ("draw", kept)}
     fixed = {name: prior.location for name, prior in priors.priors.items() if prior.is_fixed}
     own = {
@@ -171,10 +171,10 @@ def _tree(
         {name: (("chain", "draw"), one[np.newaxis]) for name, one in own.items()}, labels
     )
     label_draws(parameters, (p for p in PROGRAM_PARAMETERS if p.name in own), priors)
-    on_grid = drawn.dataset(list(protocol.grid_quantities)).assign_coords(chain=[1])
+    on_grid = drawn.dataset(list(kind.grid_quantities)).assign_coords(chain=[1])
     groups = {"posterior": parameters, "predictions": grid_group(on_grid, experiment)}
     if experiment.n_points > 0:
-        at_points = drawn_at_points(drawn, {"chain": [1]}, protocol.response)
+        at_points = drawn_at_points(drawn, {"chain": [1]}, kind.response)
         groups |= groups_at_points(at_points, experiment)
     return xr.DataTree.from_dict(groups)
 

@@ -7,12 +7,12 @@ import xarray as xr
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.problem import one_test
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.problem import one_test
-from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.protocol import protocol_of
-from pyburgers.protocols.stan_data import SolverOptions
 
 UNCUT = 50.0
 """Half a range of a prior, in its standard deviations, that cuts nothing off."""
@@ -62,7 +62,7 @@ def prior_draws(
         If no draw has a solution.
     """
     rng = np.random.default_rng(seed)
-    protocol = protocol_of(experiment)
+    kind = kind_of(experiment)
     if priors.flow_law is not None:
         raise InputError(
             f"{experiment.id}: found a joint prior of the flow law, expected a prior for each "
@@ -74,22 +74,22 @@ def prior_draws(
         else prior.distribution().rvs(size=draws, random_state=rng)
         for name, prior in priors.priors.items()
     }
-    problem = one_test(protocol.without_data(experiment), _each_by_itself(priors))
+    problem = one_test(kind.without_data(experiment), _each_by_itself(priors))
     (coordinates,) = problem.coordinates
     rows = np.column_stack(
         [coordinates.of_quantity(k, values[name]) for k, name in enumerate(coordinates.quantities)]
     )
-    grid = protocol.prediction_grid(experiment)
+    grid = kind.prediction_grid(experiment)
     data = program_data(problem, solver=SolverOptions(), grids=[grid])
-    kept, drawn = load_program(protocol.program).generate_at(data, "coordinate", rows)
+    kept, drawn = load_program(kind.program).generate_at(data, "coordinate", rows)
     if kept.any():
-        drawn, kept[kept] = drawn.finite_in([next(iter(protocol.grid_quantities))])
+        drawn, kept[kept] = drawn.finite_in([next(iter(kind.grid_quantities))])
     if not kept.any():
         raise SamplingError(
             f"{experiment.id}: none of {draws} draws from the prior has a solution; "
             "check the units and the bounds of the priors."
         )
-    clock = protocol.clock.name
+    clock = kind.clock.name
     dimensions = ("chain", "draw", clock)
     labels = {"chain": [1], "draw": np.flatnonzero(kept)}
     groups = {
@@ -99,7 +99,7 @@ def prior_draws(
         "predictions": xr.Dataset(
             {
                 name: (dimensions, drawn[column], {"units": unit})
-                for column, (name, unit) in protocol.grid_quantities.items()
+                for column, (name, unit) in kind.grid_quantities.items()
             },
             {**labels, clock: grid},
         ),

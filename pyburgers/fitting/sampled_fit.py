@@ -29,8 +29,8 @@ from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.verdicts import Verdict, verdicts, verdicts_record
 from pyburgers.common.atomic_files import json_text, write_text
 from pyburgers.common.errors import InputError
+from pyburgers.kinds.experiment import Provenance
 from pyburgers.posterior.labelled_draws import in_display_units
-from pyburgers.protocols.experiment import Provenance
 from pyburgers.sampling.manifest import COMPLETE, ChainFailure, missing_chains
 from pyburgers.sampling.other_modes import recorded_modes
 from pyburgers.sampling.repetitions import SHORTENING, shorten_steps, shortened

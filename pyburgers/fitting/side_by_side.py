@@ -18,11 +18,11 @@ from pyburgers.common.messages import messages_to
 from pyburgers.common.processes import cores
 from pyburgers.common.tasks import ALL_HERE, Workers, run_tasks
 from pyburgers.fitting.fit import Fit, fit_problem
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.problem import Problem, problem_of
+from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.kinds.together import pooling_for
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.problem import Problem, problem_of
-from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.protocols.together import pooling_for
 from pyburgers.sampling.options import SamplerOptions
 
 logger = logging.getLogger(__name__)

@@ -41,6 +41,11 @@ from pyburgers.flow_law_tables.inputs import (
     save_peak_stress_priors,
 )
 from pyburgers.flow_law_tables.softening import N_SOFTENING, SofteningPrior, softening_prior
+from pyburgers.kinds.coordinates import REFERENCE_FLOW_RATE, PlainCoordinates
+from pyburgers.kinds.experiment import Provenance
+from pyburgers.kinds.problem import coordinates_through
+from pyburgers.kinds.program_data import prior_block
+from pyburgers.kinds.stan_data import StanData
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, PRIOR_QUANTITIES, FlowLawPrior
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.priors import PriorSet, default_priors, note_other_material
@@ -51,11 +56,6 @@ from pyburgers.posterior.labelled_draws import (
     sample_stats,
     summary_table,
 )
-from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE, PlainCoordinates
-from pyburgers.protocols.experiment import Provenance
-from pyburgers.protocols.problem import coordinates_through
-from pyburgers.protocols.program_data import prior_block
-from pyburgers.protocols.stan_data import StanData
 from pyburgers.sampling.manifest import RunManifest
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run import complete_chains, fingerprint, run_record
@@ -88,7 +88,7 @@ def peak_stress_coordinates(data: PeakStressData, priors: PriorSet) -> PlainCoor
     """Choose origin and size of every free parameter and what the flow rate replaces.
 
     The flow rate at the mean conditions replaces Q_M, or beta, unless both are fixed or have two
-    finite bounds (`pyburgers.protocols.problem.coordinates_through`).
+    finite bounds (`pyburgers.kinds.problem.coordinates_through`).
     """
     origin = float(np.mean(np.log(data.strain_rate)))
     return coordinates_through(priors, REFERENCE_FLOW_RATE_QUANTITY, origin, 1.0)

@@ -18,18 +18,18 @@ from pyburgers.common.columns import Column, TextFilesTable, read_columns, write
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import NAME, Table, checked, read_tables, read_toml, write_toml
+from pyburgers.kinds.doubts import unlikely_stress
+from pyburgers.kinds.experiment import Experiment, Provenance, ProvenanceTable
+from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.limits import TEMPERATURES, impossible_conditions, refuse_impossible
 from pyburgers.model.flow_law_prior import Conditions, PeakTest
 from pyburgers.model.parameters import PARAMETER_BY_NAME, STRESS_SCATTER, Parameter
 from pyburgers.model.prior_families import PriorTable, check_beta, load_prior
 from pyburgers.model.priors import FLOW_LAW, PriorFile, PriorSet, save_priors, shipped_prior_file
-from pyburgers.protocols.doubts import unlikely_stress
-from pyburgers.protocols.experiment import Experiment, Provenance, ProvenanceTable
-from pyburgers.protocols.limits import TEMPERATURES, impossible_conditions, refuse_impossible
-from pyburgers.protocols.protocol import protocol_of
 
 FloatArray = npt.NDArray[np.float64]
 
-PROTOCOL = "peak_stress"
+KIND = "peak_stress"
 """Key `protocol` of such tables."""
 
 LEAST_POINTS = 3
@@ -143,7 +143,7 @@ def without_test(data: PeakStressData, experiment: Experiment) -> PeakStressData
     InputError
         If the test has no peak, none of the rows may be it, or fewer than `LEAST_POINTS` are left.
     """
-    test = protocol_of(experiment).peak_test(experiment)
+    test = kind_of(experiment).peak_test(experiment)
     if test is None:
         raise InputError(
             f"{experiment.id}: has no stress at a constant rate, expected a test that a table of "
@@ -206,9 +206,9 @@ def load_peak_stress(path: str | Path) -> PeakStressData:
     path = given_path(path)
     content = read_tables(path)
     # Of a file of another kind none of the keys that it lacks is worth a word.
-    if content.get("protocol", PROTOCOL) != PROTOCOL:
+    if content.get("protocol", KIND) != KIND:
         raise InputError(
-            f"{path}: key 'protocol': found {content['protocol']!r}, expected {PROTOCOL!r} (the "
+            f"{path}: key 'protocol': found {content['protocol']!r}, expected {KIND!r} (the "
             "kind of table)."
         )
     file = checked(path, content, _PeakStressFile)
@@ -244,7 +244,7 @@ def save_peak_stress(data: PeakStressData, directory: Path) -> Path:
     table = {
         "id": data.id,
         "material": data.material,
-        "protocol": PROTOCOL,
+        "protocol": KIND,
         "data": {
             "file": "peak_stress.csv",
             **{f"{name}_column": name for name in COLUMNS},

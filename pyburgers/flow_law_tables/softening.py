@@ -20,11 +20,11 @@ from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.common.toml_files import Table, read_json_table
 from pyburgers.flow_law_tables.inputs import PeakStrain, PeakStressData, least_squares
+from pyburgers.kinds.program_data import given_parameters
+from pyburgers.kinds.stan_data import SolverOptions, StanData, solver_block
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, PriorSet
-from pyburgers.protocols.program_data import given_parameters
-from pyburgers.protocols.stan_data import SolverOptions, StanData, solver_block
 
 FloatArray = npt.NDArray[np.float64]
 

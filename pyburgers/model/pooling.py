@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.model.parameters import CONDITIONS, CONSTANTS, PROGRAM_PARAMETERS
 
-Kind = Literal["shared", "partial", "separate"]
+Sharing = Literal["shared", "partial", "separate"]
 
 DEFAULT_SPREAD_SCALE = 0.5
 """Scale of the half-normal prior of a spread, on the real line behind a bounded parameter.
@@ -23,7 +23,7 @@ in its distance from a lower bound.
 ALL = "all"
 """Stands for every parameter in an option."""
 
-DEFAULT_KINDS: Mapping[str, Kind] = MappingProxyType(
+DEFAULT_KINDS: Mapping[str, Sharing] = MappingProxyType(
     {
         **{p.name: "shared" for p in PROGRAM_PARAMETERS if p.name not in CONSTANTS | CONDITIONS},
         "steady_state_grain_size": "partial",
@@ -57,10 +57,10 @@ class Pooling:
     `spread_scales`: scale of the half-normal prior of the spread of each "partial" parameter.
     """
 
-    kinds: Mapping[str, Kind]
+    kinds: Mapping[str, Sharing]
     spread_scales: Mapping[str, float]
 
-    def of_kind(self, kind: Kind, names: Sequence[str]) -> tuple[str, ...]:
+    def of_kind(self, kind: Sharing, names: Sequence[str]) -> tuple[str, ...]:
         """Return those of some parameters that are pooled in a way, in their order."""
         return tuple(name for name in names if self.kinds.get(name) == kind)
 
@@ -94,7 +94,7 @@ def pooling_of(options: Mapping[str, str] | None = None) -> Pooling:
                 f"--pool {name}: unknown parameter {name!r}, {nearest(name, [*DEFAULT_KINDS, ALL])}"
             )
     chosen = {name: _kind(name, text) for name, text in options.items()}
-    kinds: dict[str, Kind] = {}
+    kinds: dict[str, Sharing] = {}
     scales = {}
     for name, default in DEFAULT_KINDS.items():
         kind, scale = chosen.get(name) or chosen.get(ALL) or (default, DEFAULT_SPREAD_SCALE)
@@ -127,16 +127,16 @@ def parse_pooling(options: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def _kind(name: str, text: str) -> tuple[Kind, float]:
+def _kind(name: str, text: str) -> tuple[Sharing, float]:
     """Read a way of pooling, and the scale of the spread's prior."""
     kind, colon, number = text.partition(":")
-    kinds = get_args(Kind)
+    kinds = get_args(Sharing)
     if kind not in kinds or (colon and kind != "partial"):
         raise InputError(
             f"--pool {name}={text}: found {text!r}, expected shared, partial, partial:SCALE or "
             "separate."
         )
-    way: Kind = kinds[kinds.index(kind)]
+    way: Sharing = kinds[kinds.index(kind)]
     if not colon:
         return way, DEFAULT_SPREAD_SCALE
     try:

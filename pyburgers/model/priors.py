@@ -320,8 +320,8 @@ def default_priors(material: str, protocol: str | None = None) -> PriorSet:
 
 def _kinds_of_test() -> list[str]:
     """Names of the kinds of test, by their folders: the room that knows them is above this one."""
-    folder = Path(str(importlib.resources.files("pyburgers"))) / "protocols"
-    return sorted(file.parent.name for file in folder.glob("*/protocol.py"))
+    folder = Path(str(importlib.resources.files("pyburgers"))) / "kinds"
+    return sorted(file.parent.name for file in folder.glob("*/kind.py"))
 
 
 def shipped_prior_file(material: str, folder: str = ".", *, of: str = "") -> Path:

@@ -6,8 +6,8 @@ import numpy as np
 import xarray as xr
 
 from pyburgers.cmdstan.draw_files import Draws
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.microstructure import strains_of, times_of
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.microstructure import strains_of, times_of
 
 COLUMNS = ("grain_size", "fabric_factor")
 """What a row of `stan/statistics/measured_microstructure.stan` is about."""

@@ -26,6 +26,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from pyburgers.common.netcdf_files import write_netcdf
+from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.relaxation import kelvin_part
 from pyburgers.predictions.assumptions import (
     CRITICAL_SHARE,
@@ -45,7 +46,6 @@ from pyburgers.predictions.stress_cycles import (
     checked_hold_time,
     checked_inputs,
 )
-from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

@@ -8,12 +8,12 @@ import numpy.typing as npt
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.kinds.attenuation.stan_data import stress_nodes
+from pyburgers.kinds.stan_data import ends
 from pyburgers.model.laws import DASHPOT_STRESSES
 from pyburgers.model.priors import FLOW_LAW
 from pyburgers.model.relaxation import KelvinPart
 from pyburgers.predictions.stress_cycles import Regime, parameter_columns
-from pyburgers.protocols.attenuation.stan_data import stress_nodes
-from pyburgers.protocols.stan_data import ends
 
 FloatArray = npt.NDArray[np.float64]
 

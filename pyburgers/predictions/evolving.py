@@ -20,6 +20,8 @@ import xarray as xr
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, number
+from pyburgers.kinds.forced_oscillation.harmonics import CUBIC, fit_harmonics
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.display import STRESS_UNIT
 from pyburgers.model.relaxation import kelvin_part
 from pyburgers.predictions.attenuation import attenuation_spectrum, flat_draws
@@ -32,8 +34,6 @@ from pyburgers.predictions.stress_cycles import (
     checked_frequencies,
     checked_hold_time,
 )
-from pyburgers.protocols.forced_oscillation.harmonics import CUBIC, fit_harmonics
-from pyburgers.protocols.stan_data import SolverOptions
 
 FloatArray = npt.NDArray[np.float64]
 

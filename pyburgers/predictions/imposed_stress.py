@@ -15,6 +15,9 @@ import pandas as pd
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.kinds.forced_oscillation.harmonics import fit_harmonics
+from pyburgers.kinds.forward import check_given_together
+from pyburgers.kinds.stan_data import SolverOptions, solver_block
 from pyburgers.model.relaxation import require_one_relaxation_time
 from pyburgers.predictions.stress_cycles import (
     EVOLUTION,
@@ -26,9 +29,6 @@ from pyburgers.predictions.stress_cycles import (
     checked_inputs,
     parameter_columns,
 )
-from pyburgers.protocols.forced_oscillation.harmonics import fit_harmonics
-from pyburgers.protocols.forward import check_given_together
-from pyburgers.protocols.stan_data import SolverOptions, solver_block
 
 FloatArray = npt.NDArray[np.float64]
 

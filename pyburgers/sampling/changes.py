@@ -8,11 +8,11 @@ from typing import Any
 
 from pyburgers.common.atomic_files import sha256_of_file, write_atomically
 from pyburgers.common.errors import InputError
+from pyburgers.kinds.kind import save_experiment
+from pyburgers.kinds.problem import Problem
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.priors import load_priors, save_priors
 from pyburgers.model.variants import variant_of
-from pyburgers.protocols.problem import Problem
-from pyburgers.protocols.protocol import save_experiment
-from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.manifest import FitManifest
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory

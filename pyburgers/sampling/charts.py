@@ -10,11 +10,11 @@ import numpy.typing as npt
 
 from pyburgers.cmdstan.program import ALL_DIGITS, ModeNotFound, Program, load_program
 from pyburgers.common.errors import InputError
-from pyburgers.protocols.coordinates import Mode, OtherMode, ProblemMode
-from pyburgers.protocols.problem import Problem
-from pyburgers.protocols.program_data import chart_block, program_data, solve
-from pyburgers.protocols.protocol import AtMode, Chart, ChartUnsuited
-from pyburgers.protocols.stan_data import SolverOptions, StanData, solver_block
+from pyburgers.kinds.coordinates import Mode, OtherMode, ProblemMode
+from pyburgers.kinds.kind import AtMode, Chart, ChartUnsuited
+from pyburgers.kinds.problem import Problem
+from pyburgers.kinds.program_data import chart_block, program_data, solve
+from pyburgers.kinds.stan_data import SolverOptions, StanData, solver_block
 from pyburgers.sampling.laplace import curvature_at, laplace_metric
 
 logger = logging.getLogger(__name__)

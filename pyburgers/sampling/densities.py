@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.cmdstan.program import ALL_DIGITS, Program
-from pyburgers.protocols.stan_data import StanData
+from pyburgers.kinds.stan_data import StanData
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 from pyburgers.common.errors import InputError
-from pyburgers.protocols.protocol import Protocol, protocols
+from pyburgers.kinds.kind import Kind, kinds
 
 COORDINATES = (
     "auto",
-    *dict.fromkeys(chart for protocol in protocols().values() for chart in protocol.charts),
+    *dict.fromkeys(chart for protocol in kinds().values() for chart in protocol.charts),
 )
 """What may be asked for; which go with a test, its protocol says."""
 
@@ -114,10 +114,10 @@ class SamplerOptions:
         """Return the threads of a chain: at most as many as there are tests to share."""
         return min(self.threads_per_chain, n_tests)
 
-    def suited_to(self, protocol: Protocol[Any]) -> Self:
+    def suited_to(self, kind: Kind[Any]) -> Self:
         """Fill in what is left to the protocol."""
         return replace(
             self,
-            warmup=self.warmup or protocol.warmup,
-            adapt_delta=self.adapt_delta or protocol.target_acceptance,
+            warmup=self.warmup or kind.warmup,
+            adapt_delta=self.adapt_delta or kind.target_acceptance,
         )

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from pyburgers.cmdstan.program import Program
 from pyburgers.common.errors import SamplingError
-from pyburgers.protocols.coordinates import OtherMode
-from pyburgers.protocols.stan_data import StanData
+from pyburgers.kinds.coordinates import OtherMode
+from pyburgers.kinds.stan_data import StanData
 from pyburgers.sampling.laplace import laplace_metric
 
 FloatArray = npt.NDArray[np.float64]

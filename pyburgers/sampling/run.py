@@ -22,9 +22,9 @@ from pyburgers.common.errors import (
     ToolchainError,
 )
 from pyburgers.common.toml_files import read_json
-from pyburgers.protocols.problem import Problem
-from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.stan_data import SolverOptions, StanData, decisive
+from pyburgers.kinds.problem import Problem
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import SolverOptions, StanData, decisive
 from pyburgers.sampling.chains import run_side_by_side
 from pyburgers.sampling.changes import refusal, wanted_record, write_inputs
 from pyburgers.sampling.charts import ChosenChart, check_coordinates, choose_chart

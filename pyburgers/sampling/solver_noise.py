@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.cmdstan.program import Program
-from pyburgers.protocols.stan_data import REFERENCE_SOLVER, StanData, solver_block
+from pyburgers.kinds.stan_data import REFERENCE_SOLVER, StanData, solver_block
 from pyburgers.sampling.densities import log_density_at
 from pyburgers.sampling.repetitions import TIGHTENING
 

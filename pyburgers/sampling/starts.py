@@ -9,11 +9,11 @@ import numpy.typing as npt
 
 from pyburgers.cmdstan.program import ModeNotFound, Program, load_program
 from pyburgers.common.errors import SamplingError
-from pyburgers.protocols.coordinates import Mode, OtherMode, ProblemMode
-from pyburgers.protocols.problem import Problem
-from pyburgers.protocols.program_data import program_data, solve, values_of_test
-from pyburgers.protocols.protocol import protocol_of
-from pyburgers.protocols.stan_data import SolverOptions, StanData, solver_block
+from pyburgers.kinds.coordinates import Mode, OtherMode, ProblemMode
+from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.problem import Problem
+from pyburgers.kinds.program_data import program_data, solve, values_of_test
+from pyburgers.kinds.stan_data import SolverOptions, StanData, solver_block
 from pyburgers.sampling.densities import log_density_at
 from pyburgers.sampling.other_modes import modes_beside_the_highest
 
@@ -45,7 +45,7 @@ salt that hardens the third best of four ends, 17 below the best, lay below a mo
 
 def programs_of_tests(problem: Problem) -> list[Program]:
     """Return the programs that solve the tests one by one; a table has another than histories."""
-    sources = [protocol_of(experiment).program for experiment in problem.experiments]
+    sources = [kind_of(experiment).program for experiment in problem.experiments]
     loaded = {source: load_program(source) for source in set(sources)}
     return [loaded[source] for source in sources]
 

@@ -17,6 +17,13 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError, SystemFailureError
 from pyburgers.fitting.fit import Fit, fit_problem
+from pyburgers.kinds.coordinates import CENTRE, SPREAD
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.forward import simulate, simulate_data
+from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.problem import Problem, one_test
+from pyburgers.kinds.program_data import given_parameters, program_data
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.parameters import CONDITIONS
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, shipped_prior_files
 from pyburgers.posterior.labelled_draws import (
@@ -26,13 +33,6 @@ from pyburgers.posterior.labelled_draws import (
     own_name,
     response_in,
 )
-from pyburgers.protocols.coordinates import CENTRE, SPREAD
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forward import simulate, simulate_data
-from pyburgers.protocols.problem import Problem, one_test
-from pyburgers.protocols.program_data import given_parameters, program_data
-from pyburgers.protocols.protocol import protocol_of
-from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.repetitions import shortened
 from pyburgers.sbc.convergence import lengthened, not_converged
@@ -296,13 +296,13 @@ def _at_truth(
     """Return true parameters, reference quantity and log likelihood of simulated data."""
     values = experiment.true_parameters
     assert values is not None  # simulated
-    protocol = protocol_of(experiment)
+    kind = kind_of(experiment)
     given = given_parameters(experiment.material, values)
     data = program_data(one_test(experiment, given), solver=solver)
-    error = protocol.driving_error(experiment, driven)
-    draw = load_program(protocol.program).evaluate(data, {"coordinate": error.tolist()})
+    error = kind.driving_error(experiment, driven)
+    draw = load_program(kind.program).evaluate(data, {"coordinate": error.tolist()})
     return {
         **values,
-        protocol.reference.name: float(np.exp(draw["log_reference"][0])),
+        kind.reference.name: float(np.exp(draw["log_reference"][0])),
         LOG_LIKELIHOOD: float(draw["log_lik"].sum()),
     }

@@ -22,12 +22,12 @@ from pyburgers.flow_law_tables.inputs import (
     with_curve_flow_law,
 )
 from pyburgers.flow_law_tables.softening import simulate_peaks
+from pyburgers.kinds.experiment import Experiment, Provenance
+from pyburgers.kinds.forward import simulate_data
+from pyburgers.kinds.problem import one_test
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, FlowLawPrior
 from pyburgers.model.parameters import STRESS_SCATTER
 from pyburgers.model.priors import PriorSet, with_flow_law
-from pyburgers.protocols.experiment import Experiment, Provenance
-from pyburgers.protocols.forward import simulate_data
-from pyburgers.protocols.problem import one_test
 from pyburgers.sbc.convergence import lengthened
 from pyburgers.sbc.data_sets import DataSetPlan, Simulated, fit_and_rank
 from pyburgers.sbc.replication import Replication

@@ -23,14 +23,14 @@ from pyburgers.common.atomic_files import sha256_of_json
 from pyburgers.common.errors import InputError, SystemFailureError
 from pyburgers.common.tasks import ALL_HERE, Workers, run_tasks
 from pyburgers.common.toml_files import Table
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.kind import load_experiment, save_experiment
+from pyburgers.kinds.problem import Problem, problem_of
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import SolverOptions, decisive
+from pyburgers.kinds.together import pooling_for
 from pyburgers.model.pooling import pooling_from
 from pyburgers.model.priors import PriorSet, load_priors, note_other_material, save_priors
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.problem import Problem, problem_of
-from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.protocol import load_experiment, save_experiment
-from pyburgers.protocols.stan_data import SolverOptions, decisive
-from pyburgers.protocols.together import pooling_for
 from pyburgers.sampling.changes import problem_record
 from pyburgers.sampling.charts import check_coordinates
 from pyburgers.sampling.manifest import COMPLETE, PoolingRecord, RecordedHashes, SamplerRecord

@@ -42,10 +42,10 @@ from pyburgers import (
     load_priors,
     with_variant,
 )
-from pyburgers.protocols.problem import problem_of
-from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.together import pooling_for
-from pyburgers.report.page import write_report
+from pyburgers.kinds.problem import problem_of
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.together import pooling_for
+from pyburgers.page.page import write_report
 
 FloatArray = npt.NDArray[np.float64]
 RecordProperty = Callable[[str, object], None]

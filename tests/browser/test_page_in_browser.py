@@ -15,8 +15,8 @@ import pytest
 from synthetic_fit import make_fit
 
 from pyburgers.drawing.page_parts import PageSection
-from pyburgers.report.comparison_sections import comparison_sections
-from pyburgers.report.page import write_report
+from pyburgers.page.comparison_sections import comparison_sections
+from pyburgers.page.page import write_report
 
 pytestmark = pytest.mark.browser
 

@@ -7,7 +7,7 @@ import pytest
 from small_inputs import CURVE, DATA, EXPERIMENT, PRIORS
 
 from pyburgers.cli.main import main
-from pyburgers.protocols.protocol import load_experiment
+from pyburgers.kinds.kind import load_experiment
 
 Checked = Callable[..., tuple[int, list[str]]]
 

@@ -25,8 +25,8 @@ from pyburgers.cli.parser import HelpWithDefaults, OneLineParser
 from pyburgers.cli.shared import command_line
 from pyburgers.cmdstan.installation import PYPI_VERSION
 from pyburgers.fitting.fit import Fit
-from pyburgers.protocols.constant_rate.experiment import load_constant_rate
-from pyburgers.protocols.protocol import protocols
+from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.kind import kinds
 
 COLUMNS = ["time_s", "strain", "stress_Pa", "kelvin_strain", "grain_size_m", "fabric_factor"]
 
@@ -413,8 +413,8 @@ def test_help_shows_defaults_and_choices(capsys: pytest.CaptureFixture[str]) -> 
     text = shown("fit")
     assert "draws of each chain; default 1000" in text
     assert "--coordinates {auto,plain,valley,sheared,stretched}" in text
-    for name, protocol in protocols().items():
-        assert f"{protocol.warmup} {name}" in text
+    for name, kind in kinds().items():
+        assert f"{kind.warmup} {name}" in text
     assert "iterations ahead of the draws; default 300 --draws" in shown("sbc")
     assert "--microstructure {initial,steady-state}" in shown("predict", "attenuation")
     assert f"pypi: {PYPI_VERSION} from the package index" in shown("install-cmdstan")

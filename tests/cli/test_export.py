@@ -14,12 +14,12 @@ from refusals import assert_refused
 
 from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
+from pyburgers.kinds.forward import simulate
+from pyburgers.kinds.kind import load_experiment
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.pooling import DEFAULT_KINDS
 from pyburgers.predictions.exported import LEFT_OUT, LOG_FACTOR, as_latex, exported
 from pyburgers.predictions.stated_laws import POWER_LAW
-from pyburgers.protocols.forward import simulate
-from pyburgers.protocols.protocol import load_experiment
 
 
 def printed(fit: Fit, kind: str, capsys: pytest.CaptureFixture[str]) -> str:

@@ -25,14 +25,14 @@ from pyburgers.cli.main import COMMANDS, main
 from pyburgers.common.errors import PyburgersError
 from pyburgers.fitting.campaign import load_campaign
 from pyburgers.flow_law_tables.inputs import load_peak_stress, load_peak_stress_priors
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.forward import load_parameters
+from pyburgers.kinds.kind import NAMES, load_experiment
+from pyburgers.kinds.problem import problem_of
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.priors import default_priors, load_priors
 from pyburgers.predictions.measured_attenuation import load_measured_attenuation
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forward import load_parameters
-from pyburgers.protocols.problem import problem_of
-from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.protocol import NAMES, load_experiment
-from pyburgers.protocols.stan_data import SolverOptions
 
 DATA = Path(__file__).parents[2] / "data"
 LIMIT_S = 10.0

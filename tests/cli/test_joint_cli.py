@@ -13,7 +13,7 @@ from conftest import ICE, Problem
 from pyburgers.checks.registry import CHECKS
 from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
-from pyburgers.protocols.protocol import save_experiment
+from pyburgers.kinds.kind import save_experiment
 from pyburgers.sampling.run_directory import RunDirectory
 
 TWINS = [str(ICE / f"{name}.toml") for name in ("PIL40", "PIL72")]

@@ -13,13 +13,13 @@ from small_inputs import DATA
 
 from pyburgers.cli.main import main
 from pyburgers.common.text_tables import look_at
-from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.experiment import CONDITION_KEYS, Experiment
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.protocols.guessed_columns import guess_columns
-from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.protocol import load_experiment
+from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.kinds.guessed_columns import guess_columns
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.loading_history.experiment import LoadingHistory
 
 KNOWN = ("--material", "ice", "--temperature-K", "263", "--grain-size-m", "1e-3")
 RATE = ("--strain-rate-per-s", "1e-5")

@@ -14,9 +14,9 @@ import pytest
 from history_twins import TRUTH
 
 from pyburgers.cli.main import main
-from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.new_file import new_files
-from pyburgers.protocols.protocol import NAMES, load_experiment
+from pyburgers.kinds.kind import NAMES, load_experiment
+from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.new_file import new_files
 
 KNOWN = ("--material", "ice", "--temperature-K", "263", "--grain-size-m", "1e-3")
 LOADING = ("--protocol", "loading_history", "--strain-rate-per-s", "1e-5")
@@ -147,7 +147,7 @@ ASKED = {
         "strain rate",
     ),
 }
-"""Protocol, table, answers by words of their questions, and words of what is not asked."""
+"""Kind, table, answers by words of their questions, and words of what is not asked."""
 
 
 @pytest.mark.parametrize(("protocol", "table", "answers", "needless"), ASKED.values(), ids=ASKED)

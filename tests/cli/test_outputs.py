@@ -10,7 +10,7 @@ from refusals import assert_refused
 
 from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
-from pyburgers.protocols.protocol import load_experiment
+from pyburgers.kinds.kind import load_experiment
 
 
 def contents(folder: Path) -> dict[Path, bytes]:

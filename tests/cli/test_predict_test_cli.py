@@ -12,8 +12,8 @@ from conftest import Problem
 
 from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
-from pyburgers.protocols.constant_rate.experiment import RateSegment
-from pyburgers.protocols.protocol import save_experiment
+from pyburgers.kinds.constant_rate.experiment import RateSegment
+from pyburgers.kinds.kind import save_experiment
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import pytest
 
 from pyburgers.cli.terminal import WIDTH, print_checks, print_table
 from pyburgers.fitting.fit import Fit
-from pyburgers.report.tables import parameter_table
+from pyburgers.page.tables import parameter_table
 
 
 class Terminal(io.StringIO):

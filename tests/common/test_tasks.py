@@ -16,10 +16,10 @@ from conftest import ICE
 
 from pyburgers.common.errors import InputError, SystemFailureError
 from pyburgers.common.tasks import Workers, run_tasks
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.problem import problem_of
+from pyburgers.kinds.program_data import program_data
 from pyburgers.model.priors import default_priors
-from pyburgers.protocols.problem import problem_of
-from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.protocol import load_experiment
 
 TWO = Workers(jobs=2)
 

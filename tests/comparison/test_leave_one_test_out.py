@@ -29,11 +29,11 @@ from pyburgers.comparison.results import (
 )
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit, fit_jointly
+from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.problem import problem_of
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
-from pyburgers.protocols.constant_rate.experiment import load_constant_rate
-from pyburgers.protocols.problem import problem_of
-from pyburgers.report.comparison_sections import comparison_sections
+from pyburgers.page.comparison_sections import comparison_sections
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("in_this_process")

@@ -8,7 +8,7 @@ import attenuation_oracle
 import numpy as np
 import pytest
 from conftest import ICE, with_fixed
-from protocol_examples import AttenuationExample
+from kind_examples import AttenuationExample
 from scipy.integrate import trapezoid
 from scipy.special import logsumexp
 
@@ -16,9 +16,9 @@ from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_tests import compare_by_test, compare_kept_by_test
 from pyburgers.comparison.conclusions import sentences_by_test
 from pyburgers.fitting.fit import fit
+from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
+from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.model.priors import default_priors
-from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
-from pyburgers.protocols.attenuation.files import load_attenuation
 from pyburgers.sampling.options import SamplerOptions
 
 TWIN = load_attenuation(ICE / "attenuation_twin.toml")

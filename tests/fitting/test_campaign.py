@@ -13,8 +13,8 @@ from refusals import assert_refused
 from pyburgers.cli.main import main
 from pyburgers.fitting.campaign import load_campaign
 from pyburgers.fitting.fit import Fit
+from pyburgers.kinds.kind import save_experiment
 from pyburgers.model.priors import save_priors
-from pyburgers.protocols.protocol import save_experiment
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
 

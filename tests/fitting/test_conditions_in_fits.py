@@ -12,14 +12,14 @@ from conftest import Problem, with_fixed
 from pyburgers.common.draws import all_draws
 from pyburgers.common.units import with_error
 from pyburgers.fitting.fit import Fit, fit, fit_jointly
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.experiment import UncertainCondition
+from pyburgers.kinds.forward import simulate_data
+from pyburgers.kinds.microstructure import MeasuredMicrostructure
+from pyburgers.kinds.problem import problem_of
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.experiment import UncertainCondition
-from pyburgers.protocols.forward import simulate_data
-from pyburgers.protocols.microstructure import MeasuredMicrostructure
-from pyburgers.protocols.problem import problem_of
-from pyburgers.report.joint_section import pooling_table, shown_pooling_table
+from pyburgers.page.joint_section import pooling_table, shown_pooling_table
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sbc.data_sets import check_template, simulate_from_prior
 

@@ -14,8 +14,7 @@ from matplotlib.colors import rgb_to_hsv, to_hex, to_rgb
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.same_data import fits_alone
 from pyburgers.fitting.fit import Fit, fit_jointly
-from pyburgers.posterior.labelled_draws import total_log_likelihood
-from pyburgers.report.joint_section import (
+from pyburgers.page.joint_section import (
     INTERVALS_CAPTION,
     intervals,
     joint_section,
@@ -23,8 +22,9 @@ from pyburgers.report.joint_section import (
     sd_ratios,
     shown_pooling_table,
 )
-from pyburgers.report.names import joint_key, page_keys, page_names
-from pyburgers.report.page import write_report
+from pyburgers.page.names import joint_key, page_keys, page_names
+from pyburgers.page.page import write_report
+from pyburgers.posterior.labelled_draws import total_log_likelihood
 
 
 def test_manifest_names_tests_pooling_and_inputs(joint: Fit) -> None:

@@ -10,10 +10,10 @@ from oscillation_pair import oscillation_pair
 
 from pyburgers.fitting.fit import Fit, fit_jointly
 from pyburgers.model.priors import default_priors
+from pyburgers.page.joint_section import joint_section
+from pyburgers.page.names import page_names
+from pyburgers.page.page import write_report
 from pyburgers.posterior.labelled_draws import total_log_likelihood
-from pyburgers.report.joint_section import joint_section
-from pyburgers.report.names import page_names
-from pyburgers.report.page import write_report
 
 pytestmark = pytest.mark.slow
 

@@ -15,9 +15,9 @@ from pyburgers.fitting.new_test import (
 )
 from pyburgers.fitting.prediction import predict_test
 from pyburgers.fitting.prior_draws import prior_draws
+from pyburgers.kinds.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.kinds.problem import problem_of
 from pyburgers.model.priors import default_priors
-from pyburgers.protocols.loading_history.experiment import LoadingHistory, Stated
-from pyburgers.protocols.problem import problem_of
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pytest
 import xarray as xr
 from conftest import ICE, Problem, pair_of, resolved_priors, with_fixed
-from protocol_examples import TWIN_FILE
+from kind_examples import TWIN_FILE
 from scipy import stats
 from scipy.special import logsumexp
 
@@ -18,6 +18,18 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.new_test import Source, add_noises, parameters_for_other_test
 from pyburgers.fitting.prediction import Prediction, predict_test
 from pyburgers.fitting.prior_draws import prior_draws
+from pyburgers.kinds.attenuation.files import load_attenuation
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
+from pyburgers.kinds.experiment import Experiment, UncertainCondition
+from pyburgers.kinds.forced_oscillation.experiment import (
+    load_forced_oscillation,
+    with_known_strain,
+)
+from pyburgers.kinds.forward import simulate
+from pyburgers.kinds.kind import FittedTest, kind_of
+from pyburgers.kinds.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.kinds.loading_history.stages import Stage
+from pyburgers.kinds.problem import one_test, problem_of
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import PriorSet
 from pyburgers.predictions.other_test_figures import prediction_figure
@@ -31,18 +43,6 @@ from pyburgers.predictions.other_tests import (
     save_prediction,
     score_table,
 )
-from pyburgers.protocols.attenuation.files import load_attenuation
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, RateSegment
-from pyburgers.protocols.experiment import Experiment, UncertainCondition
-from pyburgers.protocols.forced_oscillation.experiment import (
-    load_forced_oscillation,
-    with_known_strain,
-)
-from pyburgers.protocols.forward import simulate
-from pyburgers.protocols.loading_history.experiment import LoadingHistory, Stated
-from pyburgers.protocols.loading_history.stages import Stage
-from pyburgers.protocols.problem import one_test, problem_of
-from pyburgers.protocols.protocol import FittedTest, protocol_of
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -69,12 +69,12 @@ def values_of(prediction: Prediction, draw: int) -> dict[str, float]:
 def assert_solves(prediction: Prediction, draw: int, *, rtol: float) -> None:
     """Compare a draw with a forward solution at its parameters."""
     experiment = prediction.experiment
-    protocol = protocol_of(experiment)
+    kind = kind_of(experiment)
     predictions = prediction.posterior["predictions"].to_dataset().isel(chain=0, draw=draw)
-    at = predictions[protocol.clock.name].to_numpy()
+    at = predictions[kind.clock.name].to_numpy()
     solution = simulate(experiment, values_of(prediction, draw), at=at)
-    expected = solution[protocol.response.column].to_numpy()
-    found = predictions[protocol.response.name].to_numpy()
+    expected = solution[kind.response.column].to_numpy()
+    found = predictions[kind.response.name].to_numpy()
     np.testing.assert_allclose(found, expected, rtol=rtol, atol=rtol * np.abs(expected).max())
 
 
@@ -180,7 +180,7 @@ def test_partially_pooled_parameters_of_a_new_test_come_from_centre_and_spread(
     grid = xr.Dataset(
         {
             name: ((*dims, "strain"), np.ones((1, n, 2)))
-            for name, _ in protocol_of(problem.experiments[0]).grid_quantities.values()
+            for name, _ in kind_of(problem.experiments[0]).grid_quantities.values()
         },
         {"strain": [0.01, 0.02]},
     )

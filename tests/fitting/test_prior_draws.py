@@ -14,8 +14,8 @@ from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.prior_draws import PriorDraws, prior_draws
+from pyburgers.kinds.forward import simulate
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
-from pyburgers.protocols.forward import simulate
 
 N_DRAWS = 600
 

@@ -9,12 +9,12 @@ import numpy.typing as npt
 import pytest
 from linear_bodies import LAWS, linear_body
 
-from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
-from pyburgers.protocols.attenuation.table import NO_READINGS, CycleConditions, Elasticity
-from pyburgers.protocols.experiment import Provenance
-from pyburgers.protocols.forward import simulate
-from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.stages import Stage
+from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
+from pyburgers.kinds.attenuation.table import NO_READINGS, CycleConditions, Elasticity
+from pyburgers.kinds.experiment import Provenance
+from pyburgers.kinds.forward import simulate
+from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.stages import Stage
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -8,38 +8,38 @@ import numpy.typing as npt
 import pytest
 from conftest import ICE, with_fixed
 from history_twins import history_twin
-from protocol_examples import TWIN_FILE
+from kind_examples import TWIN_FILE
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_tests import leave_one_test_out
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.model.prior_families import is_fixed_at
-from pyburgers.model.priors import PriorSet
-from pyburgers.predictions.attenuation import predict_attenuation
-from pyburgers.predictions.stress_cycles import Regime
-from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
-from pyburgers.protocols.attenuation.files import load_attenuation
-from pyburgers.protocols.constant_rate.experiment import (
+from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
+from pyburgers.kinds.attenuation.files import load_attenuation
+from pyburgers.kinds.constant_rate.experiment import (
     ConstantRateExperiment,
     load_constant_rate,
 )
-from pyburgers.protocols.coordinates import Mode
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forced_oscillation.experiment import load_forced_oscillation
-from pyburgers.protocols.loading_history.conversion import as_history
-from pyburgers.protocols.loading_history.valley import LoadingHistoryValley
-from pyburgers.protocols.problem import Problem, one_test, problem_of
-from pyburgers.protocols.program_data import (
+from pyburgers.kinds.coordinates import Mode
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.forced_oscillation.experiment import load_forced_oscillation
+from pyburgers.kinds.loading_history.conversion import as_history
+from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
+from pyburgers.kinds.problem import Problem, one_test, problem_of
+from pyburgers.kinds.program_data import (
     chart_block,
     given_parameters,
     program_data,
     values_of_test,
 )
-from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.protocols.together import default_priors_for, pooling_for
-from pyburgers.report.joint_section import joint_sections, pooling_table
-from pyburgers.report.page import write_report
+from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.kinds.together import default_priors_for, pooling_for
+from pyburgers.model.prior_families import is_fixed_at
+from pyburgers.model.priors import PriorSet
+from pyburgers.page.joint_section import joint_sections, pooling_table
+from pyburgers.page.page import write_report
+from pyburgers.predictions.attenuation import predict_attenuation
+from pyburgers.predictions.stress_cycles import Regime
 from pyburgers.sampling.charts import at_mode
 from pyburgers.sampling.options import SamplerOptions
 

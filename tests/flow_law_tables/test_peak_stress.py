@@ -22,8 +22,8 @@ from pyburgers.flow_law_tables.inputs import (
     save_peak_stress_priors,
     without_test,
 )
+from pyburgers.kinds.kind import load_experiment
 from pyburgers.model.flow_law_prior import PeakTest
-from pyburgers.protocols.protocol import load_experiment
 
 TABLE = """\
 id = "table-1"

@@ -7,6 +7,10 @@ import pytest
 from conftest import ICE, with_fixed
 
 from pyburgers.common.errors import InputError
+from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.model.parameters import CONSTANTS, MATERIAL_PARAMETERS
 from pyburgers.model.pooling import (
     DEFAULT_KINDS,
@@ -16,10 +20,6 @@ from pyburgers.model.pooling import (
     pooling_of,
 )
 from pyburgers.model.priors import default_priors
-from pyburgers.protocols.constant_rate.experiment import load_constant_rate
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.problem import Problem, problem_of
-from pyburgers.protocols.protocol import load_experiment
 
 NAMES = ("PIL40", "PIL72", "PIL105")
 

@@ -14,6 +14,7 @@ from scipy import stats
 from small_inputs import DATA
 
 from pyburgers.common.errors import InputError
+from pyburgers.kinds.kind import NAMES, load_experiment
 from pyburgers.model.parameters import PARAMETERS, PIEZOMETER
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import (
@@ -24,7 +25,6 @@ from pyburgers.model.priors import (
     shipped_prior_files,
 )
 from pyburgers.model.variants import with_variant
-from pyburgers.protocols.protocol import NAMES, load_experiment
 
 CHECKOUT = Path(__file__).parents[2]
 GAS_CONSTANT = 8.314462618

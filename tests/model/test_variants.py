@@ -22,6 +22,15 @@ from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare, leave_one_out, leave_out_exactly
 from pyburgers.comparison.results import comparison_table
 from pyburgers.fitting.fit import Fit, fit
+from pyburgers.kinds.constant_rate.experiment import (
+    ConstantRateExperiment,
+    RateSegment,
+    load_constant_rate,
+)
+from pyburgers.kinds.constant_rate.stan_data import segment_of_points
+from pyburgers.kinds.forward import check_parameters, simulate, simulate_data
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
 from pyburgers.model.parameters import (
     MATERIAL_PARAMETERS,
@@ -40,15 +49,6 @@ from pyburgers.model.variants import (
     with_variant,
 )
 from pyburgers.posterior.labelled_draws import CORRELATED
-from pyburgers.protocols.constant_rate.experiment import (
-    ConstantRateExperiment,
-    RateSegment,
-    load_constant_rate,
-)
-from pyburgers.protocols.constant_rate.stan_data import segment_of_points
-from pyburgers.protocols.forward import check_parameters, simulate, simulate_data
-from pyburgers.protocols.protocol import load_experiment
-from pyburgers.protocols.stan_data import SolverOptions
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -16,9 +16,9 @@ from pyburgers.drawing.views.oscillation_response import (
     response_table,
 )
 from pyburgers.fitting.fit import Fit
-from pyburgers.protocols.experiment import of_kind
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.protocols.forced_oscillation.harmonics import choose_degree, fit_harmonics
+from pyburgers.kinds.experiment import of_kind
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.kinds.forced_oscillation.harmonics import choose_degree, fit_harmonics
 
 
 @pytest.fixture(scope="module")

@@ -13,17 +13,17 @@ from evaluated_laws import value_of
 from history_twins import GRAIN_SIZE, TEMPERATURE, TRUTH, history_twin
 from linear_bodies import LAWS
 
+from pyburgers.kinds.attenuation.files import load_attenuation
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.forward import simulate
+from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.stages import Stage
+from pyburgers.kinds.program_data import given_parameters
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.laws import DASHPOT_LAWS
 from pyburgers.predictions.exported import LOG_FACTOR, Exported, as_json, as_latex
 from pyburgers.predictions.stated_laws import laws_of
-from pyburgers.protocols.attenuation.files import load_attenuation
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forward import simulate
-from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.stages import Stage
-from pyburgers.protocols.program_data import given_parameters
-from pyburgers.protocols.stan_data import SolverOptions
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

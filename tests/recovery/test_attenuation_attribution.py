@@ -17,10 +17,10 @@ from conftest import ICE
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.pairs import Pair, PairOutcome
 from pyburgers.fitting.fit import fit
+from pyburgers.kinds.attenuation.files import load_attenuation
+from pyburgers.kinds.forward import simulate_data
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant
-from pyburgers.protocols.attenuation.files import load_attenuation
-from pyburgers.protocols.forward import simulate_data
 from pyburgers.sampling.options import SamplerOptions
 
 SEEDS = range(1, 11)

@@ -9,8 +9,8 @@ from conftest import ICE
 
 from pyburgers.common.draws import all_draws
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.protocols.protocol import load_experiment
-from pyburgers.protocols.together import default_priors_for
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.together import default_priors_for
 from pyburgers.sampling.options import SamplerOptions
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("programs")]

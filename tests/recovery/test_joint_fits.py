@@ -14,9 +14,9 @@ from pyburgers.checks.discrepancies import LEVEL
 from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.common.draws import all_draws
 from pyburgers.fitting.fit import Fit, fit, fit_jointly
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.model.priors import default_priors
 from pyburgers.posterior.labelled_draws import free_parameters
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.sampling.options import SamplerOptions
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("programs")]

@@ -11,8 +11,8 @@ from pyburgers.comparison.conclusions import sentences_by_test
 from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
 from pyburgers.comparison.results import difference_by_test
 from pyburgers.fitting.fit import Fit, fit, fit_jointly
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.model.priors import default_priors
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.sampling.options import SamplerOptions
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("programs")]

@@ -11,12 +11,12 @@ from history_twins import history_twin
 
 from pyburgers.drawing.views.softening import softening_shares
 from pyburgers.fitting.fit import Fit, fit
+from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.forward import simulate
+from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.model.priors import default_priors
 from pyburgers.posterior.labelled_draws import convergence_table, grain_size_share
-from pyburgers.protocols.constant_rate.experiment import load_constant_rate
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forward import simulate
-from pyburgers.protocols.microstructure import MeasuredMicrostructure
 from pyburgers.sampling.options import SamplerOptions
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("programs")]

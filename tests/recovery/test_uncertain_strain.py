@@ -7,18 +7,18 @@ import pytest
 from conftest import ICE, with_fixed
 
 from pyburgers.cmdstan.program import load_program
-from pyburgers.model.priors import default_priors
-from pyburgers.protocols.forced_oscillation.experiment import (
+from pyburgers.kinds.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
     with_background,
     with_known_strain,
 )
-from pyburgers.protocols.forced_oscillation.preparation import prepare, strain_shares
-from pyburgers.protocols.forward import simulate_data
-from pyburgers.protocols.problem import problem_of
-from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.kinds.forced_oscillation.preparation import prepare, strain_shares
+from pyburgers.kinds.forward import simulate_data
+from pyburgers.kinds.problem import problem_of
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.model.priors import default_priors
 from pyburgers.sampling.laplace import laplace_metric
 
 pytestmark = [pytest.mark.usefixtures("programs"), pytest.mark.slow]

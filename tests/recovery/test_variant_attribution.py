@@ -24,14 +24,14 @@ from pyburgers.comparison.conclusions import sentences
 from pyburgers.comparison.pairs import Pair, PairOutcome
 from pyburgers.comparison.results import comparison_table
 from pyburgers.fitting.fit import fit
-from pyburgers.model.priors import default_priors
-from pyburgers.model.variants import with_variant
-from pyburgers.protocols.constant_rate.experiment import (
+from pyburgers.kinds.constant_rate.experiment import (
     ConstantRateExperiment,
     RateSegment,
     load_constant_rate,
 )
-from pyburgers.protocols.forward import simulate_data
+from pyburgers.kinds.forward import simulate_data
+from pyburgers.model.priors import default_priors
+from pyburgers.model.variants import with_variant
 from pyburgers.sampling.options import SamplerOptions
 
 SEEDS = range(1, 11)

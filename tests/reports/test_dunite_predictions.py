@@ -9,8 +9,8 @@ from conftest import TESTS, Problem
 from dunite_predictions import PREDICTED, predictions_section
 
 from pyburgers.fitting.fit import Fit
-from pyburgers.protocols.constant_rate.experiment import RateSegment
-from pyburgers.protocols.forward import simulate_data
+from pyburgers.kinds.constant_rate.experiment import RateSegment
+from pyburgers.kinds.forward import simulate_data
 
 
 @pytest.mark.usefixtures("sketched")

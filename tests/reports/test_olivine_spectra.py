@@ -18,7 +18,7 @@ from olivine_spectra import (
 )
 
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
+from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.sampling.options import SamplerOptions
 
 FEW = SamplerOptions(chains=2, warmup=100, draws=60, seed=1, adapt_delta=0.8)

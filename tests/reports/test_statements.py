@@ -19,8 +19,8 @@ from synthetic_olivine_fit import make_olivine_fit, normal, oscillating, redrawn
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.views.oscillation_response import predicted_response
 from pyburgers.fitting.fit import Fit
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, RateSegment
 
 FloatArray = npt.NDArray[np.float64]
 

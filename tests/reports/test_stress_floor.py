@@ -15,7 +15,7 @@ from synthetic_olivine_fit import make_olivine_fit
 
 from pyburgers.common.errors import SamplingError
 from pyburgers.fitting.fit import Fit
-from pyburgers.protocols.forward import simulate
+from pyburgers.kinds.forward import simulate
 
 pytestmark = pytest.mark.usefixtures("programs")
 

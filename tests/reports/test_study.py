@@ -45,20 +45,20 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Task
 from pyburgers.flow_law_tables.fit import PeakStressFit
 from pyburgers.flow_law_tables.inputs import PeakStressData
+from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
+from pyburgers.kinds.experiment import of_kind
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.kinds.forward import simulate
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.problem import Problem
 from pyburgers.model.priors import PriorSet
+from pyburgers.page.attenuation_section import time_domain_table
+from pyburgers.page.page import write_report
 from pyburgers.predictions.attenuation import predict_attenuation
 from pyburgers.predictions.attenuation_tables import quantile_table
 from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
 from pyburgers.predictions.stress_cycles import PAPER_REGIMES
-from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
-from pyburgers.protocols.experiment import of_kind
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.protocols.forward import simulate
-from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.problem import Problem
-from pyburgers.protocols.protocol import load_experiment
-from pyburgers.report.attenuation_section import time_domain_table
-from pyburgers.report.page import write_report
 
 
 @pytest.fixture(scope="module")
@@ -409,7 +409,7 @@ def test_pictures_of_a_growing_page_are_drawn_once(
         drawn.append(file.name)
         return '<svg viewBox="0 0 576 432"></svg>'
 
-    monkeypatch.setattr("pyburgers.report.illustrations.write_page_images", sketched)
+    monkeypatch.setattr("pyburgers.page.illustrations.write_page_images", sketched)
     page = GrowingPage(tmp_path, "T", "x", (*ice, "told"), tuple(ice), "the end")
     for name, fit in ice.items():
         page.add(name, fit)

@@ -9,7 +9,7 @@ from conftest import SMALL_RUN, Problem, pair_of, with_fixed
 
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.kinds.stan_data import SolverOptions
 
 
 def told(problem: Problem, out: Path, **changed: Any) -> str:

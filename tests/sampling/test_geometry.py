@@ -6,13 +6,13 @@ from charts_at_modes import chart_at_mode
 from conftest import ICE
 
 from pyburgers.cmdstan.program import load_program
+from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.kind import KIND as CONSTANT_RATE
+from pyburgers.kinds.forward import simulate_data
+from pyburgers.kinds.problem import Problem, problem_of
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.priors import default_priors
-from pyburgers.protocols.constant_rate.experiment import load_constant_rate
-from pyburgers.protocols.constant_rate.protocol import PROTOCOL as CONSTANT_RATE
-from pyburgers.protocols.forward import simulate_data
-from pyburgers.protocols.problem import Problem, problem_of
-from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import expected_rise
 from pyburgers.sampling.laplace import curvature_at
 

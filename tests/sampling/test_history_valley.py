@@ -11,16 +11,16 @@ from stan_values import CHARTS
 from truth_as_mode import at_truth
 
 from pyburgers.cmdstan.program import load_program
+from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.stan_data import elements_block
+from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
+from pyburgers.kinds.problem import plain_coordinates, problem_of
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.kinds.valley import ValleyReference
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant
-from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.stan_data import elements_block
-from pyburgers.protocols.loading_history.valley import LoadingHistoryValley
-from pyburgers.protocols.problem import plain_coordinates, problem_of
-from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.protocols.valley import ValleyReference
 from pyburgers.sampling.charts import expected_rise
 from pyburgers.sampling.laplace import laplace_metric
 from pyburgers.sampling.starts import find_mode

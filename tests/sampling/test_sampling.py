@@ -21,9 +21,9 @@ from conftest import SMALL_RUN, Problem, SharedRuns
 from pyburgers.common.atomic_files import UNFINISHED, write_json
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.protocols.problem import problem_of
-from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.kinds.problem import problem_of
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run import fingerprint
 from pyburgers.sampling.run_directory import RunDirectory

@@ -12,10 +12,10 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_json
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.protocols.problem import problem_of
-from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.protocol import load_experiment
-from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.problem import problem_of
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sampling.solver_noise import noisy_tolerances
 from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior

@@ -14,9 +14,9 @@ from pyburgers.cmdstan.program import Program, shares_work
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, fit_jointly
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.priors import default_priors
-from pyburgers.protocols.protocol import load_experiment
-from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling import chains
 from pyburgers.sampling.changes import refusal, wanted_record
 

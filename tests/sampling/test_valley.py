@@ -8,17 +8,17 @@ from conftest import ICE, resolved_priors, valley_of, with_fixed
 from truth_as_mode import at_truth
 
 from pyburgers.common.errors import InputError
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.kinds.constant_rate.valley import ConstantRateValley
+from pyburgers.kinds.coordinates import ProblemMode
+from pyburgers.kinds.kind import ChartUnsuited
+from pyburgers.kinds.problem import plain_coordinates, problem_of
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.kinds.together import pooling_for
+from pyburgers.kinds.valley import NOISE_SCALED, noise_exponents
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import with_variant
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.protocols.constant_rate.valley import ConstantRateValley
-from pyburgers.protocols.coordinates import ProblemMode
-from pyburgers.protocols.problem import plain_coordinates, problem_of
-from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.protocol import ChartUnsuited
-from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.protocols.together import pooling_for
-from pyburgers.protocols.valley import NOISE_SCALED, noise_exponents
 from pyburgers.sampling.charts import at_mode, choose_chart
 from pyburgers.sampling.starts import find_mode
 

@@ -16,20 +16,20 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError, SamplingError, SystemFailureError
 from pyburgers.fitting.fit import Fit, fit_problem
-from pyburgers.model.pooling import pooling_of
-from pyburgers.model.priors import default_priors, load_priors
-from pyburgers.posterior.labelled_draws import convergence_table, largest_rhat
-from pyburgers.protocols.constant_rate.experiment import load_constant_rate
-from pyburgers.protocols.forced_oscillation.experiment import (
+from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.forced_oscillation.experiment import (
     load_forced_oscillation,
     with_background,
 )
-from pyburgers.protocols.forced_oscillation.preparation import Background, prepare
-from pyburgers.protocols.forward import simulate, simulate_data
-from pyburgers.protocols.problem import Problem, one_test, problem_of
-from pyburgers.protocols.program_data import given_parameters
-from pyburgers.protocols.protocol import load_experiment, protocol_of
-from pyburgers.protocols.stan_data import REFERENCE_SOLVER
+from pyburgers.kinds.forced_oscillation.preparation import Background, prepare
+from pyburgers.kinds.forward import simulate, simulate_data
+from pyburgers.kinds.kind import kind_of, load_experiment
+from pyburgers.kinds.problem import Problem, one_test, problem_of
+from pyburgers.kinds.program_data import given_parameters
+from pyburgers.kinds.stan_data import REFERENCE_SOLVER
+from pyburgers.model.pooling import pooling_of
+from pyburgers.model.priors import default_priors, load_priors
+from pyburgers.posterior.labelled_draws import convergence_table, largest_rhat
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sbc.convergence import RHAT_LIMIT
@@ -102,7 +102,7 @@ def test_the_trend_leaves_as_much_noise_as_the_likelihood_expects(programs: None
     quiet = simulate_data(
         experiment, {**truth, "stress_noise": 1.0}, np.random.default_rng(1), source="the truth"
     )
-    model = load_program(protocol_of(quiet).program)
+    model = load_program(kind_of(quiet).program)
 
     def log_likelihood(log_factor: float) -> float:
         values = {**truth, "stress_noise": truth["stress_noise"] * np.exp(log_factor)}
@@ -266,7 +266,7 @@ def test_strains_are_simulated_too_and_their_errors_are_known(
     noise -= strain.trend(record.strain_time)
     assert np.std(noise) == pytest.approx(1e-4, rel=0.2)
     assert simulated.prepared.start_stress == template.prepared.start_stress
-    error = protocol_of(simulated).driving_error(simulated, template)
+    error = kind_of(simulated).driving_error(simulated, template)
     assert error.size == (6 if background == "removed" else 8)
     assert 0.1 < np.sqrt(np.mean(error**2)) < 2.5
     change = error @ simulated.prepared.strain_error

@@ -18,9 +18,9 @@ from refusals import assert_refused
 
 from pyburgers.cli.main import main
 from pyburgers.drawing.style import image
+from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.problem import problem_of
 from pyburgers.model.priors import default_priors
-from pyburgers.protocols.constant_rate.experiment import load_constant_rate
-from pyburgers.protocols.problem import problem_of
 from pyburgers.sbc.replication import Replication, read_replication_table, replication_table
 from pyburgers.sbc.results import (
     calibration_text,

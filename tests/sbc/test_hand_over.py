@@ -19,12 +19,12 @@ from pyburgers.flow_law_tables.inputs import (
     without_test,
 )
 from pyburgers.flow_law_tables.softening import simulate_peaks, softening_prior
+from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.problem import Problem
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
 from pyburgers.model.parameters import STRESS_SCATTER
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, default_priors
-from pyburgers.protocols.constant_rate.experiment import load_constant_rate
-from pyburgers.protocols.problem import Problem
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sbc import hand_over

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 from conftest import ICE
 
+from pyburgers.kinds.attenuation.files import load_attenuation
+from pyburgers.kinds.constant_rate.experiment import load_constant_rate
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.kelvin_laws import kelvin_law
 from pyburgers.model.priors import default_priors, load_priors, shipped_prior_file
 from pyburgers.model.variants import with_variant
-from pyburgers.protocols.attenuation.files import load_attenuation
-from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 
 OLIVINE = ICE.parent / "olivine"
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from conftest import DUNITE
 
+from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.files import load_loading_history
 from pyburgers.model.priors import load_priors, shipped_prior_file
-from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.files import load_loading_history
 
 HALITE = DUNITE.parent / "halite"
 HOUR = 3600.0

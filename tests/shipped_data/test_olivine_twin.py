@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 from pyburgers.drawing.views.oscillation_response import observed_response
-from pyburgers.model.parameters import PARAMETERS, PIEZOMETER
-from pyburgers.model.priors import default_priors
-from pyburgers.protocols.forced_oscillation.experiment import (
+from pyburgers.kinds.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
     with_background,
 )
-from pyburgers.protocols.forced_oscillation.harmonics import fit_harmonics
-from pyburgers.protocols.forward import simulate
+from pyburgers.kinds.forced_oscillation.harmonics import fit_harmonics
+from pyburgers.kinds.forward import simulate
+from pyburgers.model.parameters import PARAMETERS, PIEZOMETER
+from pyburgers.model.priors import default_priors
 
 OLIVINE = Path(__file__).parents[2] / "data" / "olivine"
 

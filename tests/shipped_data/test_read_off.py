@@ -6,8 +6,8 @@ import pytest
 from conftest import DUNITE
 
 from pyburgers.fitting.sampled_fit import data_words
+from pyburgers.kinds.kind import load_experiment
 from pyburgers.model.priors import JOINT_PRIOR, load_priors, shipped_prior_file
-from pyburgers.protocols.protocol import load_experiment
 
 KELVIN = {"kelvin_modulus", "kelvin_viscosity"}
 SALT = DUNITE.parent / "halite" / "halite_z3.toml"

@@ -15,9 +15,9 @@ import pandas as pd
 import pytest
 from independent_table import PEAKS, STRAIN_RATES, STRESS_OF_FAST, TRUTHS
 
+from pyburgers.kinds.constant_rate.experiment import load_constant_rate
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import default_priors
-from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 
 FloatArray = npt.NDArray[np.float64]
 ICE = Path(__file__).parents[2] / "data" / "ice"

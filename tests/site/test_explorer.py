@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 from conftest import DUNITE, ICE
 
-from pyburgers.predictions.attenuation import attenuation_spectrum
-from pyburgers.predictions.stress_cycles import Regime
-from pyburgers.protocols.constant_rate.experiment import (
+from pyburgers.kinds.constant_rate.experiment import (
     ConstantRateExperiment,
     RateSegment,
     load_constant_rate,
 )
-from pyburgers.protocols.forward import simulate
+from pyburgers.kinds.forward import simulate
+from pyburgers.predictions.attenuation import attenuation_spectrum
+from pyburgers.predictions.stress_cycles import Regime
 
 EXPLORER = Path(__file__).parents[2] / "docs" / "site" / "beside" / "explorer"
 

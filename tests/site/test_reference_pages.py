@@ -21,14 +21,14 @@ from generated_tables import (
 import pyburgers
 from pyburgers.cli.main import COMMANDS
 from pyburgers.common.errors import InputError
+from pyburgers.kinds.experiment import CONDITION_KEYS
+from pyburgers.kinds.kind import NAMES, load_experiment
+from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.priors import priors_of
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import CHOICES, variant_of, with_variant
-from pyburgers.protocols.experiment import CONDITION_KEYS
-from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.priors import priors_of
-from pyburgers.protocols.protocol import NAMES, load_experiment
 
 DATA = ICE.parent
 

@@ -13,15 +13,15 @@ from log_density import Program, constant_rate_program, program_with
 from stan_data import one_test_data, parameter_in
 from truth_as_mode import at_truth
 
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
+from pyburgers.kinds.problem import plain_coordinates
+from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.kinds.valley import ValleyReference
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.model.variants import with_variant
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.protocols.loading_history.valley import LoadingHistoryValley
-from pyburgers.protocols.problem import plain_coordinates
-from pyburgers.protocols.protocol import protocol_of
-from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.protocols.valley import ValleyReference
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
@@ -109,7 +109,7 @@ def test_log_jacobian_of_a_creep_test_is_that_of_the_map(
     reference, _ = LoadingHistoryValley().reference(at_truth(twin, priors, SolverOptions()))
     assert reference.pins.time_spent.all()
     data = one_test_data(twin, priors, solver=SOLVER, reference=reference)
-    program = program_with(protocol_of(twin).program, data, tmp_path)
+    program = program_with(kind_of(twin).program, data, tmp_path)
     assert_jacobian_is_that_of_the_map(program, plain_coordinates(twin, priors).parameters)
 
 

@@ -9,13 +9,13 @@ from conftest import DUNITE
 from halite import LAWS, RECORD, SINE, SINE_HARDENING, halite_priors
 
 from pyburgers.cmdstan.program import load_program
+from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.files import load_loading_history
+from pyburgers.kinds.loading_history.stan_data import strain_scale, stress_scale
+from pyburgers.kinds.problem import Problem, problem_of
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
-from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.files import load_loading_history
-from pyburgers.protocols.loading_history.stan_data import strain_scale, stress_scale
-from pyburgers.protocols.problem import Problem, problem_of
-from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.stan_data import SolverOptions
 
 FloatArray = npt.NDArray[np.float64]
 

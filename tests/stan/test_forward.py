@@ -14,15 +14,15 @@ from scipy.integrate import simpson
 from stan_values import PHYSICS
 
 from pyburgers.common.errors import InputError, SamplingError
-from pyburgers.model.parameters import PARAMETERS
-from pyburgers.model.priors import default_priors
-from pyburgers.protocols.constant_rate.experiment import (
+from pyburgers.kinds.constant_rate.experiment import (
     ConstantRateExperiment,
     RateSegment,
     load_constant_rate,
 )
-from pyburgers.protocols.forward import check_parameters, simulate
-from pyburgers.protocols.stan_data import REFERENCE_SOLVER
+from pyburgers.kinds.forward import check_parameters, simulate
+from pyburgers.kinds.stan_data import REFERENCE_SOLVER
+from pyburgers.model.parameters import PARAMETERS
+from pyburgers.model.priors import default_priors
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

@@ -18,6 +18,13 @@ from truth_as_mode import at_truth
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
+from pyburgers.kinds.experiment import Provenance
+from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.stages import Stage
+from pyburgers.kinds.loading_history.stan_data import ELEMENT_ERROR, elements_block
+from pyburgers.kinds.problem import problem_of
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.laws import KELVIN_LAWS
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
@@ -25,13 +32,6 @@ from pyburgers.model.prior_families import fixed_prior
 from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.model.relaxation import kelvin_part
 from pyburgers.model.variants import with_variant
-from pyburgers.protocols.experiment import Provenance
-from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.stages import Stage
-from pyburgers.protocols.loading_history.stan_data import ELEMENT_ERROR, elements_block
-from pyburgers.protocols.problem import problem_of
-from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.stan_data import SolverOptions
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -19,22 +19,22 @@ from stan_data import one_test_data
 from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit
+from pyburgers.kinds.constant_rate.experiment import (
+    ConstantRateExperiment,
+    RateSegment,
+    load_constant_rate,
+)
+from pyburgers.kinds.forced_oscillation.experiment import (
+    load_forced_oscillation,
+    with_background,
+)
+from pyburgers.kinds.forward import simulate
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.priors import default_priors, load_priors
 from pyburgers.model.variants import ModelVariant, variant_of, with_variant
 from pyburgers.predictions.attenuation import attenuation_spectrum, predict_attenuation
 from pyburgers.predictions.imposed_stress import simulate_imposed_stress
 from pyburgers.predictions.stress_cycles import Regime
-from pyburgers.protocols.constant_rate.experiment import (
-    ConstantRateExperiment,
-    RateSegment,
-    load_constant_rate,
-)
-from pyburgers.protocols.forced_oscillation.experiment import (
-    load_forced_oscillation,
-    with_background,
-)
-from pyburgers.protocols.forward import simulate
-from pyburgers.protocols.stan_data import SolverOptions
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

@@ -14,13 +14,13 @@ from scipy import stats
 from stan_data import one_test_data, parameter_in
 
 from pyburgers.cmdstan.program import load_program
+from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.kind import KIND as CONSTANT_RATE
+from pyburgers.kinds.problem import Problem, problem_of
+from pyburgers.kinds.program_data import chart_block, program_data
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
-from pyburgers.protocols.constant_rate.experiment import load_constant_rate
-from pyburgers.protocols.constant_rate.protocol import PROTOCOL as CONSTANT_RATE
-from pyburgers.protocols.problem import Problem, problem_of
-from pyburgers.protocols.program_data import chart_block, program_data
-from pyburgers.protocols.stan_data import SolverOptions
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

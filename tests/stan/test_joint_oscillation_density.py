@@ -11,12 +11,12 @@ from oscillation_pair import oscillation_pair
 from scipy import stats
 from stan_data import one_test_data, parameter_in, sheared_reference
 
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.kinds.problem import Problem, problem_of
+from pyburgers.kinds.program_data import chart_block, program_data
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.protocols.problem import Problem, problem_of
-from pyburgers.protocols.program_data import chart_block, program_data
-from pyburgers.protocols.stan_data import SolverOptions
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

@@ -12,8 +12,8 @@ import pytest
 from history_oracle import DASHPOT, KELVIN, PATH, STRAIN, STRESS
 
 from pyburgers.cmdstan.program import load_program
+from pyburgers.kinds.loading_history.stages import Leg
 from pyburgers.model.parameters import PROGRAM_PARAMETERS, STANDARD_VALUES
-from pyburgers.protocols.loading_history.stages import Leg
 
 FloatArray = npt.NDArray[np.float64]
 

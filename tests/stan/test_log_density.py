@@ -18,16 +18,16 @@ from stan_data import one_test_data, parameter_in
 
 from pyburgers.cmdstan.program import compile_program
 from pyburgers.cmdstan.toolchain import stan_directory
-from pyburgers.model.parameters import PARAMETERS
-from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.constant_rate.experiment import (
+from pyburgers.kinds.constant_rate.experiment import (
     ConstantRateExperiment,
     RateSegment,
     load_constant_rate,
 )
-from pyburgers.protocols.coordinates import REFERENCE_STRESS, PlainCoordinates
-from pyburgers.protocols.problem import plain_coordinates
-from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.kinds.coordinates import REFERENCE_STRESS, PlainCoordinates
+from pyburgers.kinds.problem import plain_coordinates
+from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.model.parameters import PARAMETERS
+from pyburgers.model.priors import PriorSet
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]

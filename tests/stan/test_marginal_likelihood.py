@@ -13,10 +13,10 @@ from pyburgers.cmdstan.draw_files import read_draws
 from pyburgers.cmdstan.program import load_program
 from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
 from pyburgers.fitting.fit import Fit, fit, fit_problem
+from pyburgers.kinds.constant_rate.kind import KIND as CONSTANT_RATE
+from pyburgers.kinds.problem import problem_of
+from pyburgers.kinds.stan_data import REFERENCE_SOLVER, solver_block
 from pyburgers.model.pooling import pooling_of
-from pyburgers.protocols.constant_rate.protocol import PROTOCOL as CONSTANT_RATE
-from pyburgers.protocols.problem import problem_of
-from pyburgers.protocols.stan_data import REFERENCE_SOLVER, solver_block
 from pyburgers.sampling.densities import log_density_at
 
 FloatArray = npt.NDArray[np.float64]

@@ -15,12 +15,12 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.fitting.fit import Fit, fit, fit_jointly
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.kinds.forward import simulate
+from pyburgers.kinds.microstructure import MeasuredMicrostructure, strains_of
+from pyburgers.kinds.program_data import given_parameters
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.posterior.labelled_draws import response_in, total_log_likelihood
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.protocols.forward import simulate
-from pyburgers.protocols.microstructure import MeasuredMicrostructure, strains_of
-from pyburgers.protocols.program_data import given_parameters
-from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
 
 FloatArray = npt.NDArray[np.float64]

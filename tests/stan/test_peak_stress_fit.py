@@ -41,11 +41,11 @@ from pyburgers.flow_law_tables.inputs import (
     with_curve_flow_law,
 )
 from pyburgers.flow_law_tables.softening import SofteningPrior, simulate_peaks, softening_prior
+from pyburgers.kinds.experiment import Provenance
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, FlowLawPrior
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import FLOW_LAW, PriorSet, default_priors
-from pyburgers.protocols.experiment import Provenance
-from pyburgers.report.peak_stress_section import flow_law, flow_law_table
+from pyburgers.page.peak_stress_section import flow_law, flow_law_table
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -21,14 +21,14 @@ from stan_values import PHYSICS
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.errors import SamplingError
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.kinds.coordinates import REFERENCE_STRESS
+from pyburgers.kinds.forward import simulate_data
+from pyburgers.kinds.problem import plain_coordinates
+from pyburgers.kinds.stan_data import SolverOptions, StanData
 from pyburgers.model.parameters import PARAMETERS, PLACE
 from pyburgers.model.prior_families import FAMILIES, Family, Prior
 from pyburgers.model.priors import PriorSet, default_priors
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.protocols.coordinates import REFERENCE_STRESS
-from pyburgers.protocols.forward import simulate_data
-from pyburgers.protocols.problem import plain_coordinates
-from pyburgers.protocols.stan_data import SolverOptions, StanData
 
 pytestmark = pytest.mark.usefixtures("programs")
 

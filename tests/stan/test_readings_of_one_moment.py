@@ -5,14 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kind_examples import EXAMPLES
 from log_density import program_with
-from protocol_examples import EXAMPLES
 from stan_data import one_test_data
 from truth_as_mode import at_truth
 
+from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.loading_history.experiment import LoadingHistory
 from pyburgers.model.priors import default_priors
-from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.protocol import protocol_of
 
 
 @pytest.mark.usefixtures("programs")
@@ -28,7 +28,7 @@ def test_readings_of_one_moment_may_stand_in_any_order(tmp_path: Path) -> None:
         one = replace(test, time=time, reading=reading)
         truth = at_truth(one, default_priors(one.material, one.protocol), example.tight)
         data = one_test_data(one, truth.priors, solver=example.tight)
-        program = program_with(protocol_of(one).program, data, tmp_path)
+        program = program_with(kind_of(one).program, data, tmp_path)
         columns = program.columns_at({"coordinate": truth.mode.coordinate.tolist()})
         each = [columns[f"log_lik.{k + 1}"] for k in range(one.n_points)]
         assert np.isfinite(each).all()

@@ -12,37 +12,37 @@ import pytest
 from charts_at_modes import chart_at_mode
 from conftest import ICE, fixed, resolved_priors, with_fixed, with_priors
 from default_chains import sampled
+from kind_examples import short_twin
 from log_density import Program, program_with
-from protocol_examples import short_twin
 from scipy import stats
 from stan_data import one_test_data, parameter_in, parameters_in, sheared_reference
 
 from pyburgers.cmdstan.program import Program as CompiledProgram
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError
-from pyburgers.model.parameters import PARAMETERS, PLACE
-from pyburgers.model.prior_families import Prior
-from pyburgers.model.priors import PriorSet, load_priors
-from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE, Mode, ProblemMode
-from pyburgers.protocols.forced_oscillation.experiment import (
+from pyburgers.kinds.coordinates import REFERENCE_FLOW_RATE, Mode, ProblemMode
+from pyburgers.kinds.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
     with_background,
     with_known_strain,
 )
-from pyburgers.protocols.forced_oscillation.harmonics import fundamentals
-from pyburgers.protocols.forced_oscillation.preparation import Background, prepare
-from pyburgers.protocols.forced_oscillation.sheared import find_sheared
-from pyburgers.protocols.forced_oscillation.stan_data import (
+from pyburgers.kinds.forced_oscillation.harmonics import fundamentals
+from pyburgers.kinds.forced_oscillation.preparation import Background, prepare
+from pyburgers.kinds.forced_oscillation.sheared import find_sheared
+from pyburgers.kinds.forced_oscillation.stan_data import (
     LOG_RATE_STEP,
     N_SOLUTIONS,
     ShearedReference,
     grid_block,
 )
-from pyburgers.protocols.problem import one_test, plain_coordinates, problem_of
-from pyburgers.protocols.program_data import chart_block
-from pyburgers.protocols.protocol import protocol_of
-from pyburgers.protocols.stan_data import PLAIN, SolverOptions, StanData, solver_block
+from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.problem import one_test, plain_coordinates, problem_of
+from pyburgers.kinds.program_data import chart_block
+from pyburgers.kinds.stan_data import PLAIN, SolverOptions, StanData, solver_block
+from pyburgers.model.parameters import PARAMETERS, PLACE
+from pyburgers.model.prior_families import Prior
+from pyburgers.model.priors import PriorSet, load_priors
 from pyburgers.sampling.charts import ChosenChart, at_mode, choose_chart
 from pyburgers.sampling.laplace import curvature_at
 from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
@@ -107,7 +107,7 @@ def truth_in(experiment: OscillationExperiment, priors: PriorSet) -> Mode:
 
 
 def model_of(experiment: OscillationExperiment) -> CompiledProgram:
-    return load_program(protocol_of(experiment).program)
+    return load_program(kind_of(experiment).program)
 
 
 def program_in(
@@ -118,7 +118,7 @@ def program_in(
 ) -> Program:
     data = one_test_data(experiment, priors, solver=TIGHT, reference=sheared)
     folder /= "plain" if sheared is None else "sheared"
-    return program_with(protocol_of(experiment).program, data, folder)
+    return program_with(kind_of(experiment).program, data, folder)
 
 
 def vector(columns: Mapping[str, float], name: str, size: int) -> FloatArray:
@@ -201,7 +201,7 @@ def test_log_jacobian_is_that_of_the_map(short: OscillationExperiment, tmp_path:
     """Closed form of the plain map, numerical determinant of the shears."""
     priors = resolved_priors(short)
     data = one_test_data(short, priors, solver=SolverOptions(1e-3), reference=REFERENCE)
-    program = program_with(protocol_of(short).program, two_points(data), tmp_path)
+    program = program_with(kind_of(short).program, two_points(data), tmp_path)
     for point in scattered(sheared_truth(short, priors), seed=7, number=2):
         columns = program.columns_at({"coordinate": point.tolist()})
         matrix = np.column_stack(
@@ -457,7 +457,7 @@ def test_a_record_whose_loss_is_all_the_dashpots_is_smooth_in_its_coordinates(
         assert np.linalg.eigvalsh(widths.T @ curvature @ widths).max() < 40
     near = draws[0] + 0.02 * np.random.default_rng(3).standard_normal((8, 9)) @ widths.T
     programs = (
-        program_with(protocol_of(experiment).program, content, tmp_path / name)
+        program_with(kind_of(experiment).program, content, tmp_path / name)
         for name, content in (("loose", chosen), ("tight", tight))
     )
     loose, exact = (

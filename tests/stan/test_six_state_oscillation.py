@@ -11,16 +11,16 @@ from stan_data import one_test_data
 
 from pyburgers.cmdstan.program import compile_program
 from pyburgers.cmdstan.toolchain import stan_directory
-from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.forced_oscillation.experiment import (
+from pyburgers.kinds.forced_oscillation.experiment import (
     load_forced_oscillation,
     with_background,
     with_known_strain,
 )
-from pyburgers.protocols.forced_oscillation.preparation import Background
-from pyburgers.protocols.problem import plain_coordinates
-from pyburgers.protocols.program_data import solve
-from pyburgers.protocols.stan_data import REFERENCE_SOLVER
+from pyburgers.kinds.forced_oscillation.preparation import Background
+from pyburgers.kinds.problem import plain_coordinates
+from pyburgers.kinds.program_data import solve
+from pyburgers.kinds.stan_data import REFERENCE_SOLVER
+from pyburgers.model.priors import PriorSet
 
 pytestmark = pytest.mark.usefixtures("programs")
 

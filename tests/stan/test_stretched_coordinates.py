@@ -11,16 +11,16 @@ from stan_data import one_test_data
 from truth_as_mode import at_truth
 
 from pyburgers.cmdstan.program import load_program
+from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
+from pyburgers.kinds.attenuation.files import load_attenuation
+from pyburgers.kinds.attenuation.stretched_chart import StretchedChart
+from pyburgers.kinds.kind import AtMode, ChartUnsuited, kinds
+from pyburgers.kinds.problem import problem_of
+from pyburgers.kinds.program_data import chart_block, program_data
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.model.variants import with_variant
-from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
-from pyburgers.protocols.attenuation.files import load_attenuation
-from pyburgers.protocols.attenuation.stretched_chart import StretchedChart
-from pyburgers.protocols.problem import problem_of
-from pyburgers.protocols.program_data import chart_block, program_data
-from pyburgers.protocols.protocol import AtMode, ChartUnsuited, protocols
-from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.laplace import laplace_metric
 from pyburgers.sbc.data_sets import simulate_from_prior
 
@@ -28,7 +28,7 @@ FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
 TABLE = ICE.parent / "olivine" / "attenuation_A1802.toml"
-PROGRAM = protocols()["attenuation"].program
+PROGRAM = kinds()["attenuation"].program
 LAWS = ("linear", "extended", "extended_peak", "andrade")
 
 

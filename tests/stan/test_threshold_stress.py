@@ -16,26 +16,26 @@ from scipy import stats
 from stan_data import parameters_in
 
 from pyburgers.common.errors import InputError
-from pyburgers.model.priors import PriorSet, default_priors
-from pyburgers.model.variants import ModelVariant, variant_of, with_variant
-from pyburgers.predictions.attenuation import attenuation_spectrum
-from pyburgers.predictions.stress_cycles import Regime
-from pyburgers.protocols.attenuation.files import load_attenuation
-from pyburgers.protocols.constant_rate.experiment import (
+from pyburgers.kinds.attenuation.files import load_attenuation
+from pyburgers.kinds.constant_rate.experiment import (
     ConstantRateExperiment,
     RateSegment,
     load_constant_rate,
 )
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forced_oscillation.experiment import (
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.forced_oscillation.experiment import (
     load_forced_oscillation,
     with_background,
 )
-from pyburgers.protocols.forward import simulate
-from pyburgers.protocols.problem import problem_of
-from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.protocol import protocol_of
-from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.kinds.forward import simulate
+from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.problem import problem_of
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.model.priors import PriorSet, default_priors
+from pyburgers.model.variants import ModelVariant, variant_of, with_variant
+from pyburgers.predictions.attenuation import attenuation_spectrum
+from pyburgers.predictions.stress_cycles import Regime
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
@@ -145,7 +145,7 @@ def test_the_log_likelihood_is_that_of_the_independent_solution(tmp_path: Path) 
     test = load_constant_rate(ICE / "PIL40.toml")
     problem = problem_of([test], with_variant(default_priors("ice"), test, THRESHOLD))
     data = program_data(problem, solver=SolverOptions(1e-10))
-    program = program_with(protocol_of(test).program, data, tmp_path / "program")
+    program = program_with(kind_of(test).program, data, tmp_path / "program")
     at = np.array(0.2 * np.random.default_rng(4).standard_normal(data["n_coordinates"]))
     columns = program.columns_at({"coordinate": at.tolist()})
     values = parameters_in(columns)
@@ -182,7 +182,7 @@ def test_gradients_are_slopes_of_the_density(kind: str, dashpot: str, tmp_path: 
     test = the_tests()[kind]
     problem = problem_of([test], priors_for(test, dashpot))
     data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
-    program = program_with(protocol_of(test).program, data, tmp_path / "program")
+    program = program_with(kind_of(test).program, data, tmp_path / "program")
     point = np.array(0.1 * np.random.default_rng(2).standard_normal(data["n_coordinates"]))
     names = list(problem.layout.names)
     free = [names.index("threshold_stress"), names.index("kelvin_viscosity")]

@@ -7,25 +7,25 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import ICE
+from kind_examples import short_twin
 from log_density import Program, assert_gradient_is_slope, program_with
-from protocol_examples import short_twin
 from scipy import stats
 from stan_data import parameters_in
 
-from pyburgers.model.parameters import PROGRAM_PARAMETERS
-from pyburgers.model.pooling import pooling_of
-from pyburgers.model.priors import default_priors
-from pyburgers.protocols.coordinates import Mode
-from pyburgers.protocols.experiment import Experiment, UncertainCondition
-from pyburgers.protocols.forced_oscillation.experiment import (
+from pyburgers.kinds.coordinates import Mode
+from pyburgers.kinds.experiment import Experiment, UncertainCondition
+from pyburgers.kinds.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
 )
-from pyburgers.protocols.forward import simulate
-from pyburgers.protocols.problem import Problem, problem_of
-from pyburgers.protocols.program_data import chart_block, program_data
-from pyburgers.protocols.protocol import load_experiment
-from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.kinds.forward import simulate
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.problem import Problem, problem_of
+from pyburgers.kinds.program_data import chart_block, program_data
+from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.model.parameters import PROGRAM_PARAMETERS
+from pyburgers.model.pooling import pooling_of
+from pyburgers.model.priors import default_priors
 from pyburgers.sampling.charts import at_mode
 
 FloatArray = npt.NDArray[np.float64]

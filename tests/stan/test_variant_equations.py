@@ -15,21 +15,21 @@ from scipy.integrate import solve_ivp
 from stan_values import PHYSICS
 
 from pyburgers.common.errors import InputError
-from pyburgers.predictions.attenuation import attenuation_spectrum
-from pyburgers.predictions.imposed_stress import simulate_imposed_stress
-from pyburgers.predictions.stress_cycles import Regime
-from pyburgers.protocols.constant_rate.experiment import (
+from pyburgers.kinds.constant_rate.experiment import (
     ConstantRateExperiment,
     RateSegment,
     load_constant_rate,
 )
-from pyburgers.protocols.forced_oscillation.experiment import (
+from pyburgers.kinds.forced_oscillation.experiment import (
     load_forced_oscillation,
     with_background,
 )
-from pyburgers.protocols.forward import simulate
-from pyburgers.protocols.program_data import solve
-from pyburgers.protocols.stan_data import REFERENCE_SOLVER
+from pyburgers.kinds.forward import simulate
+from pyburgers.kinds.program_data import solve
+from pyburgers.kinds.stan_data import REFERENCE_SOLVER
+from pyburgers.predictions.attenuation import attenuation_spectrum
+from pyburgers.predictions.imposed_stress import simulate_imposed_stress
+from pyburgers.predictions.stress_cycles import Regime
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.integrate import quad
 
-from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
+from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 
 FloatArray = npt.NDArray[np.float64]
 

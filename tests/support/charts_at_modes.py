@@ -1,7 +1,7 @@
 """Coordinates of a problem, set up at the mode that is searched for."""
 
-from pyburgers.protocols.problem import Problem
-from pyburgers.protocols.stan_data import SolverOptions, StanData
+from pyburgers.kinds.problem import Problem
+from pyburgers.kinds.stan_data import SolverOptions, StanData
 from pyburgers.sampling.charts import ChosenChart, choose_chart
 from pyburgers.sampling.starts import find_mode
 

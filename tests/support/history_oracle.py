@@ -7,7 +7,7 @@ import numpy.typing as npt
 import oracle
 from scipy.integrate import solve_ivp
 
-from pyburgers.protocols.loading_history.stages import Leg
+from pyburgers.kinds.loading_history.stages import Leg
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -7,9 +7,9 @@ import history_oracle
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.protocols.experiment import Provenance
-from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.stages import Stage, legs_of
+from pyburgers.kinds.experiment import Provenance
+from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.stages import Stage, legs_of
 
 FloatArray = npt.NDArray[np.float64]
 

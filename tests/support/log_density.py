@@ -18,7 +18,7 @@ import pytest
 from pyburgers.cmdstan.program import ALL_DIGITS, compile_program
 from pyburgers.cmdstan.program import Program as CompiledProgram
 from pyburgers.cmdstan.toolchain import stan_directory
-from pyburgers.protocols.stan_data import StanData
+from pyburgers.kinds.stan_data import StanData
 
 FloatArray = npt.NDArray[np.float64]
 Unconstrain = Callable[[Mapping[str, float]], FloatArray]

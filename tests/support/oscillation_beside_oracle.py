@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 import oracle
 
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.protocols.forward import simulate
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.kinds.forward import simulate
 
 
 def check_law_beside_oracle(

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 from conftest import ICE
 
-from pyburgers.protocols.forced_oscillation.experiment import (
+from pyburgers.kinds.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
     with_background,
 )
-from pyburgers.protocols.forced_oscillation.preparation import prepare
-from pyburgers.protocols.forward import simulate_data
+from pyburgers.kinds.forced_oscillation.preparation import prepare
+from pyburgers.kinds.forward import simulate_data
 
 TWIN_FILE = ICE.parent / "olivine" / "olivine_twin.toml"
 SMALLER, WARMER = 0.8, 40.0

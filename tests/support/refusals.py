@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pyburgers.common.errors import InputError
-from pyburgers.protocols.protocol import load_experiment
+from pyburgers.kinds.kind import load_experiment
 
 
 def refusal(path: Path, load: Callable[[Path], object] = load_experiment) -> str:

@@ -5,13 +5,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.forced_oscillation.stan_data import N_SOLUTIONS, ShearedReference
+from pyburgers.kinds.problem import one_test
+from pyburgers.kinds.program_data import chart_block, program_data
+from pyburgers.kinds.stan_data import SolverOptions, StanData
 from pyburgers.model.parameters import PLACE, PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forced_oscillation.stan_data import N_SOLUTIONS, ShearedReference
-from pyburgers.protocols.problem import one_test
-from pyburgers.protocols.program_data import chart_block, program_data
-from pyburgers.protocols.stan_data import SolverOptions, StanData
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -13,19 +13,19 @@ import xarray as xr
 
 from pyburgers.common.atomic_files import write_json
 from pyburgers.fitting.fit import Fit
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
+from pyburgers.kinds.constant_rate.kind import KIND as CONSTANT_RATE
+from pyburgers.kinds.coordinates import REFERENCE_STRESS
+from pyburgers.kinds.experiment import Experiment, Provenance
+from pyburgers.kinds.problem import problem_of
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PARAMETERS
 from pyburgers.model.pooling import SEPARATE
 from pyburgers.model.prior_families import Family, Prior
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, RateSegment
-from pyburgers.protocols.constant_rate.protocol import PROTOCOL as CONSTANT_RATE
-from pyburgers.protocols.coordinates import REFERENCE_STRESS
-from pyburgers.protocols.experiment import Experiment, Provenance
-from pyburgers.protocols.problem import problem_of
 from pyburgers.sampling.run_directory import RunDirectory
 
 FloatArray = npt.NDArray[np.float64]
-Kind = Literal["measured", "digitised", "synthetic"]
+DataKind = Literal["measured", "digitised", "synthetic"]
 
 TRUTH = MappingProxyType(
     {
@@ -113,7 +113,7 @@ def _curve(strain: FloatArray, reference: FloatArray, final: FloatArray) -> Floa
 
 def make_experiment(
     name: str,
-    kind: Kind,
+    kind: DataKind,
     segments: tuple[tuple[float, float], ...],
     rng: np.random.Generator,
     **changes: Any,
@@ -141,7 +141,7 @@ def make_fit(
     path: Path,
     *,
     name: str = "PIL40",
-    kind: Kind = "synthetic",
+    kind: DataKind = "synthetic",
     chains: int = 4,
     draws: int = 250,
     segments: tuple[tuple[float, float], ...] = ((0.0, 1.69e-4),),

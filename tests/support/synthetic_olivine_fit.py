@@ -11,18 +11,18 @@ from scipy import stats
 from synthetic_fit import make_fit
 
 from pyburgers.fitting.fit import Fit
-from pyburgers.model.parameters import PARAMETERS
-from pyburgers.model.priors import default_priors
-from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE, REFERENCE_STRESS
-from pyburgers.protocols.experiment import of_kind
-from pyburgers.protocols.forced_oscillation.experiment import (
+from pyburgers.kinds.coordinates import REFERENCE_FLOW_RATE, REFERENCE_STRESS
+from pyburgers.kinds.experiment import of_kind
+from pyburgers.kinds.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
     with_background,
 )
-from pyburgers.protocols.forced_oscillation.preparation import Background
-from pyburgers.protocols.forced_oscillation.protocol import PROTOCOL as FORCED_OSCILLATION
-from pyburgers.protocols.problem import problem_of
+from pyburgers.kinds.forced_oscillation.kind import KIND as FORCED_OSCILLATION
+from pyburgers.kinds.forced_oscillation.preparation import Background
+from pyburgers.kinds.problem import problem_of
+from pyburgers.model.parameters import PARAMETERS
+from pyburgers.model.priors import default_priors
 
 FloatArray = npt.NDArray[np.float64]
 

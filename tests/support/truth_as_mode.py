@@ -4,14 +4,14 @@ from typing import TypeVar
 
 import numpy as np
 
+from pyburgers.kinds.coordinates import Mode
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.forward import simulate
+from pyburgers.kinds.kind import AtMode
+from pyburgers.kinds.problem import problem_of
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.coordinates import Mode
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forward import simulate
-from pyburgers.protocols.problem import problem_of
-from pyburgers.protocols.protocol import AtMode
-from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import at_mode
 
 E = TypeVar("E", bound=Experiment)

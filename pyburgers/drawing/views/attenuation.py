@@ -24,10 +24,10 @@ from pyburgers.drawing.panels import (
 from pyburgers.drawing.style import BLACK, BLUE, VERMILION
 from pyburgers.drawing.view import View
 from pyburgers.drawing.views.relaxation_spectrum import SPECTRUM_FIGURE
-from pyburgers.protocols.attenuation.experiment import AttenuationExperiment, range_text
-from pyburgers.protocols.attenuation.table import ATTENUATION, MODULUS
-from pyburgers.protocols.experiment import of_kind
-from pyburgers.protocols.protocol import FittedTest
+from pyburgers.kinds.attenuation.experiment import AttenuationExperiment, range_text
+from pyburgers.kinds.attenuation.table import ATTENUATION, MODULUS
+from pyburgers.kinds.experiment import of_kind
+from pyburgers.kinds.kind import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
 

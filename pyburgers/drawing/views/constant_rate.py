@@ -23,11 +23,11 @@ from pyburgers.drawing.views.softening import (
     softening_along,
     softening_caption,
 )
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, rate_text
+from pyburgers.kinds.experiment import of_kind
+from pyburgers.kinds.kind import FittedTest
+from pyburgers.kinds.microstructure import strains_of
 from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, STRESS_UNIT
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, rate_text
-from pyburgers.protocols.experiment import of_kind
-from pyburgers.protocols.microstructure import strains_of
-from pyburgers.protocols.protocol import FittedTest
 
 STRESS_STRAIN_CAPTION = (
     "Top: the stress-strain curve (circles), the predictive median (solid line), up to 1000 "

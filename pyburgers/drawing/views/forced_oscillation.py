@@ -38,6 +38,15 @@ from pyburgers.drawing.views.oscillation_response import (
     replicated_response,
     response_page_table,
 )
+from pyburgers.kinds.coordinates import REFERENCE_FLOW_RATE
+from pyburgers.kinds.experiment import of_kind
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.kinds.forced_oscillation.preparation import (
+    NEGLIGIBLE_SHARE,
+    PreparedOscillation,
+    strain_shares,
+)
+from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.display import (
     LENGTH_FACTOR,
     LENGTH_UNIT,
@@ -48,15 +57,6 @@ from pyburgers.model.display import (
     shown_quantity,
     unit_text,
 )
-from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE
-from pyburgers.protocols.experiment import of_kind
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.protocols.forced_oscillation.preparation import (
-    NEGLIGIBLE_SHARE,
-    PreparedOscillation,
-    strain_shares,
-)
-from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -12,19 +12,19 @@ from pyburgers.drawing.fitted import positions, predicted
 from pyburgers.drawing.page_parts import PageFigure
 from pyburgers.drawing.panels import STRAIN_LABEL, STRESS_LABEL, figure_of
 from pyburgers.drawing.style import BLUE, GREEN, ORANGE, VERMILION
+from pyburgers.kinds.experiment import of_kind
+from pyburgers.kinds.kind import FittedTest
+from pyburgers.kinds.loading_history.creep_intervals import (
+    NEARLY_CONSTANT,
+    CreepInterval,
+    creep_intervals,
+)
+from pyburgers.kinds.loading_history.experiment import LoadingHistory
 from pyburgers.model.display import (
     STRAIN_FACTOR,
     STRESS_FACTOR,
     time_unit,
 )
-from pyburgers.protocols.experiment import of_kind
-from pyburgers.protocols.loading_history.creep_intervals import (
-    NEARLY_CONSTANT,
-    CreepInterval,
-    creep_intervals,
-)
-from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -39,6 +39,11 @@ from pyburgers.drawing.views.softening import (
     softening_along,
     softening_caption,
 )
+from pyburgers.kinds.experiment import of_kind
+from pyburgers.kinds.kind import FittedTest
+from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.stan_data import stage_of_times
+from pyburgers.kinds.microstructure import MeasuredMicrostructure, strains_of, times_of
 from pyburgers.model.display import (
     STRAIN_FACTOR,
     STRAIN_UNIT,
@@ -47,11 +52,6 @@ from pyburgers.model.display import (
     time_unit,
 )
 from pyburgers.model.variants import variant_of
-from pyburgers.protocols.experiment import of_kind
-from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.stan_data import stage_of_times
-from pyburgers.protocols.microstructure import MeasuredMicrostructure, strains_of, times_of
-from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

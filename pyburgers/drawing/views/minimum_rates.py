@@ -9,6 +9,15 @@ from scipy.stats import linregress
 from pyburgers.common.units import rounded, span_text
 from pyburgers.drawing.fitted import positions, predicted
 from pyburgers.drawing.page_parts import PageTable
+from pyburgers.kinds.experiment import of_kind
+from pyburgers.kinds.kind import FittedTest
+from pyburgers.kinds.loading_history.creep_intervals import (
+    NEARLY_CONSTANT,
+    CreepInterval,
+    creep_intervals,
+)
+from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.stan_data import stage_of_times
 from pyburgers.model.display import (
     STRAIN_FACTOR,
     STRAIN_UNIT,
@@ -16,15 +25,6 @@ from pyburgers.model.display import (
     STRESS_UNIT,
     time_unit,
 )
-from pyburgers.protocols.experiment import of_kind
-from pyburgers.protocols.loading_history.creep_intervals import (
-    NEARLY_CONSTANT,
-    CreepInterval,
-    creep_intervals,
-)
-from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.stan_data import stage_of_times
-from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

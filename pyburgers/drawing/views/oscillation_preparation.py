@@ -11,18 +11,18 @@ from matplotlib.lines import Line2D
 
 from pyburgers.drawing.panels import STRAIN_LABEL, STRESS_LABEL, figure_of
 from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, SKY_BLUE, VERMILION
+from pyburgers.kinds.experiment import of_kind
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.kinds.forced_oscillation.harmonics import HarmonicFit
+from pyburgers.kinds.forced_oscillation.preparation import (
+    OscillationRecord,
+    PreparedOscillation,
+)
+from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.display import (
     STRAIN_FACTOR,
     STRESS_FACTOR,
 )
-from pyburgers.protocols.experiment import of_kind
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.protocols.forced_oscillation.harmonics import HarmonicFit
-from pyburgers.protocols.forced_oscillation.preparation import (
-    OscillationRecord,
-    PreparedOscillation,
-)
-from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
 

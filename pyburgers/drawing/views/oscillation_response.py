@@ -14,11 +14,11 @@ from pyburgers.common.units import rounded
 from pyburgers.drawing.fitted import predicted
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.drawing.panels import band_text
+from pyburgers.kinds.experiment import of_kind
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.kinds.forced_oscillation.harmonics import fundamentals
+from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_FACTOR, STRESS_UNIT
-from pyburgers.protocols.experiment import of_kind
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.protocols.forced_oscillation.harmonics import fundamentals
-from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
 

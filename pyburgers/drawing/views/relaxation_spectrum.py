@@ -9,10 +9,10 @@ from pyburgers.common.draws import all_draws, central_band, evenly_spaced
 from pyburgers.drawing.page_parts import FigureRecipe
 from pyburgers.drawing.panels import LINES_AND_AREAS, band_text, draw_band, figure_of
 from pyburgers.drawing.style import BLUE, VERMILION
+from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
+from pyburgers.kinds.experiment import of_kind
+from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.relaxation import KelvinPart, kelvin_part
-from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
-from pyburgers.protocols.experiment import of_kind
-from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
 

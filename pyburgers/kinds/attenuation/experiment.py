@@ -1,0 +1,187 @@
+"""Tables of attenuation and modulus as tests."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import ClassVar, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.common.errors import InputError
+from pyburgers.common.units import span_text
+from pyburgers.kinds.attenuation.table import (
+    CycleConditions,
+    Elasticity,
+    FloatArray,
+    Readings,
+)
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.model.laws import laws_in_closed_form
+
+UNSTATED_STRESS = 1e6
+"""Axial stress (Pa) at which the flow rate of a linear dashpot is sampled where none is stated."""
+
+LARGEST_TAN_DELTA = 3.0
+"""tan(delta) beyond which its unit may be wrong."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AttenuationExperiment(Experiment):
+    """One specimen's table of attenuation and modulus in SI units.
+
+    `temperature` is that of the sampled flow rate; rows have temperatures of their own.
+
+    Attributes
+    ----------
+    conditions : CycleConditions
+        Of every row.
+    readings : Readings
+        Readings of each row.
+    elasticity : Elasticity
+        Whether cycles are axial or of shear, and what relates the two.
+    """
+
+    protocol: ClassVar[str] = "attenuation"
+    may_be_uncertain: ClassVar[frozenset[str]] = frozenset()
+    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
+        {
+            **laws_in_closed_form(),
+            "grain_size": ("constant",),
+            "fabric": ("constant",),
+            "residuals": ("independent",),
+        }
+    )
+    without_effect: ClassVar[frozenset[str]] = frozenset(
+        {
+            "steady_state_grain_size",
+            "steady_state_fabric_factor",
+            "critical_strain_grain_size",
+            "critical_strain_fabric",
+            "stress_noise",
+            "strain_noise",
+            "strain_offset",
+            "apparatus_compliance",
+            "residual_correlation_strain",
+            "residual_correlation_time",
+            "residual_correlated_share",
+        }
+    )
+    parts_name: ClassVar[str] = "temperatures"
+    conditions: CycleConditions
+    readings: Readings
+    elasticity: Elasticity
+
+    @property
+    def temperatures(self) -> FloatArray:
+        """Temperatures of the rows."""
+        return self.conditions.temperature
+
+    @property
+    def parts(self) -> Mapping[str, int]:
+        """Readings at each temperature, the hottest first."""
+        quantities = 2 if self.readings.modulus.size else 1
+        # Temperatures that differ by less than a name shows are one part.
+        hottest_first = self._names[np.argsort(-self.conditions.temperature)]
+        return MappingProxyType(
+            {str(name): quantities * number for name, number in Counter(hottest_first).items()}
+        )
+
+    def without_part(self, name: str) -> Self:
+        """Return the table without a temperature.
+
+        Raise InputError if it has no such temperature, or no other.
+        """
+        if name not in self.parts:
+            return super().without_part(name)
+        if len(self.parts) == 1:
+            raise InputError(f"{self.id}: has no other temperature than {name}, expected several.")
+        return self._rows(np.flatnonzero(self._names != name))
+
+    def only_part(self, name: str) -> Self:
+        """Return what the table has of a temperature, one of `parts`."""
+        return self._rows(np.flatnonzero(self._names == name))
+
+    @property
+    def _names(self) -> npt.NDArray[np.str_]:
+        """Temperature of each row, as `parts` names it."""
+        return np.array([_temperature_name(own) for own in self.conditions.temperature])
+
+    def _rows(self, kept: npt.NDArray[np.int64]) -> Self:
+        return replace(
+            self,
+            conditions=self.conditions.ordered(kept),
+            readings=self.readings.ordered(kept),
+        )
+
+    @property
+    def position(self) -> FloatArray:
+        """Places of the readings: spectra of attenuation, then of modulus."""
+        place = self.conditions.place
+        return np.concatenate(
+            [
+                place[: self.readings.tan_delta.size],
+                place[: self.readings.modulus.size] + self.conditions.n_spectra,
+            ]
+        )
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Start of the first spectrum of attenuation, and the end of the last one of moduli."""
+        return 0.0, float(np.nextafter(2 * self.conditions.n_spectra, 0))
+
+    @property
+    def response(self) -> FloatArray:
+        """ln(tan delta), or ln of its limit, then ln(modulus / Pa)."""
+        recorded = np.maximum(self.readings.tan_delta, self.readings.limit)
+        return np.asarray(np.log(np.concatenate([recorded, self.readings.modulus])))
+
+    @property
+    def response_limit(self) -> FloatArray:
+        """Logarithms of the limits of tan(delta); moduli have none."""
+        no_limit = np.zeros(self.readings.modulus.size)
+        with np.errstate(divide="ignore"):
+            return np.asarray(np.log(np.concatenate([self.readings.limit, no_limit])))
+
+    @property
+    def amplitude_is_stated(self) -> bool:
+        """Whether the amplitude of the stress is known."""
+        return bool(np.all(self.conditions.amplitude > 0))
+
+    @property
+    def largest_stress(self) -> float:
+        """Largest axial equivalent of a stress (Pa) in a cycle."""
+        if not self.amplitude_is_stated:
+            return UNSTATED_STRESS
+        stress = self.conditions.median_stress + self.conditions.amplitude
+        return float(stress.max() * self.elasticity.stress_factor)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Say where tan(delta) is that of no solid."""
+        largest = float(self.readings.tan_delta.max(initial=0.0))
+        if largest <= LARGEST_TAN_DELTA:
+            return ()
+        return (
+            f"a tan delta of {largest:g} is unlikely; check the form and the unit of the column.",
+        )
+
+    @property
+    def title(self) -> str:
+        """Sample, material and kind of data; below them temperatures and periods."""
+        period, temperature = self.conditions.period, self.conditions.temperature
+        return (
+            f"{self.id}: {self.material}, {self.provenance.kind} data\n"
+            f"{range_text(temperature)} K, periods {range_text(period)} s, "
+            f"{self.elasticity.deformation} cycles"
+        )
+
+
+def range_text(numbers: FloatArray, digits: int = 6) -> str:
+    """Return the least and the largest number, or the only one that so many digits tell."""
+    return span_text((numbers.min(), numbers.max()), digits)
+
+
+def _temperature_name(temperature: float) -> str:
+    return f"{temperature:g}K"

@@ -1,0 +1,123 @@
+"""What `pyburgers new` writes for a table of attenuation."""
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
+from pyburgers.kinds.attenuation.forms import Form
+from pyburgers.kinds.guessed_columns import GuessedColumn
+from pyburgers.kinds.new_file import (
+    LAYOUT,
+    Columns,
+    Description,
+    NewFile,
+    Question,
+)
+from pyburgers.kinds.quantities import LOGARITHM
+
+DEFORMATION = Question("deformation", "deformation", choices=("axial", "shear"), example="shear")
+POISSON_RATIO = Question("poisson_ratio", "Poisson's ratio", float, default=0.25)
+
+
+TEMPLATE = f"""
+[attenuation]
+deformation = {{deformation}}  # axial or shear: of modulus and stresses
+poisson_ratio = {{poisson_ratio}}  # or bulk_modulus_Pa
+#? median_stress_Pa = 1e6  # of every row
+#? amplitude_Pa = 1e6  # of every row
+
+[data]
+file = {{file}}
+{LAYOUT}\
+period_column = {{period_column}}
+period_unit = {{period_unit}}
+frequency_column = {{frequency_column}}
+frequency_unit = {{frequency_unit}}
+temperature_column = {{temperature_column}}
+temperature_unit = {{temperature_unit}}
+median_stress_column = {{median_stress_column}}
+amplitude_column = {{amplitude_column}}
+stress_unit = {{stress_unit}}
+loss_modulus_column = {{loss_modulus_column}}  # in modulus_unit
+attenuation_column = {{attenuation_column}}
+attenuation_form = {{attenuation_form}}  # tan_delta (1/Q is the same), log10_tan_delta, loss_angle
+attenuation_unit = {{attenuation_unit}}
+attenuation_uncertainty_column = {{attenuation_uncertainty_column}}
+#? attenuation_uncertainty = 1e-3  # of tan delta itself
+limit_column = {{limit_column}}
+modulus_column = {{modulus_column}}
+storage_modulus_column = {{storage_modulus_column}}  # |M| follows with tan delta
+modulus_unit = {{modulus_unit}}
+modulus_uncertainty_column = {{modulus_uncertainty_column}}
+"""
+
+
+class AttenuationFile(NewFile):
+    """A table against period or frequency."""
+
+    experiment = AttenuationExperiment
+    needed = (("period", "frequency"), ("attenuation", "loss_modulus"))
+    quantities = frozenset(
+        {"period", "frequency", "temperature", "median_stress", "amplitude", "attenuation"}
+        | {"attenuation_uncertainty", "limit", "modulus", "modulus_uncertainty"}
+        | {"storage_modulus", "loss_modulus"}
+    )
+    questions = (DEFORMATION, POISSON_RATIO)
+    template = TEMPLATE
+
+    def recognise(self, columns: Columns) -> str | None:
+        """Return that attenuation is read, of a table that is no stress or strain."""
+        is_table = {"period", "frequency"} & columns.keys() or not {
+            "strain",
+            "stress",
+        } & columns.keys()
+        if is_table and "attenuation" in columns:
+            return "there is a column of attenuation"
+        both = {"storage_modulus", "loss_modulus"} <= columns.keys()
+        return "there are a storage and a loss modulus" if is_table and both else None
+
+    def select_columns(self, columns: Columns) -> Columns:
+        """Return what there is of a table, each quantity once.
+
+        The period goes before the frequency, tan delta before two moduli, |M| before M'.
+        """
+        found = super().select_columns(columns)
+        attenuation = found.get("attenuation")
+        needless = {"frequency"} if "period" in found else set()
+        if {"storage_modulus", "loss_modulus"} <= found.keys() and (
+            attenuation is None or attenuation.is_foreign
+        ):
+            needless |= {"attenuation", "attenuation_uncertainty", "modulus", "modulus_uncertainty"}
+        else:
+            needless |= {"loss_modulus"} | ({"storage_modulus"} if "modulus" in found else set())
+        if attenuation is not None and attenuation.unit is not None:
+            needless.add("attenuation_uncertainty")  # of an angle, not of tan delta
+        if not {"modulus", "storage_modulus"} & found.keys() - needless:
+            needless.add("modulus_uncertainty")
+        return {name: one for name, one in found.items() if name not in needless}
+
+    def allowed_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
+        """Return Poisson's ratio only where the deformation may be shear."""
+        axial = given[DEFORMATION.name] == "axial"
+        return {DEFORMATION.name} if axial else {DEFORMATION.name, POISSON_RATIO.name}
+
+    def filling(self, test: Description) -> Mapping[str, object]:
+        """Return the units that columns share, and in which form attenuation is read."""
+        columns = test.columns
+        attenuation = columns.get("attenuation")
+        units = {name: one.unit for name, one in columns.items()}
+        return {
+            "stress_unit": units.get("amplitude", units.get("median_stress")),
+            "modulus_unit": units.get("modulus", units.get("storage_modulus")),
+            "attenuation_form": None if attenuation is None else _form_of(attenuation),
+        }
+
+
+def _form_of(attenuation: GuessedColumn) -> Form:
+    if attenuation.unit is not None:
+        return "loss_angle"
+    is_logarithm = (attenuation.numbers < 0).any() or LOGARITHM.search(attenuation.name.lower())
+    return "log10_tan_delta" if is_logarithm else "tan_delta"
+
+
+NEW_FILE = AttenuationFile()

@@ -1,0 +1,115 @@
+"""Under which conditions a test went: temperature, grain size, and what its solution passes."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from pyburgers.common.units import UNITS, number
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.kind import kind_of
+from pyburgers.model.parameters import STANDARD_VALUES
+
+Ranges = Mapping[str, tuple[float, float]]
+
+SHOWN: Mapping[str, tuple[str, float]] = {
+    "temperature": ("K", 1.0),
+    "initial grain size": ("um", UNITS["length"]["um"]),
+    "period": ("s", 1.0),
+    "strain rate": ("1/s", 1.0),
+    "strain": ("%", UNITS["strain"]["percent"]),
+    "stress": ("MPa", UNITS["stress"]["MPa"]),
+}
+"""Display unit of each condition, and its factor to SI."""
+
+ROUNDING, TEMPERATURE_ROUNDING = 0.01, 0.001
+"""Shares by which a condition, or a temperature, may lie outside a range and still count as inside:
+a thousandth of a temperature is worth some three percent of a flow rate."""
+
+
+def conditions(experiment: Experiment, predictions: xr.Dataset, parameters: xr.Dataset) -> Ranges:
+    """Return the smallest and the largest value (SI) of every condition of a test.
+
+    Strain and stress count from zero, and like the strain rate by their size; they are those of the
+    median solution. The strain is that of the material: how its zero was read, and how the
+    apparatus gave way, is no extrapolation. Tables of attenuation have periods in their place.
+    `parameters`: its labelled parameters (SI) in the same draws; what is missing has no effect.
+    """
+    kind = kind_of(experiment)
+    median: dict[str, npt.NDArray[np.float64]] = {}
+    for column, (name, _) in kind.grid_quantities.items():
+        solved = predictions[name].astype(np.float64)
+        if name == "strain":
+            solved = solved - _not_of_the_material(predictions, parameters)
+        values = solved.median(("chain", "draw")).to_numpy()
+        # An oscillating response without its trend stands for the whole one, too.
+        median |= {column: values, f"grid_{name}": values}
+    clock = kind.clock.name
+    median[f"grid_{clock}"] = predictions[clock].to_numpy()
+    solution = kind.solution(experiment, median)
+    found = {
+        "temperature": temperature_range(experiment),
+        "initial grain size": (experiment.initial_grain_size, experiment.initial_grain_size),
+    }
+    if "period_s" in solution:
+        found["period"] = (float(solution["period_s"].min()), float(solution["period_s"].max()))
+    if "time_s" not in solution:  # cycles in closed form
+        return found
+    passed = np.diff(solution["time_s"])
+    # The path strain is the material's alone, and has all digits beside any offset.
+    strain = median.get("grid_path_strain", solution["strain"])
+    rate = np.abs(np.diff(strain)[passed > 0] / passed[passed > 0])
+    return {
+        **found,
+        "strain rate": (float(rate.min()), float(rate.max())),
+        "strain": (0.0, float(np.abs(solution["strain"]).max())),
+        "stress": (0.0, float(np.abs(solution["stress_Pa"]).max())),
+    }
+
+
+def _not_of_the_material(predictions: xr.Dataset, parameters: xr.Dataset) -> xr.DataArray:
+    """Part of a strain that is read off which is due to its zero and to the apparatus."""
+    offset, compliance = (
+        parameters.get(name, xr.DataArray(STANDARD_VALUES[name]))
+        for name in ("strain_offset", "apparatus_compliance")
+    )
+    # By values: the labels of draws differ between groups.
+    return (
+        offset.drop_vars(offset.coords)
+        + compliance.drop_vars(compliance.coords) * predictions["stress"]
+    )
+
+
+def outside(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
+    """Say in which conditions a test leaves those that were fitted, a phrase for each."""
+    phrases = []
+    for name in (name for name in target if all(name in one for one in fitted)):
+        low, high = target[name]
+        least = min(one[name][0] for one in fitted)
+        most = max(one[name][1] for one in fitted)
+        rounding = TEMPERATURE_ROUNDING if name == "temperature" else ROUNDING
+        if low < least * (1 - rounding) or high > most * (1 + rounding):
+            unit, factor = SHOWN[name]
+            there, here = (_range(*ends, factor) for ends in ((low, high), (least, most)))
+            phrases.append(f"{name} {there} {unit} (fitted: {here})")
+    return tuple(phrases)
+
+
+def beyond_sentences(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
+    """Say in one sentence what `outside` finds; none where that is nothing."""
+    beyond = outside(target, fitted)
+    return (f"Beyond what was fitted: {'; '.join(beyond)}.",) if beyond else ()
+
+
+def temperature_range(experiment: Experiment) -> tuple[float, float]:
+    """Return the lowest and the highest temperature (K) of a test."""
+    temperatures = experiment.temperatures
+    return float(temperatures.min()), float(temperatures.max())
+
+
+def _range(low: float, high: float, factor: float) -> str:
+    low_text, high_text = (number(float(f"{end / factor:.4g}")) for end in (low, high))
+    if low == 0:
+        return f"up to {high_text}"
+    return low_text if low_text == high_text else f"{low_text} to {high_text}"

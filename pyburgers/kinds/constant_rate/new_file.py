@@ -1,0 +1,98 @@
+"""What `pyburgers new` writes for a test at constant strain rate."""
+
+import re
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+from pyburgers.kinds.column_facts import read_together
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.limits import slope_of
+from pyburgers.kinds.new_file import (
+    LAYOUT,
+    STRAIN_RATE,
+    STRESS_ERROR,
+    Columns,
+    Description,
+    NewFile,
+    compression_of,
+)
+from pyburgers.kinds.quantities import ENGINEERING
+
+TEMPLATE = f"""
+compression = {{compression}}  # as in the text file; else positive
+
+[[segments]]  # one for each imposed strain rate
+start_strain = 0.0  # a fraction, where this rate starts
+strain_rate_per_s = {{strain_rate_per_s}}
+
+[data]
+file = {{file}}
+{LAYOUT}\
+strain_column = {{strain_column}}
+strain_unit = {{strain_unit}}
+time_column = {{time_column}}  # {{time_is}}
+time_unit = {{time_unit}}
+stress_column = {{stress_column}}  # differential stress
+stress_unit = {{stress_unit}}
+stress_uncertainty = {{stress_uncertainty}}  # of a reading, in the unit of the stress
+#? stress_uncertainty = 0.05  # of a reading, in the unit of the stress
+# [[microstructure]]  # measured in the sample, at one strain or more
+# strain = {{late_strain}}  # in strain_unit of [data], else a fraction
+# grain_size_m = 165e-6
+# grain_size_sd_m = 8e-6
+"""
+
+
+class ConstantRateFile(NewFile):
+    """One segment, whose rate is asked for; curves against strain or time."""
+
+    experiment = ConstantRateExperiment
+    needed = (("strain", "time"), ("stress",))
+    quantities = frozenset({"strain", "time", "stress"})
+    questions = (STRAIN_RATE, STRESS_ERROR)
+    template = TEMPLATE
+
+    def recognise(self, columns: Columns) -> str | None:
+        """Return that there is a curve; one that oscillates or creeps is asked about before."""
+        return f"there are {'strain' if 'strain' in columns else 'time'} and stress"
+
+    def select_columns(self, columns: Columns) -> Columns:
+        """Return strain and stress, or time and stress; times beside strains show the rate."""
+        found = dict(super().select_columns(columns))
+        if "strain" in found and "time" in found:
+            is_usable = found["time"].is_decided and not found["time"].is_foreign
+            found = found if is_usable else {k: one for k, one in found.items() if k != "time"}
+        return found
+
+    def propose_answers(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the slope of strain over time as the rate."""
+        if not {"strain", "time"} <= columns.keys():
+            return {}
+        slope = slope_of(*read_together(columns["time"].si, columns["strain"].si))
+        return {STRAIN_RATE.name: float(f"{abs(slope):.3g}")} if slope else {}
+
+    def required_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
+        """Return the rate: a fit infers the error of a stress where none is stated."""
+        return {STRAIN_RATE.name}
+
+    def describe_decisions(self, test: Description) -> Sequence[str]:
+        """Say that columns of engineering measures are taken as they are."""
+        return [
+            f"column {one.column!r} is taken as true {one.quantity}, though its name says "
+            "engineering; --protocol loading_history turns it"
+            for one in test.columns.values()
+            if re.search(ENGINEERING, one.name.lower())
+        ]
+
+    def filling(self, test: Description) -> Mapping[str, object]:
+        """Return the sign of a compression that is negative, and what tells strain from time."""
+        has_strain = "strain" in test.columns
+        in_percent = test.columns["strain" if has_strain else "time"].unit == "percent"
+        return {
+            "compression": "negative" if compression_of(test) == "negative" else None,
+            "time_is": "compared with the rates" if has_strain else "",
+            "late_strain": 20.0 if in_percent else 0.2,
+        }
+
+
+NEW_FILE = ConstantRateFile()

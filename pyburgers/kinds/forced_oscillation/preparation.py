@@ -1,0 +1,412 @@
+"""Raw record of a forced oscillation -> what drives the model and what it is compared with.
+
+The paper's Methods: a sinusoid and a polynomial trend are fitted to the strain, the polynomial is
+subtracted, and the derivative of the sinusoid drives the model, whose stress is compared with the
+measured one. Here the sinusoid has its second and third harmonics.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+from numpy.polynomial import legendre, polynomial
+
+from pyburgers.common.errors import InputError
+from pyburgers.common.units import count_points
+from pyburgers.kinds.forced_oscillation.harmonics import (
+    HarmonicFit,
+    choose_degree,
+    estimate_period,
+    fit_harmonics,
+)
+
+FloatArray = npt.NDArray[np.float64]
+Background = Literal["removed", "kept"]
+
+REMOVED_NOTICE = (
+    "The background is removed, as in the paper: the model oscillates about zero stress, where the "
+    "piezometer asks for grains as large as its stress floor allows, so that grain size, and what "
+    'hangs on it, follows that floor and not the material; background = "kept" recovers known '
+    "truths."
+)
+"""Warning of a record without its bias and drift."""
+
+NEGLIGIBLE_SHARE = 0.01
+"""Share of the errors of the strain below which it is taken as known: standard deviations of what
+the stress tells come out too small by half of it."""
+
+LEAST_RESIDUAL = 1e-12
+"""Of the variance of the residuals over the stated one, below which there is no noise at all."""
+
+MIN_CYCLES = 2
+"""Cycles that a record needs: with fewer, trend and oscillation cannot be told apart."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class OscillationRecord:
+    """Readings of one forced oscillation test, SI units.
+
+    Strain and stress have clocks of their own with a common origin; each increases strictly.
+
+    `strain_time` (n_strain,): seconds.
+    `strain`, `strain_uncertainty` (n_strain,): axial strain (fraction) and its standard deviation.
+    `stress_time` (n_stress,): seconds.
+    `stress`, `stress_uncertainty` (n_stress,): differential stress (Pa, compression positive) and
+        its standard deviation.
+    """
+
+    strain_time: FloatArray
+    strain: FloatArray
+    strain_uncertainty: FloatArray
+    stress_time: FloatArray
+    stress: FloatArray
+    stress_uncertainty: FloatArray
+
+
+@dataclass(frozen=True)
+class OscillationSettings:
+    """How a record is prepared.
+
+    `period`: seconds; None estimates it from the strain.
+    `strain_trend_degree`, `stress_trend_degree`: degrees of the polynomials; None chooses them by
+        an information criterion.
+    `background`: with "kept" the rate of the strain's trend drives the model too, and the stress
+        keeps its bias and its drift. With "removed" only the oscillating parts are used, as in the
+        paper: the trends of strain and stress, constants included, are subtracted. That is another
+        state of the material, from which the truth is not recovered (docs/model.md): a notice says
+        so.
+    `start_stress`: stress (Pa) at which the model starts, ahead of the record, where the background
+        is kept; None takes the bias of the stress at the start of the record.
+    """
+
+    period: float | None = None
+    strain_trend_degree: int | None = None
+    stress_trend_degree: int | None = None
+    background: Background = "kept"
+    start_stress: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedOscillation:
+    """A record in the form that the model takes, SI units; times are those of the record's clock.
+
+    `period`: seconds.
+    `strain_fit`, `stress_fit`: fits of the two series; the first drives the model.
+    `background`: whether trends drive the model and stay in the stress.
+    `start_stress`: stress (Pa) at which the model starts; 0 where the background is removed.
+    `start`: time (s) of the first strain or stress reading that is used.
+    `time` (n_points,): seconds, increasing.
+    `stress`, `uncertainty` (n_points,): stress (Pa) that the model is compared with, and its
+        standard deviation.
+    `strain_sine`, `strain_cosine` (3,): amplitudes of sin(k w t) and cos(k w t), w = 2 pi / period,
+        in the driving strain.
+    `background_rate` (n_background,): coefficients (1/s) of powers 0, 1, ... of (t -
+        t_middle)/t_half in the driving strain rate; zeros where the background is removed.
+    `strain_error` (n_errors, 6 + n_background): what one standard deviation of each of the
+        independent errors of the strain's fit adds to `strain_sine`, `strain_cosine` and
+        `background_rate`. Errors of the harmonics, or of the background, are left out where their
+        share (`strain_shares`) is below `NEGLIGIBLE_SHARE`.
+    `t_middle`, `t_half`: middle and half length (s) of the strain record.
+    `notices`: what the preparation left out: sentences.
+    """
+
+    period: float
+    strain_fit: HarmonicFit
+    stress_fit: HarmonicFit
+    background: Background
+    start_stress: float
+    start: float
+    time: FloatArray
+    stress: FloatArray
+    uncertainty: FloatArray
+    strain_sine: FloatArray
+    strain_cosine: FloatArray
+    background_rate: FloatArray
+    strain_error: FloatArray
+    t_middle: float
+    t_half: float
+    notices: tuple[str, ...]
+
+    @property
+    def settings(self) -> OscillationSettings:
+        """The settings, with everything that was estimated or chosen as a number."""
+        return OscillationSettings(
+            period=self.period,
+            strain_trend_degree=self.strain_fit.degree,
+            stress_trend_degree=self.stress_fit.degree,
+            background=self.background,
+            start_stress=self.start_stress if self.background == "kept" else None,
+        )
+
+    @property
+    def relative_uncertainty(self) -> FloatArray:
+        """Uncertainty of each stress over the root mean square of all, shape (n_points,)."""
+        if self.uncertainty.size == 0:
+            return self.uncertainty
+        relative: FloatArray = self.uncertainty / np.sqrt(np.mean(self.uncertainty**2))
+        return relative
+
+    def strain(self, time: FloatArray) -> FloatArray:
+        """Strain (fraction) at times (s), shape (n,): without its trend where that is removed."""
+        oscillating = self.strain_fit.periodic(time)
+        if self.background == "removed":
+            return oscillating
+        return oscillating + self.strain_fit.trend(time)
+
+    def strain_rate(self, time: FloatArray) -> FloatArray:
+        """Driving strain rate (1/s) at times (s), shape (n,)."""
+        scaled = (time - self.t_middle) / self.t_half
+        background = polynomial.polyval(scaled, self.background_rate)
+        rate: FloatArray = self.strain_fit.periodic_rate(time) + background
+        return rate
+
+
+@dataclass(frozen=True, eq=False)
+class _Series:
+    """One of the two series: its name, clock (s), readings and their uncertainties."""
+
+    name: str
+    time: FloatArray
+    value: FloatArray
+    uncertainty: FloatArray
+
+    @property
+    def spacing(self) -> float:
+        """Median time between readings (s)."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
+    def length(self) -> float:
+        """Time (s) that the readings stand for: the last one counts as long as the others."""
+        return float(self.time[-1] - self.time[0]) + self.spacing
+
+    def within(self, start: float, end: float) -> "_Series":
+        """Return the readings between two times (s)."""
+        inside = (self.time >= start) & (self.time <= end)
+        return _Series(self.name, self.time[inside], self.value[inside], self.uncertainty[inside])
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """Arguments of the functions of `pyburgers.kinds.forced_oscillation.harmonics`."""
+        return {"time": self.time, "value": self.value, "uncertainty": self.uncertainty}
+
+
+def prepare(
+    record: OscillationRecord, settings: OscillationSettings, where: str
+) -> PreparedOscillation:
+    """Prepare a record for the model.
+
+    Stress readings that lie outside the strain record by more than half a strain reading are left
+    out with a notice: the strain that drives the model is not extrapolated to them. Raise
+    InputError if a clock does not increase, an uncertainty is not positive, readings are too few
+    for the coefficients, the period does not suit the sampling, a series has fewer than two cycles,
+    or the two clocks do not overlap over two cycles.
+    """
+    strain = _checked("strain", record.strain_time, record.strain, record.strain_uncertainty, where)
+    stress = _checked("stress", record.stress_time, record.stress, record.stress_uncertainty, where)
+    if stress.time[0] > strain.time[-1] or strain.time[0] > stress.time[-1]:
+        raise InputError(
+            f"{where}: strain and stress clocks do not overlap: strain runs from "
+            f"{strain.time[0]:g} to {strain.time[-1]:g} s, stress from {stress.time[0]:g} to "
+            f"{stress.time[-1]:g} s."
+        )
+    period = settings.period
+    if period is None:
+        period = _named(where, strain, lambda: estimate_period(**strain.data))
+    for series in (strain, stress):
+        _check_period(where, series, period)
+    margin = 0.5 * strain.spacing
+    used = stress.within(strain.time[0] - margin, strain.time[-1] + margin)
+    _check_overlap(where, used, period)
+    strain_fit = _fit(where, strain, period, settings.strain_trend_degree)
+    stress_fit = _fit(where, used, period, settings.stress_trend_degree)
+    kept = settings.background == "kept"
+    if settings.start_stress is not None and not kept:
+        raise InputError(
+            f"{where}: found a start_stress of {settings.start_stress:g} Pa with the background "
+            "removed, expected one only with the background kept."
+        )
+    start = float(min(strain.time[0], used.time[0]))
+    slope = _powers_of_rate(strain_fit.trend_coefficients, strain_fit.t_half)
+    return PreparedOscillation(
+        period=period,
+        strain_fit=strain_fit,
+        stress_fit=stress_fit,
+        background=settings.background,
+        start_stress=_start_stress(settings, stress_fit, start),
+        start=start,
+        time=used.time,
+        stress=used.value if kept else used.value - stress_fit.trend(used.time),
+        uncertainty=used.uncertainty,
+        strain_sine=strain_fit.sine,
+        strain_cosine=strain_fit.cosine,
+        background_rate=slope if kept else np.zeros_like(slope),
+        strain_error=_strain_error(strain_fit, stress_fit, kept=kept),
+        t_middle=strain_fit.t_middle,
+        t_half=strain_fit.t_half,
+        notices=_notices(stress.time.size - used.time.size, settings.background),
+    )
+
+
+def _checked(
+    name: str, time: FloatArray, value: FloatArray, uncertainty: FloatArray, where: str
+) -> _Series:
+    """Check a series on its own."""
+    if not time.size == value.size == uncertainty.size:
+        raise InputError(
+            f"{where}: the {name} has {time.size} times, {value.size} readings and "
+            f"{uncertainty.size} uncertainties, expected as many of each."
+        )
+    if time.size < 2:
+        raise InputError(
+            f"{where}: the {name} has {time.size} readings, expected at least two cycles of them."
+        )
+    backwards = np.flatnonzero(np.diff(time) <= 0)
+    if backwards.size > 0:
+        first = backwards[0] + 1
+        raise InputError(
+            f"{where}: the {name}'s clock, reading {first + 1}: found {time[first]:g} s after "
+            f"{time[first - 1]:g} s, expected times that increase."
+        )
+    wrong = np.flatnonzero(~(uncertainty > 0))
+    if wrong.size > 0:
+        raise InputError(
+            f"{where}: the {name}'s uncertainty, reading {wrong[0] + 1}: found "
+            f"{uncertainty[wrong[0]]:g}, expected a positive standard deviation."
+        )
+    return _Series(name, time, value, uncertainty)
+
+
+def _check_period(where: str, series: _Series, period: float) -> None:
+    """Check that a series can show an oscillation of the period."""
+    if period < 2.0 * series.spacing:
+        raise InputError(
+            f"{where}: the period of {period:g} s is too short for the {series.name}, expected at "
+            f"least {2.0 * series.spacing:g} s, two readings."
+        )
+    if period > series.length:
+        raise InputError(
+            f"{where}: the period of {period:g} s is longer than the {series.name}'s record of "
+            f"{series.length:g} s, expected at most half of it."
+        )
+    if series.length < MIN_CYCLES * period:
+        raise InputError(
+            f"{where}: the {series.name} has {series.length / period:.2f} cycles of the period "
+            f"{period:g} s, expected at least {MIN_CYCLES}."
+        )
+
+
+def _check_overlap(where: str, used: _Series, period: float) -> None:
+    """Check that enough stress readings have a strain."""
+    cycles = used.length / period if used.time.size > 1 else 0.0
+    if cycles < MIN_CYCLES:
+        raise InputError(
+            f"{where}: strain and stress clocks overlap over {cycles:.2f} cycles of the period "
+            f"{period:g} s, expected at least {MIN_CYCLES}."
+        )
+
+
+def _fit(where: str, series: _Series, period: float, degree: int | None) -> HarmonicFit:
+    """Fit a series, with a trend of the given degree or of the one that suits."""
+
+    def fit() -> HarmonicFit:
+        chosen = choose_degree(**series.data, period=period) if degree is None else degree
+        return fit_harmonics(**series.data, period=period, degree=chosen)
+
+    return _named(where, series, fit)
+
+
+def _start_stress(settings: OscillationSettings, stress_fit: HarmonicFit, start: float) -> float:
+    """Stress (Pa) at which the model starts."""
+    if settings.background == "removed":
+        return 0.0
+    if settings.start_stress is not None:
+        return settings.start_stress
+    return float(stress_fit.trend(np.array([start]))[0])
+
+
+def _powers_of_rate(trend: FloatArray, t_half: float) -> FloatArray:
+    """Rate (1/s) of a trend, given by its Legendre coefficients, as powers of the scaled time."""
+    slope: FloatArray = legendre.legder(trend).astype(np.float64)
+    powers = np.asarray(legendre.leg2poly(slope), dtype=np.float64)
+    # Zeros at its end have been dropped.
+    return np.pad(powers, (0, slope.size - powers.size)) / t_half
+
+
+def strain_shares(strain_fit: HarmonicFit, stress_fit: HarmonicFit) -> tuple[float, float]:
+    """Return how much the errors of the strain count beside those of the stress.
+
+    The noise of the stress is that of the residuals, as it is when the model is fitted. Return
+    `oscillation`: variance of the strain's fundamental over that of the stress's, both relative.
+    Return `background`: variance of the mean strain rate over that of the mean stress, both
+    relative: as it counts in a linear dashpot, which is more than in a power law.
+    """
+    freedom = stress_fit.n_points - stress_fit.coefficients.size
+    residual = max(stress_fit.chi_square / freedom, LEAST_RESIDUAL)
+    trends = stress_fit.degree + 1, strain_fit.degree + 1
+    bias = np.eye(trends[0])[0]
+    # From end to end: twice the Legendre polynomials of odd degree.
+    rise = (np.arange(trends[1]) % 2).astype(np.float64)
+    slow, fast = (
+        _relative_variance(fit.trend_coefficients, fit.covariance[:n, :n], direction)
+        for fit, n, direction in (
+            (strain_fit, trends[1], rise),
+            (stress_fit, trends[0], bias),
+        )
+    )
+    oscillation = _relative_variance_of_fundamental(strain_fit) / (
+        _relative_variance_of_fundamental(stress_fit) * residual
+    )
+    return oscillation, slow / (fast * residual)
+
+
+def _relative_variance(values: FloatArray, covariance: FloatArray, direction: FloatArray) -> float:
+    """Variance of a linear function over its square; infinite where it is 0."""
+    square = float(direction @ values) ** 2
+    return float(direction @ covariance @ direction) / square if square > 0 else math.inf
+
+
+def _relative_variance_of_fundamental(fit: HarmonicFit) -> float:
+    """Variance of the fundamental, as a complex number, over its square."""
+    amplitude, error = fit.amplitude()
+    return (error / amplitude) ** 2 + fit.phase()[1] ** 2
+
+
+def _strain_error(strain_fit: HarmonicFit, stress_fit: HarmonicFit, *, kept: bool) -> FloatArray:
+    """See `PreparedOscillation.strain_error`."""
+    n_trend, n_coefficients = strain_fit.degree + 1, strain_fit.coefficients.size
+    oscillation, background = strain_shares(strain_fit, stress_fit)
+    used = np.zeros(n_coefficients, dtype=bool)
+    used[n_trend:] = oscillation >= NEGLIGIBLE_SHARE
+    # The slope of the trend drives the model, never its constant.
+    used[1:n_trend] = kept and background >= NEGLIGIBLE_SHARE
+    n_errors = np.count_nonzero(used)
+    error = np.zeros((n_errors, n_coefficients))
+    error[:, used] = np.linalg.cholesky(strain_fit.covariance[np.ix_(used, used)]).T
+    rates = [_powers_of_rate(row[:n_trend], strain_fit.t_half) for row in error]
+    return np.hstack([error[:, n_trend:], np.reshape(rates, (n_errors, max(1, n_trend - 1)))])
+
+
+def _named(where: str, series: _Series, compute: Callable[[], T]) -> T:
+    """Let errors of a computation say which series of which test they are about."""
+    try:
+        return compute()
+    except InputError as error:
+        raise InputError(f"{where}: {series.name}: {error}") from None
+
+
+def _notices(n_left_out: int, background: Background) -> tuple[str, ...]:
+    """Sentences about what was left out; they name no file."""
+    notices = []
+    if n_left_out > 0:
+        notices.append(
+            f"{count_points(n_left_out)} of the stress outside the strain record left out."
+        )
+    if background == "removed":
+        notices.append(REMOVED_NOTICE)
+    return tuple(notices)

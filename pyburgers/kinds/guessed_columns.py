@@ -1,0 +1,322 @@
+"""What the columns of a text file are, and their units: decided by names, units and numbers."""
+
+import re
+import unicodedata
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.common.cells import as_number, has_date
+from pyburgers.common.text_tables import TextTable
+from pyburgers.common.units import FOREIGN_UNIT_NAMES, UNIT_TABLE, Unit, unit_in
+from pyburgers.kinds.quantities import (
+    ALONG_AXIS,
+    ANGLES,
+    ERRORS,
+    FORCES,
+    LOGARITHM,
+    OTHER_QUANTITIES,
+    QUANTITIES,
+    SET_POINT,
+    SHEAR,
+)
+
+FloatArray = npt.NDArray[np.float64]
+
+MIN_PERCENT, MAX_MEGAPASCAL, MAX_CELSIUS = 1.0, 1e5, 200.0
+"""Numbers from which strain is taken as percent, and up to which stress as MPa, or temperature as
+degrees Celsius, where names say nothing."""
+
+DIFFERENTIAL_PLACE, MIN_CONFINING_SHARE = 0, 0.05
+"""Place of names of differential stresses; a stress beside the axis below this share is none."""
+
+MAX_RELATIVE_DIFFERENCE = 1e-3
+"""Relative difference of columns that hold the same numbers in different units."""
+
+
+@dataclass(frozen=True, eq=False)
+class GuessedColumn:
+    """A column of a text file.
+
+    `quantity`: what it holds, a key of `QUANTITIES`, or that with ``_uncertainty``.
+    `column`: its name, or its number from 1.
+    `name`: its name with the unit under it.
+    `unit`: its unit; None where it has none.
+    `told_by`: what says so: its name, its numbers, the column that it shares its unit with, or
+        nothing.
+    `numbers` (n_rows,): what it holds in its unit; NaN where there is no number.
+    `is_foreign`: whether its name has a unit that experiment files do not know, or says that its
+        numbers are logarithms; it has no unit then.
+    `rivals`: other columns that may hold the quantity, the likeliest first.
+    `is_decided`: whether names and units put it before its rivals, or somebody chose it.
+    `confined_by`: of a stress that may be the total one along the axis, the column of what acts
+        beside it.
+    """
+
+    quantity: str
+    column: str | int
+    name: str
+    unit: str | None
+    told_by: str
+    numbers: FloatArray
+    is_foreign: bool = False
+    rivals: "tuple[GuessedColumn, ...]" = ()
+    is_decided: bool = True
+    confined_by: str | int | None = None
+
+    @property
+    def kind(self) -> str:
+        """What its unit is one of, a key of `UNIT_TABLE` where it has one."""
+        return QUANTITIES[self.quantity.removesuffix("_uncertainty")].kind
+
+    @property
+    def si(self) -> FloatArray:
+        """Its numbers in SI, where units have factors, shape (n_rows,)."""
+        unit = UNIT_TABLE.get(self.kind, {}).get(self.unit or "", Unit())
+        return unit.zero + unit.factor * self.numbers
+
+    @property
+    def shares_unit_with(self) -> str | None:
+        """Return the other quantity whose unit a file states for both, if there is one."""
+        if self.quantity.endswith("_uncertainty"):
+            return self.quantity.removesuffix("_uncertainty")
+        return {"amplitude": "median_stress", "loss_modulus": "storage_modulus"}.get(self.quantity)
+
+    @property
+    def says(self) -> str:
+        """What it holds, in words."""
+        return self.quantity.replace("_", " ")
+
+    @property
+    def sentence(self) -> str:
+        """What was guessed."""
+        unit = "" if self.unit is None else f" in {self.unit} (by {self.told_by})"
+        if self.is_foreign:
+            unit = " in a unit that experiment files do not know (by its name)"
+        return f"{self.says}: column {self.column!r}{unit}"
+
+
+def guess_columns(
+    table: TextTable, chosen: Mapping[str, str | int] = MappingProxyType({})
+) -> dict[str, GuessedColumn]:
+    """Return what columns hold, by quantity; their errors are under QUANTITY_uncertainty.
+
+    Of a file without names of two or three columns the last is taken as stress.
+    """
+    candidates: dict[str, list[tuple[tuple[float, ...], GuessedColumn]]] = {}
+    by_name = {column: q for column, q in _named(table).items() if column not in chosen.values()}
+    for column, quantity in by_name.items():
+        if quantity not in chosen:
+            guessed = _with_unit(table, column, quantity)
+            candidates.setdefault(quantity, []).append((_place(guessed), guessed))
+    found = {
+        quantity: _with_unit(table, column, quantity, is_chosen=True)
+        for quantity, column in chosen.items()
+    }
+    for quantity, own in candidates.items():
+        own.sort(key=lambda one: one[0])
+        (place, first), *others = own
+        is_tied = any(other == place and not _are_alike(first, one) for other, one in others)
+        rivals = tuple(one for _, one in others)
+        confined_by = _confined_by(table, first) if quantity == "stress" else None
+        found[quantity] = replace(
+            first, rivals=rivals, is_decided=not is_tied, confined_by=confined_by
+        )
+    order = [*QUANTITIES, *(f"{name}_uncertainty" for name in QUANTITIES)]
+    return {name: _with_shared_unit(found[name], found) for name in order if name in found}
+
+
+def left_out(
+    table: TextTable,
+    columns: Mapping[str, GuessedColumn],
+    read: Mapping[str, GuessedColumn],
+    used: Mapping[str, str] = MappingProxyType({}),
+) -> Iterator[str]:
+    """Say which columns a file does not name, and why, a sentence each."""
+    taken = {guessed.column for guessed in read.values()}
+    reasons: dict[str | int, str] = {}
+    for guessed in columns.values():
+        beside = f"such a file names no {guessed.says} beside the columns that are taken"
+        reasons.setdefault(guessed.column, used.get(guessed.quantity, beside))
+        for rival in guessed.rivals:
+            reasons[rival.column] = f"{guessed.column!r} is taken as the {guessed.says}"
+    for column in table.columns:
+        if column not in taken:
+            name = _plain(table.described(column))
+            unit = " or ".join(sorted(_kinds_in(name)))
+            by_itself = (
+                f"no quantity has such a name{f'; its unit is one of {unit}' if unit else ''}"
+            )
+            if OTHER_QUANTITIES.search(name):
+                by_itself = "its name is that of a rate, or of what acts beside the axis"
+            if not table.numbers(column):
+                by_itself = "it holds no numbers"
+                if has_date(next(iter(table.cleaned(table.columns.index(column))), "")):
+                    by_itself = "dates are read with the times of day beside them alone"
+            yield f"column {column!r}, because {reasons.get(column, by_itself)}"
+
+
+def _plain(name: str) -> str:
+    """Return a name in lower case, without accents and with plain signs."""
+    parts = unicodedata.normalize("NFKD", name.lower().replace("º", "°"))
+    plain = "".join(sign for sign in parts if not unicodedata.combining(sign))
+    return plain.replace("\u2212", "-").replace("\u2013", "-")
+
+
+def _named(table: TextTable) -> dict[str | int, str]:
+    """Return what each column that is known holds."""
+    columns = table.columns
+    if table.names is None and table.hidden_names is None:
+        order = {2: ["strain", "stress"], 3: ["time", "strain", "stress"]}
+        return dict(zip(columns, order.get(len(columns), ()), strict=False))
+    found: dict[str | int, str] = {}
+    for column in columns:
+        name = _plain(table.described(column))
+        quantity = None if OTHER_QUANTITIES.search(name) else _quantity_of(name)
+        if quantity is None and table.is_time_stamps(column):
+            quantity = "time"
+        if quantity is not None and table.numbers(column):
+            found[column] = quantity + "_uncertainty" * bool(ERRORS.search(name))
+    return found
+
+
+def _quantity_of(name: str) -> str | None:
+    """Return the quantity that a name looks like, unless its unit is one of another."""
+    kinds = _kinds_in(name)
+    for quantity, looks in QUANTITIES.items():
+        if any(re.search(pattern, name) for pattern in looks.names):
+            if not kinds or looks.kind in kinds:
+                return quantity
+            if re.search(FOREIGN_UNIT_NAMES.get(looks.kind, "$^"), name):
+                return quantity
+    return None
+
+
+def _kinds_in(name: str) -> set[str]:
+    """Return the kinds of which the unit in the brackets of a name is one.
+
+    Those of strain and of angles alone count for none: % and degrees have other uses.
+    """
+    units = re.findall(r"[(\[] ?([^()\[\]]+?) ?[)\]]", name)
+
+    def is_one_of(kind: str) -> bool:
+        spellings = [unit.spelling for unit in UNIT_TABLE[kind].values()]
+        return bool(units) and any(re.fullmatch(one, units[-1]) for one in spellings)
+
+    kinds = {kind for kind in ("stress", "time", "temperature", "frequency") if is_one_of(kind)}
+    return kinds | {"attenuation"} if kinds and is_one_of("angle") else kinds
+
+
+def _place(guessed: GuessedColumn) -> tuple[float, ...]:
+    """Return the place of a column among rivals, by its name and then its unit."""
+    name = _plain(guessed.name)
+    looks = QUANTITIES[guessed.quantity.removesuffix("_uncertainty")]
+    pattern = next((k for k, one in enumerate(looks.names) if re.search(one, name)), 0)
+    word = next((place for words, place in looks.words if re.search(words, name)), 2)
+    has_unit = guessed.told_by == "its name" and not guessed.is_foreign
+    is_set_point = re.search(SET_POINT, name) is not None
+    return pattern, is_set_point, word, 0 if has_unit else 1 + guessed.is_foreign
+
+
+def _are_alike(one: GuessedColumn, other: GuessedColumn) -> bool:
+    """Whether two columns hold the same numbers, be it in different units."""
+    mine, yours = one.si, other.si
+    scale = float(np.nanmax(np.abs(mine), initial=0.0))
+    return bool(
+        np.allclose(
+            mine,
+            yours,
+            rtol=MAX_RELATIVE_DIFFERENCE,
+            atol=MAX_RELATIVE_DIFFERENCE * scale,
+            equal_nan=True,
+        )
+    )
+
+
+def _confined_by(table: TextTable, stress: GuessedColumn) -> str | int | None:
+    """Return the column of the stress beside the axis that a column of stress may contain.
+
+    One that its name calls differential does not; else it may where it never is below the other.
+    """
+    if _place(stress)[2] == DIFFERENTIAL_PLACE:
+        return None
+    for column in table.columns:
+        name = _plain(table.described(column))
+        if column == stress.column or not OTHER_QUANTITIES.search(name) or "rate" in name:
+            continue
+        unit = _unit_in(name, "stress", is_chosen=True)
+        if unit and table.numbers(column):
+            beside = float(np.median(table.numbers(column))) * UNIT_TABLE["stress"][unit].factor
+            if (
+                MIN_CONFINING_SHARE * np.nanmax(stress.si)
+                < beside
+                <= np.nanmin(stress.si) * (1 + MIN_CONFINING_SHARE)
+            ):
+                return column
+    return None
+
+
+def _with_unit(
+    table: TextTable, column: str | int, quantity: str, *, is_chosen: bool = False
+) -> GuessedColumn:
+    """Add the unit of a column, as its name or its numbers have it."""
+    cells = map(as_number, table.cleaned(table.columns.index(column)))
+    numbers = np.array([np.nan if value is None else value for value in cells])
+    name = table.described(column)
+    kind = QUANTITIES[quantity.removesuffix("_uncertainty")].kind
+    found = GuessedColumn(quantity, column, name, None, "its name", numbers)
+    if table.is_time_stamps(column):
+        return replace(found, unit="s", told_by="its time stamps")
+    unit = _unit_in(_plain(name), kind, is_chosen=is_chosen)
+    if quantity in ALONG_AXIS and not is_chosen and re.search(SHEAR, _plain(name)):
+        unit = ""
+    if unit is None:
+        by_numbers, told_by = _unit_of_numbers(kind, numbers[np.isfinite(numbers)])
+        return replace(found, unit=by_numbers, told_by=told_by)
+    return replace(found, unit=unit or None, is_foreign=not unit)
+
+
+def unit_in_name(name: str, kind: str) -> str | None:
+    """Return the unit in a name, a key of `UNIT_TABLE`; empty for another one, None for none."""
+    return _unit_in(_plain(name), kind, is_chosen=True)
+
+
+def _unit_in(name: str, kind: str, *, is_chosen: bool) -> str | None:
+    """Return the unit in the name of a column, empty for one that files do not know, else None."""
+    is_angle = kind == "attenuation" and ANGLES.search(name) is not None
+    looks = "angle" if is_angle else kind
+    unit = unit_in(name, looks)
+    if (kind != "attenuation" and LOGARITHM.search(name)) or (unit == "rad/s" and "hz" in name):
+        return ""
+    needs_unit = is_angle or (kind == "stress" and FORCES.search(name) and not is_chosen)
+    if unit is None and (needs_unit or re.search(FOREIGN_UNIT_NAMES.get(looks, "$^"), name)):
+        return ""
+    return unit
+
+
+def _with_shared_unit(guessed: GuessedColumn, found: Mapping[str, GuessedColumn]) -> GuessedColumn:
+    """Return a column with the unit that it shares with another, where its name says none."""
+    other = found.get(guessed.shares_unit_with or "")
+    if other is None or guessed.told_by == "its name":
+        return guessed
+    return replace(guessed, unit=other.unit, told_by=f"that of {other.column!r}")
+
+
+def _unit_of_numbers(kind: str, numbers: FloatArray) -> tuple[str | None, str]:
+    largest = float(np.max(np.abs(numbers)))
+    match kind:
+        case "strain":
+            return ("percent" if largest > MIN_PERCENT else "fraction"), "its numbers"
+        case "stress":
+            return ("MPa" if largest < MAX_MEGAPASCAL else "Pa"), "its numbers"
+        case "temperature":
+            return ("C" if largest < MAX_CELSIUS else "K"), "its numbers"
+        case "time":
+            return "s", "nothing; check it"
+        case "frequency":
+            return "Hz", "nothing; check it"
+        case _:
+            return None, "its name"

@@ -1,0 +1,226 @@
+"""Measured drivers as lines: a series of readings becomes legs over which it is linear in time.
+
+The rule: of all lines with corners at readings that pass every reading within `TOLERANCE` times
+the reading error, take one with the fewest corners, and of those the one nearest to the readings;
+then put its corners at the values of the least-squares line with the same times. Ramps and jumps
+stay, since a line that cut their corners would miss readings; what is smaller than the tolerance is
+taken as error of reading or control. The search is by dynamic programming: the slopes of all lines
+from a reading that pass within the tolerance of those after it form an interval that narrows as
+they go on (Imai and Iri 1986, Computer Vision, Graphics, and Image Processing 36, 31-41).
+
+The error of a reading goes by the load: a controller scatters more under a large stress than under
+a small one. So the readings of each leg say anew how far they scatter, and where that is less, the
+line has to pass them closer.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+from scipy import stats
+from scipy.interpolate import make_lsq_spline
+
+from pyburgers.common.neighbours import distances_from_neighbours
+from pyburgers.kinds.experiment import FloatArray
+
+TOLERANCE = 5.0
+"""How far a line passes from a reading, in standard deviations of the reading error. Its corners
+are readings with errors of their own, so that 5 are 3.5 of those of a difference."""
+
+MIN_ERROR_READINGS = 20
+"""Of fewer readings the error is not told from them: corners may be too large a share."""
+
+MIN_LEG_READINGS = 6
+"""Of fewer readings in a leg the scatter is not told from them."""
+
+PLAIN_SHARE, DOUBTFUL_SHARE = 0.02, 0.01
+"""Shares of the range of a series: an error up to the first is taken as it is estimated, a larger
+one only if the series turns as often as noise does; else the second takes its place."""
+
+TURNED_TOLERANCE = 1e-3
+"""The least tolerance, in shares of the largest value: 0.1 % of a stress moves the rate by less
+than a percent, and a series without noise would otherwise get a corner at every reading."""
+
+
+def scatter(time: FloatArray, value: FloatArray) -> float:
+    """Return how far readings lie from their neighbours, as a standard deviation; 0 for under 3.
+
+    From the median distance of a reading from the line through its neighbours, which few jumps or
+    corners do not move. `time`, `value` (n,): the series, times not decreasing.
+    """
+    distances = distances_from_neighbours(time, value)
+    if distances.size == 0:
+        return 0.0
+    return float(np.median(np.abs(distances)) / stats.norm.ppf(0.75))
+
+
+def reading_error(time: FloatArray, value: FloatArray) -> float:
+    """Return the standard deviation of independent errors of a series, as far as it can be told.
+
+    Their scatter, unless corners may be what scatters: it is 0 for under `MIN_ERROR_READINGS`, and
+    limited where it is large and the series does not turn as noise does (cycles, for example).
+    `time`, `value` (n,): the series, times not decreasing.
+    """
+    if time.size < MIN_ERROR_READINGS:
+        return 0.0
+    error, span = scatter(time, value), float(np.ptp(value))
+    if error <= PLAIN_SHARE * span or _turns_like_noise(value):
+        return error
+    return DOUBTFUL_SHARE * span
+
+
+def _turns_like_noise(value: FloatArray) -> bool:
+    """Whether a series has as many highs and lows as independent numbers.
+
+    Two thirds of its inner readings, with the variance of Kendall's test of turning points, within
+    two standard deviations.
+    """
+    step = np.sign(np.diff(value))
+    turns = np.count_nonzero(step[1:] * step[:-1] < 0)
+    expected, variance = 2 * (value.size - 2) / 3, (16 * value.size - 29) / 90
+    return bool(abs(turns - expected) <= 2 * np.sqrt(variance))
+
+
+def tolerance_of(value: FloatArray, error: float) -> float:
+    """Return how far a line passes from readings with a standard deviation, in their unit."""
+    return max(TOLERANCE * error, TURNED_TOLERANCE * float(np.max(np.abs(value))))
+
+
+def tolerances(time: FloatArray, value: FloatArray) -> FloatArray:
+    """Return how far a line passes from the readings of a series without a stated error, (n,).
+
+    It is smaller in a leg whose readings scatter less than those of the whole series do, if that
+    scatter is taken for the error. `time`, `value` (n,): the series, times increasing.
+    """
+    error = reading_error(time, value)
+    allowed = np.full(time.size, tolerance_of(value, error))
+    if error != scatter(time, value):
+        return allowed
+    while True:
+        closer = allowed.copy()
+        for first, last in pairwise(_fewest_corners(time, value, allowed)):
+            own = slice(first, last + 1)
+            if last - first + 1 >= MIN_LEG_READINGS:
+                error = max(scatter(time[own], value[own]), _rounding_error(value[own]))
+                inside = slice(first + 1, last)
+                closest = max(TOLERANCE * error, tolerance_of(value, 0.0))
+                closer[inside] = np.minimum(closer[inside], closest)
+        if np.array_equal(closer, allowed):
+            return allowed
+        allowed = closer
+
+
+def _rounding_error(value: FloatArray) -> float:
+    """Return the standard deviation of what rounding takes from readings: of their least step."""
+    steps = np.diff(np.unique(value))
+    return float(steps.min(initial=np.inf) / np.sqrt(12)) if steps.size else 0.0
+
+
+def line_through(
+    time: FloatArray, value: FloatArray, tolerance: npt.ArrayLike
+) -> tuple[FloatArray, FloatArray]:
+    """Return the corners of the line that stands for a series.
+
+    `time`, `value` (n,): the series, n at least 2, times increasing. `tolerance` (n,): how far the
+    line passes from a reading before its corners are moved, in the unit of `value`; positive.
+    Readings count by its inverse square. Return `time`, `value` (n_corners,): the first and the
+    last time are those of the series.
+    """
+    allowed = np.broadcast_to(np.asarray(tolerance, dtype=np.float64), time.shape)
+    corner = _fewest_corners(time, value, allowed)
+    if corner.size == time.size:
+        return time, value
+    ends = time[[0, -1]]
+    knots = np.concatenate([ends[:1], time[corner], ends[1:]])
+    # Times from 0 to 1: least squares in seconds would lose digits.
+    scaled = (knots - ends[0]) / (ends[1] - ends[0])
+    weight = allowed.min() / allowed
+    line = make_lsq_spline((time - ends[0]) / (ends[1] - ends[0]), value, scaled, k=1, w=weight)
+    return time[corner], np.asarray(line(scaled[1:-1]))
+
+
+def _fewest_corners(time: FloatArray, value: FloatArray, tolerance: FloatArray) -> np.ndarray:
+    """Return the readings at which the line has its corners, the first and the last too."""
+    weight = (tolerance.min() / tolerance) ** 2
+    n = time.size
+    corners = np.full(n, n)
+    squares = np.full(n, np.inf)
+    before = np.zeros(n, dtype=np.int64)
+    corners[0], squares[0] = 0, 0.0
+    for i in range(n - 1):
+        after = slice(i + 1, None)
+        reached, missed = _reached(
+            time[after] - time[i], value[after] - value[i], tolerance[after], weight[after]
+        )
+        to, total = i + reached, squares[i] + missed
+        fewer = corners[i] + 1 < corners[to]
+        nearer = (corners[i] + 1 == corners[to]) & (total < squares[to])
+        better = fewer | nearer
+        corners[to[better]] = corners[i] + 1
+        squares[to[better]], before[to[better]] = total[better], i
+    path = [n - 1]
+    while path[-1] > 0:
+        path.append(int(before[path[-1]]))
+    return np.array(path[::-1])
+
+
+def _reached(
+    t: FloatArray, y: FloatArray, tolerance: FloatArray, weight: FloatArray
+) -> tuple[np.ndarray, FloatArray]:
+    """Return where lines from a reading at 0, 0 may end, from 1, and the squares they miss."""
+    lowest = np.maximum.accumulate((y - tolerance) / t)
+    highest = np.minimum.accumulate((y + tolerance) / t)
+    slope = y / t
+    within = np.flatnonzero((lowest <= slope) & (slope <= highest))
+    squares = (
+        np.cumsum(weight * y**2)
+        - 2 * slope * np.cumsum(weight * t * y)
+        + slope**2 * np.cumsum(weight * t**2)
+    )
+    return within + 1, squares[within]
+
+
+def kept_readings(
+    time: FloatArray, response: FloatArray, changes: FloatArray, n_kept: int
+) -> np.ndarray:
+    """Return the indices of the readings that are kept, increasing.
+
+    `time`, `response` (n,): readings of one quantity, times (s) not decreasing, two different ones
+    at least. `changes` (n_changes,): times (s) at which what is imposed changes its value or rate,
+    the first not after the first reading.
+    """
+    if time.size <= n_kept:
+        return np.arange(time.size)
+    measure = np.mean(
+        [_from_0_to_1(part) for part in (time, _log_time(time, changes), _way(time, response))],
+        axis=0,
+    )
+    wanted = np.linspace(0.0, 1.0, n_kept)
+    return np.unique(np.rint(np.interp(wanted, measure, np.arange(time.size))).astype(np.int64))
+
+
+def _log_time(time: FloatArray, changes: FloatArray) -> FloatArray:
+    """Logarithm of the time since the last change, added up over the changes."""
+    last = np.searchsorted(changes, time, side="right") - 1
+    scale = float(np.median(np.diff(np.unique(time))))
+    within = np.log1p((time - changes[last]) / scale)
+    spans = np.log1p(np.diff(changes) / scale)
+    before = np.concatenate([[0.0], np.cumsum(spans)])
+    added: FloatArray = before[last] + within
+    return added
+
+
+def _way(time: FloatArray, response: FloatArray) -> FloatArray:
+    """Sum of all rises and falls of the response up to each reading."""
+    tolerance = tolerance_of(response, reading_error(time, response))
+    moment, place, count = np.unique(time, return_inverse=True, return_counts=True)
+    corners, values = line_through(moment, np.bincount(place, response) / count, tolerance)
+    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values)))])
+    up_to: FloatArray = np.interp(time, corners, way)
+    return up_to
+
+
+def _from_0_to_1(measure: FloatArray) -> FloatArray:
+    span = measure[-1] - measure[0]
+    scaled: FloatArray = (measure - measure[0]) / span if span > 0 else np.zeros_like(measure)
+    return scaled

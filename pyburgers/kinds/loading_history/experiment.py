@@ -1,0 +1,236 @@
+"""Tests under a history of imposed strain and stress: what was imposed, what was read."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.kinds.experiment import Experiment, FloatArray
+from pyburgers.kinds.limits import far_reading
+from pyburgers.kinds.loading_history.stages import (
+    Leg,
+    Stage,
+    imposed_strains,
+    imposed_stresses,
+    legs_of,
+)
+from pyburgers.model.display import time_unit
+
+IntArray = npt.NDArray[np.int64]
+
+MAX_UNREAD_SHARE = 0.5
+"""Share of a stage at either end of the readings from which on their times are doubted."""
+
+
+@dataclass(frozen=True)
+class Stated:
+    """A number that a file states with its uncertainty, in SI.
+
+    `value`, `sd`: mean and standard deviation; with an sd of 0 the number is known.
+    """
+
+    value: float
+    sd: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LoadingHistory(Experiment):
+    """One test under a history of imposed strain and stress, in SI units.
+
+    Attributes
+    ----------
+    stages : tuple of Stage
+        One after the other without gaps; the first starts at 0 s, where the sample is at rest.
+    time : array, shape (n_points,)
+        Of the readings (s since the start), not decreasing.
+    reading_stage : array of int, shape (n_points,)
+        Stage of each reading, from 0.
+    reading : array, shape (n_points,)
+        True stress (Pa) where strain is imposed, true strain (fraction) where stress is imposed.
+    stress_uncertainty, strain_uncertainty : float or None
+        Standard deviation of a reading (Pa, fraction) where it is stated.
+    apparatus_compliance : Stated or None
+        Strain of the apparatus for a stress, in strain of the sample (1/Pa), that is part of
+        measured and imposed strains; None for none.
+    strain_offset : Stated or None
+        Measured strain of the sample at rest; None for zero.
+    n_readings_in_file : int
+        Before records were thinned.
+    """
+
+    protocol: ClassVar[str] = "loading_history"
+    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType({})
+    residual_correlation: ClassVar[str] = "residual_correlation_time"
+    without_effect: ClassVar[frozenset[str]] = frozenset(
+        {"modulus_temperature_coefficient", "attenuation_scatter", "modulus_scatter"}
+    )
+    small_strain: ClassVar[float] = 5e-5
+    stages: tuple[Stage, ...]
+    time: FloatArray
+    reading_stage: IntArray
+    reading: FloatArray
+    stress_uncertainty: float | None = None
+    strain_uncertainty: float | None = None
+    apparatus_compliance: Stated | None = None
+    strain_offset: Stated | None = None
+    n_readings_in_file: int = 0
+
+    @property
+    def legs(self) -> tuple[Leg, ...]:
+        """Parts over which what is imposed is linear in time, in the order of time."""
+        return legs_of(self.stages)
+
+    @property
+    def end_time(self) -> float:
+        """End of the test (s)."""
+        return self.stages[-1].end_time
+
+    @property
+    def temperatures(self) -> FloatArray:
+        """Temperatures of the stages."""
+        return np.array([stage.temperature for stage in self.stages])
+
+    @property
+    def position(self) -> FloatArray:
+        """Times of the readings."""
+        return self.time
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Start and end of the test (s)."""
+        return self.stages[0].start_time, self.end_time
+
+    @property
+    def response(self) -> FloatArray:
+        """Readings: stress or strain, by stage."""
+        return self.reading
+
+    @property
+    def response_is_strain(self) -> npt.NDArray[np.bool_]:
+        """Whether each reading is a strain, shape (n_points,)."""
+        stress_driven = np.array([stage.driven == "stress" for stage in self.stages])
+        is_strain: npt.NDArray[np.bool_] = stress_driven[self.reading_stage]
+        return is_strain
+
+    @property
+    def without_readings(self) -> frozenset[str]:
+        """Sizes of residuals of what is imposed in all stages that are read."""
+        is_strain = self.response_is_strain
+        read = {"strain_noise": is_strain.any(), "stress_noise": (~is_strain).any()}
+        return frozenset(name for name, any_reading in read.items() if not any_reading)
+
+    @property
+    def imposed_stresses(self) -> FloatArray:
+        """Stresses (Pa) at the ends of all legs that impose one; empty for none."""
+        return imposed_stresses(self.legs)
+
+    @property
+    def largest_stress(self) -> float:
+        """Largest |σ| (Pa), imposed or measured; only of an experiment with data."""
+        stresses = [*self.imposed_stresses, *self.reading[~self.response_is_strain]]
+        return float(np.abs(stresses).max())
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Say where signs, times, compliance or path strains do not go with what was read."""
+        if not self.n_points:
+            return ()
+        return (
+            *self._doubts_about_signs(),
+            *self._doubts_about_times(),
+            *self._doubts_about_compliance(),
+            *self._doubts_about_path_strains(),
+            *far_reading(self._strains_read, "strain"),
+            *far_reading(self.reading[~self.response_is_strain] / 1e6, "stress (MPa)"),
+        )
+
+    def _doubts_about_signs(self) -> tuple[str, ...]:
+        """Say where imposed stresses and most strains that are read have opposite signs."""
+        imposed, strain = self.imposed_stresses, self._strains_read
+        if not imposed.any() or not strain.size:
+            return ()
+        if imposed.max() <= 0 < np.median(strain):
+            there, here = "extension", "compression"
+        elif imposed.min() >= 0 > np.median(strain):
+            there, here = "compression", "extension"
+        else:
+            return ()
+        return (
+            f"imposed stresses are {there} while strains are {here}; check their signs "
+            '(compression is positive unless compression = "negative") and the zero of the strain.',
+        )
+
+    def _doubts_about_times(self) -> tuple[str, ...]:
+        """Say where half of a stage passes ahead of its first reading or behind the last one."""
+        first, last = (int(self.reading_stage[k]) for k in (0, -1))
+        unread = (
+            (first, self.time[0] - self.stages[first].start_time, "before the first"),
+            (last, self.stages[last].end_time - self.time[-1], "after the last"),
+        )
+        unit, seconds = time_unit(self.end_time)
+        found = []
+        for k, passed, where in unread:
+            duration = self.stages[k].end_time - self.stages[k].start_time
+            if passed > MAX_UNREAD_SHARE * duration:
+                found.append(
+                    f"stage {k + 1} lasts {duration / seconds:.4g} {unit}, of which "
+                    f"{passed / seconds:.4g} {unit} are {where} reading; check units and start "
+                    "of the times."
+                )
+        return tuple(found)
+
+    def _doubts_about_compliance(self) -> tuple[str, ...]:
+        """Say where the apparatus alone would take up more than all strain that is known."""
+        if self.apparatus_compliance is None:
+            return ()
+        strains = [*self._strains_read, *imposed_strains(self.legs)]
+        known = float(np.abs(strains).max(initial=0.0))
+        taken_up = self.apparatus_compliance.value * self.largest_stress
+        if taken_up <= known:
+            return ()
+        return (
+            f"the compliance of the apparatus makes a strain of {taken_up:.3g} of a stress of "
+            f"{self.largest_stress / 1e6:.3g} MPa, but no strain that is read or imposed exceeds "
+            f"{known:.3g}; check its unit.",
+        )
+
+    @property
+    def _strains_read(self) -> FloatArray:
+        """Strains among the readings, from their stated zero."""
+        zero = 0.0 if self.strain_offset is None else self.strain_offset.value
+        strains: FloatArray = self.reading[self.response_is_strain] - zero
+        return strains
+
+    def _doubts_about_path_strains(self) -> tuple[str, ...]:
+        """Say where microstructure was measured beyond all strain that is imposed and read."""
+        is_strain = self.response_is_strain
+        driven = {n for n, stage in enumerate(self.stages) if stage.driven == "stress"}
+        if not driven <= set(self.reading_stage[is_strain].tolist()):
+            return ()
+        # Noise of the readings only adds to it.
+        read = float(np.abs(np.diff(self.reading[is_strain], prepend=0.0)).sum())
+        imposed = sum(abs(leg.end_value) for leg in self.legs if leg.driven == "strain")
+        beyond = [one.strain for one in self.microstructure if (one.strain or 0) > read + imposed]
+        return tuple(
+            f"the microstructure was measured at a path strain of {strain:g}, but imposed strains "
+            f"and readings add up to {read + imposed:.3g}; check its unit."
+            for strain in beyond[:1]
+        )
+
+    @property
+    def largest_strain_read(self) -> float | None:
+        """Largest |ε| of the readings, None where none is a strain."""
+        strains = np.abs(self.reading[self.response_is_strain])
+        return float(strains.max()) if strains.size else None
+
+    @property
+    def title(self) -> str:
+        """Sample, material, temperatures, number of stages and kind of data."""
+        n_stages = len(self.stages)
+        return (
+            f"{self.id}: {self.material}, {self.temperature_text}, "
+            f"{n_stages} {'stage' if n_stages == 1 else 'stages'}, {self.provenance.kind} data"
+        )

@@ -1,0 +1,309 @@
+"""Files of loading histories: what a file says, read and written (docs/loading_history.md)."""
+
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from pyburgers.common.columns import write_data
+from pyburgers.common.errors import InputError, all_of
+from pyburgers.common.paths import given_path
+from pyburgers.common.toml_files import Table, factor_to_si, read_toml
+from pyburgers.common.units import units_text
+from pyburgers.kinds.experiment import (
+    SIGNS_WERE_TURNED,
+    Compression,
+    ExperimentFile,
+    FloatArray,
+    shared_values,
+    write_experiment,
+)
+from pyburgers.kinds.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.kinds.loading_history.measured_sections import SectionTable, read_sections
+from pyburgers.kinds.loading_history.readings import (
+    NO_READINGS,
+    HistoryDataTable,
+    Response,
+    read_readings,
+    responses,
+    thinned,
+)
+from pyburgers.kinds.loading_history.stage_tables import (
+    StageSource,
+    check_given_strains,
+    read_stages,
+    stage_bounds,
+)
+from pyburgers.kinds.loading_history.stages import (
+    Conventions,
+    Measure,
+    Stage,
+    StageTable,
+    legs_of,
+)
+from pyburgers.kinds.loading_history.true_readings import (
+    check_loaded,
+    true_readings,
+    unlike_imposed,
+    without_start,
+    without_states_before,
+)
+from pyburgers.kinds.microstructure import microstructure_tables
+
+
+class _ApparatusTable(Table):
+    compliance_per_Pa: float = Field(  # noqa: N815 - a key with its unit
+        ge=0, description="strain over the first length for each Pa, of the apparatus alone"
+    )
+    compliance_sd_per_Pa: float = Field(0.0, ge=0, description="its standard deviation")  # noqa: N815
+
+
+class _OffsetTable(Table):
+    value: float = Field(description="the strain that is read from the sample at rest")
+    sd: float = Field(0.0, ge=0, description="its standard deviation")
+    unit: str = Field(description="fraction or percent")
+
+
+class _LoadingHistoryFile(ExperimentFile):
+    protocol: Literal["loading_history"] = Field(description="the kind of test")
+    stage_time_unit: str = Field("s", description=units_text("time"))
+    stage_stress_unit: str = Field("Pa", description=units_text("stress"))
+    compression: Compression = Field("positive", description="its sign in stages and data")
+    stress_measure: Measure = Field("true", description="of the stress, of stages and data")
+    strain_measure: Measure = Field("true", description="of the strain, of stages and data")
+    stages: list[StageTable] = Field(min_length=1, description="one table for each stage")
+    apparatus: _ApparatusTable | None = Field(None, description="how compliant the apparatus is")
+    strain_offset: _OffsetTable | None = Field(None, description="the zero of the strain readings")
+    data: HistoryDataTable | None = Field(
+        None, description="the table that names the data file; an empty cell is no reading"
+    )
+    microstructure: list[SectionTable] = Field(
+        default_factory=list,
+        description="one table for each section; path strains in the unit of [data]",
+    )
+
+
+def load_loading_history(path: str | Path) -> LoadingHistory:
+    """Read and check the file of a loading history and the data file that it names.
+
+    Time counts from the start of the first stage. What is turned, smoothed, left out or thinned is
+    said in a notice. Raise InputError if a file, key, unit or number is not what it has to be.
+    """
+    path = given_path(path)
+    file = read_toml(path, _LoadingHistoryFile)
+    values, (test, offset) = all_of(lambda: shared_values(path, file), lambda: _test(path, file))
+    stages, changes = read_stages(test, file.stages)
+    if file.data is None or not file.data.is_copy:
+        check_given_strains(test, file.stages, stages)
+    changes = [
+        *test.readings.notes,
+        *_turned(file),
+        *changes,
+        *unlike_imposed(test.readings, stages),
+    ]
+    response: list[Literal["stress", "strain"]] = [
+        "strain" if stage.driven == "stress" else "stress" for stage in stages
+    ]
+    found = responses(path, test.readings, response)
+    used, more = _used(test, found, stages, file.data)
+    time, reading_stage, reading = used
+    apparatus = _apparatus(file)
+    microstructure = read_sections(
+        test,
+        file.microstructure,
+        file.stages,
+        legs_of(stages),
+        strain_unit=None if file.data is None else file.data.strain_unit,
+        is_rigid=apparatus is None,
+    )
+    return LoadingHistory(
+        **values,
+        stages=stages,
+        time=time,
+        reading_stage=reading_stage,
+        reading=reading,
+        stress_uncertainty=test.stress_error,
+        strain_uncertainty=test.strain_error,
+        apparatus_compliance=apparatus,
+        strain_offset=offset,
+        n_readings_in_file=_n_in_file(file.data, found[0].size),
+        microstructure=microstructure,
+        notices=tuple(dict.fromkeys([*file.notices, *changes, *more])),
+    )
+
+
+def save_loading_history(experiment: LoadingHistory, directory: Path) -> Path:
+    """Write a self-contained copy, ``experiment.toml`` and ``experiment.csv``, in SI units.
+
+    `load_loading_history` reads back exactly equal contents, notices included.
+    """
+    own: dict[str, Any] = {"stages": [_stage_table(stage) for stage in experiment.stages]}
+    if any(stage.is_force for stage in experiment.stages):
+        own["stress_measure"] = "engineering"
+    if experiment.apparatus_compliance is not None:
+        own["apparatus"] = {
+            "compliance_per_Pa": experiment.apparatus_compliance.value,
+            "compliance_sd_per_Pa": experiment.apparatus_compliance.sd,
+        }
+    if experiment.strain_offset is not None:
+        offset = experiment.strain_offset
+        own["strain_offset"] = {"value": offset.value, "sd": offset.sd, "unit": "fraction"}
+    if experiment.n_points > 0:
+        own["data"] = _write_readings(experiment, directory)
+    if experiment.microstructure:
+        own["microstructure"] = microstructure_tables(experiment.microstructure)
+    return write_experiment(experiment, directory, own)
+
+
+def _test(path: Path, file: _LoadingHistoryFile) -> tuple[StageSource, Stated | None]:
+    """Return what stages are read with, and the zero of strain."""
+    conventions = Conventions.of(
+        path,
+        time_unit=file.stage_time_unit,
+        stress_unit=file.stage_stress_unit,
+        compression=file.compression,
+        measures=(file.stress_measure, file.strain_measure),
+    )
+    bounds = stage_bounds(path, file.stages, conventions.time)
+    offset = _strain_offset(path, file, conventions.sign)
+    readings, apparatus = NO_READINGS, _apparatus(file)
+    compliance = apparatus.value if apparatus else 0.0
+    if file.data is not None:
+        raw = read_readings(path, file.data, bounds, conventions.sign)
+        zero = offset.value if offset else 0.0
+        readings = true_readings(
+            path, raw, file.stress_measure, file.strain_measure, zero, compliance
+        )
+    test = StageSource(
+        path=path,
+        temperature=file.temperature_K,
+        conventions=conventions,
+        bounds=bounds,
+        readings=readings,
+        stress_error=_uncertainty(path, file.data, "stress"),
+        strain_error=_uncertainty(path, file.data, "strain"),
+        first_strain=(offset.value, offset.sd) if offset else (0.0, 0.0),
+        compliance=compliance,
+    )
+    return test, offset
+
+
+def _strain_offset(path: Path, file: _LoadingHistoryFile, sign: int) -> Stated | None:
+    table = file.strain_offset
+    if table is None:
+        return None
+    unit = factor_to_si(table.unit, "strain", f"{path}: key 'unit' in [strain_offset]")
+    return Stated(sign * unit * table.value, unit * table.sd)
+
+
+def _apparatus(file: _LoadingHistoryFile) -> Stated | None:
+    table = file.apparatus
+    return Stated(table.compliance_per_Pa, table.compliance_sd_per_Pa) if table else None
+
+
+def _uncertainty(path: Path, data: HistoryDataTable | None, quantity: str) -> float | None:
+    """Return the stated standard deviation of a reading in SI."""
+    if data is None:
+        return None
+    stated = data.in_si(f"{quantity}_uncertainty", f"{quantity}_unit", quantity, path)
+    over = data.relaxation_strain if quantity == "stress" else None
+    return stated if stated is None or over is None else stated * over
+
+
+def _turned(file: _LoadingHistoryFile) -> list[str]:
+    """Sentences about measures and signs."""
+    notices = []
+    if file.compression == "negative":
+        notices.append(SIGNS_WERE_TURNED)
+    measures = {"stress": file.stress_measure, "strain": file.strain_measure}
+    turned = [name for name, measure in measures.items() if measure == "engineering"]
+    if turned and file.data is not None:
+        notices.append(f"Engineering {' and '.join(turned)} became true by the measured length.")
+    return notices
+
+
+def _used(
+    test: StageSource, found: Response, stages: tuple[Stage, ...], data: HistoryDataTable | None
+) -> tuple[Response, list[str]]:
+    """Return the readings of the response that are used, and sentences about the others."""
+    if data is None:
+        check_loaded(test.path, found, stages)
+        return found, []
+    used, notices = without_start(found, stages)
+    if not data.is_copy:
+        check_loaded(test.path, found, stages)
+        side_is_said = data.stage_column is not None
+        used, more = without_states_before(
+            used, stages, test.first_strain, test.strain_error, side_is_said=side_is_said
+        )
+        notices += more
+    time, stage, value = used
+    if time.size == 0:
+        raise InputError(
+            f"{test.readings.source}: found no reading but that at the start, before anything is "
+            "imposed, expected readings after it."
+        )
+    legs = legs_of(stages)
+
+    def changes(number: int) -> FloatArray:
+        return np.array([leg.start_time for leg in legs if leg.stage == number])
+
+    chosen = thinned(time, stage, value, changes, data.max_readings)
+    if not chosen.all():
+        notices.append(
+            f"{np.count_nonzero(chosen)} of {time.size} readings are used, more of them where what "
+            "is imposed changes and where the response moves."
+        )
+    return (time[chosen], stage[chosen], value[chosen]), notices
+
+
+def _n_in_file(data: HistoryDataTable | None, found: int) -> int:
+    if data is None or data.readings_in_file is None:
+        return found
+    return data.readings_in_file
+
+
+def _stage_table(stage: Stage) -> dict[str, Any]:
+    """One of [[stages]], in SI."""
+    table: dict[str, Any] = {
+        "control": stage.control,
+        "start_time": stage.start_time,
+        "end_time": stage.end_time,
+        "temperature_K": stage.temperature,
+    }
+    match stage.control:
+        case "strain_rate":
+            table["strain_rate_per_s"] = stage.value
+        case "stress":
+            table["stress"] = stage.value
+        case "stress_rate":
+            table |= {"stress_rate": stage.value, "start_stress": stage.start_stress}
+        case "strain_series" | "stress_series":
+            table["knots"] = [list(knot) for knot in stage.knots]
+    return table
+
+
+def _write_readings(experiment: LoadingHistory, directory: Path) -> dict[str, Any]:
+    """Write the columns; return the table [data]."""
+    is_strain = experiment.response_is_strain
+    columns: dict[str, FloatArray] = {
+        "time_s": experiment.time,
+        "stage": (experiment.reading_stage + 1).astype(np.float64),
+    }
+    table: dict[str, Any] = {
+        "time_column": "time_s",
+        "time_unit": "s",
+        "stage_column": "stage",
+        "max_readings": max(experiment.n_points, 10),
+        "readings_in_file": experiment.n_readings_in_file,
+    }
+    for quantity, unit, own, error in (
+        ("stress", "Pa", ~is_strain, experiment.stress_uncertainty),
+        ("strain", "fraction", is_strain, experiment.strain_uncertainty),
+    ):
+        if own.any() or error is not None:
+            columns[quantity] = np.where(own, experiment.reading, np.nan)
+            table |= {f"{quantity}_column": quantity, f"{quantity}_unit": unit}
+            table |= {f"{quantity}_uncertainty": error} if error is not None else {}
+    return {**write_data(directory, columns), **table}

@@ -1,0 +1,355 @@
+"""What `pyburgers new` writes for a loading history: creep, or a test driven by its readings."""
+
+import itertools
+import math
+import re
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pyburgers.common.units import UNITS, units_text
+from pyburgers.kinds.column_facts import Facts, facts_of, read_together
+from pyburgers.kinds.experiment import FloatArray
+from pyburgers.kinds.limits import slope_of
+from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.new_file import (
+    LAYOUT,
+    STRAIN_RATE,
+    Columns,
+    Description,
+    NewFile,
+    Question,
+    compression_of,
+    filled,
+)
+from pyburgers.kinds.quantities import ENGINEERING
+
+JUMP_DURATION_SHARE = 1e-3
+"""Time that loading in no time is given, in shares of the time until the first reading."""
+
+MAX_EARLY_SHARE = 0.05
+"""Share of a relaxation before its first reading up to which time counts from the hold."""
+
+MIN_HELD_SHARE, MIN_FALL_RATIO, MAX_SHARE_AT_ONCE = 0.2, 3.0, 0.8
+"""Of a strain that is held: the least share of the test, and by how much more the stress falls then
+than the strain changes, relatively. A load that goes down does more than this share at once."""
+
+STRESS = Question("stress_MPa", "imposed stress in MPa", float, example=1.0, key="stress")
+HOLD_START = Question(
+    "hold_start_time",
+    "time from which the strain is held, in the unit of times (inf: it never is)",
+    float,
+    default=math.inf,
+    key="end_time",
+)
+HELD_STRAIN = Question(
+    "held_strain",
+    "strain that is held, a fraction",
+    float,
+    example=1e-3,
+    key="strain_rate_per_s",
+)
+LOADING_TIME = Question(
+    "loading_time",
+    "how long the strain was imposed until then, in the unit of times (0: in no time)",
+    float,
+    example=1.0,
+    key="end_time",
+)
+"""Of a relaxation: the loading ahead of it may have been read or not."""
+
+CONTROL_COMMENTS = {
+    "stress_series": "the readings of the stress drive the test",
+    "strain_series": "the readings of the strain drive the test",
+    "hold_strain": "relaxation: the strain stays",
+}
+
+
+TEMPLATE = f"""
+stage_time_unit = {{time_unit}}  # of the stages; {{time_units}}
+stage_stress_unit = "MPa"  # of the stages; {{stress_units}}
+compression = {{compression}}  # positive or negative: of stages and data
+strain_measure = {{strain_measure}}  # true or engineering
+stress_measure = {{stress_measure}}  # true or engineering
+
+{{stages}}
+[data]
+file = {{file}}
+{LAYOUT}\
+time_column = {{time_column}}  # on the clock of the stages
+time_unit = {{time_unit}}
+strain_column = {{strain_column}}
+strain_unit = {{strain_unit}}
+stress_column = {{stress_column}}
+stress_unit = {{stress_unit}}
+relaxation_strain = {{relaxation_strain}}  # the stress column is the stress over this strain
+# strain_uncertainty = 0.002  # of a reading, in its unit
+# [[microstructure]]  # measured in the sample, at one time or more
+# time = "end"  # of the test; else in stage_time_unit
+# grain_size_m = 165e-6
+# grain_size_sd_m = 8e-6
+"""
+
+STAGE_TEMPLATE = """\
+[[stages]]  # one after the other, without gaps
+control = {control}  # {comment}
+start_time = {start_time}
+end_time = {end_time}
+stress = {stress}  # in stage_stress_unit
+strain_rate_per_s = {strain_rate_per_s}
+
+"""
+
+
+class LoadingHistoryFile(NewFile):
+    """Stages of a stress or a rate that is given, or one driven by readings of stress or strain.
+
+    Behind a rate the strain may be held, which is a second stage; where the strain turns, so does
+    the rate.
+    """
+
+    experiment = LoadingHistory
+    needed = (("time",), ("strain", "stress", "relaxation_modulus"))
+    quantities = frozenset({"time", "strain", "stress", "relaxation_modulus"})
+    questions = (STRAIN_RATE, STRESS, HOLD_START, HELD_STRAIN, LOADING_TIME)
+    template = TEMPLATE
+
+    def recognise(self, columns: Columns) -> str | None:
+        """Return what the stress and the strain do that is neither at one rate nor a cycle."""
+        if "time" not in columns or not {"strain", "stress", "relaxation_modulus"} & columns.keys():
+            return None
+        strain = facts_of(columns["strain"]) if "strain" in columns else None
+        if _hold_of(columns) is not None:
+            return "the stress falls while the strain is held"
+        if "stress" not in columns:
+            return "there are time and strain but no stress"
+        stress = facts_of(columns["stress"])
+        if strain is None or strain.oscillates:
+            return None
+        if stress.is_steady:
+            return "the stress stays the same while strain grows"
+        if stress.is_in_levels:
+            return "the stress goes in steps and stays the same between"
+        return "the strain turns back" if strain.turns else None
+
+    def select_columns(self, columns: Columns) -> Columns:
+        """Return time, strain and stress, of which a modulus of relaxation takes the place."""
+        found = super().select_columns(columns)
+        needless = "relaxation_modulus" if "stress" in found else ""
+        return {name: one for name, one in found.items() if name != needless}
+
+    def propose_answers(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return when a strain is held, and its size and loading as far as they were read."""
+        first = _hold_of(columns)
+        if first is None:
+            return {}
+        second = UNITS["time"][columns["time"].unit or "s"]
+        time, strain = _rows(columns, "time", "strain" if "strain" in columns else "time")
+        if first:
+            start = _end_of_loading(time, strain, first)
+        else:
+            start = 0.0 if 0 <= time[0] <= MAX_EARLY_SHARE * time[-1] else float(time[0])
+        known = {HOLD_START.name: start / second}
+        if "strain" in columns:
+            held = float(f"{strain[-1] - (strain[0] if first else 0.0):.4g}")
+            known[HELD_STRAIN.name] = held
+            rate = given[STRAIN_RATE.name]
+            if rate and not first:
+                known[LOADING_TIME.name] = float(f"{abs(held / rate) / second:.4g}")
+        if first:
+            known[LOADING_TIME.name] = (start - float(time[0])) / second
+        return known
+
+    def allowed_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
+        """Return what belongs to the stress or the rate that drives it, of which there is one.
+
+        A stress needs readings of the strain, a rate those of the stress. Of rate, strain and time
+        of the loading ahead of a hold two say all.
+        """
+        by_stress = {STRESS.name} if "strain" in columns else set()
+        has_stress = "stress" in columns or "relaxation_modulus" in columns
+        by_rate = {STRAIN_RATE.name, HOLD_START.name} if has_stress else set()
+        if by_rate and _is_held(columns, given):
+            loading = (STRAIN_RATE.name, HELD_STRAIN.name, LOADING_TIME.name)
+            stated = [name for name in loading if given[name] is not None]
+            by_rate |= set(stated[:2] if len(stated) > 1 else loading)
+        for names in (by_stress, by_rate):
+            if any(given[name] is not None for name in names):
+                return names
+        return by_stress | by_rate
+
+    def required_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
+        """Return the stress, unless a rate is given or there are readings to drive the test.
+
+        Without a column of the strain a rate drives it: the stress is what was read. Where a stress
+        falls at a strain that is held, the hold is asked for, and its loading.
+        """
+        by_rate = given[STRESS.name] is None and HOLD_START.name in self.allowed_answers(
+            columns, given
+        )
+        if by_rate and _is_held(columns, given):
+            if given[HOLD_START.name] is None:
+                return (HOLD_START.name,)
+            other = HELD_STRAIN.name if given[STRAIN_RATE.name] is None else STRAIN_RATE.name
+            return (other, LOADING_TIME.name) if given[LOADING_TIME.name] is None else (other,)
+        if "strain" not in columns:
+            return (STRAIN_RATE.name, HOLD_START.name)
+        driven = given[STRAIN_RATE.name] is not None or "stress" in columns
+        return () if driven else (STRESS.name,)
+
+    def describe_decisions(self, test: Description) -> Sequence[str]:
+        """Say where the strain turns, and how loading in no time is written."""
+        values, columns, unit = test.values, test.columns, test.columns["time"].unit
+        if values[STRESS.name] is not None:
+            return ()
+        if _is_held(columns, values):
+            is_jump = values[LOADING_TIME.name] == 0
+            lasted = f"loading in no time is written as a stage of {_loading(test)[1]:.3g} {unit}"
+            return (lasted,) if is_jump else ()
+        turns = ", ".join(f"{time:g}" for time in _turning_times(test.columns))
+        stages = "the readings of the strain drive the test, from rest at time 0"
+        if values[STRAIN_RATE.name] is not None:
+            stages = "stages end there, and the rate changes its sign"
+        return (f"the strain turns back at {turns} {unit}: {stages}",) if turns else ()
+
+    def filling(self, test: Description) -> Mapping[str, object]:
+        """Return the stages, measures and signs, and a modulus of relaxation as a stress."""
+        found: dict[str, object] = {
+            "time_units": units_text("time"),
+            "stress_units": units_text("stress"),
+            "compression": compression_of(test, test.values[STRESS.name]),
+            "strain_measure": _measure(test.columns, "strain"),
+            "stress_measure": _measure(test.columns, "stress"),
+            "stages": _stage_lines(test),
+        }
+        modulus = test.columns.get("relaxation_modulus")
+        if modulus is not None:
+            rate, lasted = _loading(test)
+            second = UNITS["time"][test.columns["time"].unit or "s"]
+            found["stress_column"], found["stress_unit"] = modulus.column, modulus.unit
+            found["relaxation_strain"] = float(f"{abs(rate) * lasted * second:.6g}")
+        return found
+
+
+def _measure(columns: Columns, quantity: str) -> str:
+    """Return the measure that the name of a column says."""
+    name = columns[quantity].name.lower() if quantity in columns else ""
+    return "engineering" if re.search(ENGINEERING, name) else "true"
+
+
+def _rows(columns: Columns, *names: str) -> tuple[FloatArray, ...]:
+    """Return what was read in SI, of the rows in which all of some quantities were."""
+    return read_together(*(columns[name].si for name in names))
+
+
+def _hold_of(columns: Columns) -> int | None:
+    """Return the first reading, from 0, from which strain is held while stress falls, else None."""
+    stress = "stress" if "stress" in columns else "relaxation_modulus"
+    if not {stress, "time"} <= columns.keys():
+        return None
+    if "strain" not in columns:
+        return 0 if Facts(_rows(columns, "time", stress)[1]).only_falls else None
+    time, strain, falling = _rows(columns, "time", "strain", stress)
+    first = Facts(strain).held_from
+    stress_then, strain_then = Facts(falling[first:]), Facts(strain[first:])
+    is_long = time[-1] - time[first] >= MIN_HELD_SHARE * (time[-1] - time[0]) > 0
+    at_once = np.abs(np.diff(stress_then.values)).max(initial=0.0) > MAX_SHARE_AT_ONCE * np.ptp(
+        stress_then.values
+    )
+    falls = (
+        stress_then.only_falls
+        and stress_then.relative_range > MIN_FALL_RATIO * strain_then.relative_range
+        and not (first and at_once)
+    )
+    return first if is_long and falls and np.any(strain_then.values) else None
+
+
+def _end_of_loading(time: FloatArray, strain: FloatArray, first: int) -> float:
+    """Return when (s) a strain reached the one that is held from a reading on, by its rate."""
+    rate = slope_of(time[:first], strain[:first])
+    left = (strain[-1] - strain[first - 1]) / rate if rate else math.inf
+    return float(f"{min(time[first - 1] + max(left, 0.0), time[first]):.6g}")
+
+
+def _is_held(columns: Columns, given: Mapping[str, Any]) -> bool:
+    """Whether the strain is held from some time on, by answers or else by what was read."""
+    start = given[HOLD_START.name]
+    return _hold_of(columns) is not None if start is None else bool(start != math.inf)
+
+
+def _stage_lines(test: Description) -> list[str]:
+    """Return the stages of a stress, of a rate with a hold behind it, or of readings."""
+    values, columns = test.values, test.columns
+    times = columns["time"].numbers[np.isfinite(columns["time"].numbers)]
+    start, end = min(0.0, float(times.min())), float(times.max())
+    stress, rate = values[STRESS.name], values[STRAIN_RATE.name]
+    if stress is not None:
+        return _stage("stress", start, end, stress=stress)
+    if _is_held(columns, values):
+        hold_start, (rate, lasted) = values[HOLD_START.name], _loading(test)
+        return [
+            *_stage("strain_rate", hold_start - lasted, hold_start, strain_rate_per_s=rate),
+            *_stage("hold_strain", hold_start, end),
+        ]
+    turns = _turning_times(columns)
+    if rate is None and not turns:
+        return _stage("stress_series", start, end)
+    if rate is None:
+        return [*_unread_loading(columns), *_stage("strain_series", float(times.min()), end)]
+    return [
+        text
+        for k, (first, last) in enumerate(itertools.pairwise([start, *turns, end]))
+        for text in _stage("strain_rate", first, last, strain_rate_per_s=rate * (-1) ** k)
+    ]
+
+
+def _unread_loading(columns: Columns) -> list[str]:
+    """Return the stage that leads from rest to a first reading of the strain behind time zero."""
+    time, strain = _rows(columns, "time", "strain")
+    if not (time[0] > 0 and strain[0]):
+        return []
+    rate = float(f"{strain[0] / time[0]:.6g}")
+    return _stage("strain_rate", 0.0, _in_file(columns, time[0]), strain_rate_per_s=rate)
+
+
+def _in_file(columns: Columns, time: float) -> float:
+    """Return a time (s) in the unit of the column of times."""
+    return float(time) / UNITS["time"][columns["time"].unit or "s"]
+
+
+def _turning_times(columns: Columns) -> list[float]:
+    """Return when the strain turns back, in the unit of times; not under loads or in cycles."""
+    if not {"strain", "stress"} <= columns.keys():
+        return []
+    time, strain, stress = _rows(columns, "time", "strain", "stress")
+    loads, facts = Facts(stress), Facts(strain)
+    if loads.is_steady or loads.is_in_levels:
+        return []
+    return [_in_file(columns, time[k]) for k in facts.turns]
+
+
+def _loading(test: Description) -> tuple[float, float]:
+    """Return rate (1/s) and duration (in the unit of times) of the loading ahead of a hold.
+
+    Loading in no time gets a time that is short beside that to the first reading.
+    """
+    values, times = test.values, test.columns["time"].numbers
+    second = UNITS["time"][test.columns["time"].unit or "s"]
+    rate, strain = values[STRAIN_RATE.name], values[HELD_STRAIN.name]
+    lasted = values[LOADING_TIME.name]
+    if lasted is None:
+        return rate, abs(strain / rate) / second
+    if lasted == 0:
+        behind = times[times > values[HOLD_START.name]]
+        lasted = JUMP_DURATION_SHARE * float(behind.min() - values[HOLD_START.name])
+    return rate if strain is None else strain / (lasted * second), lasted
+
+
+def _stage(control: str, start: float, end: float, **imposed: float) -> list[str]:
+    comment = CONTROL_COMMENTS.get(control, "what is imposed; others: docs/loading_history.md")
+    values = {"control": control, "comment": comment, "start_time": start, "end_time": end}
+    return list(filled(STAGE_TEMPLATE, {**values, **imposed}))
+
+
+NEW_FILE = LoadingHistoryFile()

@@ -1,0 +1,277 @@
+"""Readings of a loading history as true strains and stresses, compression positive, by stage."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from pyburgers.common.columns import Column, TextFilesTable, read_columns
+from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import factor_to_si
+from pyburgers.common.units import count_points, units_text
+from pyburgers.kinds.experiment import FloatArray
+from pyburgers.kinds.loading_history.driver import kept_readings
+
+IntArray = npt.NDArray[np.int64]
+
+
+ROUNDING = 1e-14
+"""Relative difference of equal times that were turned from different units into s."""
+
+
+class HistoryDataTable(TextFilesTable):
+    """The table [data]. An empty cell is no reading."""
+
+    file: str = Field(description="the data file")
+    time_column: Column
+    time_unit: str = Field(description=units_text("time"))
+    stress_column: Column | None = None
+    stress_unit: str | None = Field(None, description=units_text("stress"))
+    stress_uncertainty: float | None = Field(
+        None, gt=0, description="the standard deviation of a reading in the unit of the stress"
+    )
+    relaxation_strain: float | None = Field(
+        None,
+        gt=0,
+        description="the strain (fraction) over which the stresses of the column are divided: it "
+        "holds a modulus of relaxation",
+    )
+    strain_column: Column | None = None
+    strain_unit: str | None = Field(None, description=units_text("strain"))
+    strain_uncertainty: float | None = Field(
+        None, gt=0, description="the standard deviation of a reading in the unit of the strain"
+    )
+    stage_column: Column | None = Field(
+        None, description="the column that holds the number of the stage, from 1"
+    )
+    max_readings: int = Field(400, ge=10, description="to how many readings records are thinned")
+    readings_in_file: int | None = Field(
+        None, ge=0, description="the number of readings before an earlier thinning"
+    )
+
+    @property
+    def is_copy(self) -> bool:
+        """Whether the test was written out after it was read: what is judged then is judged."""
+        return self.readings_in_file is not None
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """Rows of a table, in SI; NaN stands for no reading.
+
+    `source`: the file, for messages; None for none.
+    `time` (n_rows,): seconds since the start of the first stage.
+    `stage` (n_rows,): from 0.
+    `stress`, `strain` (n_rows,): Pa, fraction; compression positive.
+    `notes`: sentences about what was done to read them.
+    """
+
+    source: Path | None
+    time: FloatArray
+    stage: IntArray
+    stress: FloatArray
+    strain: FloatArray
+    notes: tuple[str, ...] = ()
+
+    def of(
+        self, quantity: Literal["stress", "strain"], stage: int | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return times and values of the readings of a quantity, of all stages or of one."""
+        values: FloatArray = getattr(self, quantity)
+        there = np.isfinite(values)
+        if stage is not None:
+            there &= self.stage == stage
+        return self.time[there], values[there]
+
+
+Response = tuple[FloatArray, IntArray, FloatArray]
+"""Times (s), stages from 0, and values (Pa, fraction) of the readings of the response."""
+
+NO_READINGS = Readings(None, np.empty(0), np.empty(0, dtype=np.int64), np.empty(0), np.empty(0))
+
+
+def read_readings(path: Path, data: HistoryDataTable, bounds: FloatArray, sign: int) -> Readings:
+    """Read the table of a test.
+
+    `bounds` (n_stages + 1,): starts of the stages and the end of the last, in s on the clock of the
+    table. The result: measures as in the file. Raise InputError if columns or units are missing or
+    wrong, times go back within a stage, or a reading is outside its stage or every stage.
+    """
+    columns: dict[str, tuple[str, str] | None] = {"time_column": ("time_unit", "time")}
+    for quantity in ("stress", "strain"):
+        _check_pair(path, data, quantity)
+        if getattr(data, f"{quantity}_column") is not None:
+            columns[f"{quantity}_column"] = (f"{quantity}_unit", quantity)
+    if len(columns) == 1:
+        raise InputError(
+            f"{path}: key 'stress_column' or 'strain_column' in [data] is missing, expected the "
+            "column of the response."
+        )
+    if data.stage_column is not None:
+        columns["stage_column"] = None
+    source = data.folder(path) / data.file
+    found, notes = read_columns(
+        source,
+        data,
+        columns,
+        where=path,
+        file_key="'file' in [data]",
+        may_be_empty=("stress_column", "strain_column"),
+    )
+    table = dict(zip(columns, found, strict=True))
+    time = _at_bounds(table["time_column"], bounds)
+    nothing = np.full_like(time, np.nan)
+    second = factor_to_si(data.time_unit, "time", f"{path}: key 'time_unit' in [data]")
+    rows = _Rows(f"{source}{data.selection}", data.time_unit, second)
+    stage = _stages(rows, time, bounds, data.stage_column, table.get("stage_column"))
+    _check_order(rows, time, stage)
+    return Readings(
+        source=source,
+        time=time - bounds[0],
+        stage=stage,
+        stress=sign * (data.relaxation_strain or 1.0) * table.get("stress_column", nothing),
+        strain=sign * table.get("strain_column", nothing),
+        notes=notes,
+    )
+
+
+def responses(
+    path: Path, readings: Readings, response: Sequence[Literal["stress", "strain"]]
+) -> Response:
+    """Return the readings of the response.
+
+    Return `time`, `stage`, `value` (n_readings,): in the order of time. Raise InputError if a stage
+    with rows has no reading of its response.
+    """
+    is_strain = np.array([quantity == "strain" for quantity in response])
+    value = np.where(is_strain[readings.stage], readings.strain, readings.stress)
+    there = np.isfinite(value)
+    for number in np.unique(readings.stage):
+        if not there[readings.stage == number].any():
+            quantity = response[number]
+            imposed = "stress" if quantity == "strain" else "strain"
+            raise InputError(
+                f"{path}: stage {number + 1} imposes a {imposed} but {readings.source} holds no "
+                f"{quantity} in it, expected its response ('{quantity}_column' in [data]) or no "
+                "rows at its times."
+            )
+    return readings.time[there], readings.stage[there], value[there]
+
+
+def thinned(
+    time: FloatArray,
+    stage: IntArray,
+    value: FloatArray,
+    changes: Callable[[int], FloatArray],
+    most: int,
+) -> npt.NDArray[np.bool_]:
+    """Return which readings are kept, shape (n_readings,), by the rule of `thinning`.
+
+    Half of them are shared equally by the stages, half by the number of their readings. `time`,
+    `stage`, `value` (n_readings,): the readings. `changes`: receives a stage; returns the times (s)
+    in it at which what is imposed changes.
+    """
+    kept = np.ones(time.size, dtype=np.bool_)
+    if time.size <= most:
+        return kept
+    numbers, counts = np.unique(stage, return_counts=True)
+    for number, count in zip(numbers, counts, strict=True):
+        share = most * (0.5 / numbers.size + 0.5 * count / time.size)
+        own = np.flatnonzero(stage == number)
+        wanted = max(2, int(share))
+        chosen = kept_readings(time[own], value[own], changes(int(number)), wanted)
+        kept[np.delete(own, chosen)] = False
+    return kept
+
+
+def _check_pair(path: Path, data: HistoryDataTable, quantity: str) -> None:
+    data.check_pairs(path, quantity)
+    if (
+        getattr(data, f"{quantity}_unit") is None
+        and getattr(data, f"{quantity}_uncertainty") is not None
+    ):
+        raise InputError(
+            f"{path}: key '{quantity}_uncertainty' in [data]: found it without "
+            f"'{quantity}_column', expected both or neither."
+        )
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """How messages name the rows of a table.
+
+    `source`: the file, and which of its rows are taken.
+    `unit`: of its times.
+    `second`: the unit in s.
+    """
+
+    source: str
+    unit: str
+    second: float
+
+    def number(self, time: float) -> str:
+        """Return a time (s) as it stands in the file."""
+        return f"{time / self.second:g}"
+
+    def time(self, time: float) -> str:
+        """Return a time (s) as it stands in the file, with its unit."""
+        return f"{self.number(time)} {self.unit}"
+
+
+def _at_bounds(time: FloatArray, bounds: FloatArray) -> FloatArray:
+    """Return times, those of bounds exactly where only rounding tells them apart."""
+    for bound in bounds:
+        time = np.where(np.abs(time - bound) <= ROUNDING * abs(bound), bound, time)
+    return time
+
+
+def _stages(
+    rows: _Rows,
+    time: FloatArray,
+    bounds: FloatArray,
+    column: Column | None,
+    numbers: FloatArray | None,
+) -> IntArray:
+    """Stage of every row; a row at the time of a change belongs to the later stage."""
+    outside = np.flatnonzero((time < bounds[0]) | (time > bounds[-1]))
+    if outside.size:
+        raise InputError(
+            f"{rows.source}: {count_points(outside.size)} outside every stage, the first at "
+            f"{rows.time(time[outside[0]])} (data row {outside[0] + 1}), expected times between "
+            f"{rows.number(bounds[0])} and {rows.time(bounds[-1])}."
+        )
+    if numbers is None:
+        return np.clip(np.searchsorted(bounds, time, side="right") - 1, 0, bounds.size - 2)
+    n_stages = bounds.size - 1
+    unknown = np.flatnonzero(~np.isin(numbers, np.arange(1, bounds.size)))
+    if unknown.size:
+        expected = f"a whole number from 1 to {n_stages}" if n_stages > 1 else "1, the only stage"
+        raise InputError(
+            f"{rows.source}: stage column {column!r}, data row {unknown[0] + 1}: found "
+            f"{numbers[unknown[0]]:g}, expected {expected}."
+        )
+    stage = numbers.astype(np.int64) - 1
+    wrong = np.flatnonzero((time < bounds[stage]) | (time > bounds[stage + 1]))
+    if wrong.size:
+        k = stage[wrong[0]]
+        raise InputError(
+            f"{rows.source}: stage column {column!r}, data row {wrong[0] + 1}: found {k + 1} at "
+            f"{rows.time(time[wrong[0]])}, expected times from {rows.number(bounds[k])} to "
+            f"{rows.time(bounds[k + 1])} in that stage."
+        )
+    return stage
+
+
+def _check_order(rows: _Rows, time: FloatArray, stage: IntArray) -> None:
+    """Refuse rows that go back; several readings of one moment go with what is constant."""
+    wrong = np.flatnonzero((np.diff(stage) < 0) | (np.diff(time) < 0))
+    if wrong.size:
+        k = int(wrong[0])
+        raise InputError(
+            f"{rows.source}: data row {k + 2}: the time {rows.time(time[k + 1])} comes after "
+            f"{rows.time(time[k])}, expected times that do not go back within a stage."
+        )

@@ -1,0 +1,326 @@
+"""Data of `stan/loading_history.stan`: tests, grids, and elements of the Kelvin part."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.kinds.attenuation import stan_data as attenuation
+from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
+from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.measured_sections import section_times
+from pyburgers.kinds.microstructure import measured_block, strains_of
+from pyburgers.kinds.stan_data import StanData, ends
+from pyburgers.model.arrhenius import log_slowdown
+from pyburgers.model.kelvin_elements import andrade_elements, band_elements, peak_elements
+from pyburgers.model.prior_families import Prior, is_fixed_at
+from pyburgers.model.priors import PriorSet
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+HistoryOrTable = LoadingHistory | AttenuationExperiment
+
+REFERENCE_FLOW_RATE_SCALE = 0.2
+"""Scale of ln(flow rate s): data fix it to a few hundredths, the prior to about 1."""
+
+LABORATORY_STRESS, LABORATORY_STRAIN = 1e7, 1e-2
+"""Scales (Pa, fraction) of a test that neither imposes them nor has readings."""
+
+
+def stress_scale(experiment: LoadingHistory) -> float:
+    """Return the stress (Pa) of the reference flow rate, which scales the solver's states too.
+
+    The largest one that is imposed or read.
+    """
+    stress_driven = any(stage.driven == "stress" for stage in experiment.stages)
+    if not stress_driven and experiment.n_points == 0:
+        return LABORATORY_STRESS
+    return experiment.largest_stress or LABORATORY_STRESS
+
+
+def strain_scale(experiment: LoadingHistory) -> float:
+    """Return the largest strain that is read, or that is imposed in all."""
+    imposed = sum(abs(leg.end_value) for leg in experiment.legs if leg.driven == "strain")
+    read = np.abs(experiment.reading[experiment.response_is_strain])
+    return max(imposed, float(read.max(initial=0.0))) or LABORATORY_STRAIN
+
+
+def reference_origin(experiment: LoadingHistory) -> tuple[float, float]:
+    """Origin and size of ln(flow rate s): strain over time of the test."""
+    rate = strain_scale(experiment) / experiment.end_time
+    return float(np.log(rate)), REFERENCE_FLOW_RATE_SCALE
+
+
+def tests_block(experiments: Sequence[HistoryOrTable], priors: Sequence[PriorSet]) -> StanData:
+    """Return the blocks `stan/data/loading_history.stan` and `stan/data/attenuation.stan`.
+
+    Tables of attenuation have no legs; their readings stand among the points.
+    """
+    entries = [_entries(e, own) for e, own in zip(experiments, priors, strict=True)]
+    measured = [e.microstructure for e in experiments]
+    histories, tables = _by_kind(experiments)
+    return {
+        **_joined(entries),
+        "leg_end": ends(len(own["leg"]) for own in entries),
+        "output_end": ends(len(own["output_time_in_leg"]) for own in entries),
+        "measured_end": ends(map(len, measured)),
+        "measured_path_strain": np.concatenate(
+            [np.nan_to_num(strains_of(sections)) for sections in measured]
+        ).tolist(),
+        "measured": measured_block(measured),
+        "correlated_residuals": int(
+            not all(is_fixed_at(own["residual_correlation_time"], 0.0) for own in priors)
+        ),
+        **elements_block(list(zip(histories, priors, strict=True))),
+        **attenuation.tables_block(tables),
+    }
+
+
+def grid_block(experiments: Sequence[HistoryOrTable], grids: Sequence[FloatArray]) -> StanData:
+    """Return times (s), or places in tables, at which solutions are reported beside the readings.
+
+    See `leg_of_times` for times at which legs meet.
+    """
+    entries = [_grid_entries(e, grid) for e, grid in zip(experiments, grids, strict=True)]
+    return {
+        **_joined(entries),
+        "grid_end": ends(len(own["grid_time"]) for own in entries),
+        **attenuation.grid_block(_by_kind(experiments)[1], grids),
+    }
+
+
+def _by_kind(
+    experiments: Sequence[HistoryOrTable],
+) -> tuple[list[LoadingHistory | None], list[AttenuationExperiment | None]]:
+    """Return the histories and the tables, each as long as the tests, with None for the others."""
+    return (
+        [one if isinstance(one, LoadingHistory) else None for one in experiments],
+        [one if isinstance(one, AttenuationExperiment) else None for one in experiments],
+    )
+
+
+def _joined(entries: Sequence[StanData]) -> StanData:
+    """Return lists of all tests, one behind the other."""
+    return {name: list(chain.from_iterable(own[name] for own in entries)) for name in entries[0]}
+
+
+def _entries(test: HistoryOrTable, priors: PriorSet) -> StanData:
+    """Return what a test adds to lists of the data: of legs, outputs, points and sections."""
+    if isinstance(test, AttenuationExperiment):
+        nothing = [0] * test.n_points
+        return {
+            "leg": [],
+            "stress_scale": [test.largest_stress],
+            "strain_scale": [LABORATORY_STRAIN],
+            "response_observed": test.response.tolist(),
+            "is_strain": nothing,
+            "output_time_in_leg": [],
+            "n_outputs_in_leg": [],
+            "output_of_point": nothing,
+            "point_time": [0.0] * test.n_points,
+            "point_stage": nothing,
+            "output_of_measured": [],
+        }
+    outputs = solver_outputs(test, section_times(test, priors))
+    times, counts = _times_in_legs(test, outputs.time, outputs.leg)
+    return {
+        "leg": [
+            [
+                2.0 if leg.is_force else float(leg.driven == "stress"),
+                leg.end_time - leg.start_time,
+                leg.start_value,
+                leg.rate,
+                leg.temperature,
+            ]
+            for leg in test.legs
+        ],
+        "stress_scale": [stress_scale(test)],
+        "strain_scale": [strain_scale(test)],
+        "response_observed": test.response.tolist(),
+        "is_strain": test.response_is_strain.astype(int).tolist(),
+        "output_time_in_leg": times,
+        "n_outputs_in_leg": counts,
+        "output_of_point": outputs.of_readings.tolist(),
+        "point_time": test.time.tolist(),
+        "point_stage": test.reading_stage.tolist(),
+        "output_of_measured": outputs.of_sections.tolist(),
+    }
+
+
+def _grid_entries(test: HistoryOrTable, grid: FloatArray) -> StanData:
+    """Return what a test adds to lists of the grid; none of a table."""
+    if isinstance(test, AttenuationExperiment):
+        return {"grid_time_in_leg": [], "n_grid_in_leg": [], "grid_time": [], "grid_stage": []}
+    leg = leg_of_times(test, grid)
+    times, counts = _times_in_legs(test, grid, leg)
+    return {
+        "grid_time_in_leg": times,
+        "n_grid_in_leg": counts,
+        "grid_time": grid.tolist(),
+        "grid_stage": stage_of_times(test, grid).tolist(),
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class Outputs:
+    """Where the solver reports along a test: at readings and sections, in the order of time.
+
+    `time`, `leg` (n_outputs,): seconds since the start; leg from 0.
+    `of_readings`, `of_sections`: place of each among them, from 1; 0 of a section that needs no
+        solution.
+    """
+
+    time: FloatArray
+    leg: IntArray
+    of_readings: IntArray
+    of_sections: IntArray
+
+
+def solver_outputs(experiment: LoadingHistory, sections: Sequence[float | None]) -> Outputs:
+    """Return where the solver reports.
+
+    `sections`: times (s) of sections, None for those that need no solution. A section at the time
+    of a jump of the stress is ahead of it: the sample was taken out at the end of what was before.
+    """
+    wanted = np.array([one is not None for one in sections], dtype=np.bool_)
+    own = np.array([one for one in sections if one is not None], dtype=np.float64)
+    own_leg = np.array([leg_of_times(experiment, own[[k]])[0] for k in range(own.size)], np.int64)
+    time = np.concatenate([experiment.time, own])
+    leg = np.concatenate([leg_of_readings(experiment), own_leg])
+    order = np.lexsort((time, leg))
+    place = np.empty_like(order)
+    place[order] = np.arange(1, order.size + 1)
+    of_sections = np.zeros(wanted.size, dtype=np.int64)
+    of_sections[wanted] = place[experiment.n_points :]
+    return Outputs(time[order], leg[order], place[: experiment.n_points], of_sections)
+
+
+def leg_of_times(experiment: LoadingHistory, time: FloatArray) -> IntArray:
+    """Return the leg, from 0, of times (s) that do not decrease.
+
+    Of equal times at which two legs meet the first is in the leg that ends there, the others are
+    in the one that begins: behind a jump of the stress, if there is one.
+    """
+    inner = np.array([leg.end_time for leg in experiment.legs[:-1]])
+    leg = np.searchsorted(inner, time, side="left")
+    repeated = np.diff(time, prepend=-1.0) == 0
+    return np.asarray(leg + (np.isin(time, inner) & repeated), dtype=np.int64)
+
+
+def stage_of_times(experiment: LoadingHistory, time: FloatArray) -> IntArray:
+    """Return the stage, from 0, of times (s); shared ends count as in `leg_of_times`."""
+    stage_of_leg = np.array([leg.stage for leg in experiment.legs], dtype=np.int64)
+    return stage_of_leg[leg_of_times(experiment, time)]
+
+
+def times_of_readings(experiment: LoadingHistory) -> tuple[FloatArray, IntArray]:
+    """Return times at which a solution holds every reading, and the place of each among them.
+
+    A reading at the start of a stage stands behind the jump there, so that its time comes twice.
+    """
+    start = np.array([stage.start_time for stage in experiment.stages])
+    is_behind = (experiment.reading_stage > 0) & (
+        experiment.time == start[experiment.reading_stage]
+    )
+    time = np.repeat(experiment.time, 1 + is_behind)
+    return time, np.cumsum(1 + is_behind) - 1
+
+
+def leg_of_readings(experiment: LoadingHistory) -> IntArray:
+    """Return the leg of each reading, from 0."""
+    time, place = times_of_readings(experiment)
+    leg: IntArray = leg_of_times(experiment, time)[place]
+    return leg
+
+
+def _times_in_legs(
+    experiment: LoadingHistory, time: FloatArray, place: IntArray
+) -> tuple[list[float], list[int]]:
+    """Return times since the start of their leg over its duration, and their number in each."""
+    start = np.array([leg.start_time for leg in experiment.legs])
+    end = np.array([leg.end_time for leg in experiment.legs])
+    since = (time - start[place]) / (end - start)[place]
+    return np.clip(since, 0.0, 1.0).tolist(), np.bincount(place, minlength=start.size).tolist()
+
+
+ELEMENT_ERROR = 1e-4
+"""Of the sum, relative to the relaxed compliance, up to the widest band and peak of the priors.
+
+Of Andrade creep, which has none, relative to the creep at any time that counts."""
+
+MAX_PRIOR_QUANTILE = 0.99
+"""Quantile of a prior without an upper bound that counts as its largest value."""
+
+START_OF_IMAGINED = 1e-3
+"""Shortest time that counts of a stage without readings, over its duration."""
+
+_ONLY, _BAND, _PEAK, _ANDRADE, _FASTER, _SLOWER = map(float, range(6))
+"""Parts of a law, as in `stan/physics/relaxation_elements.stan`."""
+
+
+def elements_block(tests: Sequence[tuple[LoadingHistory | None, PriorSet]]) -> StanData:
+    """Return the elements for some tests: part of the law, place in it, weight.
+
+    `tests`: None for a table of attenuation; priors fixed at the values where a solution is asked
+    for.
+    """
+    priors = [own for _, own in tests]
+    decades = max(_largest(own["relaxation_time_decades"]) for own in priors)
+    rows = [[_ONLY, 0.0, 1.0]]
+    if decades > 0:
+        rows = _rows(_BAND, *band_elements(decades * np.log(10), ELEMENT_ERROR))
+    if not all(is_fixed_at(own["peak_strength"], 0.0) for own in priors):
+        width = max(_largest(own["peak_width"]) for own in priors)
+        rows += _rows(_PEAK, *peak_elements(width, ELEMENT_ERROR))
+    if not all(is_fixed_at(own["andrade_exponent"], 0.0) for own in priors):
+        ends = [_log_times(test, own) for test, own in tests if test is not None]
+        shortest, longest = np.transpose(ends)
+        places = andrade_elements(float(shortest.min()), float(longest.max()), ELEMENT_ERROR)
+        rows = _rows(_ANDRADE, *places)
+        rows[0][0], rows[-1][0] = _FASTER, _SLOWER
+    return {"n_elements": len(rows), "element": rows}
+
+
+def _rows(part: float, places: FloatArray, weights: FloatArray) -> list[list[float]]:
+    return [[part, *row] for row in zip(places.tolist(), weights.tolist(), strict=True)]
+
+
+def _log_times(test: LoadingHistory, priors: PriorSet) -> tuple[float, float]:
+    """Return ln of the shortest and longest relaxation time (s at T_0 and d_K) that counts.
+
+    From a leg, or the first reading of a stage, to the whole test, and further by what temperature
+    and grain size may change the times by.
+    """
+    shortest = [leg.end_time - leg.start_time for leg in test.legs]
+    for place, stage in enumerate(test.stages):
+        since = test.time[test.reading_stage == place] - stage.start_time
+        imagined = START_OF_IMAGINED * (stage.end_time - stage.start_time)
+        shortest += since[since > 0].tolist()[:1] or [imagined]
+    reference = priors["kelvin_reference_temperature"].location
+    coarseness = np.log(test.initial_grain_size / priors["kelvin_reference_grain_size"].location)
+    slower = [
+        float(log_slowdown(enthalpy, temperature, reference)) + exponent * coarseness
+        for temperature in test.temperatures
+        for enthalpy in _ends(priors["kelvin_activation_enthalpy"])
+        for exponent in _ends(priors["kelvin_grain_size_exponent"])
+    ]
+    return np.log(min(shortest)) - max(slower), np.log(test.end_time) - min(slower)
+
+
+def _ends(prior: Prior) -> Iterable[float]:
+    """Smallest and largest value that counts."""
+    if prior.is_fixed:
+        return (prior.location,)
+    law = prior.distribution()
+    return float(law.ppf(1 - MAX_PRIOR_QUANTILE)), float(law.ppf(MAX_PRIOR_QUANTILE))
+
+
+def _largest(prior: Prior) -> float:
+    if prior.is_fixed:
+        return prior.location
+    if np.isfinite(prior.upper):
+        return prior.upper
+    return float(prior.distribution().ppf(MAX_PRIOR_QUANTILE))

@@ -1,0 +1,281 @@
+"""Experiment files as a person would write them, keys with comments: what all kinds of test share.
+
+What the file of a kind of test has of its own says ``NEW_FILE`` in the module ``new_file`` of its
+folder.
+"""
+
+import json
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from types import MappingProxyType
+from typing import Any, ClassVar, cast
+
+import numpy as np
+
+from pyburgers.common.columns import SEPARATORS
+from pyburgers.common.text_tables import TextTable
+from pyburgers.common.units import UNIT_TABLE
+from pyburgers.kinds.experiment import CONDITION_KEYS, Compression, Experiment
+from pyburgers.kinds.guessed_columns import GuessedColumn
+from pyburgers.kinds.kind import NAMES
+
+NAMED_SEPARATORS = {sign: name for name, sign in SEPARATORS.items()}
+
+COMMENTS_AT = 36
+"""Column at which comments start."""
+
+UNCERTAIN_CONDITIONS: Mapping[str, tuple[float, str]] = MappingProxyType(
+    {
+        "temperature_error": (2.0, "how well the temperature is known"),
+        "stress_calibration_error": (0.02, "relative error of the load cell"),
+    }
+)
+"""Standard deviations that are proposed, and what they are of, by the condition's error."""
+
+
+HEAD = """\
+id = {id}  # names the run and its files
+material = {material}  # its priors are taken unless --priors is given
+protocol = {protocol}  # the kind of test
+temperature_K = {temperature_K}
+initial_grain_size_m = {grain_size_m}  # mean, at the start
+{conditions}
+"""
+
+PROVENANCE = """
+[provenance]
+kind = {kind}  # measured, digitised or synthetic
+source = {source}  # who, when, where
+# doi = "..."
+"""
+
+LAYOUT = """\
+separator = {separator}  # what stands between columns
+header = {header}  # columns are named by their numbers from 1
+"""
+"""Parts of templates that all kinds of test share."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """Something that a text file does not say of its test.
+
+    `name`: of the answer; the option has dashes in place of underscores.
+    `text`: what is asked.
+    `kind`: makes the answer from text.
+    `choices`: what it may be.
+    `default`: where nothing is answered; None where something has to be.
+    `example`: an answer that stands in where others are checked before this one is given.
+    `key`: key of the file that takes the answer, for its check; empty for that of its name.
+    """
+
+    name: str
+    text: str
+    kind: Callable[[str], Any] = str
+    choices: Sequence[str] | None = None
+    default: Any = None
+    example: Any = None
+    key: str = ""
+
+    @property
+    def option(self) -> str:
+        """Name of the option that answers it."""
+        return f"--{self.name.replace('_', '-')}"
+
+
+STRAIN_RATE = Question("strain_rate_per_s", "imposed strain rate in 1/s", float, example=1e-5)
+STRESS_ERROR = Question(
+    "stress_uncertainty", "standard deviation of a stress, in its unit", float, example=1.0
+)
+"""Several kinds of test can have one, or the other."""
+
+
+Columns = Mapping[str, GuessedColumn]
+"""Columns of a text file, by quantity."""
+
+
+@dataclass(frozen=True)
+class Description:
+    """What is known of a test that a file is written for.
+
+    `file`: its text file, as seen from the file that is written.
+    `table`: how that looks.
+    `columns`: what its columns hold.
+    `values`: answers, by the name of the question.
+    """
+
+    file: str
+    table: TextTable
+    columns: Columns
+    values: Mapping[str, Any]
+
+
+class NewFile(ABC):
+    """What a new file of a kind of test needs and says beside what those of all kinds do.
+
+    `experiment`: what the file is read as.
+    `needed`: quantities whose columns it needs, one of each.
+    `quantities`: those whose columns its files name.
+    `questions`: what may be asked for it alone.
+    `template`: its part of a file, as `filled` takes it.
+    """
+
+    experiment: ClassVar[type[Experiment]]
+    needed: ClassVar[Sequence[Sequence[str]]]
+    quantities: ClassVar[Collection[str]]
+    questions: ClassVar[Sequence[Question]] = ()
+    template: ClassVar[str]
+
+    @abstractmethod
+    def recognise(self, columns: Columns) -> str | None:
+        """Return why a text file looks like such a test, as the end of a sentence, if it does."""
+
+    def select_columns(self, columns: Columns) -> Columns:
+        """Return those of the columns of a text file that its files name."""
+        return {name: one for name, one in columns.items() if name in self.quantities}
+
+    def propose_answers(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return answers that the columns suggest, by the name of the question.
+
+        `given`: answers that are there already, None where there is none.
+        """
+        return {}
+
+    def required_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
+        """Return the names of those of its questions that are asked; as for `proposed`."""
+        return self.allowed_answers(columns, given)
+
+    def allowed_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
+        """Return the names of those of its questions whose answers the file can hold."""
+        return {question.name for question in self.questions}
+
+    def describe_decisions(self, test: Description) -> Sequence[str]:
+        """Return sentences about what the lines say that neither columns nor answers say."""
+        return ()
+
+    def filling(self, test: Description) -> Mapping[str, object]:
+        """Return what the template holds beside answers, columns and the text file's layout."""
+        return {}
+
+
+@cache
+def new_files() -> Mapping[str, NewFile]:
+    """Return what new files have of their own, by the name of the protocol."""
+    return MappingProxyType(
+        {name: import_module(f"{__package__}.{name}.new_file").NEW_FILE for name in NAMES}
+    )
+
+
+def experiment_text(protocol: str, new_file: NewFile, test: Description) -> str:
+    """Return the text of an experiment file of a protocol."""
+    values = test.values
+    conditions = [
+        with_comment(f"# {CONDITION_KEYS[name][0]} = {sd}", comment)
+        for name, (sd, comment) in UNCERTAIN_CONDITIONS.items()
+        if name in new_file.experiment.may_be_uncertain
+    ]
+    filling = {
+        **values,
+        "protocol": protocol,
+        "conditions": conditions,
+        **_file_values(test),
+        **_column_values(test),
+        **new_file.filling(test),
+    }
+    lines = filled(HEAD + new_file.template + PROVENANCE, filling)
+    return "\n".join(lines) + "\n"
+
+
+def filled(template: str, values: Mapping[str, object]) -> Iterator[str]:
+    """Fill a template of a file, line by line, with comments in one column.
+
+    A line ``key = {name}`` is left out where the value of the name is None, and a proposal
+    ``#? key = ...`` where the key or its column has a value. A line ``{name}`` stands for lines. A
+    unit without a comment gets the other units of its quantity as one.
+    """
+    last = ""
+    for template_line in template.splitlines():
+        text, _, comment = template_line.partition("  # ")
+        name = text[text.find("{") + 1 : text.find("}")] if "{" in text else ""
+        if text == f"{{{name}}}":
+            new = list(cast(Sequence[str], values[name]))
+        elif name:
+            key, value = text.partition(" = ")[0], values.get(name)
+            if not comment and key.endswith("_unit"):
+                comment = _other_units(value)
+            new = [] if value is None else [line(key, value, comment.format_map(values))]
+        else:
+            proposal = with_comment(text.replace("#?", "#", 1), comment.format_map(values))
+            new = [] if _is_answered(text, values) else [proposal]
+        for one in new:
+            if one or last:
+                yield one
+            last = one
+
+
+def _is_answered(text: str, values: Mapping[str, object]) -> bool:
+    """Whether a line proposes a key, of which a value or a column of values is there."""
+    found = re.match(r"#\? (\w+?)(_Pa)? =", text)
+    return found is not None and any(
+        values.get(name) is not None for name in (found[1], f"{found[1]}_column")
+    )
+
+
+def _other_units(unit: object) -> str:
+    """Return a comment with the other units of the quantity."""
+    units = next((own for own in UNIT_TABLE.values() if unit in own), {})
+    others = ", ".join(one for one in units if one != unit)
+    return f"or {others}" if others else ""
+
+
+def line(key: str, value: object, comment: str = "") -> str:
+    """Return a key with its value and a comment."""
+    return with_comment(f"{key} = {_toml(value)}", comment)
+
+
+def with_comment(text: str, comment: str) -> str:
+    """Return a line with a comment, if there is one."""
+    return f"{text:<{COMMENTS_AT}}# {comment}" if comment else text
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return repr(value)
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _file_values(test: Description) -> dict[str, object]:
+    """Return the name of the text file, and how it is laid out where it is not as by default."""
+    separator = test.table.separator
+    return {
+        "file": test.file,
+        "separator": None if separator == "," else NAMED_SEPARATORS.get(separator, separator),
+        "header": False if test.table.names is None else None,
+    }
+
+
+def _column_values(test: Description) -> dict[str, object]:
+    """Return the columns and their units."""
+    found: dict[str, object] = {}
+    for quantity, guessed in test.columns.items():
+        found[f"{quantity}_column"] = guessed.column
+        if not quantity.endswith("_uncertainty"):
+            found[f"{quantity}_unit"] = guessed.unit
+    return found
+
+
+def compression_of(test: Description, *imposed: float | None) -> Compression:
+    """Return the sign of a compression: negative where all that was read and imposed is so."""
+    medians = [
+        float(np.median(test.table.numbers(test.columns[name].column)))
+        for name in ("strain", "stress")
+        if name in test.columns
+    ]
+    known = [*medians, *(value for value in imposed if value is not None)]
+    return "negative" if len(known) > 1 and max(known) < 0 else "positive"

@@ -1,0 +1,442 @@
+"""What is fitted: tests of one material, their priors, and how they are pooled."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from pyburgers.common.errors import InputError
+from pyburgers.kinds.coordinates import Layout, PlainCoordinates, layout_of
+from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment
+from pyburgers.kinds.kind import Kind, kind_of, kinds
+from pyburgers.model.parameters import (
+    CONDITIONS,
+    PARAMETER_BY_NAME,
+    RESIDUAL_CORRELATION,
+    Parameter,
+)
+from pyburgers.model.pooling import SEPARATE, Pooling
+from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
+from pyburgers.model.priors import FLOW_LAW, PriorSet
+from pyburgers.model.variants import WITHOUT_EFFECT, check_variant, variant_of
+
+HISTORIES, TABLES = "loading_history", "attenuation"
+"""Protocols that one program takes together."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One or several tests to be fitted; made by `problem_of`, which checks it.
+
+    `experiments`: at least one, with data, of different names.
+    `given_priors`: for all tests, not resolved.
+    `priors`: of each test, resolved; they differ only where a prior is a share of the largest
+        stress, in the errors of the test's conditions, or in a grain size that stays as it is at
+        the start.
+    `pooling`: how the tests hang together; a partially pooled parameter has centre and spread even
+        where one test alone is left.
+    """
+
+    experiments: tuple[Experiment, ...]
+    given_priors: PriorSet
+    priors: tuple[PriorSet, ...]
+    pooling: Pooling
+
+    @property
+    def name(self) -> str:
+        """Names of the tests, joined."""
+        return "+".join(experiment.id for experiment in self.experiments)
+
+    @property
+    def data_kind(self) -> str:
+        """Kinds of the tests' provenance, joined."""
+        return "+".join(sorted({experiment.provenance.kind for experiment in self.experiments}))
+
+    @property
+    def protocol(self) -> Kind[Any]:
+        """Whose program takes all tests."""
+        return common_protocol(self.experiments)
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the parameters that are inferred in every test."""
+        return self.priors[0].free
+
+    @property
+    def partial(self) -> tuple[str, ...]:
+        """Names of the partially pooled ones among them."""
+        return self.pooling.of_kind("partial", self.free)
+
+    @property
+    def shared(self) -> tuple[str, ...]:
+        """Names of those among them that have one value in all tests."""
+        return tuple(name for name in self.free if self.kind(name) == "shared")
+
+    def kind(self, name: str) -> str:
+        """Return how a parameter is pooled: the kind, or by apparatus where only some share it."""
+        sources = self._apparatus.get(name)
+        if sources is None:
+            return self.pooling.kinds[name]
+        return {1: "shared", len(sources): "separate"}.get(len(set(sources)), "by apparatus")
+
+    def owner(self, name: str, test: int) -> str:
+        """Return the joined names of the tests that have the value of a test (from 0)."""
+        sources = self._sources.get(name, range(len(self.experiments)))
+        return "+".join(
+            experiment.id
+            for e, (experiment, source) in enumerate(zip(self.experiments, sources, strict=True))
+            if source == sources[test] and self.has_effect(name, e)
+        )
+
+    def has_effect(self, name: str, test: int) -> bool:
+        """Return whether a test (from 0) feels a parameter; if not it carries another's value."""
+        sources = self._carried.get(name)
+        return sources is None or sources[test] == test
+
+    def hanging_together(self, drawn: Sequence[Mapping[str, float]]) -> list[dict[str, float]]:
+        """Return values of the parameters of each test, shared ones those of the first of them."""
+        names = self.layout.names
+        return [
+            {**own, **{name: drawn[k][name] for name, k in zip(names, sources, strict=True)}}
+            for own, sources in zip(drawn, self.layout.source, strict=True)
+        ]
+
+    @property
+    def _apparatus(self) -> dict[str, list[int]]:
+        """Errors of conditions, with the first test that was made with the same apparatus."""
+        made_with = [
+            {one.parameter: one.apparatus for one in e.uncertain} for e in self.experiments
+        ]
+        found = {}
+        for name in made_with[0]:
+            names = [own.get(name) for own in made_with]
+            found[name] = [e if own is None else names.index(own) for e, own in enumerate(names)]
+        return found
+
+    @cached_property
+    def _carried(self) -> dict[str, list[int]]:
+        """Parameters without effect in some tests, with the test whose value each carries."""
+        found = {}
+        for name in self.free:
+            feels = [name not in experiment.without_effect for experiment in self.experiments]
+            if any(feels) and not all(feels) and self.kind(name) != "shared":
+                found[name] = [e if own else feels.index(True) for e, own in enumerate(feels)]
+        return found
+
+    @property
+    def _sources(self) -> dict[str, list[int]]:
+        """Test whose value each test has, of parameters that the pooling alone does not say."""
+        return {**self._apparatus, **self._carried}
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Which coordinate stands for what."""
+        return layout_of(
+            self.free,
+            len(self.experiments),
+            self.pooling,
+            [experiment.n_driving_errors for experiment in self.experiments],
+            self._sources,
+        )
+
+    @property
+    def is_single(self) -> bool:
+        """Whether it is one test whose parameters are nobody else's."""
+        return len(self.experiments) == 1 and not self.partial
+
+    @property
+    def coordinates(self) -> tuple[PlainCoordinates, ...]:
+        """Plain coordinates of each test by itself; all stand for the same parameters."""
+        return tuple(map(plain_coordinates, self.experiments, self.priors))
+
+    def alone(self) -> "tuple[Problem, ...]":
+        """Return each test by itself, with its resolved priors."""
+        return tuple(map(one_test, self.experiments, self.priors))
+
+    def by_effect(self) -> tuple[PriorSet, ...]:
+        """Return the priors of each test, those of parameters without effect in it as known."""
+        return tuple(
+            own.exchanging(
+                *(
+                    fixed_prior(PARAMETER_BY_NAME[name], own[name].mean_sd()[0], "no effect")
+                    for name in self._carried
+                    if not self.has_effect(name, e)
+                )
+            )
+            for e, own in enumerate(self.priors)
+        )
+
+    @property
+    def parts(self) -> dict[str, int]:
+        """What can be left out, with its number of readings: a test, or a part of a single one."""
+        if len(self.experiments) > 1:
+            return {experiment.id: experiment.n_points for experiment in self.experiments}
+        return dict(self.experiments[0].parts)
+
+    @property
+    def parts_name(self) -> str:
+        """What the parts are, in the plural."""
+        return "tests" if len(self.experiments) > 1 else self.experiments[0].parts_name
+
+    def without(self, part: str) -> "Problem":
+        """Take out a test, or a part of a single one, and keep the prior densities of the rest.
+
+        Where the prior of a shared parameter is a share of the largest stress, it stays that of all
+        tests. Residuals that correlate because of a test that is taken out, whose strain is read,
+        do so in the others too.
+        """
+        if len(self.experiments) == 1:
+            kept = [self.experiments[0].without_part(part)]
+            return problem_of(kept, self.priors[0], self.pooling)
+        shared = [name for name in self.shared if name not in CONDITIONS]
+        priors = _with_shared(self.given_priors, self.priors[0], shared)
+        others = [k for k, experiment in enumerate(self.experiments) if experiment.id != part]
+        grains = [n for n in ("steady_state_grain_size",) if n not in self.free]
+        priors = _with_shared(priors, self.priors[others[0]], grains)
+        left = problem_of([self.experiments[k] for k in others], priors, self.pooling)
+        lost = [
+            name
+            for name in RESIDUAL_CORRELATION
+            if name in self.free
+            and name not in left.free
+            and any(name not in experiment.without_effect for experiment in left.experiments)
+        ]
+        if not lost:
+            return left
+        # One that each test has by its own duration comes back with what else correlates.
+        alike = [n for n in lost if len({self.priors[k][n].location for k in others}) == 1]
+        return problem_of(
+            left.experiments, _with_shared(priors, self.priors[others[0]], alike), self.pooling
+        )
+
+
+def one_test(experiment: Experiment, priors: PriorSet) -> Problem:
+    """Return a test by itself with its resolved priors; nothing is checked, it may lack data."""
+    return Problem((experiment,), priors, (priors,), SEPARATE)
+
+
+def problem_of(
+    experiments: Sequence[Experiment], priors: PriorSet, pooling: Pooling = SEPARATE
+) -> Problem:
+    """Check tests, priors and pooling, and resolve the priors for each test.
+
+    Tests of several protocols are taken as one program takes them (`of_one_program`). A prior that
+    is a share of the largest stress takes that of the test, or of all tests where the parameter is
+    shared. Raise InputError if tests are of different materials or of protocols that do not go
+    together, have no data or the same name, or a pooling does not go with the priors.
+    """
+    for experiment in experiments:
+        _check_not_in_prior(experiment, priors)
+    experiments = of_one_program(experiments)
+    names = [experiment.id for experiment in experiments]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(
+                f"{name}: stands {names.count(name)} times among the tests of a joint fit, "
+                "expected different ones."
+            )
+    for experiment in experiments:
+        _check_test(experiment, experiments[0], priors)
+    largest = [experiment.largest_stress for experiment in experiments]
+    check_conditions(experiments)
+    of_tests = tuple(
+        _with_own_grains(own, experiments[0], experiment).exchanging(*condition_priors(experiment))
+        for experiment, own in zip(
+            experiments, common_protocol(experiments).priors_of(experiments, priors), strict=True
+        )
+    )
+    _check_same_free(experiments, of_tests)
+    shared = pooling.of_kind("shared", of_tests[0].free)
+    common = of_tests[0].resolved(max(largest))
+    resolved = tuple(
+        _with_shared(own.resolved(stress), common, shared)
+        for own, stress in zip(of_tests, largest, strict=True)
+    )
+    problem = Problem(tuple(experiments), priors, resolved, pooling)
+    _check_pooling(problem)
+    return problem
+
+
+def _with_own_grains(own: PriorSet, first: Experiment, experiment: Experiment) -> PriorSet:
+    """Let grains stay at, or start from, the size of each test where variants fix it in the first.
+
+    Grains of a steady-state size that priors fix, with a critical strain of their own, do neither.
+    """
+    if "steady_state_grain_size" not in own.priors:
+        return own
+    size, critical_strain = own["steady_state_grain_size"], own["critical_strain_grain_size"]
+    law = variant_of(own, first).grain_size
+    stays = law == "constant" and is_fixed_at(critical_strain, WITHOUT_EFFECT)
+    if not is_fixed_at(size, first.initial_grain_size) or not (stays or law == "piezometric"):
+        return own
+    quantity = PARAMETER_BY_NAME[size.parameter]
+    return own.exchanging(fixed_prior(quantity, experiment.initial_grain_size, size.source))
+
+
+def of_one_program(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
+    """Return tests as they are, or as one program takes them where their protocols differ.
+
+    Tables stand behind the histories then: what tests share has its coordinate in the first one,
+    and those of a history know what a curve fixes. Raise InputError if one of several protocols
+    cannot be fitted with tests of another.
+    """
+    if len({experiment.protocol for experiment in experiments}) == 1:
+        return tuple(experiments)
+    taken = [kind_of(experiment).as_history(experiment) for experiment in experiments]
+    return tuple(sorted(taken, key=lambda one: one.protocol == TABLES))
+
+
+def common_protocol(experiments: Sequence[Experiment]) -> Kind[Any]:
+    """Return the protocol whose program takes some tests (`of_one_program`)."""
+    first, *others = experiments
+    if all(other.protocol == first.protocol for other in others):
+        return kind_of(first)
+    return kinds()[HISTORIES]
+
+
+def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordinates:
+    """Choose origin and size of every free parameter and what the reference quantity replaces."""
+    kind = kind_of(experiment)
+    return coordinates_through(priors, kind.reference, *kind.reference_origin(experiment))
+
+
+def coordinates_through(
+    priors: PriorSet, reference: Parameter, origin: float, size: float
+) -> PlainCoordinates:
+    """Choose plain coordinates of free parameters, a point of the flow law among them.
+
+    It replaces Q_M, or beta where Q_M cannot be replaced: a parameter with two finite bounds keeps
+    its own coordinate, because its bounds would cut the replaced one obliquely.
+    """
+    replaced = next(
+        (
+            name
+            for name in ("activation_enthalpy", "beta")
+            if not priors[name].is_fixed
+            and not (np.isfinite(priors[name].lower) and np.isfinite(priors[name].upper))
+        ),
+        None,
+    )
+    rows = []
+    for name in priors.free:
+        prior = priors[name]
+        if name == replaced:
+            rows.append((reference.name, origin, size, -np.inf, np.inf))
+        elif prior.family == "lognormal":
+            # Its scale is that of the logarithm; the median sets the size.
+            rows.append((name, 0.0, prior.location, prior.lower, prior.upper))
+        else:
+            rows.append((name, prior.location, prior.scale, prior.lower, prior.upper))
+    quantities = tuple(row[0] for row in rows)
+    numbers = np.array([row[1:] for row in rows], dtype=np.float64).reshape(len(rows), 4)
+    return PlainCoordinates(quantities, tuple(priors.free), *numbers.T)
+
+
+def _check_test(experiment: Experiment, first: Experiment, priors: PriorSet) -> None:
+    """Check that a test can be fitted, together with a first one."""
+    if experiment.n_points == 0:
+        raise InputError(f"{experiment.id}: the experiment has no data, expected a [data] table.")
+    if experiment.material != first.material:
+        raise InputError(
+            f"{experiment.id}: is of the material {experiment.material}, expected "
+            f"{first.material} like {first.id}, because a joint fit is of one material."
+        )
+    check_variant(priors, experiment)
+    kind_of(experiment).check_priors(experiment, priors)
+
+
+def _check_not_in_prior(experiment: Experiment, priors: PriorSet) -> None:
+    """Refuse a flow law as prior that the test itself has gone into."""
+    test = kind_of(experiment).peak_test(experiment)
+    if test is None or priors.flow_law is None:
+        return
+    for row in priors.flow_law.tests:
+        if row.may_be(test):
+            raise InputError(
+                f"{experiment.id}: may be the test with {row} that its prior of the flow law was "
+                "fitted to, expected a flow law from other tests (pyburgers fit-peak-stress "
+                "--without EXPERIMENT.toml) so that no reading counts twice."
+            )
+
+
+def _with_shared(own: PriorSet, common: PriorSet, shared: Sequence[str]) -> PriorSet:
+    """Priors of a test with those of shared parameters exchanged for those of all tests."""
+    return own.exchanging(*(common[name] for name in shared))
+
+
+def _check_same_free(experiments: Sequence[Experiment], priors: Sequence[PriorSet]) -> None:
+    """Ask for the same free parameters in all tests."""
+    for experiment, own in zip(experiments, priors, strict=True):
+        for name in sorted({*own.free} ^ {*priors[0].free}):
+            raise InputError(
+                f"{experiment.id}: {name} is {'free' if name in own.free else 'known'}, unlike in "
+                f"{experiments[0].id}, expected it free in all tests of a joint fit or in none."
+            )
+
+
+def _check_pooling(problem: Problem) -> None:
+    """Refuse pooling that has no meaning with the priors."""
+    priors = problem.priors[0]
+    replaced = problem.coordinates[0].replaced_parameter
+    if replaced in problem.partial:
+        raise InputError(
+            f"--pool {replaced}=partial: the {problem.protocol.reference.label} is sampled in its "
+            "place, expected shared or separate."
+        )
+    if priors.flow_law is None:
+        return
+    kinds = {problem.pooling.kinds[name] for name in FLOW_LAW}
+    if kinds not in ({"shared"}, {"separate"}):
+        raise InputError(
+            f"--pool: found {', '.join(f'{n}={problem.pooling.kinds[n]}' for n in FLOW_LAW)}, "
+            "expected all shared or all separate because they have a joint prior."
+        )
+
+
+def condition_priors(experiment: Experiment) -> tuple[Prior, ...]:
+    """Return the priors of the errors of a test's conditions."""
+    return tuple(
+        Prior.of_family(
+            condition.parameter,
+            "normal",
+            {"location": 0.0, "scale": condition.sd},
+            unit=PARAMETER_BY_NAME[condition.parameter].si_unit,
+            source="stated in the file of the test",
+        )
+        for condition in experiment.uncertain
+    )
+
+
+def check_conditions(experiments: Sequence[Experiment]) -> None:
+    """Ask for the same uncertain conditions in all tests, and one error of one apparatus.
+
+    Raise InputError if a test cannot have such an error, or lacks one that another has.
+    """
+    for experiment in experiments:
+        for one in experiment.uncertain:
+            if one.parameter not in experiment.may_be_uncertain:
+                raise InputError(
+                    f"{experiment.id}: key {CONDITION_KEYS[one.parameter][0]!r}: found {one.sd:g}, "
+                    f"expected none because tests of the protocol {experiment.protocol} take it as "
+                    "known."
+                )
+    for name, (sd_key, apparatus_key) in CONDITION_KEYS.items():
+        stated = {
+            test.id: one for test in experiments for one in test.uncertain if one.parameter == name
+        }
+        missing = [test.id for test in experiments if test.id not in stated]
+        if stated and missing:
+            raise InputError(
+                f"{missing[0]}: key {sd_key!r} is missing, expected it because {min(stated)} of "
+                "the same joint fit has it; a condition that is well known has a small one."
+            )
+        for test, one in stated.items():
+            for other, again in stated.items():
+                same = one.apparatus is not None and one.apparatus == again.apparatus
+                if same and one.sd != again.sd:
+                    raise InputError(
+                        f"{test}: key {sd_key!r} is {one.sd:g}, in {other} it is {again.sd:g}, "
+                        f"expected one number for the {apparatus_key} {one.apparatus!r}."
+                    )

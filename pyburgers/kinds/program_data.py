@@ -1,0 +1,279 @@
+"""Tests, priors and solver options -> the data dictionary of the Stan program of their protocol.
+
+One function for one to many problem. What depends on the protocol comes from its object; index
+tables of parameters and coordinates (`stan/data/coordinates.stan`) are made here.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import chain
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.cmdstan.program import Program, load_program
+from pyburgers.common.errors import SamplingError
+from pyburgers.kinds.coordinates import Layout
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.microstructure import MeasuredMicrostructure
+from pyburgers.kinds.problem import Problem, one_test
+from pyburgers.kinds.stan_data import (
+    CHART,
+    PLAIN,
+    SolverOptions,
+    StanData,
+    ends,
+    solver_block,
+)
+from pyburgers.model.flow_law_prior import FlowLawPrior
+from pyburgers.model.parameters import (
+    PARAMETER_BY_NAME,
+    PIEZOMETER,
+    PLACE,
+    PROGRAM_PARAMETERS,
+    Parameter,
+)
+from pyburgers.model.prior_families import FAMILIES, fixed_prior, is_fixed_at
+from pyburgers.model.priors import FLOW_LAW, PriorSet
+from pyburgers.model.variants import variant_of
+
+FloatArray = npt.NDArray[np.float64]
+
+PART_OF_FLOW_LAW = 4
+"""Code of a parameter whose density is in the joint prior of the flow law."""
+
+CHART_DATA_PRECISION = 1.0
+"""Of a partially pooled number in a chart, as a guess of what data say; speed only."""
+
+
+def program_data(
+    problem: Problem,
+    *,
+    solver: SolverOptions,
+    grids: Sequence[FloatArray] | None = None,
+    use_likelihood: bool = True,
+) -> StanData:
+    """Return all data, in plain coordinates, of the program for tests of one protocol.
+
+    `grids`: positions of each test (SI; strains, or times of an oscillating test) at which to
+    report the solution; default none.
+    """
+    layout = problem.layout
+    return {
+        **tests_block(problem, use_likelihood=use_likelihood),
+        **with_grids({}, problem.experiments, grids),
+        **_prior_block(problem, layout),
+        **flow_law_block(problem.priors[0].flow_law),
+        **_coordinate_block(problem, layout),
+        **chart_block(problem),
+        **solver_block(solver),
+    }
+
+
+def tests_block(problem: Problem, *, use_likelihood: bool) -> StanData:
+    """Return the data of a program that are about the problem."""
+    experiments = problem.experiments
+    return {
+        "n_tests": len(experiments),
+        "temperature": [e.temperature for e in experiments],
+        "initial_grain_size": [e.initial_grain_size for e in experiments],
+        "point_end": ends(e.n_points for e in experiments),
+        "use_likelihood": int(use_likelihood),
+        "power_law_kelvin": int(
+            not all(is_fixed_at(own["kelvin_stress_exponent"], 1.0) for own in problem.priors)
+        ),
+        **problem.protocol.tests_block(experiments, problem.priors),
+    }
+
+
+def with_grids(
+    data: StanData, experiments: Sequence[Experiment], grids: Sequence[FloatArray] | None
+) -> StanData:
+    """Return data of a program with other positions of its solutions (see `program_data`)."""
+    if grids is None:
+        grids = [np.empty(0)] * len(experiments)
+    return {**data, **kind_of(experiments[0]).grid_block(experiments, grids)}
+
+
+def chart_block(
+    problem: Problem,
+    references: Sequence[object] = (),
+    *,
+    pooled: FloatArray | None = None,
+    pooling: FloatArray | None = None,
+) -> StanData:
+    """Return the data of the protocol's chart; no references keep the plain coordinates.
+
+    `pooled` (n_tests, n_partial): real numbers behind the partially pooled parameters at the
+    references; default 0. `pooling` (2, n_partial): their centres, and ln(spread/scale); default 0.
+    """
+    layout = problem.layout
+    n_partial = len(layout.partial)
+    chart = problem.protocol.chart
+    pooled = np.zeros((layout.n_tests, n_partial)) if pooled is None else pooled
+    pooling = np.zeros((2, n_partial)) if pooling is None else pooling
+    return {
+        **({} if chart is None else chart.block(references, layout)),
+        "coordinate_system": CHART if references else PLAIN,
+        "pooled_reference": pooled.tolist(),
+        "centre_reference": pooling[0].tolist(),
+        "log_spread_reference": pooling[1].tolist(),
+        "pooled_data_precision": CHART_DATA_PRECISION if references else 0.0,
+    }
+
+
+def values_of_test(parameter: FloatArray, test: int) -> dict[str, float]:
+    """Return the parameters of a test, counted from 0, by name.
+
+    `parameter` (n_tests, n_parameters): the variable of this name of a program.
+    """
+    return {p.name: float(v) for p, v in zip(PROGRAM_PARAMETERS, parameter[test], strict=True)}
+
+
+def prior_block(priors: PriorSet, parameters: Sequence[Parameter]) -> StanData:
+    """Return the priors of a program's parameters, in its order."""
+    ordered = [priors[parameter.name] for parameter in parameters]
+    joint = FLOW_LAW if priors.flow_law is not None else ()
+    return {
+        "prior_family": [
+            PART_OF_FLOW_LAW if prior.parameter in joint else FAMILIES[prior.family].code
+            for prior in ordered
+        ],
+        "prior_location": [prior.location for prior in ordered],
+        "prior_scale": [prior.scale for prior in ordered],
+        "prior_lower": [prior.lower for prior in ordered],
+        "prior_upper": [prior.upper for prior in ordered],
+    }
+
+
+def flow_law_block(flow_law: FlowLawPrior | None) -> StanData:
+    """Return the joint prior of the flow law, the rest of the block `stan/data/priors.stan`."""
+    if flow_law is None:
+        return {
+            "n_flow_law": 0,
+            "flow_law_mean": [],
+            "flow_law_factor": [],
+            "flow_law_conditions": [],
+        }
+    at = flow_law.conditions
+    return {
+        "n_flow_law": flow_law.mean.size,
+        "flow_law_mean": flow_law.mean.tolist(),
+        "flow_law_factor": flow_law.factor.tolist(),
+        "flow_law_conditions": [at.temperature, at.stress, at.grain_size],
+    }
+
+
+def _prior_block(problem: Problem, layout: Layout) -> StanData:
+    """Return the part of the block `stan/data/priors.stan` that differs between problem."""
+    rows = [
+        prior_block(_as_solved(priors, experiment), PROGRAM_PARAMETERS)
+        for priors, experiment in zip(problem.priors, problem.experiments, strict=True)
+    ]
+    own = np.zeros((layout.n_tests, len(PROGRAM_PARAMETERS)), dtype=bool)
+    for test, row in enumerate(own):
+        row[[PLACE[layout.names[i]] - 1 for i in layout.own(test)]] = True
+    block = {key: [row[key] for row in rows] for key in rows[0]}
+    in_flow_law = [PLACE[name] - 1 for name in FLOW_LAW]
+    joint = problem.priors[0].flow_law is not None
+    return {
+        **block,
+        "prior_family": np.where(own, block["prior_family"], 0).tolist(),
+        "has_flow_law_prior": [int(joint and row[in_flow_law].any()) for row in own],
+    }
+
+
+def _as_solved(priors: PriorSet, experiment: Experiment) -> PriorSet:
+    """Priors with the piezometer left out where the grain size does not follow it."""
+    if variant_of(priors, experiment).grain_size == "piezometric":
+        return priors
+    return priors.exchanging(fixed_prior(PARAMETER_BY_NAME[PIEZOMETER[0]], 0.0, "not in use"))
+
+
+def _coordinate_block(problem: Problem, layout: Layout) -> StanData:
+    """Return the block `stan/data/coordinates.stan` but for what a chart says."""
+    plain = problem.coordinates
+    own = [layout.own(test) for test in range(layout.n_tests)]
+    parameters = [[PLACE[layout.names[i]] for i in places] for places in own]
+    place = np.zeros((layout.n_tests, len(PROGRAM_PARAMETERS)), dtype=np.int64)
+    for row, found in zip(place, parameters, strict=True):
+        row[np.array(found, dtype=np.int64) - 1] = np.arange(1, len(found) + 1)
+    replaced = PLACE.get(plain[0].replaced_parameter or "", 0)
+    families = prior_block(problem.priors[0], PROGRAM_PARAMETERS)["prior_family"]
+    return {
+        "n_coordinates": layout.size,
+        "unit": [1.0] * layout.size,
+        "n_shared": len(layout.shared),
+        "shared_parameter": [PLACE[name] for name in layout.shared],
+        "shared_from": [
+            [int(row[layout.names.index(name)]) + 1 for name in layout.shared]
+            for row in layout.source
+        ],
+        "own_end": ends(len(places) for places in own),
+        "own_parameter": list(chain.from_iterable(parameters)),
+        "own_position": [
+            int(layout.position[test, i]) + 1 for test, places in enumerate(own) for i in places
+        ],
+        "quantity": np.concatenate(
+            [numbers.quantity[places] for numbers, places in zip(plain, own, strict=True)]
+        ).tolist(),
+        "own_place": place.tolist(),
+        "replaced_parameter": [replaced if replaced in found else 0 for found in parameters],
+        "n_pooled": len(layout.partial),
+        "pooled_parameter": [PLACE[name] for name in layout.partial],
+        "pooled_family": [families[PLACE[name] - 1] for name in layout.partial],
+        "pooled_position": (layout.position[:, layout.pooled] + 1).tolist(),
+        "pooled_quantity": [numbers.quantity[layout.pooled].tolist() for numbers in plain],
+        "centre_position": (layout.centre + 1).tolist(),
+        "spread_position": (layout.spread + 1).tolist(),
+        "spread_scale": [problem.pooling.spread_scales[name] for name in layout.partial],
+    }
+
+
+def given_parameters(material: str, values: Mapping[str, float]) -> PriorSet:
+    """Return priors that fix every parameter.
+
+    `values`: SI values by name; what is missing, such as the noise of a solution without any, is 1.
+    """
+    known = {"stress_noise": 1.0, **values}  # a solution has no noise
+    return PriorSet(
+        material=material,
+        title="given parameters",
+        priors={
+            p.name: fixed_prior(p, known[p.name], "given")
+            for p in PROGRAM_PARAMETERS
+            if p.name in known
+        },
+        name="given",
+    )
+
+
+def solve(
+    experiment: Experiment,
+    values: Mapping[str, float],
+    at: FloatArray,
+    *,
+    solver: SolverOptions,
+    program: Program | None = None,
+    sections: Sequence[MeasuredMicrostructure] = (),
+) -> dict[str, FloatArray]:
+    """Solve the model once and return every generated quantity of the Stan program.
+
+    The result: ``grid_*`` arrays, shape (n,), as named in the Stan program, the positions
+    themselves as ``grid_CLOCK``, such as ``grid_strain``, and ``log_reference``, shape (1,), ln of
+    the reference stress (Pa) or flow rate (1/s). Raise SamplingError if the solver finds no
+    solution.
+    """
+    priors = given_parameters(experiment.material, values)
+    kind = kind_of(experiment)
+    bare = replace(kind.without_data(experiment), microstructure=tuple(sections))
+    data = program_data(one_test(bare, priors), solver=solver, grids=[at])
+    draw = (program or load_program(kind.program)).evaluate(data)
+    for quantity in kind.read:
+        if not np.isfinite(draw[f"grid_{quantity.name}"]).all():
+            raise SamplingError(
+                f"{experiment.id}: the solver found no finite {quantity.name} at these "
+                "parameters; check their units (SI) and the sign of beta."
+            )
+    return {**draw, f"grid_{kind.clock.name}": kind.solved_positions(data, at)}

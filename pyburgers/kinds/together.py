@@ -1,0 +1,52 @@
+"""What tests that are fitted together share, and their priors, where nothing else is said."""
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.problem import TABLES, common_protocol
+from pyburgers.model.pooling import ALL, SEPARATE, Pooling, pooling_of
+from pyburgers.model.priors import PriorSet, default_priors, shipped_prior_files
+
+WITH_TABLES: Mapping[str, str] = MappingProxyType({"maxwell_modulus": "separate"})
+"""Pooling of histories and tables where nothing else is said: a deformation test sees the apparatus
+in E_M, a table the material alone."""
+
+PRIORS_WITH_TABLES = "deformation_and_attenuation"
+"""Folder of priors for both."""
+
+
+def has_both(experiments: Sequence[Experiment]) -> bool:
+    """Whether there are tables of attenuation and other tests."""
+    return 0 < sum(one.protocol == TABLES for one in experiments) < len(experiments)
+
+
+def pooling_for(
+    experiments: Sequence[Experiment], options: Mapping[str, str] | None = None
+) -> Pooling:
+    """Return how tests are pooled where it is not said otherwise; one test shares with nobody.
+
+    Beside tables of attenuation E_M is separate, and so is what is partially pooled elsewhere if
+    one test alone has it.
+    """
+    if len(experiments) == 1:
+        return SEPARATE
+    options = options or {}
+    if not has_both(experiments) or ALL in options:
+        return pooling_of(options)
+    defaults = dict(WITH_TABLES)
+    if sum(one.protocol != TABLES for one in experiments) == 1:
+        partial = pooling_of().spread_scales
+        defaults |= dict.fromkeys(partial, "separate")
+    return pooling_of({**defaults, **options})
+
+
+def default_priors_for(experiments: Sequence[Experiment]) -> PriorSet:
+    """Return the priors that come with the package for some tests of a material.
+
+    Raise InputError if there are none.
+    """
+    material = experiments[0].material
+    if has_both(experiments) and material in shipped_prior_files(PRIORS_WITH_TABLES):
+        return default_priors(material, PRIORS_WITH_TABLES)
+    return default_priors(material, common_protocol(experiments).name)

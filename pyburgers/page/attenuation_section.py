@@ -1,0 +1,210 @@
+"""The part of a page about attenuation that fits predict: figures, tables, and what they assume."""
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+
+import pandas as pd
+import xarray as xr
+
+from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
+from pyburgers.kinds.kind import FittedTest
+from pyburgers.predictions import attenuation_figures
+from pyburgers.predictions.assumptions import (
+    elastic_modulus_sentence,
+    frozen_sentence,
+    pale_sentence,
+)
+from pyburgers.predictions.attenuation import attenuation_spectrum, predict_attenuation
+from pyburgers.predictions.attenuation_tables import overview_table, quantile_table
+from pyburgers.predictions.evolving import (
+    evolving_attenuation,
+    evolving_overview,
+    evolving_sentence,
+    evolving_table,
+)
+from pyburgers.predictions.imposed_stress import simulated_phase_lag
+from pyburgers.predictions.material import fitted_material
+from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
+from pyburgers.predictions.stress_cycles import PAPER_REGIMES, PARAMETER_NAMES, Regime
+
+CHECKED_FREQUENCIES = (1e-4, 1e-3, 1e-2)
+"""Hz, at which the closed form is compared with simulations in time."""
+
+
+def attenuation_section(
+    fits: Mapping[str, FittedTest],
+    amplitudes: Sequence[Regime] = (),
+    measured: MeasuredAttenuation | None = None,
+) -> PageSection:
+    """Return figures and tables of the attenuation that fits predict, as a part of a page.
+
+    The first fit is shown in more detail: single draws, the effect of an evolving microstructure,
+    and the closed form against simulations in time.
+
+    Parameters
+    ----------
+    fits : mapping of str to Fit
+        Fits of one test each, at least one, by the names that the page gives them.
+    amplitudes : sequence of Regime
+        Cycles about one median stress; with them a figure shows the effect of the amplitude.
+    measured : MeasuredAttenuation, optional
+        Points to draw over the spectra.
+
+    Raises
+    ------
+    InputError
+        If the Kelvin part of a fit is not linear, or a fit is a joint one.
+    SamplingError
+        If the solver finds no solution.
+    """
+    spectra = {name: predict_attenuation(fit) for name, fit in fits.items()}
+    first, fit = next(iter(fits.items()))
+    evolving = evolving_attenuation(fitted_material(fit))
+    return PageSection(
+        key="attenuation",
+        title="Attenuation",
+        paragraphs=(
+            f"{first}: {pale_sentence(spectra[first])}",
+            elastic_modulus_sentence(spectra[first]),
+        ),
+        details=(
+            "What the fitted material would do under another load: stress cycles about a constant "
+            "median stress. Strain lags stress by the angle δ, and tan δ is the attenuation 1/Q; "
+            "every draw of the posterior gives a spectrum in closed form. Tables give the median "
+            "and 5 and 95 % of the draws; the CSV files hold all frequencies.",
+            f"{first}: {frozen_sentence(spectra[first])}",
+            f"{first}, frozen and evolving side by side. {evolving_sentence(evolving)}",
+        ),
+        tables=_tables(spectra, fit, evolving),
+        figures=_figures(spectra, fit, evolving, amplitudes, measured),
+        after_fits=True,
+    )
+
+
+def _tables(
+    spectra: Mapping[str, xr.Dataset], fit: FittedTest, evolving: xr.Dataset
+) -> tuple[PageTable, ...]:
+    """Return quantiles of every spectrum, and for the first fit two tables of what they assume."""
+    first, check = next(iter(spectra)), time_domain_table(fit)
+    return (
+        *(
+            PageTable(
+                f"{name}_quantiles",
+                f"tan δ of {name}",
+                overview_table(spectrum),
+                quantile_table(spectrum),
+                words=("regime",),
+                sentences=("frozen microstructure",),
+                in_files=name != first,
+                folded=True,
+            )
+            for name, spectrum in spectra.items()
+        ),
+        PageTable(
+            "evolving",
+            f"Frozen and evolving microstructure, {first}",
+            evolving_overview(evolving),
+            evolving_table(evolving),
+            words=("regime",),
+        ),
+        PageTable(
+            "time_domain",
+            f"Closed form against simulation in time, {first} at the median of its parameters",
+            _shown_time_domain(check),
+            check,
+            words=("regime",),
+        ),
+    )
+
+
+def _figures(
+    spectra: Mapping[str, xr.Dataset],
+    fit: FittedTest,
+    evolving: xr.Dataset,
+    amplitudes: Sequence[Regime],
+    measured: MeasuredAttenuation | None,
+) -> tuple[PageFigure, ...]:
+    """Return the figure of every spectrum, and for the first fit those of draws and amplitudes."""
+    first, of_first = next(iter(spectra.items()))
+    figures = [
+        PageFigure(
+            f"{name}_spectrum",
+            f"Attenuation of {name}",
+            attenuation_figures.ATTENUATION_CAPTION,
+            partial(
+                attenuation_figures.attenuation,
+                spectrum,
+                spectrum.attrs["title"],
+                evolving if name == first else None,
+                measured,
+            ),
+            frozen_sentence(spectrum),
+        )
+        for name, spectrum in spectra.items()
+    ]
+    figures.append(
+        PageFigure(
+            f"{first}_draws",
+            f"Attenuation of {first}, draw by draw",
+            attenuation_figures.DRAWS_CAPTION,
+            partial(attenuation_figures.attenuation_draws, of_first, of_first.attrs["title"]),
+        )
+    )
+    if amplitudes:
+        by_amplitude = predict_attenuation(fit, regimes=amplitudes)
+        figures.append(
+            PageFigure(
+                f"{first}_amplitude",
+                f"Attenuation of {first} and the amplitude of the cycles",
+                attenuation_figures.AMPLITUDE_CAPTION,
+                partial(
+                    attenuation_figures.amplitude_dependence,
+                    by_amplitude,
+                    by_amplitude.attrs["title"],
+                ),
+            )
+        )
+    return tuple(figures)
+
+
+def time_domain_table(fit: FittedTest) -> pd.DataFrame:
+    """Compare the closed form with phase lags of records simulated at the parameters' medians.
+
+    A row for each of the paper's regimes and of `CHECKED_FREQUENCIES`; columns regime,
+    frequency_Hz, closed_form, simulated, relative_difference.
+    """
+    draws = fit.posterior["posterior"].to_dataset()
+    median = {name: float(draws[name].median()) for name in PARAMETER_NAMES}
+    temperature, grain_size = fit.experiment.temperature, fit.experiment.initial_grain_size
+    closed = attenuation_spectrum(
+        median, CHECKED_FREQUENCIES, PAPER_REGIMES, temperature=temperature, grain_size=grain_size
+    )["tan_delta"].to_numpy()
+    rows = []
+    for regime, of_regime in zip(PAPER_REGIMES, closed, strict=True):
+        for frequency, expected in zip(CHECKED_FREQUENCIES, of_regime, strict=True):
+            lag = simulated_phase_lag(
+                median, regime, frequency, temperature=temperature, grain_size=grain_size
+            )
+            rows.append(
+                {
+                    "regime": regime.label,
+                    "frequency_Hz": frequency,
+                    "closed_form": float(expected),
+                    "simulated": lag.tan_delta,
+                    "relative_difference": lag.tan_delta / float(expected) - 1,
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def _shown_time_domain(check: pd.DataFrame) -> pd.DataFrame:
+    """Return a `time_domain_table` as text."""
+    return pd.DataFrame(
+        {
+            "regime": check["regime"],
+            "frequency (Hz)": check["frequency_Hz"].map("{:.0e}".format),
+            "tan δ, closed form": check["closed_form"].map("{:#.5g}".format),
+            "tan δ, simulated": check["simulated"].map("{:#.5g}".format),
+            "relative difference": check["relative_difference"].map("{:+.0e}".format),
+        }
+    )

@@ -1,0 +1,96 @@
+"""The page of a campaign: how far its fits are, whether seeds agree, and every complete fit."""
+
+from collections.abc import Mapping
+from itertools import groupby
+from pathlib import Path
+
+import pandas as pd
+
+from pyburgers.common.errors import InputError
+from pyburgers.drawing.page_parts import PageSection, PageTable
+from pyburgers.fitting.campaign import Campaign, run_folder, shown_status_table, status_table
+from pyburgers.fitting.fit import Fit
+from pyburgers.page.comparison_sections import comparison_sections
+from pyburgers.page.joint_section import joint_sections
+from pyburgers.page.page import write_report
+from pyburgers.sampling.manifest import COMPLETE
+
+
+def write_page(campaign: Campaign, out: Path, *, command: str) -> Path:
+    """Write the page of a campaign, ``report/index.html``, about the fits that are complete.
+
+    Fits that differ only in their seed are of the same posterior. The page has the first of them,
+    and a table of the largest difference between its seeds. Raises InputError if no fit is
+    complete.
+    """
+    table = status_table(campaign, out)
+    complete = [one for one in campaign.tasks if table["status"][one.name] == COMPLETE]
+    if not complete:
+        raise InputError(f"{out}: no fit of the campaign is complete, so there is no page yet.")
+    first, rows = [], []
+    for (test, variant, priors), group in groupby(
+        complete, key=lambda one: (one.test, one.variant, one.priors)
+    ):
+        fits = {one.seed: Fit.load(run_folder(out, one)) for one in group}
+        first.append(next(iter(fits.values())))
+        rows.append(
+            {
+                "test": test,
+                "variant": variant,
+                "priors": priors,
+                "seeds": " ".join(map(str, fits)),
+                "between_seeds": _between_seeds(fits),
+            }
+        )
+    joints = [fit for fit in first if fit.is_joint]
+    alone = [fit for fit in first if not fit.is_joint]
+    fits_shown = [*(fit for joint in joints for fit in joint.tests().values()), *alone]
+    return write_report(
+        fits_shown,
+        out / "report",
+        title=f"Campaign {campaign.id}",
+        command=command,
+        joints=joints,
+        extras=(
+            _section(table, pd.DataFrame(rows)),
+            *joint_sections(joints, alone),
+            *comparison_sections([*joints, *fits_shown]),
+        ),
+        jobs=None,
+    )
+
+
+def _between_seeds(fits: Mapping[int, Fit]) -> float:
+    """Largest difference of a posterior mean between seeds, in posterior standard deviations."""
+    tables = [fit.summary("SI") for fit in fits.values()]
+    means = pd.concat([table["mean"] for table in tables], axis=1)
+    spread = (means.max(axis=1) - means.min(axis=1)) / tables[0]["sd"]
+    return float(spread.max())
+
+
+def _section(status: pd.DataFrame, models: pd.DataFrame) -> PageSection:
+    """Return the part of the page about how far the campaign is and whether seeds agree."""
+    n_done = int((status["status"] == COMPLETE).sum())
+    between = models["between_seeds"].map("{:.2f}".format)
+    shown_models = models.drop(columns="between_seeds")
+    return PageSection(
+        key="campaign",
+        title="The campaign",
+        paragraphs=(f"{n_done} of {len(status)} fits are complete.",),
+        tables=(
+            PageTable(
+                "status",
+                "How far each fit is",
+                shown_status_table(status),
+                status.reset_index(),
+                words=("run", "status"),
+            ),
+            PageTable(
+                "models",
+                "Models, each shown by the fit of its first seed",
+                shown_models.assign(**{"largest difference between seeds (sd)": between}),
+                models,
+                words=("test", "variant", "priors", "seeds"),
+            ),
+        ),
+    )

@@ -1,0 +1,330 @@
+"""What a page says about a fit, and about fits of the same data, which share a section."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
+from pyburgers.checks.prior_influence import Influence, Origin
+from pyburgers.checks.prior_sentences import influence_numbers
+from pyburgers.common.atomic_files import write_text
+from pyburgers.comparison.neighbours import shift_sentences, what_a_yes_leaves_open
+from pyburgers.comparison.same_data import data_hash
+from pyburgers.drawing.page_parts import PageTable
+from pyburgers.drawing.view import view_of
+from pyburgers.fitting.fit import Fit
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.fixed_parameters import fixed_in_effect
+from pyburgers.model.parameters import PARAMETER_BY_NAME
+from pyburgers.page import tables
+from pyburgers.page.illustrations import Illustration, picture_file
+from pyburgers.page.overview import Entry, entry_of
+from pyburgers.page.posterior_figures import figures_for
+
+NAMED = ["symbol", "quantity", "unit"]
+"""Columns of a table of parameters that say what a row is about."""
+
+OF_THE_PRIOR = Origin.PRIOR.value
+"""Cell of a number that its own prior decides."""
+
+DOUBTFUL = (Origin.PRIOR, Origin.CONFLICT, Origin.BOUND, Origin.CANNOT_TELL)
+"""Who decides a number that the data do not."""
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """What the page says about one fit.
+
+    `key`: name of its files and its anchor, unique on the page.
+    `name`: how the page calls it.
+    `fit`: the fit.
+    `entry`: what the top of the page says about it.
+    `parameters`, `priors`, `sampler`: tables as text.
+    `fixed`: what is not inferred: texts by symbol, quantity, mean, unit.
+    `truth`: comparison with the truth (`pyburgers.page.tables.truth_table`), for synthetic data.
+    `more_tables`: tables of the protocol.
+    `illustrations`: figures.
+    `same_data_as`: one before it on the page that tells what its data are, else None.
+    """
+
+    key: str
+    name: str
+    fit: Fit
+    entry: Entry
+    parameters: pd.DataFrame
+    priors: pd.DataFrame
+    sampler: pd.DataFrame
+    fixed: tuple[dict[str, str], ...]
+    truth: pd.DataFrame | None
+    more_tables: tuple[PageTable, ...]
+    illustrations: tuple[Illustration, ...]
+    same_data_as: "Section | None" = None
+
+    @property
+    def experiment(self) -> Experiment:
+        """The experiment of the fit."""
+        return self.fit.experiment
+
+    @property
+    def facts(self) -> list[tuple[str, str]]:
+        """What the page says about the test: names and values."""
+        return list(view_of(self.experiment).facts(self.experiment))
+
+    @property
+    def about_data(self) -> tuple[object, ...]:
+        """What the page tells about the data."""
+        one = self.experiment
+        known = (one.material, one.temperature_text, one.initial_grain_size)
+        return *known, one.provenance, dict(one.metadata), self.facts
+
+    @property
+    def how_made(self) -> tuple[object, ...]:
+        """What the page tells of the making of the fit but for time and hash."""
+        entries = (
+            "command",
+            "sampler",
+            "more_draws",
+            "noisy",
+            "refits",
+            "shortened",
+            "coordinates",
+        )
+        fit, told = self.fit, [self.fit.manifest.get(entry) for entry in entries]
+        flow_law = fit.priors.flow_law and fit.priors.flow_law.source
+        return fit.variant, fit.priors.title, flow_law, len(self.sampler), repr(told)
+
+    @property
+    def not_by_data(self) -> dict[str, list[bool]]:
+        """Rows of the parameters that the data do not decide."""
+        if tables.DECISION not in self.parameters:
+            return {}
+        return {tables.DECISION: self.parameters[tables.DECISION].str.startswith(DOUBTFUL).tolist()}
+
+    @property
+    def left_open(self) -> tuple[str, ...]:
+        """What the yes of the fit does not exclude, and commands."""
+        return what_a_yes_leaves_open(self.fit)
+
+    @property
+    def passed(self) -> list[CheckResult]:
+        """Checks that passed."""
+        return [one for one in self.entry.checks if one.passed]
+
+
+def write_section(key: str, name: str, fit: Fit, out: Path) -> Section:
+    """Write the tables of one fit, draw its figures, and gather what the page shows of it.
+
+    The fit is of one test, or of a test of a joint fit; key and name are those of the page.
+    """
+    summary, checks = fit.summary("SI"), fit.checks()
+    truth = tables.truth_table(fit)
+    sampler = tables.sampler_table(fit)
+    files = {
+        "summary": summary.reset_index(),
+        "checks": tables.checks_table(checks),
+        "priors": tables.prior_table(fit.priors),
+        "sampler": sampler,
+    }
+    if truth is not None:
+        files["truth"] = truth.reset_index()
+    influences: Mapping[str, Influence] = fit.influences().get(fit.problem.name, {})
+    if influences:
+        files["influence"] = influence_numbers(influences).reset_index()
+    more_tables = view_of(fit.experiment).tables(fit)
+    files |= {table.name: table.saved for table in more_tables}
+    for table_name, table in files.items():
+        write_text(out / "tables" / f"{key}_{table_name}.csv", table.to_csv(index=False))
+    return Section(
+        key=key,
+        name=name,
+        fit=fit,
+        entry=entry_of(key, name, fit, checks, influences),
+        parameters=tables.result_table(summary, fit.priors, truth),
+        priors=files["priors"],
+        sampler=sampler,
+        fixed=tuple(
+            tables.fixed_row(PARAMETER_BY_NAME[prior.parameter], prior)
+            for prior in fixed_in_effect(fit)
+        ),
+        truth=truth,
+        more_tables=more_tables,
+        illustrations=tuple(
+            Illustration(
+                recipe,
+                recipe.draw(fit),
+                picture_file(out, key, recipe),
+                f"{recipe.title}, {name}: {recipe.result(fit)}",
+            )
+            for recipe in figures_for(fit)
+        ),
+    )
+
+
+@dataclass(frozen=True)
+class Said:
+    """What is said of one or several fits of the same data.
+
+    `lines`: sentences.
+    `of`: names of the fits, none where the section is about one fit alone.
+    `outcome`: the answer that the sentences are about, if they are about one.
+    """
+
+    lines: tuple[str, ...]
+    of: tuple[str, ...]
+    outcome: Outcome | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class SameData:
+    """Fits of the same data: the section of each, at least one; the first is unfolded."""
+
+    sections: tuple[Section, ...]
+
+    @property
+    def first(self) -> Section:
+        """What is said of the first."""
+        return self.sections[0]
+
+    @property
+    def others(self) -> tuple[Section, ...]:
+        """What is said of the others."""
+        return self.sections[1:]
+
+    def answers(self, kind: CheckKind) -> list[Said]:
+        """Say what speaks against a yes to a question, alike answers once."""
+        told = [
+            (section.entry.verdicts[kind].outcome, tuple(section.entry.doubts(kind)))
+            for section in self.sections
+        ]
+        return [
+            Said(lines, self._names(told, (outcome, lines)), outcome)
+            for outcome, lines in dict.fromkeys(told)
+        ]
+
+    @property
+    def conflicts(self) -> list[Said]:
+        """Say what prior and data disagree about, alike sentences once."""
+        told = [section.entry.conflict for section in self.sections]
+        return [Said((text,), self._names(told, text)) for text in dict.fromkeys(told) if text]
+
+    @property
+    def decisions(self) -> list[Said]:
+        """Say which numbers the data alone do not decide, alike sentences once."""
+        told = [section.entry.decisions for section in self.sections]
+        each = dict.fromkeys(text for texts in told for text in texts)
+        return [
+            Said((text,), self._names([text in texts for texts in told], True)) for text in each
+        ]
+
+    @property
+    def without_data(self) -> list[Said]:
+        """Say which fits the data were kept from."""
+        told = [section.fit.manifest["use_likelihood"] for section in self.sections]
+        return [] if all(told) else [Said((), self._names(told, False))]
+
+    def _names(self, told: Sequence[object], this: object) -> tuple[str, ...]:
+        """Names of the fits of which the same is told; none where there is one fit."""
+        if not self.others:
+            return ()
+        pairs = zip(self.sections, told, strict=True)
+        return tuple(section.name for section, one in pairs if one == this)
+
+    @property
+    def values(self) -> pd.DataFrame:
+        """Return what data say of the parameters: rows that are not the prior's in every fit.
+
+        All cells are text. Columns are symbol, quantity and unit, then of one fit mean, sd and,
+        with a likelihood, what decides. Several fits have mean ± sd of each. There, the word prior
+        takes the place of a number that its own prior decides. If neither data nor that prior
+        decides, brackets say who does.
+        """
+        if not self.others:
+            columns = [*NAMED, "mean", "sd", *([tables.DECISION] if self._is_decided else [])]
+            return self._rows(self.first.parameters[columns], left_to_prior=False)
+        rows = _union(section.parameters[NAMED] for section in self.sections)
+        for section in self.sections:
+            told = dict(
+                zip(section.parameters["symbol"], _in_one_cell(section.parameters), strict=True)
+            )
+            rows[section.name] = [told.get(symbol, "") for symbol in rows["symbol"]]
+        return self._rows(rows, left_to_prior=False)
+
+    @property
+    def shifts(self) -> tuple[str, ...]:
+        """How far parameters move between fits with data of the group."""
+        fits = {one.name: one.fit for one in self.sections if one.fit.manifest["use_likelihood"]}
+        return shift_sentences(fits) if len(fits) > 1 else ()
+
+    @property
+    def left_to_prior(self) -> list[dict[str, str]]:
+        """Symbols and quantities that are the prior's in every fit."""
+        rows = _union(section.parameters[NAMED] for section in self.sections)
+        return [
+            {str(key): str(value) for key, value in row.items()}
+            for row in self._rows(rows, left_to_prior=True).to_dict("records")
+        ]
+
+    @property
+    def doubtful(self) -> dict[str, list[bool]]:
+        """Cells of `values` that the data do not decide, by column."""
+        values = self.values
+        return {
+            column: [text.startswith(DOUBTFUL) or text.endswith("]") for text in values[column]]
+            for column in map(str, values.columns)
+            if column not in NAMED
+        }
+
+    @property
+    def _is_decided(self) -> bool:
+        return tables.DECISION in self.first.parameters
+
+    def _rows(self, table: pd.DataFrame, *, left_to_prior: bool) -> pd.DataFrame:
+        """Return the rows of quantities that are the prior's in every fit, or the others."""
+        by_data = {
+            symbol
+            for section in self.sections
+            for symbol, decided in zip(
+                section.parameters["symbol"], _decided_by(section.parameters), strict=True
+            )
+            if decided != OF_THE_PRIOR
+        }
+        is_left = ~table["symbol"].isin(by_data)
+        return table[is_left if left_to_prior else ~is_left].reset_index(drop=True)
+
+
+def by_data(named: Iterable[tuple[str, str, Fit]]) -> list[list[tuple[str, str, Fit]]]:
+    """Put fits of the same data, with their keys and names, together in the order of the first.
+
+    Equal readings of which some were measured and some computed are different data.
+    """
+    found: dict[tuple[str, str], list[tuple[str, str, Fit]]] = {}
+    for one in named:
+        fit = one[2]
+        found.setdefault((fit.provenance.kind, data_hash(fit)), []).append(one)
+    return list(found.values())
+
+
+def _decided_by(parameters: pd.DataFrame) -> list[str]:
+    """Say what decides each quantity, nothing without likelihood."""
+    return (
+        parameters[tables.DECISION].tolist()
+        if tables.DECISION in parameters
+        else [""] * len(parameters)
+    )
+
+
+def _in_one_cell(parameters: pd.DataFrame) -> list[str]:
+    """Mean ± sd of each quantity, and who decides it where the data do not."""
+    cells = []
+    for row, decided in zip(parameters.to_dict("records"), _decided_by(parameters), strict=True):
+        value = f"{row['mean']} ± {row['sd']}"
+        doubted = f"{value} [{decided}]" if decided.startswith(DOUBTFUL) else value
+        cells.append(OF_THE_PRIOR if decided == OF_THE_PRIOR else doubted)
+    return cells
+
+
+def _union(parts: Iterable[pd.DataFrame]) -> pd.DataFrame:
+    """Rows of all tables, each once, in the order of the first that has them."""
+    return pd.concat(list(parts)).drop_duplicates("symbol").reset_index(drop=True)

@@ -1,0 +1,105 @@
+"""Figures on a page: their files, what stands in the page, and each caption once."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from pyburgers.common.tasks import Workers, run_tasks
+from pyburgers.drawing.inline_svg import InlineSvg, dark_colours, glyph_library, inline_svg
+from pyburgers.drawing.page_parts import FigureText
+from pyburgers.drawing.style import write_page_images
+from pyburgers.page.names import file_key
+
+CSS_PIXELS_PER_POINT = 100 / 72
+
+
+@dataclass(frozen=True, eq=False)
+class Illustration:
+    """A figure for a page.
+
+    `text`: its name, title and caption.
+    `figure`: the figure itself.
+    `file`: where it is written as PNG; beside it as SVG.
+    `result`: what it shows, in a sentence.
+    """
+
+    text: FigureText
+    figure: Figure
+    file: Path
+    result: str
+
+    @property
+    def anchor(self) -> str:
+        """Its anchor on the page."""
+        return f"figure-{self.file.stem}"
+
+
+def picture_file(out: Path, key: str, text: FigureText) -> Path:
+    """File of a figure in the folder of a page, by the key of the part that shows it."""
+    return out / "figures" / f"{key}_{file_key(text.name)}.png"
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A figure as it stands in a page.
+
+    `svg`: what is drawn.
+    `explained_at`: anchor of the first figure of the page with the same caption, which holds the
+        caption.
+    """
+
+    svg: InlineSvg
+    explained_at: str
+
+    @property
+    def width(self) -> int:
+        """Width on the page (CSS pixels), the same size of letters for every figure."""
+        return round(CSS_PIXELS_PER_POINT * self.svg.width)
+
+
+@dataclass(frozen=True, eq=False)
+class Pictures:
+    """All figures of a page, by their anchors."""
+
+    by_anchor: Mapping[str, Picture]
+
+    def of(self, illustration: Illustration) -> Picture:
+        """Return what stands in the page for a figure."""
+        return self.by_anchor[illustration.anchor]
+
+    @property
+    def glyphs(self) -> str:
+        """Letters of all figures, as elements of one of the page's definitions."""
+        return glyph_library(picture.svg for picture in self.by_anchor.values())
+
+    @property
+    def dark_colours(self) -> dict[str, str]:
+        """Colours of figures on a dark ground, by the digits of those on white."""
+        return dark_colours(picture.svg for picture in self.by_anchor.values())
+
+
+def write_figures(
+    illustrations: Sequence[Illustration], out: Path, jobs: int | None, by_file: dict[Path, str]
+) -> Pictures:
+    """Write every figure as PNG and SVG, and return what stands in the page.
+
+    Pictures that `by_file` holds are not drawn again; the others are added to it. None as the
+    number of processes takes one for each core.
+    """
+    calls = {one.file: (one.figure, one.file) for one in illustrations if one.file not in by_file}
+    workers = Workers(jobs=jobs)
+    if workers.processes(len(calls)) == 1:
+        drawn: Iterable[tuple[Path, str]] = (
+            (file, write_page_images(*call)) for file, call in calls.items()
+        )
+    else:
+        drawn = run_tasks(write_page_images, calls, workers=workers, out=out)
+    by_file |= dict(drawn)
+    found: dict[str, Picture] = {}
+    explained: dict[str, str] = {}
+    for number, one in enumerate(illustrations):
+        first = explained.setdefault(one.text.caption, one.anchor)
+        found[one.anchor] = Picture(inline_svg(by_file[one.file], f"f{number}"), first)
+    return Pictures(found)

@@ -1,0 +1,296 @@
+"""One self-contained page about one or several fits, with its figures and tables as files."""
+
+import importlib.metadata
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from types import MappingProxyType
+
+import jinja2
+import pandas as pd
+from markupsafe import Markup
+
+from pyburgers.checks.fit_checks import CheckKind, Outcome
+from pyburgers.checks.prior_sentences import CONFLICT_MEANING, SHARE_TEXT
+from pyburgers.common.atomic_files import write_json, write_text
+from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import read_json
+from pyburgers.drawing.page_parts import PageSection
+from pyburgers.drawing.view import view_of
+from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.sampled_fit import SampledFit
+from pyburgers.model.display import symbol_text
+from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES
+from pyburgers.model.variants import ModelVariant
+from pyburgers.page import tables
+from pyburgers.page.fit_sections import SameData, Section, by_data, write_section
+from pyburgers.page.glossary import with_definitions
+from pyburgers.page.illustrations import Illustration, Pictures, picture_file, write_figures
+from pyburgers.page.names import file_key, joint_key, page_keys, page_names
+from pyburgers.page.overview import (
+    ANSWER_COLUMNS,
+    CONFLICT_COLUMN,
+    Entry,
+    answers,
+    bad_answers,
+    joint_entry,
+    overview_table,
+    remedies,
+    told_entry,
+)
+from pyburgers.page.run_records import REPORT_KIND, report_manifest, runs_table
+
+logger = logging.getLogger(__name__)
+
+
+def write_report(
+    fits: Sequence[Fit],
+    out: Path,
+    *,
+    title: str,
+    command: str,
+    joints: Sequence[Fit] = (),
+    extras: Sequence[PageSection] = (),
+    told: Mapping[str, Sequence[SampledFit]] = MappingProxyType({}),
+    to_come: Sequence[str] = (),
+    drawn: dict[Path, str] | None = None,
+    jobs: int | None = 1,
+) -> Path:
+    """Write a page about fits: ``index.html``, ``figures/``, ``tables/`` and ``manifest.json``.
+
+    The page needs no other file and no network. An earlier report in the same folder is replaced,
+    file by file and each at once, the page last.
+
+    Parameters
+    ----------
+    fits : sequence of Fit
+        Of single tests or of the tests of joint fits. Measured ones come first on the page.
+    out : Path
+        Folder, new or of an earlier report.
+    title : str
+        Heading of the page.
+    command : str
+        Command that makes the report again.
+    joints : sequence of Fit
+        Joint fits, whose parts of the page are among the extras.
+    extras : sequence of PageSection
+        Parts of the page beside the fits, in their order.
+    told : mapping of str to sequence of SampledFit
+        Fits that one of the extras is about, by its key. They have no section of their own. Both
+        verdicts on them stand at the top of the page.
+    to_come : sequence of str
+        Parts that a later call is to add, such as fits that still run.
+    drawn : dict of Path to str, optional
+        Pictures of earlier calls by their files, which are not drawn again; those of this call are
+        added.
+    jobs : int, optional
+        Processes that write figures; None takes one for each core, which pays for many figures.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    InputError
+        If there is no fit, or the folder cannot be written or holds something else.
+    """
+    if not fits and not told:
+        raise InputError(f"{out}: a report needs at least one run, found none.")
+    _claim(out)
+    others = [(key, fit) for key, some in told.items() for fit in some]
+    all_fits: list[SampledFit] = [*fits, *(fit for _, fit in others)]
+    keys, names = page_keys(all_fits), page_names(all_fits)
+    named = list(zip(names, all_fits, strict=True))
+    own = list(zip(map(file_key, keys), names, fits, strict=False))
+    manifest = report_manifest(list(zip(keys, all_fits, strict=True)), title, command)
+    write_json(out / "manifest.json", manifest)
+    groups = _write_groups(by_data(sorted(own, key=_is_synthetic)), out)
+    sections = [section for group in groups for section in group.sections]
+    illustrated = []
+    for extra in extras:
+        logger.info(f"Writing the part {extra.title!r}.")
+        illustrated.append((extra, _write_extra(extra, out)))
+    ahead = [figures for extra, figures in illustrated if not extra.after_fits]
+    behind = [figures for extra, figures in illustrated if extra.after_fits]
+    figures = [*ahead, *(section.illustrations for section in sections), *behind]
+    illustrations = [one for part in figures for one in part]
+    logger.info(f"Writing {len(illustrations)} figures.")
+    pictures = write_figures(illustrations, out, jobs, {} if drawn is None else drawn)
+    told_entries = [
+        told_entry(key, name, fit)
+        for (key, _), (name, fit) in zip(others, named[len(fits) :], strict=True)
+    ]
+    entries = [
+        *(
+            joint_entry(joint_key(key), name, joint)
+            for key, name, joint in zip(page_keys(joints), page_names(joints), joints, strict=True)
+        ),
+        *(section.entry for section in sections),
+        *told_entries,
+    ]
+    entries.sort(key=lambda entry: entry.is_synthetic)
+    page = out / "index.html"
+    text = render_page(
+        groups,
+        illustrated,
+        pictures,
+        entries=entries,
+        told_entries=told_entries,
+        runs=runs_table(named),
+        title=title,
+        command=command,
+        to_come=to_come,
+    )
+    write_text(page, text)
+    return page
+
+
+def _write_groups(groups: Sequence[Sequence[tuple[str, str, Fit]]], out: Path) -> list[SameData]:
+    """Write the tables of all fits, draw their figures, and gather what the page shows of them."""
+    told: list[Section] = []
+    found = []
+    for group in groups:
+        sections = []
+        for key, name, fit in group:
+            logger.info(f"Writing the section of {name}.")
+            section = write_section(key, name, fit, out)
+            same = next((one for one in told if one.about_data == section.about_data), None)
+            sections.append(replace(section, same_data_as=same))
+            told.append(sections[-1])
+        found.append(SameData(tuple(sections)))
+    return found
+
+
+def _is_synthetic(named: tuple[str, str, Fit]) -> bool:
+    """Whether nobody measured the data of a fit, which comes with its key and name."""
+    return named[2].provenance.kind == "synthetic"
+
+
+def render_page(
+    groups: Sequence[SameData],
+    extras: Sequence[tuple[PageSection, tuple[Illustration, ...]]],
+    pictures: Pictures,
+    *,
+    entries: Sequence[Entry],
+    told_entries: Sequence[Entry],
+    runs: pd.DataFrame,
+    title: str,
+    command: str,
+    to_come: Sequence[str],
+) -> str:
+    """Fill the page's template; everything that comes from files is escaped."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("pyburgers"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["terms"] = with_definitions
+    sections = [section for group in groups for section in group.sections]
+    first = {section.key: section.illustrations[0] for section in sections}
+    first |= {extra.key: figures[0] for extra, figures in extras if figures}
+    return environment.get_template("report.html").render(
+        title=title,
+        command=command,
+        to_come=to_come,
+        groups=groups,
+        extras=extras,
+        pictures=pictures,
+        glyphs=Markup(pictures.glyphs),
+        first=first,
+        entries=entries,
+        of_part={extra.key: [e for e in told_entries if e.key == extra.key] for extra, _ in extras},
+        overview=overview_table(entries),
+        bad_answers=bad_answers(entries),
+        answer_columns=[*ANSWER_COLUMNS.values(), CONFLICT_COLUMN],
+        answers=answers(entries),
+        remedies=remedies(entries),
+        alarms=[alarm for extra, _ in extras for alarm in extra.alarms],
+        kinds=tuple(CheckKind),
+        outcomes=Outcome,
+        checks_made={kind: _names_of_checks(entries, kind) for kind in CheckKind},
+        standard=ModelVariant(),
+        tests_of_joint_fits=any(section.fit.is_part for section in sections),
+        synthetic=[entry for entry in entries if entry.is_synthetic],
+        prior_sources=tables.prior_sources([s.priors for s in sections]),
+        prior_notes=list(dict.fromkeys(s.fit.priors.notes for s in sections if s.fit.priors.notes)),
+        told_by=_first_told_by([extra for extra, _ in extras]),
+        made_alike=_made_alike(sections),
+        runs=runs,
+        reference_texts=list(dict.fromkeys(view_of(s.experiment).reference_text for s in sections)),
+        tex=_TEX,
+        written=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        version=importlib.metadata.version("pyburgers"),
+        share_text=SHARE_TEXT,
+        deciders=tables.table_of_deciders(),
+        has_truth=any(section.truth is not None for section in sections),
+        tells_who_decided=any(tables.DECISION in section.parameters for section in sections),
+        conflict_meaning=CONFLICT_MEANING,
+        truth_sentence=tables.truth_sentence,
+    )
+
+
+def _first_told_by(extras: Sequence[PageSection]) -> dict[str, PageSection]:
+    """Return the first part of the page that has each paragraph in its details."""
+    return {text: extra for extra in reversed(extras) for text in extra.details}
+
+
+def _made_alike(sections: Sequence[Section]) -> list[list[Section]]:
+    """Put together fits of which the page tells the same about how they were made."""
+    found: dict[tuple[object, ...], list[Section]] = {}
+    for section in sections:
+        found.setdefault(section.how_made, []).append(section)
+    return list(found.values())
+
+
+def _names_of_checks(entries: Sequence[Entry], kind: CheckKind) -> list[str]:
+    """Names of all checks of a kind that were made, each once."""
+    found = (one for entry in entries for one in entry.checks if one.check.kind is kind)
+    return list(dict.fromkeys(one.name for one in found))
+
+
+_TEX = {
+    symbol_text(quantity): f"${quantity.symbol}$"
+    for quantity in (*PARAMETER_BY_NAME.values(), *REFERENCE_QUANTITIES.values())
+}
+"""Symbols as LaTeX has them, by what tables show."""
+
+
+def _claim(out: Path) -> None:
+    """Make the folders, and refuse one that holds a run or a page of another kind."""
+    manifest = out / "manifest.json"
+    if manifest.is_file():
+        is_report = read_json(manifest).get("kind") == REPORT_KIND
+    else:
+        is_report = not (out / "index.html").exists()
+    if not is_report:
+        raise InputError(
+            f"{out}: holds something else than a report (a run or a page), expected a new folder "
+            "or one of an earlier report."
+        )
+    try:
+        for folder in (out, out / "figures", out / "tables"):
+            folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written ({error.strerror}).") from error
+
+
+def _write_extra(extra: PageSection, out: Path) -> tuple[Illustration, ...]:
+    """Write the tables of an extra section and draw its figures."""
+    for table in extra.tables:
+        name = f"{extra.key}_{file_key(table.name)}.csv"
+        write_text(out / "tables" / name, table.saved.to_csv(index=False))
+    return tuple(
+        Illustration(
+            figure,
+            figure.draw(),
+            picture_file(out, extra.key, figure),
+            f"{figure.title}: {figure.result}" if figure.result else figure.title,
+        )
+        for figure in extra.figures
+    )

@@ -1,0 +1,254 @@
+"""Tables for people: display units, digits by the standard deviation, priors and truth beside.
+
+Everything here returns text to be printed; the numbers at full precision in SI units are those of
+`Fit.summary` and of `truth_table`.
+"""
+
+from collections.abc import Hashable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from pyburgers.checks.fit_checks import CheckResult, Outcome
+from pyburgers.checks.prior_sentences import ORIGIN_RULES, decision_text
+from pyburgers.common.units import number, rounded
+from pyburgers.drawing.page_parts import PageTable
+from pyburgers.fitting.fit import Fit
+from pyburgers.model.display import prior_text, shown_quantity, symbol_text, unit_text
+from pyburgers.model.parameters import PARAMETER_BY_NAME, Parameter
+from pyburgers.model.prior_families import Prior
+from pyburgers.model.priors import PriorSet
+
+INTERVALS = (50, 90, 95)
+"""Central intervals (%) in which the truth behind synthetic data is looked for."""
+
+
+def parameter_table(
+    summary: pd.DataFrame, priors: PriorSet, fixed: Sequence[Prior] = ()
+) -> pd.DataFrame:
+    """Posterior beside prior, a row for each sampled quantity, then the fixed parameters.
+
+    `summary` is the posterior table in SI units (`Fit.summary`), `priors` the resolved ones of the
+    fit. `fixed` are the parameters to name
+    (`pyburgers.kinds.fixed_parameters.fixed_in_effect`).
+
+    All cells are text. Columns are symbol, quantity, unit, mean, sd, with a likelihood `DECISION`,
+    then 5 %, 95 % and prior. Then come sd / prior sd (how much of the prior's width is left), ESS
+    bulk, ESS tail and R-hat. The reference stress has no prior of its own.
+    """
+    rows = [
+        {
+            **posterior_row(shown_quantity(str(name)), row.to_dict(), priors.priors.get(str(name))),
+            "ESS bulk": f"{row['ess_bulk']:.0f}",
+            "ESS tail": f"{row['ess_tail']:.0f}",
+            "R-hat": f"{row['rhat']:.3f}",
+        }
+        for name, row in summary.iterrows()
+    ]
+    rows += [fixed_row(PARAMETER_BY_NAME[prior.parameter], prior) for prior in fixed]
+    return pd.DataFrame(rows).fillna("")
+
+
+SAMPLER_COLUMNS = ("ESS bulk", "ESS tail", "R-hat")
+"""What a `parameter_table` says of the sampler rather than of the parameters."""
+
+
+def result_table(
+    summary: pd.DataFrame,
+    priors: PriorSet,
+    truth: pd.DataFrame | None,
+) -> pd.DataFrame:
+    """Return `parameter_table` without `SAMPLER_COLUMNS` and fixed parameters, as a page shows it.
+
+    With a `truth_table` of synthetic data it has the columns truth and off by (sd).
+    """
+    names = [*map(str, summary.index)]
+    table = parameter_table(summary, priors).drop(columns=list(SAMPLER_COLUMNS))
+    if truth is not None:
+        beside = {
+            str(name): _truth_beside(shown_quantity(str(name)), row)
+            for name, row in truth.iterrows()
+        }
+        known = pd.DataFrame([beside.get(name, {}) for name in names]).fillna("")
+        table = pd.concat([table, known], axis=1)
+    return table
+
+
+DECISION = "decided by"
+"""Title of the column that says who decides a number (`pyburgers.checks.prior_influence`)."""
+
+
+def table_of_deciders() -> pd.DataFrame:
+    """Return what the words of that column mean, and the rule behind each, as text."""
+    rows = [(origin.value, *told) for origin, told in ORIGIN_RULES.items()]
+    return pd.DataFrame(rows, columns=[DECISION, "meaning", "rule"])
+
+
+def _truth_beside(quantity: Parameter, row: "pd.Series[Any]") -> dict[str, str]:
+    """Return the true value in display units, and its distance."""
+    factor = quantity.display_factor
+    return {
+        "truth": rounded(row["truth"] * factor, row["sd"] * factor),
+        "off by (sd)": f"{(row['truth'] - row['mean']) / row['sd']:+.2f}",
+    }
+
+
+def truth_sentence(truth: pd.DataFrame) -> str:
+    """Say how many of the true values lie inside the central intervals."""
+    found = ", ".join(
+        f"{int(truth[f'inside_{share}'].sum())} inside {share} %" for share in INTERVALS
+    )
+    return f"Of {len(truth)} true values {found}."
+
+
+def posterior_row(
+    quantity: Parameter, row: Mapping[Hashable, Any], prior: Prior | None
+) -> dict[str, str]:
+    """Return what a posterior table in SI units says of a sampled quantity."""
+    sd = float(row["sd"]) * quantity.display_factor
+    shown = {
+        title: rounded(float(row[key]) * quantity.display_factor, sd)
+        for title, key in {"mean": "mean", "sd": "sd", "5 %": "q5", "95 %": "q95"}.items()
+    }
+    decided = decided_cell(quantity.name, row)
+    return {
+        **_named(quantity),
+        "mean": shown.pop("mean"),
+        "sd": shown.pop("sd"),
+        **({} if decided is None else {DECISION: decided}),
+        **shown,
+        "prior": "implied" if prior is None else prior_text(prior, quantity, with_unit=False),
+        "sd / prior sd": "" if prior is None else f"{row['width_beside_prior']:.2f}",
+    }
+
+
+def decided_cell(name: str, row: Mapping[Hashable, Any]) -> str | None:
+    """Say who decides a row of `Fit.summary`; None where the data took no part."""
+    if "decided_by" not in row:
+        return None
+    return decision_text(name, str(row["decided_by"]), str(row["by_prior_of"]))
+
+
+def fixed_row(parameter: Parameter, prior: Prior) -> dict[str, str]:
+    """Return what a posterior table says of a fixed parameter."""
+    value = number(prior.location * parameter.display_factor)
+    return {**_named(parameter), "mean": value, "prior": "fixed"}
+
+
+def _named(quantity: Parameter) -> dict[str, str]:
+    """Return symbol, label and display unit."""
+    return {
+        "symbol": symbol_text(quantity),
+        "quantity": quantity.label,
+        "unit": unit_text(quantity),
+    }
+
+
+def prior_table(priors: PriorSet) -> pd.DataFrame:
+    """Return priors as text: columns symbol, quantity, prior, source."""
+    return pd.DataFrame(
+        [
+            {
+                "symbol": symbol_text(parameter),
+                "quantity": parameter.label,
+                "prior": prior_text(priors[parameter.name]),
+                "source": priors[parameter.name].source,
+            }
+            for parameter in (PARAMETER_BY_NAME[name] for name in priors.priors)
+        ]
+    )
+
+
+def prior_sources(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """Gather the sources of several `prior_table`, each once: columns of (symbols), source."""
+    columns = pd.DataFrame(columns=["symbol", "source"])
+    stacked = pd.concat([columns, *tables], ignore_index=True)
+    symbols = stacked.groupby("source", sort=False)["symbol"].agg(
+        lambda found: ", ".join(dict.fromkeys(found))
+    )
+    return pd.DataFrame({"of": symbols.tolist(), "source": symbols.index.tolist()})
+
+
+def truth_table(fit: Fit) -> pd.DataFrame | None:
+    """Compare the posterior with the known parameters behind synthetic data; None without any.
+
+    Index parameter (free ones), SI units; columns unit, truth, mean, sd, and a verdict
+    ``inside_50``, ``inside_90``, ``inside_95`` for each central interval.
+    """
+    truths = fit.experiment.true_parameters
+    if truths is None:
+        return None
+    draws = fit.posterior["posterior"].to_dataset()
+    rows = {}
+    for name in fit.priors.free:
+        if name in truths:
+            values = draws[name]
+            rows[name] = {
+                "unit": shown_quantity(name).si_unit,
+                "truth": truths[name],
+                "mean": float(values.mean()),
+                "sd": float(values.std(ddof=1)),
+                **{f"inside_{share}": _inside(values, truths[name], share) for share in INTERVALS},
+            }
+    columns = ["unit", "truth", "mean", "sd", *(f"inside_{share}" for share in INTERVALS)]
+    return pd.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("parameter")
+
+
+def _inside(values: xr.DataArray, truth: float, share: int) -> bool:
+    """Whether a number lies in the central interval that holds `share` % of the draws."""
+    low, high = np.quantile(values, [0.5 - share / 200, 0.5 + share / 200])
+    return bool(low <= truth <= high)
+
+
+VERDICT_WORDS = {Outcome.YES: "passed", Outcome.NO: "FAILED", Outcome.CANNOT_TELL: "cannot tell"}
+
+
+def checks_table(checks: Sequence[CheckResult]) -> pd.DataFrame:
+    """Verdicts: columns check, verdict (passed, FAILED or cannot tell), sentence."""
+    return pd.DataFrame(
+        [
+            {
+                "check": check.name,
+                "verdict": VERDICT_WORDS[check.outcome],
+                "sentence": check.sentence,
+            }
+            for check in checks
+        ]
+    )
+
+
+def checks_page_table(title: str, checks: Sequence[CheckResult]) -> PageTable:
+    """Return `checks_table` as a part of a page."""
+    shown = checks_table(checks)
+    return PageTable(
+        "checks",
+        title,
+        shown,
+        shown,
+        words=("check", "verdict"),
+        sentences=("sentence",),
+        bad={"verdict": [not one.passed for one in checks]},
+        in_files=True,
+    )
+
+
+def sampler_table(fit: Fit) -> pd.DataFrame:
+    """Say what the sampler did: a row for each finished chain, with means and largest values."""
+    stats = fit.posterior["sample_stats"].to_dataset()
+    rows = []
+    for chain in stats["chain"].to_numpy():
+        of_chain = stats.sel(chain=chain)
+        rows.append(
+            {
+                "chain": int(chain),
+                "wall time (s)": f"{fit.manifest['chains'][str(chain)]['wall_seconds']:.0f}",
+                "step size": f"{float(of_chain['step_size'][-1]):.3g}",
+                "leapfrog steps (mean)": f"{float(of_chain['n_steps'].mean()):.0f}",
+                "tree depth (largest)": int(of_chain["tree_depth"].max()),
+                "acceptance (mean)": f"{float(of_chain['acceptance_rate'].mean()):.2f}",
+                "divergences": int(of_chain["diverging"].sum()),
+            }
+        )
+    return pd.DataFrame(rows)

@@ -1,0 +1,370 @@
+"""Tables of attenuation: their files, conversions, limits, what cannot be fitted."""
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import attenuation_oracle
+import numpy as np
+import pytest
+import xarray as xr
+from conftest import ICE
+from refusals import refusal
+
+from pyburgers.common.errors import InputError
+from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
+from pyburgers.kinds.attenuation.files import load_attenuation
+from pyburgers.kinds.attenuation.table import Elasticity
+from pyburgers.kinds.conditions import conditions, outside
+from pyburgers.kinds.forward import simulate
+from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.problem import problem_of
+from pyburgers.model.laws import KELVIN_LAWS
+from pyburgers.model.priors import default_priors
+from pyburgers.model.variants import with_variant
+
+TWIN = ICE / "attenuation_twin.toml"
+A1802 = ICE.parent / "olivine" / "attenuation_A1802.toml"
+Edit = Callable[..., Path]
+
+FILE = """
+id = "t"
+material = "olivine"
+protocol = "attenuation"
+temperature_K = 1473.15
+initial_grain_size_m = 5e-6
+[attenuation]
+deformation = "shear"
+poisson_ratio = 0.25
+[data]
+file = "t.csv"
+period_column = "period"
+period_unit = "s"
+temperature_column = "T"
+temperature_unit = "C"
+attenuation_column = "Q"
+attenuation_form = "tan_delta"
+modulus_column = "G"
+modulus_unit = "GPa"
+[provenance]
+kind = "synthetic"
+source = "test"
+"""
+ROWS = "period,T,Q,G\n1,1200,0.05,50\n10,1200,0.1,45\n1,1100,0.02,60\n10,1100,0.03,58\n"
+
+
+@pytest.fixture
+def edit(tmp_path: Path) -> Edit:
+    """Write the small table, changed."""
+
+    def write(*changes: tuple[str, str], rows: str = ROWS) -> Path:
+        text = FILE
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        (tmp_path / "t.csv").write_text(rows, encoding="utf-8")
+        path = tmp_path / "t.toml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+def test_the_title_says_temperatures_and_periods_in_plain_numbers(edit: Edit) -> None:
+    table = load_attenuation(edit(rows=ROWS.replace("10,", "1000,")))
+    assert "\n1373.15 to 1473.15 K, periods 1 to 1000 s, shear" in table.title
+    assert "\n1473.15 K, periods 1 to 1000 s, shear" in table.only_part("1473.15K").title
+
+
+def test_places_say_temperature_and_periods_in_plain_numbers(edit: Edit) -> None:
+    table = load_attenuation(edit(rows=ROWS.replace("10,", "1000,")))
+    kind = kind_of(table)
+    along = xr.Dataset(
+        {name: ("point", values) for name, (values, _) in kind.observed_positions(table).items()}
+    )
+    assert kind.place_text(along, 0, 1) == "attenuation at 1473 K, period 1 to 1000 s"
+    assert kind.place_text(along, 7, 7) == "modulus at 1373 K, period 1000 s"
+
+
+def test_a_table_is_read_in_si(edit: Edit) -> None:
+    table = load_attenuation(edit())
+    np.testing.assert_allclose(table.conditions.temperature, [1473.15, 1473.15, 1373.15, 1373.15])
+    assert table.conditions.spectrum.tolist() == [0, 0, 1, 1]
+    np.testing.assert_allclose(table.readings.modulus, [50e9, 45e9, 60e9, 58e9])
+    np.testing.assert_allclose(table.response[:4], np.log([0.05, 0.1, 0.02, 0.03]))
+    assert not table.amplitude_is_stated
+    assert any("not stated" in notice for notice in table.notices)
+
+
+def test_frequencies_logarithms_and_kelvin_say_the_same(edit: Edit) -> None:
+    first = load_attenuation(edit())
+    rows = (
+        "f,T,Q,G\n0.1,1473.15,-1,45e3\n1,1473.15,-1.301029995663981,50e3\n"
+        "0.1,1373.15,-1.522878745280338,58e3\n1,1373.15,-1.698970004336019,60e3\n"
+    )
+    other = load_attenuation(
+        edit(
+            ('period_column = "period"', 'frequency_column = "f"'),
+            ('period_unit = "s"', 'frequency_unit = "Hz"'),
+            ('temperature_unit = "C"', 'temperature_unit = "K"'),
+            ('"tan_delta"', '"log10_tan_delta"'),
+            ('"GPa"', '"MPa"'),
+            rows=rows,
+        )
+    )
+    np.testing.assert_allclose(other.conditions.period, first.conditions.period)
+    np.testing.assert_allclose(other.readings.tan_delta, first.readings.tan_delta)
+    np.testing.assert_allclose(other.readings.modulus, first.readings.modulus)
+
+
+def test_a_reading_at_or_below_its_limit_is_a_limit(edit: Edit) -> None:
+    table = load_attenuation(edit(('"G"', '"G"\nlimit = 0.03')))
+    assert table.readings.is_limit.tolist() == [False, False, True, True]
+    np.testing.assert_allclose(table.response[2:4], np.log(0.03))
+    below_zero = ROWS.replace("0.02", "-0.002")
+    table = load_attenuation(edit(('"G"', '"G"\nlimit = 0.01'), rows=below_zero))
+    assert table.readings.is_limit.tolist() == [False, False, True, False]
+
+
+def test_places_lead_back_to_periods_and_spectra(edit: Edit) -> None:
+    conditions = load_attenuation(edit()).conditions
+    period, spectrum, quantity = conditions.at(np.append(conditions.place, conditions.place + 2))
+    np.testing.assert_allclose(period, np.tile(conditions.period, 2), rtol=1e-12)
+    assert spectrum.tolist() == [0, 0, 1, 1] * 2
+    assert quantity.tolist() == [0] * 4 + [1] * 4
+
+
+@pytest.mark.parametrize(
+    ("changes", "rows", "words"),
+    [
+        ([("poisson_ratio = 0.25", "")], ROWS, "neither elastic constant"),
+        ([('id = "t"', 'id = "t"\ntemperature_sd_K = 5.0')], ROWS, "at their stated conditions"),
+        ([('"shear"', '"axial"')], ROWS, "turn axial quantities"),
+        (
+            [("poisson_ratio = 0.25", "poisson_ratio = 0.25\nbulk_modulus_Pa = 1e11")],
+            ROWS,
+            "exactly one",
+        ),
+        ([('period_column = "period"', "")], ROWS, "neither of the keys 'period_column'"),
+        ([('period_unit = "s"', "")], ROWS, "key 'period_unit' in [data] is missing"),
+        ([('modulus_unit = "GPa"', 'modulus_unit = "K"')], ROWS, "is not a unit of stress"),
+        ([('modulus_column = "G"', "modulus_uncertainty = 1.0")], ROWS, "'modulus_column'"),
+        ([('"C"', '"C"\nleast_temperature = 1300')], ROWS, "at most the highest"),
+        ([], ROWS.replace("0.02", "0"), "data row 3"),
+        (
+            [],
+            ROWS.replace("10,1200", "1,1200"),
+            "data row 2: found the period 1 twice at 1473.15 K",
+        ),
+        ([('attenuation_form = "tan_delta"', "")], ROWS, "no key 'attenuation_form' in [data]"),
+        ([('"tan_delta"', '"loss_angle"')], ROWS, "no key 'attenuation_unit' in [data]"),
+        (
+            [('"tan_delta"', '"loss_angle"\nattenuation_unit = "rad"')],
+            ROWS.replace("0.02", "1.6"),
+            "less than 90; check 'attenuation_unit'",
+        ),
+        ([('attenuation_column = "Q"', 'loss_modulus_column = "Q"')], ROWS, "'storage_modulus_col"),
+        ([('"G"', '"G"\nstorage_modulus_column = "Q"')], ROWS, "found both of the keys"),
+        ([], ROWS + "10,1200,0.1,40\n", "data row 5: found the period 10 twice at 1473.15 K"),
+        ([('"G"', '"G"\nlimit = 0.01\nlimit_column = "G"')], ROWS, "found both of the keys"),
+        (
+            [('"shear"', '"shear"\namplitude_Pa = 1.0'), ('"Q"', '"Q"\namplitude_column = "G"')],
+            ROWS,
+            "expected at most one",
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_table_is_said(
+    edit: Edit, changes: list[tuple[str, str]], rows: str, words: str
+) -> None:
+    assert words in refusal(edit(*changes, rows=rows))
+
+
+def test_rows_below_a_temperature_are_left_out(edit: Edit) -> None:
+    table = load_attenuation(edit(('"C"', '"C"\nleast_temperature = 1150')))
+    assert table.conditions.n_rows == 2
+
+
+@pytest.mark.usefixtures("programs")
+@pytest.mark.parametrize(
+    "elasticity",
+    [
+        Elasticity("axial"),
+        Elasticity("shear", poisson_ratio=0.3),
+        Elasticity("shear", bulk_modulus=9e9),
+    ],
+)
+def test_axial_and_shear_cycles_follow_the_stated_rules(elasticity: Elasticity) -> None:
+    table = replace(load_attenuation(TWIN), elasticity=elasticity)
+    assert table.true_parameters is not None
+    found = simulate(table, table.true_parameters, at=table.position)
+    tan_delta, modulus = attenuation_oracle.log_readings(
+        table,
+        table.true_parameters,
+        table.conditions.period,
+        np.arange(table.conditions.n_rows),
+    )
+    np.testing.assert_allclose(found["log_reading"], np.append(tan_delta, modulus), rtol=1e-9)
+
+
+@pytest.mark.usefixtures("programs")
+def test_reference_values_of_the_closed_form() -> None:
+    """Those that the prediction of attenuation is tested with, from the program."""
+    twin = load_attenuation(TWIN)
+    frequencies, enthalpy, temperature = np.array([1e-2, 1e-3, 1e-4]), 60e3, 260.0
+    expected = [[0.63270, 1.06305, 0.64634], [36.20369, 8.76002, 3.65217]]
+    for regime, values in zip([(1e6, 0.17e6), (4e6, 1.5e6)], expected, strict=True):
+        conditions = replace(
+            twin.conditions,
+            period=1 / frequencies,
+            temperature=np.full(3, temperature),
+            median_stress=np.full(3, regime[0]),
+            amplitude=np.full(3, regime[1]),
+        )
+        table = replace(
+            twin, conditions=conditions, readings=replace(twin.readings, modulus=np.empty(0))
+        )
+        assert twin.true_parameters is not None
+        parameters = {
+            **twin.true_parameters,
+            "maxwell_modulus": 4e9,
+            "kelvin_modulus": 5e8,
+            "kelvin_viscosity": 1e11,
+            "kelvin_activation_enthalpy": 0.0,
+            "modulus_temperature_coefficient": 0.0,
+            "stress_exponent": 4.0,
+            "grain_size_exponent": 0.0,
+            "activation_enthalpy": enthalpy,
+            "beta": np.log(1.778058e-31) / enthalpy
+            + 1 / (attenuation_oracle.GAS_CONSTANT * temperature),
+        }
+        found = simulate(table, parameters, at=conditions.place)
+        np.testing.assert_allclose(np.exp(found["log_reading"])[::-1], values, rtol=1e-5)
+
+
+def test_without_amplitudes_the_dashpot_has_to_be_linear() -> None:
+    table = load_attenuation(A1802)
+    priors = default_priors("olivine", "attenuation")
+    nonlinear = priors.exchanging(default_priors("olivine")["stress_exponent"])
+    problem_of([table], priors)
+    with pytest.raises(InputError, match="only a linear dashpot"):
+        problem_of([table], nonlinear)
+    problem_of([table], with_variant(nonlinear, table, {"maxwell": "linear"}))
+
+
+def test_readings_without_error_need_a_scatter() -> None:
+    table = load_attenuation(A1802)
+    with pytest.raises(InputError, match="modulus_scatter"):
+        problem_of([table], without(table, "modulus_scatter"))
+    # Attenuations have a stated error.
+    problem_of([table], without(table, "attenuation_scatter"))
+
+
+def without(table: AttenuationExperiment, name: str):  # type: ignore[no-untyped-def]
+    priors = default_priors(table.material, table.protocol)
+    return replace(priors, priors={k: v for k, v in priors.priors.items() if k != name})
+
+
+def test_simulated_readings_have_scatter_and_stated_errors() -> None:
+    twin = load_attenuation(TWIN)
+    assert twin.true_parameters is not None
+    kind, rng = kind_of(twin), np.random.default_rng(1)
+    truth = np.append(np.full(36, np.log(0.2)), np.full(36, np.log(5e9)))
+    drawn = [kind.with_noise(twin, truth, twin.true_parameters, rng) for _ in range(200)]
+    truth[:36] = np.log(np.hypot(0.2, 0.004))
+    left = np.array([one.response - truth for one in drawn])
+    wanted = np.hypot(0.04, 0.004 / 0.2), 0.01
+    for part, spread in zip((left[:, :36], left[:, 36:]), wanted, strict=True):
+        assert part.std() == pytest.approx(spread, rel=0.05)
+        assert abs(part.mean()) < 0.05 * spread
+
+
+def test_conditions_of_a_table_are_temperatures_and_periods() -> None:
+    table, kind = load_attenuation(A1802), kind_of(load_attenuation(A1802))
+    place = kind.prediction_grid(table)
+    solutions = xr.Dataset(
+        {
+            name: (("chain", "draw", "place"), np.zeros((1, 1, place.size)))
+            for name, _ in kind.grid_quantities.values()
+        },
+        {"place": place},
+    )
+    found = conditions(table, solutions, xr.Dataset())
+    assert found["temperature"] == (1173.15, 1473.15)
+    np.testing.assert_allclose(found["period"], (1.28, 1000), rtol=0.5)
+    warmer = {**found, "temperature": (1173.15, 1573.15), "strain": (0.0, 0.01)}
+    assert outside(warmer, [found]) == ("temperature 1173 to 1573 K (fitted: 1173 to 1473)",)
+    assert outside(found, [found]) == ()
+    # Five kelvin change rates by a tenth; half a kelvin is rounding.
+    for more, told in ((0.5, False), (5.0, True)):
+        near = {**found, "temperature": (1173.15, 1473.15 + more)}
+        assert bool(outside(near, [found])) == told
+
+
+@pytest.mark.parametrize(
+    ("law", "advised"),
+    [("linear", ["extended"]), ("extended", ["extended_peak"]), ("extended_peak", [])],
+)
+def test_a_table_is_advised_the_next_law_and_not_its_own(law: str, advised: list[str]) -> None:
+    advice = kind_of(load_attenuation(TWIN)).remedy(KELVIN_LAWS[law].parameters, xr.Dataset())
+    assert advice is not None
+    assert re.findall(r"kelvin=(\w+)", advice) == advised
+    assert "temperatures by themselves" in advice
+
+
+def test_angular_frequencies_from_high_to_low_and_angles_say_the_same(edit: Edit) -> None:
+    first = load_attenuation(edit())
+    angle = np.degrees(np.arctan([0.05, 0.1, 0.02, 0.03]))
+    omega = 2 * np.pi / np.array([1.0, 10.0])
+    rows = "w,T,Q,G\n" + "".join(
+        f"{omega[k % 2]:.17g},{1200 - 100 * (k // 2)},{angle[k]:.17g},{(50, 45, 60, 58)[k]}\n"
+        for k in range(4)
+    )
+    angular = (
+        ('period_column = "period"', 'frequency_column = "w"'),
+        ('period_unit = "s"', 'frequency_unit = "rad/s"'),
+        ('"tan_delta"', '"loss_angle"\nattenuation_unit = "deg"\nlimit = 1.0'),
+    )
+    other = load_attenuation(edit(*angular, rows=rows))
+    np.testing.assert_allclose(other.conditions.period, first.conditions.period)
+    np.testing.assert_allclose(other.readings.tan_delta, first.readings.tan_delta)
+    np.testing.assert_allclose(other.readings.limit, math.tan(math.radians(1)))
+    reverse = "\n".join(reversed(ROWS.splitlines()[1:3])) + "\n"
+    down = load_attenuation(edit(rows="period,T,Q,G\n" + reverse))
+    np.testing.assert_array_equal(down.conditions.period, [1, 10])
+    np.testing.assert_allclose(down.readings.tan_delta, [0.05, 0.1])
+    mixed = load_attenuation(edit(rows="period,T,Q,G\n5,1200,0.07,47\n" + reverse))
+    assert any("were sorted by temperature" in notice for notice in mixed.notices)
+    by_temperature = load_attenuation(edit())
+    nested = load_attenuation(
+        edit(rows="period,T,Q,G\n" + "\n".join(ROWS.splitlines()[k] for k in (1, 3, 2, 4)) + "\n")
+    )
+    np.testing.assert_array_equal(nested.response, by_temperature.response)
+    assert any("were sorted by temperature" in notice for notice in nested.notices)
+    assert not any("sorted" in notice for notice in down.notices)
+
+
+def test_storage_and_loss_modulus_give_tan_delta_and_the_absolute_modulus(edit: Edit) -> None:
+    rows = "period,T,Q,G,loss,sd\n1,1200,0.75,4,3,0.4\n10,1200,0.5,6,3,0.4\n"
+    storage = ('modulus_column = "G"', 'storage_modulus_column = "G"')
+    error = ('modulus_unit = "GPa"', 'modulus_unit = "GPa"\nmodulus_uncertainty_column = "sd"')
+    by_tan = load_attenuation(edit(storage, error, rows=rows))
+    loss = (
+        'attenuation_column = "Q"\nattenuation_form = "tan_delta"',
+        'loss_modulus_column = "loss"',
+    )
+    by_loss = load_attenuation(edit(storage, error, loss, rows=rows))
+    for table in (by_tan, by_loss):
+        np.testing.assert_allclose(table.readings.tan_delta, [0.75, 0.5])
+        np.testing.assert_allclose(table.readings.modulus, [5e9, math.hypot(6, 3) * 1e9])
+        np.testing.assert_allclose(table.readings.modulus_error, [0.5e9, 0.2e9 * 5**0.5])
+    with pytest.raises(InputError, match="as storage modulus, expected a positive number"):
+        load_attenuation(edit(storage, loss, rows=rows.replace(",4,", ",0,")))
+
+
+def test_a_tan_delta_of_no_solid_is_doubted(edit: Edit) -> None:
+    assert load_attenuation(edit()).doubts == ()
+    (doubt,) = load_attenuation(edit(rows=ROWS.replace("0.02", "27"))).doubts
+    assert "a tan delta of 27 is unlikely" in doubt

@@ -1,0 +1,249 @@
+"""Stages under a force over the first area: the area follows from the strain of the sample."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import oracle
+import pytest
+from history_twins import GRAIN_SIZE, TEMPERATURE, TRUTH
+from refusals import refusal, written
+from same_contents import assert_equal
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from pyburgers.kinds.forward import simulate
+from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.files import load_loading_history, save_loading_history
+from pyburgers.kinds.program_data import solve
+from pyburgers.kinds.stan_data import SolverOptions
+
+FloatArray = npt.NDArray[np.float64]
+
+COMPLIANCE = 1.8e-9
+HEAD = f"""
+id = "force"
+material = "ice"
+protocol = "loading_history"
+temperature_K = {TEMPERATURE}
+initial_grain_size_m = {GRAIN_SIZE}
+stage_stress_unit = "MPa"
+stress_measure = "engineering"
+
+[provenance]
+kind = "synthetic"
+source = "imagined"
+"""
+APPARATUS = f"\n[apparatus]\ncompliance_per_Pa = {COMPLIANCE}\n"
+STAGES: Mapping[str, tuple[tuple[float, float, float], ...]] = {
+    "constant": ((4000.0, 5e6, 0.0),),
+    "tension": ((1500.0, -5e6, 0.0),),
+    "ramps and steps": ((200.0, 0.0, 2.5e4), (2000.0, 5e6, 0.0), (800.0, 2e6, 0.0)),
+}
+"""Duration (s), force at the start (Pa), and its rate (Pa/s), of each stage."""
+
+MATERIALS: Mapping[str, Mapping[str, float]] = {
+    "ice": {},
+    "power-law Kelvin": {"kelvin_stress_exponent": 2.5, "kelvin_reference_stress": 1e6},
+    "sine that hardens": {"breakdown_stress": 2e6, "steady_state_fabric_factor": 1.5},
+    "piezometer": {
+        "steady_state_grain_size": GRAIN_SIZE,
+        "piezometer_reference_grain_size": 3e-4,
+        "piezometer_exponent": 1.33,
+        "piezometer_stress_floor": 1e6,
+    },
+}
+
+
+def text_of(stages: tuple[tuple[float, float, float], ...]) -> str:
+    """The file of a test without data."""
+    start, text = 0.0, HEAD
+    for duration, force, rate in stages:
+        own = (
+            f'control = "stress_rate"\nstart_stress = {force / 1e6}\nstress_rate = {rate / 1e6}'
+            if rate
+            else f'control = "stress"\nstress = {force / 1e6}'
+        )
+        text += f"\n[[stages]]\nstart_time = {start}\nend_time = {start + duration}\n{own}\n"
+        start += duration
+    return text
+
+
+def by_scipy(
+    values: Mapping[str, float], stages: tuple[tuple[float, float, float], ...], at: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """True stress and strain of the sample at times inside the stages."""
+    modulus = values["maxwell_modulus"]
+    state = np.array([0.0, 0.0, GRAIN_SIZE, 1.0])  # Kelvin and dashpot strain, grain size, fabric
+    before, start, found = 0.0, 0.0, []
+
+    def stress_of(force: float, kelvin: float, dashpot: float) -> float:
+        def missed(stress: float) -> float:
+            return stress - force * float(np.exp(-(stress / modulus + kelvin + dashpot)))
+
+        return float(brentq(missed, -2 * abs(force) - 1, 2 * abs(force) + 1, xtol=1e-6, rtol=1e-14))
+
+    def evolved(state: FloatArray, stress: float, path: float) -> FloatArray:
+        wanted = oracle.wanted_grain_size(values, stress)
+        grown = 1 - np.exp(-path / values["critical_strain_grain_size"])
+        fabric = 1 - np.exp(-path / values["critical_strain_fabric"])
+        changes: FloatArray = np.array(
+            [
+                0.0,
+                0.0,
+                (wanted - state[2]) * grown,
+                (values["steady_state_fabric_factor"] - state[3]) * fabric,
+            ]
+        )
+        return state + changes
+
+    def rates(time: float, state: FloatArray, force: float, slope: float) -> FloatArray:
+        kelvin_strain, dashpot_strain, grains, fabric = state
+        stress = stress_of(force + slope * time, kelvin_strain, dashpot_strain)
+        kelvin = oracle.kelvin_rate(values, TEMPERATURE, stress, kelvin_strain)
+        dashpot = float(oracle.dashpot_rate(values, TEMPERATURE, np.array(stress), grains, fabric))
+        # ln(stress) = ln(force) - strain, in which the spring has the share stress/modulus.
+        area = np.exp(-(stress / modulus + kelvin_strain + dashpot_strain))
+        stress_rate = (slope * area - stress * (kelvin + dashpot)) / (1 + stress / modulus)
+        path = abs(stress_rate / modulus + kelvin + dashpot)
+        wanted = oracle.wanted_grain_size(values, stress)
+        steady = values["steady_state_fabric_factor"]
+        return np.array(
+            [
+                kelvin,
+                dashpot,
+                path * (wanted - grains) / values["critical_strain_grain_size"],
+                path * (steady - fabric) / values["critical_strain_fabric"],
+            ]
+        )
+
+    for duration, force, slope in stages:
+        stress = stress_of(force, state[0], state[1])
+        state = evolved(state, stress, abs(stress - before) / modulus)
+        inside = at[(at > start) & (at <= start + duration)] - start
+        solved = solve_ivp(
+            rates,
+            (0.0, duration),
+            state,
+            method="LSODA",
+            args=(force, slope),
+            t_eval=np.append(inside, duration),
+            rtol=1e-10,
+            atol=[1e-14, 1e-14, 1e-16, 1e-12],
+        )
+        assert solved.success, solved.message
+        for time, (kelvin, dashpot, *_) in zip(inside, solved.y.T, strict=False):
+            stress = stress_of(force + slope * time, kelvin, dashpot)
+            found.append((stress, stress / modulus + kelvin + dashpot))
+        state = solved.y[:, -1]
+        before = stress_of(force + slope * duration, state[0], state[1])
+        start += duration
+    stresses, strains = np.transpose(found)
+    return stresses, strains
+
+
+def load(folder: Path, text: str, rows: str = "") -> LoadingHistory:
+    return load_loading_history(
+        written(folder / "force.toml", text, (), {"force": rows} if rows else {})
+    )
+
+
+@pytest.mark.usefixtures("programs")
+@pytest.mark.parametrize(
+    ("stages", "material"),
+    [*((stages, "ice") for stages in STAGES), *(("ramps and steps", one) for one in MATERIALS)],
+)
+def test_a_force_without_data_is_solved_with_the_area_of_the_solution(
+    stages: str, material: str, tmp_path: Path
+) -> None:
+    values = {**TRUTH, **MATERIALS[material]}
+    test = load(tmp_path, text_of(STAGES[stages]) + APPARATUS)
+    at = np.linspace(0.0, test.end_time, 41)[1:-1] + 0.5
+    stress, strain = by_scipy(values, STAGES[stages], at)
+    found = simulate(test, values, at=at)
+    np.testing.assert_allclose(found["stress_Pa"], stress, rtol=1e-6)
+    read = strain + COMPLIANCE * stress
+    np.testing.assert_allclose(found["strain"], read, rtol=1e-5, atol=1e-9)
+    # The area matters here: a constant true stress would strain the sample otherwise.
+    assert np.abs(strain).max() > 0.03
+
+
+@pytest.mark.usefixtures("programs")
+@pytest.mark.parametrize("stages", STAGES)
+def test_the_strain_rate_under_a_force_is_the_slope_of_the_strain(
+    stages: str, tmp_path: Path
+) -> None:
+    """That of the apparatus and of the error of the load cell included."""
+    test = load(tmp_path, text_of(STAGES[stages]) + APPARATUS)
+    values = {**TRUTH, "apparatus_compliance": COMPLIANCE, "stress_calibration_error": 0.05}
+    middle = np.linspace(0.0, test.end_time, 20)[1:-1] + 0.7
+    at = np.sort(np.concatenate([middle - 0.1, middle, middle + 0.1]))
+    found = solve(test, values, at, solver=SolverOptions(tolerance=1e-11, max_num_steps=1_000_000))
+    slope = (found["grid_strain"][2::3] - found["grid_strain"][::3]) / 0.2
+    np.testing.assert_allclose(found["grid_strain_rate"][1::3], slope, rtol=1e-4)
+
+
+def test_a_copy_of_a_test_under_a_force_is_the_same(tmp_path: Path) -> None:
+    original = load(tmp_path, text_of(STAGES["ramps and steps"]) + APPARATUS)
+    folder = tmp_path / "copy"
+    folder.mkdir()
+    assert_equal(load_loading_history(save_loading_history(original, folder)), original)
+
+
+DATA = """
+[data]
+file = "force.csv"
+time_column = "time"
+time_unit = "s"
+strain_column = "strain"
+strain_unit = "fraction"
+"""
+
+
+@pytest.mark.parametrize("zero", [0.0, 0.01])
+def test_the_area_under_a_force_is_without_the_strain_of_the_apparatus(
+    zero: float, tmp_path: Path
+) -> None:
+    """A creep test of scipy, whose strain is read with the share of the apparatus."""
+    stages = ((4000.0, 20e6, 0.0),)
+    time = np.linspace(1.0, 3999.0, 400)
+    values = {**TRUTH, "beta": TRUTH["beta"] - 8e-5}
+    stress, strain = by_scipy(values, stages, time)
+    read = strain + COMPLIANCE * stress + zero
+    rows = "\n".join(
+        ["time,strain", *(f"{t},{e!r}" for t, e in zip(time.tolist(), read.tolist(), strict=True))]
+    )
+    offset = f'[strain_offset]\nvalue = {zero}\nunit = "fraction"\n'
+    test = load(tmp_path, text_of(stages) + APPARATUS + offset + DATA, rows)
+    corner, value = np.transpose(test.stages[0].knots)
+    np.testing.assert_allclose(np.interp(time, corner, value), stress, rtol=2e-3)
+    assert COMPLIANCE * stress[0] > 0.03  # by which the area would be wrong
+
+
+def test_engineering_stresses_are_those_of_the_sample(tmp_path: Path) -> None:
+    strain, stress = np.array([0.02, 0.08, 0.15]), np.array([10e6, 30e6, 40e6])
+    force = stress * np.exp(strain)
+    shortening = -np.expm1(-(strain + COMPLIANCE * stress))
+    rows = "\n".join(
+        ["time,strain,stress"]
+        + [
+            f"{10 * k + 10},{e!r},{f!r}"
+            for k, (e, f) in enumerate(zip(shortening.tolist(), force.tolist(), strict=True))
+        ]
+    )
+    stage = '[[stages]]\nstart_time = 0\nend_time = 40\ncontrol = "strain_rate"\n'
+    head = HEAD.replace("\n\n[prov", '\nstrain_measure = "engineering"\n\n[prov')
+    text = f"{head}\n{stage}strain_rate_per_s = 0.005\n{APPARATUS}{DATA}"
+    text += 'stress_column = "stress"\nstress_unit = "Pa"\n'
+    np.testing.assert_allclose(load(tmp_path, text, rows).reading, stress, rtol=1e-12)
+
+
+def test_a_compliance_in_another_unit_is_refused(tmp_path: Path) -> None:
+    rows = "time,strain\n1,0.1\n3999,0.2\n"
+    stiff = APPARATUS.replace("e-09", "e-03")
+    text = text_of(STAGES["constant"]) + stiff + DATA
+    path = written(tmp_path / "force.toml", text, (), {"force": rows})
+    said = refusal(path, load_loading_history)
+    assert "'compliance_per_Pa'" in said
+    assert "check its unit" in said

@@ -1,0 +1,90 @@
+"""A test at constant strain rate as a loading history: one model, one density."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import ICE, with_fixed
+
+from pyburgers.cmdstan.program import load_program
+from pyburgers.kinds.constant_rate.experiment import (
+    ConstantRateExperiment,
+    RateSegment,
+    load_constant_rate,
+)
+from pyburgers.kinds.experiment import Experiment, UncertainCondition
+from pyburgers.kinds.forward import simulate
+from pyburgers.kinds.kind import kind_of, load_experiment, save_experiment
+from pyburgers.kinds.loading_history.conversion import as_history
+from pyburgers.kinds.problem import problem_of
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.model.priors import default_priors
+
+pytestmark = pytest.mark.usefixtures("programs")
+
+SEGMENTS = {
+    "one rate": (RateSegment(0.0, 1.69e-4),),
+    "rate steps": (RateSegment(0.0, 1e-4), RateSegment(0.03, 2e-5), RateSegment(0.0501, 3e-4)),
+}
+
+
+@pytest.fixture(params=SEGMENTS)
+def curve(request: pytest.FixtureRequest) -> ConstantRateExperiment:
+    return replace(load_constant_rate(ICE / "PIL40.toml"), segments=SEGMENTS[request.param])
+
+
+def density(experiment: Experiment, known: dict[str, float]) -> tuple[float, np.ndarray]:
+    """Prior density, and log likelihood of every point, at given parameters."""
+    problem = problem_of([experiment], with_fixed(default_priors("ice"), known))
+    data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
+    free = problem.coordinates[0]
+    draw = load_program(kind_of(experiment).program).evaluate(
+        data, {"coordinate": np.full(len(free.quantities), 0.3).tolist()}
+    )
+    return float(draw["lprior"]), draw["log_lik"]
+
+
+CONDITIONS: dict[str, tuple[UncertainCondition, ...]] = {
+    "known": (),
+    "uncertain": (
+        UncertainCondition("temperature_error", 5.0, "F"),
+        UncertainCondition("stress_calibration_error", 0.05, None),
+    ),
+}
+
+
+@pytest.mark.parametrize("conditions", CONDITIONS)
+def test_the_density_is_that_of_the_test_at_constant_rate(
+    curve: ConstantRateExperiment, conditions: str
+) -> None:
+    curve = replace(curve, uncertain=CONDITIONS[conditions])
+    truth = load_constant_rate(ICE / "PIL40.toml").true_parameters
+    assert truth is not None
+    # Coordinates differ in the flow rate; all but three others are known.
+    few = ("maxwell_modulus", "kelvin_viscosity", "stress_noise")
+    known = {name: truth[name] for name in default_priors("ice").free if name not in few}
+    one, other = density(curve, known), density(as_history(curve), known)
+    assert one[0] == pytest.approx(other[0], rel=1e-9)
+    np.testing.assert_allclose(one[1], other[1], rtol=1e-6, atol=1e-6)
+
+
+def test_the_solution_is_that_of_the_test_at_constant_rate(curve: ConstantRateExperiment) -> None:
+    truth = load_constant_rate(ICE / "PIL40.toml").true_parameters
+    assert truth is not None
+    history = as_history(curve)
+    strain = np.linspace(0.0, 0.2, 41)[1:]
+    one = simulate(curve, dict(truth), at=strain)
+    other = simulate(history, dict(truth), at=one["time_s"].to_numpy())
+    for column in ("strain", "stress_Pa", "kelvin_strain", "grain_size_m", "fabric_factor"):
+        np.testing.assert_allclose(one[column], other[column], rtol=1e-7, err_msg=column)
+
+
+def test_it_is_saved_like_any_history(
+    curve: ConstantRateExperiment, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    folder = tmp_path_factory.mktemp("copy")
+    history = as_history(curve)
+    read = load_experiment(save_experiment(history, folder))
+    np.testing.assert_array_equal(read.response, history.response)
+    np.testing.assert_array_equal(read.position, history.position)

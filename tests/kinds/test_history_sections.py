@@ -1,0 +1,238 @@
+"""Microstructure measured along loading histories: tables in files, places, simulated tests."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ICE
+from history_twins import TRUTH, history_twin
+from refusals import refusal, written
+from same_contents import assert_equal
+
+from pyburgers.common.errors import InputError
+from pyburgers.drawing.view import view_of
+from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.forward import simulate, simulate_data
+from pyburgers.kinds.loading_history.conversion import as_history
+from pyburgers.kinds.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.kinds.loading_history.files import load_loading_history, save_loading_history
+from pyburgers.kinds.loading_history.measured_sections import section_times
+from pyburgers.kinds.loading_history.stan_data import solver_outputs
+from pyburgers.kinds.loading_history.stan_data import tests_block as block_of
+from pyburgers.kinds.microstructure import MeasuredMicrostructure
+from pyburgers.kinds.problem import problem_of
+from pyburgers.model.priors import default_priors
+from pyburgers.model.variants import with_variant
+
+HEAD = """\
+id = "creep"
+material = "ice"
+protocol = "loading_history"
+temperature_K = 263.0
+initial_grain_size_m = 1e-3
+stage_time_unit = "min"
+stage_stress_unit = "MPa"
+"""
+
+STAGES = """
+[[stages]]
+control = "strain_rate"
+start_time = 2
+end_time = 12
+strain_rate_per_s = 1e-4
+
+[[stages]]
+control = "hold_strain"
+start_time = 12
+end_time = 20
+"""
+
+CREEP = """
+[[stages]]
+control = "stress"
+start_time = 20
+end_time = 62
+stress = 2.0
+"""
+
+TAIL = """
+[data]
+file = "table.csv"
+time_column = "time"
+time_unit = "min"
+stress_column = "stress"
+stress_unit = "MPa"
+strain_column = "strain"
+strain_unit = "percent"
+
+[[microstructure]]
+strain = 3.0
+grain_size_m = 800e-6
+grain_size_sd_m = 40e-6
+
+[[microstructure]]
+time = 19.5
+grain_size_m = 700e-6
+grain_size_sd_m = 35e-6
+
+[[microstructure]]
+time = "end"
+grain_size_m = 650e-6
+grain_size_sd_m = 30e-6
+fabric_factor = 0.8
+fabric_factor_sd = 0.05
+
+[provenance]
+kind = "measured"
+source = "Somebody (2020)"
+"""
+
+ROWS = "time,stress,strain\n5,1.5,2\n12,2.0,6\n15,1.2,\n20.5,2.0,6.1\n40,2.0,7\n62,2.0,8\n"
+TEXT = HEAD + STAGES + CREEP + TAIL
+MEASURED = (
+    MeasuredMicrostructure(0.03, 800e-6, 40e-6),
+    MeasuredMicrostructure(None, 700e-6, 35e-6, time=1050.0),
+    MeasuredMicrostructure(None, 650e-6, 30e-6, 0.8, 0.05, time=3600.0),
+)
+PIEZOMETER = {"grain_size": "piezometric"}
+
+
+def with_sections(folder: Path, *replacements: tuple[str, str], text: str = TEXT) -> Path:
+    return written(folder / "test.toml", text, replacements, {"table": ROWS})
+
+
+def test_places_are_in_the_units_of_the_file_and_copies_read_back(tmp_path: Path) -> None:
+    test = load_loading_history(with_sections(tmp_path))
+    assert [one.time for one in test.microstructure] == [None, 1050.0, 3600.0]
+    assert test.microstructure == MEASURED
+    (tmp_path / "copy").mkdir()
+    assert_equal(load_loading_history(save_loading_history(test, tmp_path / "copy")), test)
+    fact = dict(view_of(test).facts(test))["Measured microstructure"]
+    assert "800 ± 40 µm at a path strain of 3 %" in fact
+    assert "fabric factor 0.800 ± 0.050 at 60 min" in fact
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("time = 19.5\n", "", ["number 2", "neither of the keys 'time' and 'strain'", '"end"']),
+        ("time = 19.5\n", "time = 19.5\nstrain = 4.0\n", ["number 2", "both of the keys"]),
+        ("time = 19.5\n", "time = 2\n", ["found 2, expected more than 2 and at most 62 min"]),
+        ("time = 19.5\n", "time = 62.5\n", ["'time'", "found 62.5, expected more than 2"]),
+        ("time = 19.5\n", "time = nan\n", ["number 2", "found nan", 'a number or "end"']),
+        ("time = 19.5\n", 'time = "last"\n', ["'time'", "found 'last'", 'a number or "end"']),
+        ('time = "end"', "time = 19", ["number 3", "found 19, expected more than 19.5"]),
+        ('time = "end"', "strain = 3.0", ["number 3", "found 3, expected more than 3"]),
+        ("strain = 3.0", "strain = -1.0", ["'strain' in [[microstructure]] number 1", "found -1"]),
+        ("grain_size_m = 700e-6", "grain_size_m = 0", ["grain_size_m", "number 2"]),
+        ("35e-6", "800e-6", ["expected less than the grain size"]),
+        ("fabric_factor_sd = 0.05\n", "", ["number 3", "both or neither"]),
+        ("grain_size_m = 700e-6\n", "", ["'grain_size_m'", "is missing"]),
+        (
+            'stage_time_unit = "min"\n',
+            'stage_time_unit = "min"\nstrain_measure = "engineering"\n',
+            ["number 1", "engineering", "'time'"],
+        ),
+    ],
+)
+def test_tables_that_make_no_sense_are_refused(
+    old: str, new: str, words: Sequence[str], tmp_path: Path
+) -> None:
+    message = refusal(with_sections(tmp_path, (old, new)))
+    for word in words:
+        assert word in message
+
+
+def test_a_path_strain_beyond_the_imposed_one_is_refused(tmp_path: Path) -> None:
+    imposed = HEAD + STAGES + TAIL
+    path = with_sections(tmp_path, ("strain = 3.0", "strain = 6.5"), text=imposed)
+    (tmp_path / "table.csv").write_text("\n".join(ROWS.splitlines()[:4]), encoding="utf-8")
+    assert "'strain': found 6.5, expected at most 6, the path strain at the end" in refusal(path)
+    path.write_text(path.read_text().replace("strain = 6.5", "strain = 6.0"), encoding="utf-8")
+    assert load_loading_history(path).microstructure[0].strain == pytest.approx(0.06)
+
+
+def test_a_path_strain_far_beyond_the_strains_read_is_doubted(tmp_path: Path) -> None:
+    test = load_loading_history(with_sections(tmp_path, ("strain = 3.0", "strain = 70.0")))
+    (doubt,) = test.doubts
+    assert "path strain of 0.7" in doubt
+    assert "check its unit" in doubt
+    assert not load_loading_history(with_sections(tmp_path)).doubts
+
+
+def test_the_solver_reports_there_and_readings_stay_where_they_were() -> None:
+    known = history_twin("load and unload", 12)
+    # The second is at the jump to the second stage, before it; none lies at a reading.
+    sections = (
+        MeasuredMicrostructure(0.01, 2e-4, 1e-5),
+        MeasuredMicrostructure(None, 2e-4, 1e-5, time=1500.0),
+        MeasuredMicrostructure(None, 1.9e-4, 1e-5, time=3000.1),
+    )
+    test = replace(known, microstructure=sections)
+    outputs = solver_outputs(test, [one.time for one in sections])
+    assert outputs.of_sections[0] == 0
+    np.testing.assert_array_equal(outputs.time[outputs.of_readings - 1], known.time)
+    np.testing.assert_array_equal(outputs.time[outputs.of_sections[1:] - 1], [1500.0, 3000.1])
+    np.testing.assert_array_equal(outputs.leg[outputs.of_sections[1:] - 1], [0, 2])
+    assert (np.diff(outputs.leg) >= 0).all()
+    for leg in range(3):
+        assert (np.diff(outputs.time[outputs.leg == leg]) >= 0).all()
+    priors = problem_of([known], default_priors("ice")).priors
+    without, found = block_of([known], priors), block_of([test] * 2, [*priors] * 2)
+    n = known.n_points
+    assert without["output_of_point"] == list(range(1, n + 1))
+    assert without["measured"] == []
+    assert found["output_end"] == [0, n + 2, 2 * n + 4]
+    assert found["measured_end"] == [0, 3, 6]
+    assert found["measured_path_strain"] == [0.01, 0.0, 0.0] * 2
+    assert sum(found["n_outputs_in_leg"]) == 2 * n + 4
+
+
+def piezometric(test: LoadingHistory) -> list[float | None]:
+    olivine = default_priors("olivine")
+    priors = default_priors("ice").exchanging(
+        *(olivine[name] for name in olivine.priors if name.startswith("piezometer"))
+    )
+    return section_times(test, with_variant(priors, test, PIEZOMETER))
+
+
+def test_grains_that_follow_the_stress_need_a_time_that_is_known() -> None:
+    curve = load_constant_rate(ICE / "PIL40.toml")
+    seen = (MeasuredMicrostructure(0.05, 2e-4, 1e-5), MeasuredMicrostructure(0.2, 2e-4, 1e-5))
+    imposed = as_history(replace(curve, microstructure=seen))
+    known = curve.time_at(np.array([0.05, 0.2]))
+    np.testing.assert_allclose(np.array(piezometric(imposed), dtype=float), known, rtol=1e-12)
+    assert section_times(imposed, default_priors("ice")) == [None, None]
+    creep = replace(history_twin("creep", 12), microstructure=seen[:1])
+    with pytest.raises(InputError, match=r"creep: \[\[microstructure\]\] number 1.*'time'"):
+        piezometric(creep)
+    with pytest.raises(InputError, match="not known in advance"):
+        piezometric(replace(imposed, apparatus_compliance=Stated(1e-11, 0.0)))
+    timed = replace(creep, microstructure=(replace(seen[0], strain=None, time=4000.0),))
+    assert piezometric(timed) == [4000.0]
+
+
+@pytest.mark.usefixtures("programs")
+def test_simulated_tests_are_measured_at_their_places() -> None:
+    sections = (
+        MeasuredMicrostructure(0.1, 200e-6, 10e-6),
+        MeasuredMicrostructure(None, 170e-6, 8e-6, 0.7, 0.05, time=4000.0),
+    )
+    test = replace(history_twin("creep", 12), microstructure=sections)
+    rng = np.random.default_rng(1)
+    drawn = [simulate_data(test, TRUTH, rng, source="a test").microstructure for _ in range(30)]
+    end = simulate(test, TRUTH, at=np.array([4000.0])).iloc[-1]
+    steady, start = TRUTH["steady_state_grain_size"], test.initial_grain_size
+    gone = np.exp(-0.1 / TRUTH["critical_strain_grain_size"])
+    for k, size in enumerate((steady + (start - steady) * gone, end["grain_size_m"])):
+        errors = np.log([one[k].grain_size / size for one in drawn])
+        expected = sections[k].grain_size_sd / sections[k].grain_size
+        assert abs(errors.mean()) < 4 * expected / np.sqrt(30)
+        assert errors.std() == pytest.approx(expected, rel=0.4)
+        assert {(one[k].strain, one[k].time) for one in drawn} == {
+            (sections[k].strain, sections[k].time)
+        }
+    factors = np.array([one[1].fabric_factor for one in drawn]) - end["fabric_factor"]
+    assert abs(factors.mean()) < 4 * 0.05 / np.sqrt(30)

@@ -1,0 +1,273 @@
+"""Imagined tests: oscillations and tables of attenuation without readings."""
+
+import json
+from pathlib import Path
+
+import attenuation_oracle
+import numpy as np
+import oracle
+import pandas as pd
+import pytest
+from refusals import refusal, written
+from same_contents import assert_equal
+
+from pyburgers.cli.main import main
+from pyburgers.common.errors import InputError
+from pyburgers.kinds.attenuation.files import load_attenuation
+from pyburgers.kinds.forced_oscillation.experiment import load_forced_oscillation
+from pyburgers.kinds.forced_oscillation.stan_data import START_MARGIN
+from pyburgers.kinds.forward import simulate, with_laws
+from pyburgers.kinds.kind import load_experiment, save_experiment
+from pyburgers.kinds.problem import problem_of
+from pyburgers.model.parameters import PIEZOMETER, STANDARD_VALUES
+from pyburgers.model.priors import default_priors
+
+HEAD = """
+id = "imagined"
+material = "olivine"
+protocol = "{}"
+temperature_K = 1423.0
+initial_grain_size_m = 10e-6
+
+[provenance]
+kind = "synthetic"
+source = "imagined"
+"""
+
+OSCILLATION = (
+    HEAD.format("forced_oscillation")
+    + """
+[oscillation]
+period_s = 300.0
+start_stress_Pa = 150e6
+
+[imposed_cycles]
+strain_amplitude = 2e-3
+cycles = 5
+mean_strain_rate_per_s = 5e-6
+"""
+)
+
+RECORD = """
+[oscillation]
+period_s = 300.0
+strain_trend_degree = 1
+start_stress_Pa = 150e6
+
+[data]
+strain_file = "strain.csv"
+strain_time_column = "time"
+strain_time_unit = "s"
+strain_column = "strain"
+strain_unit = "fraction"
+strain_uncertainty = 1e-9
+stress_file = "strain.csv"
+stress_time_column = "time"
+stress_time_unit = "s"
+stress_column = "stress"
+stress_unit = "MPa"
+stress_uncertainty = 1.0
+"""
+
+TABLE = (
+    HEAD.format("attenuation")
+    + """
+[attenuation]
+deformation = "shear"
+poisson_ratio = 0.25
+amplitude_Pa = 1e5
+
+[[spectra]]
+periods_s = [1, 10, 100]
+
+[[spectra]]
+temperature_K = 1373
+median_stress_Pa = 1e6
+amplitude_Pa = 2e5
+periods_s = [1, 1000]
+"""
+)
+
+MEASURED_TABLE = """
+[attenuation]
+deformation = "shear"
+poisson_ratio = 0.25
+
+[data]
+file = "table.csv"
+period_column = "period"
+period_unit = "s"
+temperature_column = "temperature"
+stress_unit = "MPa"
+median_stress_column = "median"
+amplitude_column = "amplitude"
+attenuation_column = "attenuation"
+attenuation_form = "tan_delta"
+modulus_column = "modulus"
+modulus_unit = "GPa"
+"""
+
+
+TWIN = Path(__file__).parents[2] / "data" / "olivine" / "olivine_twin.toml"
+
+
+def simulated(
+    test: Path, parameters: dict[str, float], folder: Path, *options: str
+) -> pd.DataFrame:
+    """What the command writes."""
+    known, out = folder / "parameters.json", folder / "out.csv"
+    known.write_text(json.dumps(parameters), encoding="utf-8")
+    command = ["simulate", str(test), "--parameters", str(known), "--out", str(out), *options]
+    assert main(command) == 0
+    return pd.read_csv(out)
+
+
+@pytest.fixture(scope="module")
+def parameters() -> dict[str, float]:
+    twin = load_experiment(TWIN)
+    assert twin.true_parameters is not None
+    return dict(twin.true_parameters)
+
+
+@pytest.mark.parametrize("text", [OSCILLATION, TABLE], ids=["oscillation", "table"])
+def test_a_copy_is_the_same_and_cannot_be_fitted(text: str, tmp_path: Path) -> None:
+    original = load_experiment(written(tmp_path / "test.toml", text, (), {}))
+    assert original.n_points == 0
+    folder = tmp_path / "copy"
+    folder.mkdir()
+    again = load_experiment(save_experiment(original, folder))
+    assert [file.name for file in folder.iterdir()] == ["experiment.toml"]
+    assert_equal(again, original)
+    with pytest.raises(InputError, match="no data"):
+        problem_of([original], default_priors("olivine", original.protocol))
+
+
+@pytest.mark.usefixtures("programs")
+def test_imposed_cycles_are_a_record_of_the_same_strain(
+    tmp_path: Path, parameters: dict[str, float]
+) -> None:
+    imagined = load_forced_oscillation(written(tmp_path / "one.toml", OSCILLATION, (), {}))
+    time = np.linspace(0.0, 1500.0, 151)
+    strain = 2e-3 * np.sin(2 * np.pi * time / 300) + 5e-6 * time
+    rows = [f"{t},{e!r},{150 + 1e4 * e!r}" for t, e in zip(time, strain.tolist(), strict=True)]
+    files = {"strain": "\n".join(["time,strain,stress", *rows])}
+    text = HEAD.format("forced_oscillation") + RECORD
+    recorded = load_forced_oscillation(written(tmp_path / "two.toml", text, (), files))
+    found = simulate(imagined, parameters)
+    expected = simulate(recorded, parameters, at=found["time_s"].to_numpy())
+    assert found["time_s"].iloc[-1] == 1500.0
+    for name in ("strain", "stress_Pa", "kelvin_strain", "grain_size_m"):
+        np.testing.assert_allclose(found[name], expected[name], rtol=1e-6, atol=1e-12)
+
+
+@pytest.mark.usefixtures("programs")
+@pytest.mark.parametrize("cycles", [1, 2])
+@pytest.mark.parametrize("amplitude", ["2e-3", "0.1"])
+def test_imposed_cycles_have_as_many_cycles_ahead_as_the_file_says(
+    cycles: int, amplitude: str, tmp_path: Path, parameters: dict[str, float]
+) -> None:
+    """Their stress is that of scipy, which starts that many periods ahead."""
+    settings = f"period_s = 300.0\nspin_up_cycles = {cycles}"
+    text = OSCILLATION.replace("2e-3", amplitude).replace("period_s = 300.0", settings)
+    imagined = load_forced_oscillation(written(tmp_path / "one.toml", text, (), {}))
+    found = simulate(imagined, parameters, at=np.linspace(10.0, 1500.0, 40))
+    expected = oracle.oscillation(
+        parameters,
+        imagined.temperature,
+        imagined.initial_grain_size,
+        oracle.OscillatingStrain(300.0, [float(amplitude)], [0.0], [5e-6], -300.0 * START_MARGIN),
+        start=-300.0 * cycles,
+        start_stress=150e6,
+        time=found["time_s"].to_numpy(),
+    )
+    largest = np.abs(expected[0]).max()
+    np.testing.assert_allclose(found["stress_Pa"], expected[0], rtol=0, atol=1e-4 * largest)
+
+
+@pytest.mark.usefixtures("programs")
+def test_simulate_writes_what_a_table_of_attenuation_reads(
+    tmp_path: Path, parameters: dict[str, float]
+) -> None:
+    table = written(tmp_path / "table.toml", TABLE, (), {})
+    out = simulated(table, parameters, tmp_path)
+    assert out["period_s"].tolist() == [1, 10, 100, 1, 1000]
+    assert out["temperature_K"].tolist() == [1423] * 3 + [1373] * 2
+    assert out["median_stress_Pa"].tolist() == [0, 0, 0, 1e6, 1e6]
+    assert out["amplitude_Pa"].tolist() == [1e5] * 3 + [2e5] * 2
+    known = {**STANDARD_VALUES, **parameters}
+    expected = attenuation_oracle.log_readings(
+        load_attenuation(table), known, out["period_s"].to_numpy(), np.arange(5)
+    )
+    np.testing.assert_allclose(out["tan_delta"], np.exp(expected[0]), rtol=1e-7)
+    np.testing.assert_allclose(out["modulus_Pa"], np.exp(expected[1]), rtol=1e-7)
+
+
+@pytest.mark.usefixtures("programs")
+def test_simulate_takes_a_variant(tmp_path: Path, parameters: dict[str, float]) -> None:
+    """Without a piezometer an oscillation needs constant grains."""
+    test = written(tmp_path / "one.toml", OSCILLATION, (), {})
+    known = {name: value for name, value in parameters.items() if name not in PIEZOMETER}
+    found = simulated(test, known, tmp_path, "--variant", "grain_size=constant")
+    assert found["grain_size_m"].to_numpy() == pytest.approx(10e-6)
+    expected = simulated(test, {**parameters, "critical_strain_grain_size": 1e9}, tmp_path)
+    np.testing.assert_allclose(found["stress_Pa"], expected["stress_Pa"], rtol=1e-6)
+
+
+def test_a_law_whose_parameter_is_not_given_is_refused(parameters: dict[str, float]) -> None:
+    twin = load_experiment(TWIN)
+    with pytest.raises(InputError, match=r"kelvin=power_law: .* kelvin_stress_exponent"):
+        with_laws(twin, parameters, {"kelvin": "power_law"})
+
+
+@pytest.mark.usefixtures("programs")
+def test_listed_spectra_are_the_rows_of_a_table(
+    tmp_path: Path, parameters: dict[str, float]
+) -> None:
+    imagined = load_attenuation(written(tmp_path / "one.toml", TABLE, (), {}))
+    conditions = [(p, 1423, 0, 0.1) for p in (1, 10, 100)] + [(p, 1373, 1, 0.2) for p in (1, 1000)]
+    rows = [",".join(map(str, (*row, 0.1, 50))) for row in conditions]
+    header = "period,temperature,median,amplitude,attenuation,modulus"
+    files = {"table": "\n".join([header, *rows])}
+    text = HEAD.format("attenuation") + MEASURED_TABLE
+    measured = load_attenuation(written(tmp_path / "two.toml", text, (), files))
+    assert_equal(imagined.conditions, measured.conditions)
+    at = measured.position
+    found, expected = (simulate(one, parameters, at=at) for one in (imagined, measured))
+    np.testing.assert_array_equal(found["log_reading"], expected["log_reading"])
+    assert set(at) <= set(simulate(imagined, parameters)["place"])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("period_s = 300.0\n", ""), "key 'period_s' in [oscillation] is missing"),
+        (("period_s = 300.0", 'period_s = 300.0\nbackground = "removed"'), "'background'"),
+        (("period_s = 300.0", "period_s = 300.0\nstrain_trend_degree = 1"), "no record to take"),
+        (("cycles = 5", "cycles = 0"), "key 'cycles'"),
+        (("strain_amplitude = 2e-3\n", ""), "key 'strain_amplitude'"),
+        ((OSCILLATION[OSCILLATION.index("[imposed") :], ""), "[imposed_cycles]"),
+        (("[imposed_cycles]", RECORD[RECORD.index("[data]") :] + "[imposed_cycles]"), "both"),
+    ],
+)
+def test_oscillations_that_nobody_can_impose(
+    change: tuple[str, str], words: str, tmp_path: Path
+) -> None:
+    assert words in refusal(written(tmp_path / "test.toml", OSCILLATION, (change,), {}))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("[1, 10, 100]", "[1, 10, 10]"), "found the period 10 twice"),
+        (("[1, 10, 100]", "[]"), "periods_s"),
+        (("[1, 1000]", "[-1, 1000]"), "periods_s"),
+        (("amplitude_Pa = 1e5\n", ""), "'amplitude_Pa' is given in some of them"),
+        ((TABLE[TABLE.index("[[spectra]]") :], ""), "found neither of the tables [data]"),
+        (
+            ("[[spectra]]", MEASURED_TABLE[MEASURED_TABLE.index("[data]") :] + "[[spectra]]"),
+            "found both of the tables [data]",
+        ),
+    ],
+)
+def test_tables_that_are_none(change: tuple[str, str], words: str, tmp_path: Path) -> None:
+    assert words in refusal(written(tmp_path / "test.toml", TABLE, (change,), {}))

@@ -1,0 +1,133 @@
+"""Measured grain sizes and fabric factors: their tables in files, and those of simulated tests."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ICE
+from refusals import refusal
+from same_contents import assert_equal
+
+from pyburgers.drawing.view import view_of
+from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.stan_data import tests_block as block_of
+from pyburgers.kinds.forward import simulate, simulate_data
+from pyburgers.kinds.kind import load_experiment, save_experiment
+from pyburgers.kinds.microstructure import MeasuredMicrostructure
+from pyburgers.kinds.problem import problem_of
+from pyburgers.model.priors import default_priors
+
+ROWS = """
+[[microstructure]]
+strain = 5.0
+grain_size_m = 200e-6
+grain_size_sd_m = 10e-6
+
+[[microstructure]]
+strain = 15.0
+grain_size_m = 170e-6
+grain_size_sd_m = 8e-6
+fabric_factor = 0.7
+fabric_factor_sd = 0.05
+"""
+MEASURED = (
+    MeasuredMicrostructure(0.05, 200e-6, 10e-6),
+    MeasuredMicrostructure(0.15, 170e-6, 8e-6, 0.7, 0.05),
+)
+
+
+def with_rows(folder: Path, rows: str = ROWS, unit: str = "percent") -> Path:
+    """A copy of a twin with rows, strains in a unit."""
+    path = save_experiment(load_constant_rate(ICE / "PIL40.toml"), folder)
+    text = path.read_text(encoding="utf-8") + rows
+    path.write_text(
+        text.replace('strain_unit = "fraction"', f'strain_unit = "{unit}"'), encoding="utf-8"
+    )
+    if unit == "percent":
+        table = (folder / "experiment.csv").read_text(encoding="utf-8").splitlines()
+        head, *lines = table
+        cells = [line.split(",") for line in lines]
+        scaled = [f"{100 * float(strain)},{stress}" for strain, stress in cells]
+        (folder / "experiment.csv").write_text("\n".join([head, *scaled]), encoding="utf-8")
+    return path
+
+
+def test_rows_are_in_the_unit_of_the_strains_and_copies_read_back(tmp_path: Path) -> None:
+    experiment = load_constant_rate(with_rows(tmp_path))
+    assert experiment.microstructure == MEASURED
+    (tmp_path / "copy").mkdir()
+    assert_equal(load_experiment(save_experiment(experiment, tmp_path / "copy")), experiment)
+    facts = dict(view_of(experiment).facts(experiment))
+    assert "fabric factor 0.700 ± 0.050 at 15 % strain" in facts["Measured microstructure"]
+    assert "Measured microstructure" not in dict(
+        view_of(experiment).facts(load_constant_rate(ICE / "PIL40.toml"))
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "word"),
+    [
+        ("strain = 5.0", "strain = 0.0", "strain"),
+        ("strain = 15.0", "strain = 25.0", "'final_strain'"),
+        ("strain = 15.0", "strain = 5.0", "expected more than 5"),
+        ("10e-6", "0.0", "grain_size_sd_m"),
+        ("10e-6", "300e-6", "expected less than the grain size"),
+        ("200e-6", "200", "grain_size_m"),
+        ("fabric_factor_sd = 0.05", "", "both or neither"),
+        ("grain_size_m = 200e-6", "", "grain_size_m"),
+    ],
+)
+def test_rows_that_make_no_sense_are_refused(old: str, new: str, word: str, tmp_path: Path) -> None:
+    assert old in ROWS
+    assert word in refusal(with_rows(tmp_path, ROWS.replace(old, new, 1)))
+
+
+def test_the_test_goes_on_to_the_last_row(tmp_path: Path) -> None:
+    path = with_rows(tmp_path, ROWS.replace("15.0", "24.0"))
+    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    kept = [line for line in lines if not line.startswith("final_strain")]
+    path.write_text("".join(kept), encoding="utf-8")
+    assert load_constant_rate(path).final_strain == pytest.approx(0.24)
+
+
+def test_the_solver_reports_there_and_points_stay_where_they_were() -> None:
+    known = load_constant_rate(ICE / "PIL40.toml")
+    experiment = replace(known, microstructure=MEASURED)
+    priors = problem_of([known], default_priors("ice")).priors
+    without, found = block_of([known], priors), block_of([experiment] * 2, [*priors] * 2)
+    assert without["measured"] == []
+    assert without["measured_end"] == [0, 0]
+    assert found["measured_end"] == [0, 2, 4]
+    rows = [[200e-6, 0.05, 0.0, 0.0], [170e-6, 8 / 170, 0.7, 0.05]] * 2
+    np.testing.assert_allclose(found["measured"], rows, rtol=1e-12)
+    n = known.n_points
+    assert found["point_strain"][:n] == without["point_strain"]
+    ends = found["strain_end"]
+    for e in (0, 1):
+        strain = np.array(found["strain"])[ends[e] : ends[e + 1]]
+        places = np.array(found["strain_of_measured"])[2 * e : 2 * e + 2] - 1
+        np.testing.assert_array_equal(strain[places], [0.05, 0.15])
+        places = np.array(found["strain_of_point"])[e * n : (e + 1) * n] - 1
+        np.testing.assert_allclose(strain[places], known.strain, rtol=1e-12)
+
+
+@pytest.mark.usefixtures("programs")
+def test_simulated_tests_are_measured_with_the_stated_errors() -> None:
+    experiment = replace(load_constant_rate(ICE / "PIL40.toml"), microstructure=MEASURED)
+    truth = dict(experiment.true_parameters or {})
+    rng = np.random.default_rng(1)
+    drawn = [simulate_data(experiment, truth, rng, source="test").microstructure for _ in range(40)]
+    solution = simulate(experiment, truth, at=np.array([0.05, 0.15])).set_index("strain")
+    for k, strain in enumerate((0.05, 0.15)):
+        sizes = np.log([one[k].grain_size / solution["grain_size_m"][strain] for one in drawn])
+        error = MEASURED[k].grain_size_sd / MEASURED[k].grain_size
+        assert abs(sizes.mean()) < 4 * error / np.sqrt(40)
+        assert sizes.std() == pytest.approx(error, rel=0.4)
+        assert all(
+            one[k].grain_size_sd / one[k].grain_size == pytest.approx(error) for one in drawn
+        )
+    factors = np.array([one[1].fabric_factor for one in drawn]) - solution["fabric_factor"][0.15]
+    assert abs(factors.mean()) < 4 * 0.05 / np.sqrt(40)
+    assert factors.std() == pytest.approx(0.05, rel=0.4)
+    assert all(one[0].fabric_factor is None for one in drawn)

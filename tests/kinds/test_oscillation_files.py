@@ -1,0 +1,280 @@
+"""Files of forced oscillation tests: what is read, what is refused, what is written."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from refusals import refusal, written
+from same_contents import assert_equal
+
+from pyburgers.kinds.forced_oscillation.experiment import (
+    OscillationExperiment,
+    load_forced_oscillation,
+    with_background,
+)
+from pyburgers.kinds.forced_oscillation.preparation import REMOVED_NOTICE
+from pyburgers.kinds.kind import load_experiment, save_experiment
+
+EXPERIMENT = """\
+id = "sample-1"
+material = "olivine"
+protocol = "forced_oscillation"
+temperature_K = 1423.0
+initial_grain_size_m = 10e-6
+
+[oscillation]
+period_s = 300.0
+
+[data]
+strain_file = "strain.csv"
+strain_time_column = "time"
+strain_time_unit = "s"
+strain_column = "strain"
+strain_unit = "percent"
+strain_uncertainty = 0.002
+stress_file = "stress.csv"
+stress_time_column = "time"
+stress_time_unit = "min"
+stress_column = "stress"
+stress_unit = "MPa"
+stress_uncertainty_column = "sd"
+
+[provenance]
+kind = "synthetic"
+source = "Somebody (2020)"
+
+[metadata]
+operator = "somebody"
+
+[true_parameters]
+stress_exponent = 3.2
+"""
+
+Write = Callable[..., Path]
+
+REMOVED = ("period_s = 300.0", 'period_s = 300.0\nbackground = "removed"')
+
+
+def strain_csv(last: float = 1500.0) -> str:
+    time = np.arange(0.0, last, 10.0)
+    percent = 0.2 * np.sin(2 * np.pi * time / 300) + 5e-4 * time
+    rows = [f"{t},{e!r}" for t, e in zip(time, percent.tolist(), strict=True)]
+    return "\n".join(["time,strain", *rows]) + "\n"
+
+
+def stress_csv(last: float = 1500.0) -> str:
+    time = np.arange(5.0, last, 25.0)
+    stress = 150 + 50 * np.sin(2 * np.pi * time / 300 + 0.5) + 0.003 * time
+    rows = [
+        f"{t / 60!r},{s!r},{4 + 0.01 * k!r}"
+        for k, (t, s) in enumerate(zip(time.tolist(), stress.tolist(), strict=True))
+    ]
+    return "\n".join(["time,stress,sd", *rows]) + "\n"
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    """Write an experiment with replaced text and its data files; return the TOML's path."""
+
+    def write(*replacements: tuple[str, str], **files: str) -> Path:
+        series = {"strain": strain_csv(), "stress": stress_csv(), **files}
+        return written(tmp_path / "test.toml", EXPERIMENT, replacements, series)
+
+    return write
+
+
+class TestReading:
+    def test_everything_is_converted_to_si(self, write: Write) -> None:
+        experiment = load_forced_oscillation(write())
+        record = experiment.record
+        np.testing.assert_allclose(record.strain_time[:3], [0, 10, 20])
+        np.testing.assert_allclose(record.stress_time[:3], [5, 30, 55])
+        time = record.strain_time
+        np.testing.assert_allclose(
+            record.strain, 2e-3 * np.sin(2 * np.pi * time / 300) + 5e-6 * time, atol=1e-15
+        )
+        np.testing.assert_allclose(record.strain_uncertainty, 2e-5)
+        np.testing.assert_allclose(record.stress_uncertainty[:3], [4e6, 4.01e6, 4.02e6])
+        assert experiment.true_parameters == {"stress_exponent": 3.2}
+        assert experiment.metadata == {"operator": "somebody"}
+        assert experiment.notices == ()
+
+    def test_time_stamps_of_two_files_have_no_common_zero(self, write: Write) -> None:
+        def stamped(text: str, minutes: float) -> str:
+            head, *lines = text.splitlines()
+            cells = [line.split(",", 1) for line in lines]
+            seconds = [round(60 * minutes * float(time), 3) for time, _ in cells]
+            clocks = [f"9:{int(t // 60):02}:{t % 60:06.3f}" for t in seconds]
+            rows = [",".join([clock, rest]) for clock, (_, rest) in zip(clocks, cells, strict=True)]
+            return "\n".join([head, *rows]) + "\n"
+
+        strain, stress = stamped(strain_csv(), 1 / 60), stamped(stress_csv(), 1)
+        seconds = ('stress_time_unit = "min"', 'stress_time_unit = "s"')
+        text = refusal(write(seconds, strain=strain, stress=stress))
+        assert "holds time stamps, expected times in seconds, because another file counts" in text
+
+    def test_the_stress_is_the_prepared_one(self, write: Write) -> None:
+        experiment = load_forced_oscillation(write(REMOVED))
+        assert experiment.stress is experiment.prepared.stress
+        assert experiment.n_points == experiment.prepared.time.size == 60
+        np.testing.assert_allclose(
+            experiment.stress,
+            50e6 * np.sin(2 * np.pi * experiment.prepared.time / 300 + 0.5),
+            atol=0.2e6,
+        )
+
+    def test_what_is_left_open_is_chosen(self, write: Write) -> None:
+        experiment = load_forced_oscillation(write(("period_s = 300.0\n", "")))
+        settings = experiment.settings
+        assert settings.period == pytest.approx(300, rel=1e-5)
+        assert settings.strain_trend_degree == 1
+        assert settings.stress_trend_degree is not None
+        assert settings.background == "kept"
+        assert experiment.spin_up_cycles == 2
+
+    def test_what_is_given_is_used(self, write: Write) -> None:
+        path = write(
+            (
+                "period_s = 300.0",
+                "period_s = 301.0\nstrain_trend_degree = 3\nstress_trend_degree = 2\n"
+                'background = "kept"\nspin_up_cycles = 8',
+            )
+        )
+        experiment = load_forced_oscillation(path)
+        settings = experiment.settings
+        assert settings.period == experiment.prepared.strain_fit.period == 301.0
+        assert (settings.strain_trend_degree, settings.stress_trend_degree) == (3, 2)
+        assert experiment.prepared.strain_fit.degree == 3
+        assert experiment.prepared.stress_fit.degree == 2
+        assert experiment.spin_up_cycles == 8
+        np.testing.assert_array_equal(experiment.stress, experiment.record.stress)
+
+    def test_the_table_oscillation_may_be_missing(self, write: Write) -> None:
+        path = write(("[oscillation]\nperiod_s = 300.0\n", ""))
+        assert load_forced_oscillation(path).settings.background == "kept"
+
+    def test_a_removed_background_has_a_warning(self, write: Write) -> None:
+        assert load_forced_oscillation(write()).notices == ()
+        assert load_forced_oscillation(write(REMOVED)).notices == (REMOVED_NOTICE,)
+
+    def test_columns_by_number_of_a_file_between_spaces(self, write: Write) -> None:
+        rows = [line.split(",") for line in stress_csv().splitlines()[1:]]
+        both = "\n".join(f"{t} {float(t) * 1e-3} {s} 4" for t, s, _ in rows)
+        path = write(
+            ("[data]", '[data]\nseparator = "whitespace"\nheader = false'),
+            ("strain.csv", "stress.csv"),
+            ('strain_time_column = "time"\nstrain_time_unit = "s"', "strain_time_column = 1"),
+            ('strain_column = "strain"', 'strain_time_unit = "min"\nstrain_column = 3'),
+            ('stress_time_column = "time"', "stress_time_column = 1"),
+            ('stress_column = "stress"', "stress_column = 3"),
+            ('stress_uncertainty_column = "sd"', "stress_uncertainty_column = 4"),
+            stress=both,
+        )
+        record = load_forced_oscillation(path).record
+        np.testing.assert_allclose(record.strain_time, record.stress_time)
+        np.testing.assert_allclose(record.stress_uncertainty, 4e6)
+
+    def test_the_environment_takes_the_place_of_data_root(
+        self, write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        path = write(("[data]", '[data]\ndata_root = "elsewhere"'))
+        monkeypatch.delenv("PYBURGERS_DATA", raising=False)
+        assert "'strain_file' in [data]" in refusal(path)
+        monkeypatch.setenv("PYBURGERS_DATA", str(tmp_path))
+        assert load_experiment(path).n_points == 60
+
+    def test_readings_left_out_are_announced(self, write: Write) -> None:
+        experiment = load_experiment(write(strain=strain_csv(last=1200)))
+        assert experiment.notices == (
+            "12 points of the stress outside the strain record left out.",
+        )
+
+
+class TestBadInput:
+    @pytest.mark.parametrize(
+        ("old", "new", "fragments"),
+        [
+            ("strain_uncertainty = 0.002\n", "", ["uncertainty of the strain is missing"]),
+            ('stress_uncertainty_column = "sd"\n', "", ["uncertainty of the stress is missing"]),
+            (
+                'stress_uncertainty_column = "sd"',
+                'stress_uncertainty_column = "sd"\nstress_uncertainty = 4.0',
+                ["uncertainty of the stress is given twice", "'stress_uncertainty_column'"],
+            ),
+            ("strain_uncertainty = 0.002", "strain_uncertainty = 0.0", ["'strain_uncertainty'"]),
+            ('"forced_oscillation"', '"wobble"', ["'constant_rate' or 'forced_oscillation'"]),
+            ('protocol = "forced_oscillation"\n', "", ["'protocol' is missing"]),
+            ("period_s = 300.0", "period_s = -1.0", ["'period_s' in [oscillation]", "-1.0"]),
+            ("period_s = 300.0", "period = 300.0", ["'period' in [oscillation]", "'period_s'"]),
+            ("period_s = 300.0", 'background = "gone"', ["'background'", "'removed' or 'kept'"]),
+            ("period_s = 300.0", "spin_up_cycles = 0", ["'spin_up_cycles'"]),
+            ("period_s = 300.0", "strain_trend_degree = -1", ["'strain_trend_degree'"]),
+            ("period_s = 300.0", "period_s = 800.0", ["1.88 cycles of the period 800 s"]),
+            ("period_s = 300.0", "period_s = 15.0", ["15 s is too short for the strain"]),
+            ("period_s = 300.0", "period_s = 9000.0", ["9000 s is longer than the strain's"]),
+            ('strain_file = "strain.csv"\n', "", ["'strain_file' in [data] is missing"]),
+            ('"strain.csv"', '"none.csv"', ["'strain_file' in [data]", "does not exist"]),
+            ('stress_time_unit = "min"', 'stress_time_unit = "day"', ["'stress_time_unit'"]),
+            ('strain_unit = "percent"', 'strain_unit = "MPa"', ["'strain_unit'", "fraction"]),
+            ('stress_column = "stress"', 'stress_column = "load"', ["'stress_column'", "'load'"]),
+            ('stress_column = "stress"', "stress_column = 1.5", ["'stress_column'", "1.5"]),
+            ("temperature_K = 1423.0", "temperature_K = 20.0", ["'temperature_K'", "Celsius"]),
+            ('"synthetic"', '"measured"', ["[true_parameters]"]),
+        ],
+    )
+    def test_experiment_file(self, write: Write, old: str, new: str, fragments: list[str]) -> None:
+        text = refusal(write((old, new)))
+        for fragment in fragments:
+            assert fragment in text
+
+    def test_no_data_table(self, write: Write) -> None:
+        start, end = EXPERIMENT.index("[data]"), EXPERIMENT.index("[provenance]")
+        assert "[data] is missing" in refusal(write((EXPERIMENT[start:end], "")))
+
+    def test_clocks_that_do_not_overlap(self, write: Write) -> None:
+        lines = stress_csv().splitlines()
+        late = [
+            ",".join([repr(float(t) + 100), s, sd])
+            for t, s, sd in (line.split(",") for line in lines[1:])
+        ]
+        text = refusal(write(stress="\n".join([lines[0], *late])))
+        assert "strain and stress clocks do not overlap" in text
+
+    def test_a_clock_that_runs_backwards(self, write: Write) -> None:
+        lines = strain_csv().splitlines()
+        text = refusal(write(strain="\n".join([*lines[:4], lines[3], *lines[4:]])))
+        assert "the strain's clock, reading 4: found 20 s after 20 s" in text
+
+    def test_an_uncertainty_of_zero(self, write: Write) -> None:
+        text = refusal(write(stress=stress_csv().replace(",4.02\n", ",0\n")))
+        assert "the stress's uncertainty, reading 3: found 0" in text
+
+
+class TestSaving:
+    @pytest.mark.parametrize("period", ["period_s = 300.0", "spin_up_cycles = 7"])
+    def test_a_copy_reads_back_exactly(self, write: Write, tmp_path: Path, period: str) -> None:
+        original = load_experiment(
+            write(("period_s = 300.0", period), strain=strain_csv(last=1200))
+        )
+        assert len(original.notices) == 1
+        folder = tmp_path / "copy"
+        folder.mkdir()
+        assert_equal(load_experiment(save_experiment(original, folder)), original)
+
+
+class TestWithBackground:
+    def test_there_and_back(self, write: Write) -> None:
+        removed = load_forced_oscillation(write(REMOVED))
+        assert removed.notices == (REMOVED_NOTICE,)
+        kept = with_background(removed, "kept")
+        assert kept.notices == ()
+        assert kept.settings.background == kept.prepared.background == "kept"
+        np.testing.assert_array_equal(kept.stress, kept.record.stress)
+        assert kept.settings.period == removed.settings.period
+        assert_equal(with_background(kept, "removed"), removed)
+
+    def test_it_is_what_the_file_would_give(self, write: Write) -> None:
+        changed = with_background(load_forced_oscillation(write()), "removed")
+        read: OscillationExperiment = load_forced_oscillation(write(REMOVED))
+        assert_equal(changed, read)

@@ -1,0 +1,237 @@
+"""From experiment and priors to Stan's data: outputs of the solver, coordinates, priors."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+from conftest import ICE, with_fixed
+from stan_data import one_test_data
+
+from pyburgers.common.errors import InputError
+from pyburgers.kinds.constant_rate.experiment import (
+    ConstantRateExperiment,
+    RateSegment,
+    load_constant_rate,
+)
+from pyburgers.kinds.coordinates import REFERENCE_STRESS, Layout
+from pyburgers.kinds.problem import plain_coordinates, problem_of
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import SolverOptions, StanData
+from pyburgers.model.parameters import PARAMETERS, PROGRAM_PARAMETERS
+from pyburgers.model.pooling import pooling_of
+from pyburgers.model.prior_families import Family, Prior
+from pyburgers.model.priors import PriorSet, default_priors
+
+INDEX = {parameter.name: k for k, parameter in enumerate(PARAMETERS, start=1)}
+
+
+def experiment(
+    strain: Sequence[float], segments: Sequence[tuple[float, float]] = ((0.0, 1e-4),)
+) -> ConstantRateExperiment:
+    return replace(
+        load_constant_rate(ICE / "PIL40.toml"),
+        segments=tuple(RateSegment(start, rate) for start, rate in segments),
+        strain=np.array(strain),
+        stress=np.linspace(1e6, 5e6, len(strain)),
+        final_strain=0.1,
+    )
+
+
+def ice() -> PriorSet:
+    return default_priors("ice").resolved(5e6)
+
+
+def with_prior(priors: PriorSet, prior: Prior) -> PriorSet:
+    return replace(priors, priors=MappingProxyType({**priors.priors, prior.parameter: prior}))
+
+
+def data_of(
+    test: ConstantRateExperiment,
+    priors: PriorSet | None = None,
+    *,
+    grid: Sequence[float] = (),
+    use_likelihood: bool = True,
+) -> StanData:
+    return one_test_data(
+        test,
+        priors or ice(),
+        solver=SolverOptions(),
+        grid=np.array(grid, dtype=np.float64),
+        use_likelihood=use_likelihood,
+    )
+
+
+def test_repeated_strains_share_one_output() -> None:
+    data = data_of(experiment([0.01, 0.02, 0.02, 0.03]))
+    assert data["strain"] == [0.01, 0.02, 0.03]
+    assert data["strain_of_point"] == [1, 2, 2, 3]
+    assert data["n_strains_in_segment"] == [3]
+    assert data["point_end"] == [0, 4]
+
+
+def test_a_rate_step_is_the_last_output_of_the_segment_before() -> None:
+    segments = ((0.0, 1e-4), (0.02, 1e-5), (0.05, 1e-6))
+    data = data_of(experiment([0.01, 0.02, 0.03], segments))
+    assert data["strain"] == [0.01, 0.02, 0.03, 0.05]
+    assert data["n_strains_in_segment"] == [2, 2, 0]
+    assert data["strain_of_point"] == [1, 2, 3]
+    assert data["segment_start"] == [0.0, 0.02, 0.05]
+    assert data["segment_rate"] == [1e-4, 1e-5, 1e-6]
+
+
+@pytest.mark.parametrize("step", [0.051, 0.07, 1 / 30])
+def test_a_strain_beside_a_step_by_rounding_is_the_step(step: float) -> None:
+    beside = [float(np.nextafter(step, 0)), step, float(np.nextafter(step, 1))]
+    data = data_of(experiment([0.01, *beside], ((0.0, 1e-4), (step, 1e-5))), grid=[*beside, 0.1])
+    assert data["strain"] == [0.01, step]
+    assert data["strain_of_point"] == [1, 2, 2, 2]
+    assert data["n_strains_in_segment"] == [2, 0]
+    assert data["grid_strain"] == [step, 0.1]
+    assert data["n_grid_in_segment"] == [1, 1]
+
+
+def test_without_grid_there_is_nothing_to_report() -> None:
+    data = data_of(experiment([0.01], ((0.0, 1e-4), (0.05, 1e-5))))
+    assert data["grid_end"] == [0, 0]
+    assert data["grid_strain"] == []
+    assert data["n_grid_in_segment"] == [0, 0]
+
+
+def test_the_likelihood_can_be_switched_off() -> None:
+    test = experiment([0.01])
+    assert data_of(test)["use_likelihood"] == 1
+    assert data_of(test, use_likelihood=False)["use_likelihood"] == 0
+
+
+def test_priors_come_in_the_order_of_the_programs() -> None:
+    data = data_of(experiment([0.01]))
+    family, lower, upper = (data[f"prior_{name}"][0] for name in ("family", "lower", "upper"))
+    assert len(family) == len(PROGRAM_PARAMETERS)
+    k = INDEX["stress_exponent"] - 1
+    assert (family[k], lower[k], upper[k]) == (1, 2.7, 4.5)
+    k = INDEX["stress_noise"] - 1
+    assert (family[k], lower[k], upper[k]) == (2, 0.0, np.inf)
+
+
+def test_reference_stress_stands_for_the_enthalpy() -> None:
+    coordinates = plain_coordinates(experiment([0.01]), ice())
+    assert coordinates.replaced_parameter == "activation_enthalpy"
+    assert coordinates.parameters == tuple(parameter.name for parameter in PARAMETERS)
+    assert data_of(experiment([0.01]))["replaced_parameter"] == [INDEX["activation_enthalpy"]]
+
+
+@pytest.mark.parametrize(
+    ("prior", "replaced"),
+    [
+        (("uniform", 65e3, 5e3, 60e3, 70e3), "beta"),
+        (("lognormal", 65e3, 0.1, 0.0, np.inf), "activation_enthalpy"),
+    ],
+    ids=["two bounds", "one bound"],
+)
+def test_reference_stress_replaces_what_has_no_two_bounds(
+    prior: tuple[Family, float, float, float, float], replaced: str
+) -> None:
+    changed = with_prior(ice(), Prior("activation_enthalpy", *prior, "J/mol", "test"))
+    assert plain_coordinates(experiment([0.01]), changed).replaced_parameter == replaced
+
+
+def test_a_fixed_parameter_is_no_coordinate() -> None:
+    priors = with_fixed(ice(), {"activation_enthalpy": 64e3, "critical_strain_fabric": 0.2})
+    coordinates = plain_coordinates(experiment([0.01]), priors)
+    assert len(coordinates.quantities) == len(PARAMETERS) - 2
+    assert "critical_strain_fabric" not in coordinates.parameters
+    assert coordinates.replaced_parameter == "beta"
+    data = data_of(experiment([0.01]), priors)
+    assert data["prior_location"][0][INDEX["critical_strain_fabric"] - 1] == 0.2
+
+
+def test_with_both_fixed_no_reference_stress_is_sampled() -> None:
+    priors = with_fixed(ice(), {"activation_enthalpy": 64e3, "beta": -7.29e-4})
+    coordinates = plain_coordinates(experiment([0.01]), priors)
+    assert coordinates.replaced_parameter is None
+    assert REFERENCE_STRESS not in coordinates.quantities
+    assert data_of(experiment([0.01]), priors)["replaced_parameter"] == [0]
+
+
+def test_with_everything_fixed_there_is_no_coordinate() -> None:
+    values = {parameter.name: 1.0 for parameter in PARAMETERS}
+    data = data_of(experiment([0.01]), with_fixed(ice(), values))
+    assert data["n_coordinates"] == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "make"),
+    [
+        ("tolerance", lambda: SolverOptions(tolerance=0.0)),
+        ("tolerance", lambda: SolverOptions(tolerance=0.5)),
+        ("tolerance", lambda: SolverOptions(tolerance=float("nan"))),
+        ("max_num_steps", lambda: SolverOptions(max_num_steps=0)),
+    ],
+)
+def test_solver_options_out_of_range_are_refused(
+    name: str, make: Callable[[], SolverOptions]
+) -> None:
+    with pytest.raises(InputError, match=name):
+        make()
+
+
+def joint_data(**pool: str) -> tuple[Layout, StanData]:
+    tests = [experiment([0.01]), replace(experiment([0.02, 0.03]), id="other")]
+    problem = problem_of(tests, default_priors("ice"), pooling_of(pool))
+    grids = [np.array([0.05]), np.array([0.04, 0.06])]
+    return problem.layout, program_data(problem, solver=SolverOptions(), grids=grids)
+
+
+def test_tests_stand_one_after_the_other() -> None:
+    _, data = joint_data()
+    assert data["n_tests"] == 2
+    assert data["point_end"] == [0, 1, 3]
+    assert data["strain"] == [0.01, 0.02, 0.03]
+    assert data["strain_of_point"] == [1, 1, 2]
+    assert data["segment_end"] == [0, 1, 2]
+    assert data["grid_end"] == [0, 1, 3]
+    assert data["grid_strain"] == [0.05, 0.04, 0.06]
+    assert data["grid_rate"] == [1e-4] * 3
+
+
+def test_index_tables_say_what_each_coordinate_stands_for() -> None:
+    layout, data = joint_data()
+    shared = {"stress_exponent", "beta", "maxwell_modulus"}
+    assert {INDEX[name] for name in shared} <= set(data["shared_parameter"])
+    own = np.split(np.array(data["own_parameter"]), data["own_end"][1:-1])
+    positions = np.split(np.array(data["own_position"]), data["own_end"][1:-1])
+    assert set(data["shared_parameter"]) <= set(own[0])
+    assert not set(data["shared_parameter"]) & set(own[1])
+    assert data["pooled_parameter"] == [INDEX["steady_state_grain_size"]]
+    assert INDEX["steady_state_grain_size"] not in {*own[0], *own[1]}
+    for test in (0, 1):
+        for parameter, position in zip(own[test], positions[test], strict=True):
+            i = layout.names.index(PARAMETERS[parameter - 1].name)
+            assert position == layout.position[test, i] + 1
+            assert own[test][data["own_place"][test][parameter - 1] - 1] == parameter
+    every = [*data["own_position"], *np.ravel(data["pooled_position"])]
+    every += [*data["centre_position"], *data["spread_position"]]
+    assert sorted(every) == list(range(1, layout.size + 1))
+    assert data["replaced_parameter"] == [INDEX["activation_enthalpy"], 0]
+
+
+def test_each_prior_is_counted_once_where_it_is_common() -> None:
+    _, data = joint_data()
+    first, second = np.array(data["prior_family"])
+    common = np.array(data["shared_parameter"]) - 1
+    assert (first[common] > 0).all()
+    assert (second[common] == 0).all()
+    k = INDEX["steady_state_grain_size"] - 1
+    assert (first[k], second[k], data["pooled_family"]) == (0, 0, [1])
+    k = INDEX["stress_noise"] - 1
+    assert (first[k], second[k]) == (2, 2)
+
+
+def test_separate_tests_have_nothing_in_common() -> None:
+    layout, data = joint_data(all="separate")
+    assert layout.size == 2 * len(PARAMETERS)
+    assert data["shared_parameter"] == data["pooled_parameter"] == []
+    assert data["replaced_parameter"] == [INDEX["activation_enthalpy"]] * 2
+    assert data["own_position"] == list(range(1, layout.size + 1))

@@ -1,0 +1,116 @@
+"""The table of units: a unit that stands there is read, guessed, written and described."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pyburgers.cli.main import main
+from pyburgers.common.cells import is_unit
+from pyburgers.common.units import UNIT_TABLE, Unit, units_text
+from pyburgers.kinds.attenuation.files import load_attenuation
+from pyburgers.kinds.guessed_columns import unit_in_name
+from pyburgers.kinds.loading_history.files import load_loading_history
+
+COLUMN_NAMES = {
+    "stress": "stress",
+    "strain": "strain",
+    "time": "time",
+    "frequency": "freq",
+    "temperature": "temp",
+    "angle": "delta",
+}
+"""A name of a column of each quantity whose unit names can say."""
+
+ALL_UNITS = [
+    pytest.param(quantity, name, unit, id=f"{quantity} {name}")
+    for quantity, units in UNIT_TABLE.items()
+    for name, unit in units.items()
+]
+TOLD_UNITS = [one for one in ALL_UNITS if one.values[0] in COLUMN_NAMES]
+
+HISTORY = {"time": [600.0, 1200.0, 1800.0], "strain": [2e-3, 3e-3, 4e-3], "stress": [1e6] * 3}
+SPECTRUM = {
+    "frequency": [1.0, 0.1, 0.01],
+    "temperature": [263.0, 264.0, 265.0],
+    "angle": np.arctan([0.1, 0.2, 0.3]).tolist(),
+}
+SI_UNITS = {"strain": "fraction", "stress": "Pa", "frequency": "Hz", "angle": "rad"}
+
+
+def in_unit(values: list[float], unit: Unit) -> list[float]:
+    return [(value - unit.zero) / unit.factor for value in values]
+
+
+def fresh_experiment(folder: Path, quantity: str, name: str, unit: Unit) -> Path:
+    """File that `new` writes for a table whose only unit that is not SI is one of `quantity`."""
+    columns = HISTORY if quantity in HISTORY else SPECTRUM
+    units = {"time": "s", "temperature": "K", **SI_UNITS, quantity: name}
+    titles = [f"{COLUMN_NAMES[one]} ({units[one]})" for one in columns]
+    numbers = [
+        in_unit(values, unit if one == quantity else Unit()) for one, values in columns.items()
+    ]
+    rows = [",".join(map(repr, row)) for row in zip(*numbers, strict=True)]
+    path = folder / "table.csv"
+    path.write_text("\n".join([",".join(titles), *rows]) + "\n", encoding="utf-8")
+    answers = ["--id", "x", "--material", "ice", "--grain-size-m", "1e-3", "--source", "s"]
+    answers += ["--temperature-K", "263", "--kind", "measured"]
+    if columns is SPECTRUM:
+        answers += ["--deformation", "axial"]
+    main(["new", str(path), *answers])  # warns of an odd table, which is none of this test
+    return path.with_suffix(".toml")
+
+
+def test_every_quantity_with_spelled_units_is_tested() -> None:
+    spelled = {
+        quantity
+        for quantity, units in UNIT_TABLE.items()
+        if any(unit.spelling for unit in units.values())
+    }
+    assert spelled == COLUMN_NAMES.keys()
+
+
+@pytest.mark.parametrize(("quantity", "name", "unit"), ALL_UNITS)
+def test_a_unit_stands_in_a_row_of_units_and_in_descriptions(
+    quantity: str, name: str, unit: Unit
+) -> None:
+    assert is_unit(name)
+    assert unit.factor > 0
+    assert re.search(rf"(^| ){re.escape(name)}($|,| )", units_text(quantity))
+
+
+@pytest.mark.parametrize(("quantity", "name", "unit"), TOLD_UNITS)
+def test_the_name_of_a_column_says_its_unit(quantity: str, name: str, unit: Unit) -> None:
+    kind = "attenuation" if quantity == "angle" else quantity
+    assert unit_in_name(f"{COLUMN_NAMES[quantity]} ({name})", kind) == name
+
+
+@pytest.mark.parametrize(("quantity", "name", "unit"), TOLD_UNITS)
+def test_new_writes_a_unit_that_reads_back_to_si(
+    quantity: str, name: str, unit: Unit, tmp_path: Path
+) -> None:
+    path = fresh_experiment(tmp_path, quantity, name, unit)
+    assert f'= "{name}"' in path.read_text(encoding="utf-8")
+    if quantity in HISTORY:
+        history = load_loading_history(path)
+        np.testing.assert_allclose(history.time, HISTORY["time"])
+        strain = history.reading[history.response_is_strain]
+        np.testing.assert_allclose(strain, HISTORY["strain"])
+        np.testing.assert_allclose(history.largest_stress, 1e6)
+    else:
+        conditions = load_attenuation(path).conditions
+        np.testing.assert_allclose(1 / conditions.period, SPECTRUM["frequency"])
+        np.testing.assert_allclose(conditions.temperature, SPECTRUM["temperature"])
+        tan_delta = load_attenuation(path).readings.tan_delta
+        np.testing.assert_allclose(tan_delta, np.tan(SPECTRUM["angle"]))
+
+
+@pytest.mark.parametrize("key", ["time", "stress", "strain", "frequency", "temperature", "angle"])
+def test_the_keys_of_files_describe_every_unit_of_their_quantity(key: str) -> None:
+    from pyburgers.kinds.attenuation.files import _DataTable
+    from pyburgers.kinds.loading_history.readings import HistoryDataTable
+
+    fields = {**HistoryDataTable.model_fields, **_DataTable.model_fields}
+    name = "attenuation_unit" if key == "angle" else f"{key}_unit"
+    assert units_text(key) in (fields[name].description or "")

@@ -1,0 +1,170 @@
+"""Fits of the same data: alike sentences once, numbers side by side, one figure unfolded."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from conftest import sketch_pictures
+from page import Page
+from synthetic_fit import make_fit
+
+from pyburgers.checks.fit_checks import CheckKind, Outcome
+from pyburgers.fitting.fit import Fit
+from pyburgers.page.fit_sections import SameData, Section, by_data, write_section
+from pyburgers.page.page import write_report
+from pyburgers.page.tables import DECISION
+
+WORDS_OF_A_FIT = 160
+"""Unfolded, of a fit that describes its data."""
+
+
+@pytest.fixture(scope="module")
+def fits(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fit]:
+    """Two of the same data, one of which failed, and one of other data."""
+    runs = tmp_path_factory.mktemp("runs")
+    return {
+        "good": make_fit(runs / "good", name="A", chains=2, draws=300),
+        "other": make_fit(runs / "other", name="B", chains=2, draws=300, seed=2),
+        "failed": make_fit(runs / "failed", name="A", chains=2, draws=300, apart=3.0),
+    }
+
+
+@pytest.fixture(scope="module")
+def sections(fits: Mapping[str, Fit], tmp_path_factory: pytest.TempPathFactory) -> list[Section]:
+    out = tmp_path_factory.mktemp("page")
+    (out / "tables").mkdir()
+    return [write_section(name, name, fits[name], out) for name in ("good", "failed")]
+
+
+@pytest.fixture(scope="module")
+def page(fits: Mapping[str, Fit], tmp_path_factory: pytest.TempPathFactory) -> Page:
+    with pytest.MonkeyPatch.context() as patch:
+        sketch_pictures(patch)
+        out = tmp_path_factory.mktemp("together")
+        file = write_report(list(fits.values()), out, title="T", command="x")
+    return Page(file.read_text(encoding="utf-8"))
+
+
+def decided(section: Section, by: Mapping[str, str]) -> Section:
+    """Return it with what decides some quantities, by symbol; the others are left to the data."""
+    parameters = section.parameters.assign(
+        **{DECISION: [by.get(symbol, "data") for symbol in section.parameters["symbol"]]}
+    )
+    return replace(section, parameters=parameters)
+
+
+def test_fits_of_the_same_data_are_put_together(fits: Mapping[str, Fit], tmp_path: Path) -> None:
+    found = [[name for _, name, _ in group] for group in by_data(_named(fits))]
+    assert found == [["good", "failed"], ["other"]]
+    measured = make_fit(tmp_path, name="A", kind="measured", chains=2, draws=300)
+    groups = by_data(_named({**fits, "measured": measured}))
+    assert [name for _, name, _ in groups[-1]] == ["measured"]
+
+
+def _named(fits: Mapping[str, Fit]) -> list[tuple[str, str, Fit]]:
+    return [(name, name, fit) for name, fit in fits.items()]
+
+
+def test_alike_answers_are_told_once_and_others_by_name(sections: list[Section]) -> None:
+    both = SameData(tuple(sections))
+    good, failed = both.answers(CheckKind.SAMPLING)
+    assert (good.of, good.outcome) == (("good",), Outcome.YES)
+    assert (failed.of, failed.outcome) == (("failed",), Outcome.NO)
+    assert any(line.startswith("R-hat: ") for line in failed.lines)
+    twice = SameData((sections[0], replace(sections[0], name="again")))
+    (told,) = twice.answers(CheckKind.SAMPLING)
+    assert told.of == ("good", "again")
+    (alone,) = SameData((sections[0],)).answers(CheckKind.SAMPLING)
+    assert alone.of == ()
+
+
+def test_a_conflict_names_the_fits_that_have_it(sections: list[Section]) -> None:
+    quiet, loud = (
+        replace(section, entry=replace(section.entry, conflict=conflict))
+        for section, conflict in zip(sections, (None, "n"), strict=True)
+    )
+    (said,) = SameData((quiet, loud)).conflicts
+    assert (said.lines, said.of) == (("n",), ("failed",))
+    assert SameData((quiet,)).conflicts == []
+
+
+def test_what_is_the_priors_is_named_below_the_table(sections: list[Section]) -> None:
+    one = SameData((decided(sections[0], {"p": "prior", "n": "conflict"}),))
+    assert list(one.values.columns) == ["symbol", "quantity", "unit", "mean", "sd", DECISION]
+    assert [row["symbol"] for row in one.left_to_prior] == ["p"]
+    assert len(one.values) + 1 == len(sections[0].parameters)
+    disputed = one.values["symbol"][pd.Series(one.doubtful[DECISION])]
+    assert disputed.tolist() == ["n"]
+
+
+def test_numbers_of_several_fits_stand_side_by_side(sections: list[Section]) -> None:
+    good = decided(sections[0], {"p": "prior", "n": "prior"})
+    failed = decided(sections[1], {"p": "prior", "E_M": "conflict"})
+    both = SameData((good, failed))
+    rows = both.values.set_index("symbol")
+    assert [row["symbol"] for row in both.left_to_prior] == ["p"]
+    assert "p" not in rows.index
+    assert rows["good"]["n"] == "prior"
+    numbers = failed.parameters.set_index("symbol").loc["n"]
+    assert rows["failed"]["n"] == f"{numbers['mean']} ± {numbers['sd']}"
+    assert rows["failed"]["E_M"].endswith(" [conflict]")
+    assert both.values["symbol"][pd.Series(both.doubtful["failed"])].tolist() == ["E_M"]
+
+
+def test_a_number_that_another_prior_decides_stands_with_its_name(sections: list[Section]) -> None:
+    good = decided(sections[0], {"n": "prior (of Q_M)", "p": "data"})
+    alone = SameData((good,))
+    assert "n" not in [row["symbol"] for row in alone.left_to_prior]
+    assert alone.values.set_index("symbol").loc["n", DECISION] == "prior (of Q_M)"
+    both = SameData((good, decided(sections[1], {"n": "data"})))
+    rows = both.values.set_index("symbol")
+    assert rows["good"]["n"].endswith(" [prior (of Q_M)]")
+    assert both.values["symbol"][pd.Series(both.doubtful["good"])].tolist() == ["n"]
+
+
+def test_what_a_bound_decides_is_told_in_a_line_to_unfold(
+    fits: Mapping[str, Fit], sections: list[Section]
+) -> None:
+    entry = replace(sections[0].entry, decisions=("A bound decides.",))
+    other = replace(sections[1].entry, decisions=("A bound decides.", "n is of Q_M."))
+    group = SameData((replace(sections[0], entry=entry), replace(sections[1], entry=other)))
+    assert [(said.lines, said.of) for said in group.decisions] == [
+        (("A bound decides.",), ("good", "failed")),
+        (("n is of Q_M.",), ("failed",)),
+    ]
+
+
+def test_a_quantity_of_one_fit_alone_is_empty_in_the_others(sections: list[Section]) -> None:
+    few = replace(sections[1], parameters=sections[1].parameters.iloc[:2])
+    values = SameData((sections[0], few)).values
+    assert len(values) > 2
+    assert (values["failed"].iloc[2:] == "").all()
+
+
+def test_one_section_holds_fits_of_the_same_data(page: Page) -> None:
+    assert not page.open
+    assert page.ids.index("good") < page.ids.index("failed") < page.ids.index("other")
+    assert page.tags.count("section") == 5  # overview, two sets of data, how to read, again
+    assert "failed: figures, intervals, priors" in page.text
+    # Contents, answers and overview lead to the fit that stands folded in the section of another.
+    assert page.references.count(("a", "#failed")) >= 3
+
+
+def test_what_speaks_against_a_fit_is_not_folded(page: Page) -> None:
+    assert "✗ failed: The posterior was not sampled well." in page.unfolded
+    assert "R-hat" in page.unfolded
+
+
+def test_a_page_has_few_words_until_it_is_unfolded(
+    fits: Mapping[str, Fit], sketched: None, tmp_path: Path
+) -> None:
+    counts = []
+    for number, shown in enumerate((["other"], ["other", "good"])):
+        out = tmp_path / str(number)
+        file = write_report([fits[name] for name in shown], out, title="T", command="x")
+        found = Page(file.read_text(encoding="utf-8"))
+        counts.append(len(found.unfolded.split()))
+        assert len(found.text.split()) > 2 * counts[-1]
+    assert counts[1] - counts[0] < WORDS_OF_A_FIT

@@ -1,0 +1,496 @@
+import hashlib
+import json
+import shutil
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import pandas as pd
+import pytest
+from conftest import sketch_pictures
+from page import Page
+from synthetic_fit import make_fit, make_prior, with_problem
+from synthetic_olivine_fit import make_olivine_fit, oscillating
+
+from pyburgers.checks.fit_checks import CheckKind, Outcome
+from pyburgers.checks.prior_influence import Origin, prior_influence
+from pyburgers.checks.prior_sentences import CONFLICT_MEANING, ORIGIN_RULES, SHARE_TEXT
+from pyburgers.checks.verdicts import ANSWERS
+from pyburgers.common.errors import InputError
+from pyburgers.drawing.page_parts import PageSection
+from pyburgers.fitting.fit import Fit
+from pyburgers.kinds.experiment import Provenance
+from pyburgers.kinds.forced_oscillation.preparation import Background
+from pyburgers.page.page import write_report
+from pyburgers.page.posterior_figures import figures_for
+
+FEW = (
+    "maxwell_modulus",
+    "kelvin_viscosity",
+    "kelvin_modulus",
+    "grain_size_exponent",
+    "activation_enthalpy",
+    "beta",
+    "steady_state_grain_size",
+    "steady_state_fabric_factor",
+    "critical_strain_fabric",
+)
+HOSTILE = "<script>alert('data')</script> & \"quotes\""
+BACKGROUNDS: tuple[Background, Background] = ("removed", "kept")
+TEXT_COLUMNS = {"decided_by": str, "by_prior_of": str}
+COMMAND = "pyburgers report runs/A runs/B --out page"
+
+
+def write(fits: Sequence[Fit], out: Path) -> Page:
+    page = write_report(fits, out, title="Two tests", command=COMMAND)
+    assert page == out / "index.html"
+    return Page(page.read_text(encoding="utf-8"))
+
+
+def small_fit(path: Path, name: str = "A", **changes: Any) -> Fit:
+    arguments: dict[str, Any] = {"chains": 2, "draws": 300, "fixed": FEW, **changes}
+    return make_fit(path, name=name, **arguments)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("report")
+
+
+@pytest.fixture(scope="module")
+def fits(folder: Path) -> list[Fit]:
+    """A synthetic test whose checks fail and a measured one that passes."""
+    failing = small_fit(folder / "runs" / "A", divergences=5, apart=3.0)
+    hostile = Provenance("measured", HOSTILE, doi='10.1/x" onload="y', notes=HOSTILE)
+    passing = small_fit(
+        folder / "runs" / "B",
+        "B",
+        kind="measured",
+        segments=((0.0, 1e-4), (0.05, 1e-5)),
+        provenance=hostile,
+        notices=(HOSTILE,),
+        material=HOSTILE,
+        metadata={HOSTILE: HOSTILE},
+        command=HOSTILE,
+        draws=600,
+    )
+    return [failing, passing]
+
+
+@pytest.fixture(scope="module")
+def page(folder: Path, fits: list[Fit]) -> Page:
+    return write(fits, folder / "page")
+
+
+@pytest.fixture(scope="module")
+def passing_page(fits: list[Fit], tmp_path_factory: pytest.TempPathFactory) -> Page:
+    """Page about the measured test alone."""
+    with pytest.MonkeyPatch.context() as patch:
+        sketch_pictures(patch)
+        return write([fits[1]], tmp_path_factory.mktemp("passing"))
+
+
+def test_the_page_is_well_formed_and_its_links_lead_somewhere(page: Page) -> None:
+    assert not page.open
+    assert len(set(page.ids)) == len(page.ids)
+    for tag, reference in page.references:
+        if tag == "a" and reference.startswith("#"):
+            assert reference[1:] in page.ids
+
+
+def test_the_page_needs_nothing_but_itself(page: Page) -> None:
+    assert not {"link", "iframe", "object", "img"} & set(page.tags)
+    assert page.tags.count("script") == 1
+    for tag, reference in page.references:
+        allowed = ("#", "https://doi.org/", "tables/") if tag == "a" else ("#", "data:image/png;")
+        assert reference.startswith(allowed), reference
+
+
+def test_every_figure_is_on_the_page_with_a_text_alternative(page: Page, fits: list[Fit]) -> None:
+    expected = [
+        f"{recipe.title}, {name}: {recipe.result(fit)}"
+        for name, fit in (("B", fits[1]), ("A", fits[0]))  # measured first
+        for recipe in figures_for(fit)
+    ]
+    assert page.alternatives == expected
+    assert len(set(expected)) == len(expected)
+
+
+def test_a_caption_stands_once_and_later_figures_lead_to_it(page: Page, fits: list[Fit]) -> None:
+    for recipe in figures_for(fits[0]):
+        assert page.text_without_marks.count(recipe.caption) == 1
+        assert f"figure-A_{recipe.name}" in page.ids
+        assert f"figure-B_{recipe.name}-legend" in page.ids
+        assert ("a", f"#figure-B_{recipe.name}-legend") in page.references
+
+
+def test_strings_from_files_are_escaped(folder: Path, page: Page) -> None:
+    raw = (folder / "page" / "index.html").read_text(encoding="utf-8")
+    assert raw.count("<script>") == 1
+    assert HOSTILE not in raw
+    assert 'onload="y' not in raw
+    assert page.text.count(HOSTILE) >= 5
+
+
+def test_synthetic_data_are_announced_by_name_at_the_top(page: Page) -> None:
+    banner = page.text.index("SYNTHETIC DATA: A")
+    assert banner < page.text.rindex("Overview")
+    assert "say nothing about nature" in page.text
+    assert "page-synthetic-data" in page.ids
+    assert "SYNTHETIC DATA: A , B" not in page.text
+
+
+def test_there_is_no_banner_without_synthetic_data(passing_page: Page) -> None:
+    assert "page-synthetic-data" not in passing_page.ids
+    assert "SYNTHETIC DATA" not in passing_page.text
+    assert "MEASURED DATA" in passing_page.text
+
+
+def test_failed_checks_cannot_be_overlooked(page: Page, fits: list[Fit]) -> None:
+    failed = [check for check in fits[0].checks() if not check.passed]
+    assert {"R-hat", "divergences"} <= {check.name for check in failed}
+    told = page.text.index("✗ Was the posterior sampled well? Yes in 1 of 2 fits; NO : A .")
+    assert told < page.text.index("Overview", told)
+    names = [check.name for check in failed if check.check.kind is CheckKind.SAMPLING]
+    assert f"NO: {', '.join(names)}" in page.text
+    for check in failed:
+        if check.check.kind is CheckKind.SAMPLING:
+            assert f"{check.name}: {check.meaning}" in page.text_without_marks
+        if check.remedy:
+            assert page.text_without_marks.count(f"{check.remedy}.") == 1
+    for fit in fits:
+        passed = [check for check in fit.checks() if check.passed]
+        mark = "✓" if len(passed) == len(fit.checks()) else "✗"
+        assert f"{mark} {len(passed)} of {len(fit.checks())} checks passed" in page.text
+        for kind in CheckKind:
+            made = [check.name for check in fit.checks() if check.check.kind is kind]
+            assert page.text_without_marks.count(f"{kind.value} {', '.join(made)}") == 1
+
+
+def test_a_page_without_failures_says_so(fits: list[Fit], passing_page: Page) -> None:
+    assert all(check.passed for check in fits[1].checks())
+    for kind in CheckKind:
+        assert f"✓ {kind.value} Yes." in passing_page.text
+    assert "FAILED" not in passing_page.text
+
+
+def test_what_cannot_be_told_is_no_finding(sketched: None, tmp_path: Path) -> None:
+    few = small_fit(tmp_path / "runs" / "few", draws=12)
+    assert {verdict.outcome for verdict in few.verdicts().values()} == {Outcome.CANNOT_TELL}
+    text = write([few], tmp_path / "page").text
+    assert "? Does the model describe the data? Cannot tell ." in text
+    assert "Intervals of these fits may leave out what the model misses." in text
+
+
+def test_both_answers_stand_in_the_contents_and_in_the_section(page: Page, fits: list[Fit]) -> None:
+    for fit in fits:
+        for kind, verdict in fit.verdicts().items():
+            assert f"{kind.value} {verdict.outcome.value}" in page.labels
+            if verdict.outcome is Outcome.YES:
+                notes = [one.note for one in fit.checks() if one.check.kind is kind and one.note]
+                told = "; ".join([ANSWERS[kind][verdict.outcome], *notes])
+                assert f"{told}." in page.text_without_marks
+
+
+def test_measured_data_come_first(page: Page) -> None:
+    assert page.ids.index("B") < page.ids.index("A")
+    overview = page.text.rindex("Overview")
+    assert page.text.index("B measured", overview) < page.text.index("A synthetic", overview)
+
+
+def test_conflicts_of_prior_and_data_stand_at_the_top(
+    fits: list[Fit], sketched: None, tmp_path: Path
+) -> None:
+    far = make_prior("stress_exponent", "normal", 40.0, 1.0)
+    priors = fits[1].priors
+    moved = replace(priors, priors=MappingProxyType({**priors.priors, "stress_exponent": far}))
+    fit = with_problem(fits[1], fits[1].experiment, moved)
+    (conflict,) = fit.prior_conflicts()
+    assert "stress exponent (-" in conflict
+    page = write([fit], tmp_path / "page")
+    told = f"! Prior and data disagree in B : {CONFLICT_MEANING}."
+    assert page.text.index(told) < page.text.rindex("Overview")
+    assert page.text.count(CONFLICT_MEANING) == 1
+    named = conflict.removeprefix("B: ").removesuffix(f": {CONFLICT_MEANING}.")
+    assert f"{named}." in page.text_without_marks
+
+
+def test_alarms_of_parts_stand_at_the_top(fits: list[Fit], sketched: None, tmp_path: Path) -> None:
+    extra = PageSection("part", "A part", (), alarms=("This must not be missed.",))
+    file = write_report([fits[1]], tmp_path, title="T", command="x", extras=(extra,))
+    page = Page(file.read_text(encoding="utf-8"))
+    assert page.text.index("This must not be missed.") < page.text.rindex("Overview")
+
+
+def test_fits_that_a_part_is_about_have_both_verdicts_at_the_top(
+    fits: list[Fit], sketched: None, tmp_path: Path
+) -> None:
+    extra = PageSection("part", "A part", ())
+    file = write_report(
+        [fits[1]], tmp_path, title="T", command="x", extras=(extra,), told={"part": [fits[0]]}
+    )
+    page = Page(file.read_text(encoding="utf-8"))
+    name = fits[0].directory.path.name
+    # Contents, verdicts and overview lead to the part; the reasons stand there.
+    assert page.references.count(("a", "#part")) >= 3
+    assert page.text.rindex("Both verdicts, fit by fit") < page.text.rindex(name)
+    runs = json.loads((tmp_path / "manifest.json").read_text())["runs"]
+    assert [run["directory"] for run in runs] == [fits[1].directory.path.name, name]
+
+
+def test_a_fit_without_likelihood_says_so(sketched: None, tmp_path: Path) -> None:
+    fit = small_fit(tmp_path / "run")
+    fit.manifest["use_likelihood"] = False
+    text = write([fit], tmp_path / "page").text
+    assert "Fitted without the data." in text
+    assert "decided by" not in text
+
+
+def test_what_was_not_good_enough_to_sample_with_is_told(sketched: None, tmp_path: Path) -> None:
+    fit = small_fit(tmp_path / "run")
+    told_of = {
+        "noisy": [{"tolerance": 1e-5, "noise": 5.6}],
+        "refits": [{"tolerance": 1e-6, "pareto_k": 0.9, "chains": "superseded/tolerance_1e-06"}],
+        "shortened": [
+            {"divergences": 3, "chains": "superseded/longer_steps_1", "step_sizes": {"1": 0.1}}
+        ],
+        "more_draws": [50, 70],
+    }
+    fit = replace(fit, manifest={**fit.manifest, **told_of})
+    text = write([fit], tmp_path / "page").text
+    for told in (
+        "At tolerance 1e-05 of the solver the log density jumped by 5.6 from point to point",
+        "A first run at tolerance 1e-06 was put aside (superseded/tolerance_1e-06)",
+        "Draws of which 3 had diverged were put aside (superseded/longer_steps_1)",
+        f"{fit.manifest['sampler']['draws']} + 50 + 70 draws, seed",
+    ):
+        assert told in text
+
+
+def test_the_page_says_what_prior_and_data_decide(
+    folder: Path, page: Page, fits: list[Fit], sketched: None, tmp_path: Path
+) -> None:
+    # Of each fit a table of what the data say, and a folded one of everything.
+    # One more tells what the words mean.
+    assert page.text.count("decided by") == 2 * len(fits) + 1
+    # Definitions of words stand apart in the text.
+    squeezed = "".join(page.text.split())
+    for text in (SHARE_TEXT, *(rule for told in ORIGIN_RULES.values() for rule in told)):
+        assert squeezed.count("".join(text.split())) == 1
+    for fit in fits:
+        file = folder / "page" / "tables" / f"{fit.experiment.id}_influence.csv"
+        written = pd.read_csv(file, index_col=0, dtype=TEXT_COLUMNS)
+        influences = prior_influence(fit.posterior, fit.priors)
+        assert written["prior_share"].to_dict() == {
+            name: pytest.approx(one.prior_share) for name, one in influences.items()
+        }
+        decided = fit.summary()[["decided_by", "by_prior_of"]]
+        assert written[["decided_by", "by_prior_of"]].fillna("").equals(decided)
+    # A posterior that data have not touched: as wide as its prior, and moved by nothing.
+    untouched = small_fit(tmp_path / "run")
+    draws = untouched.posterior["posterior"].to_dataset()
+    values = (
+        untouched.priors["stress_exponent"]
+        .distribution()
+        .rvs(draws["stress_exponent"].shape, random_state=1)
+    )
+    untouched.posterior["posterior"] = draws.assign(
+        stress_exponent=draws["stress_exponent"].copy(data=values)
+    )
+    file = write_report([untouched], tmp_path / "p", title="T", command=COMMAND)
+    told = [line for line in file.read_text(encoding="utf-8").splitlines() if 'bad">' in line]
+    assert any("stress exponent" in line and 'class="words bad">prior<' in line for line in told)
+
+
+def test_columns_are_explained_where_a_table_has_them(page: Page, passing_page: Page) -> None:
+    for one, has_truth in ((page, True), (passing_page, False)):
+        assert ("off by (sd)" in one.text) is has_truth
+        assert ("“off by” is truth less mean" in one.text) is has_truth
+    before, found, _ = page.text.partition(next(iter(ORIGIN_RULES.values()))[0])
+    assert found
+    assert "Who decided this number" in before
+    assert set(ORIGIN_RULES) == set(Origin)
+
+
+def test_the_page_names_the_laws_of_the_model(page: Page, shown: Page) -> None:
+    for text in ("Kelvin part linear", "grain size evolving", "residuals independent"):
+        assert text.lower() in page.text.lower()
+    assert "grain size piezometric, fabric constant" in shown.text
+
+
+def test_the_page_says_how_to_make_everything_again(page: Page, fits: list[Fit]) -> None:
+    assert COMMAND in page.text
+    manifest = fits[0].manifest
+    for text in (manifest["command"], manifest["fingerprint"]):
+        assert text in page.text
+    assert f"seed {manifest['sampler']['seed']}" in page.text
+
+
+def test_what_parts_tell_alike_stands_once(fits: list[Fit], sketched: None, tmp_path: Path) -> None:
+    parts = [PageSection(key, key.upper(), (), details=("Alike.", key)) for key in ("one", "two")]
+    file = write_report(fits[:1], tmp_path, title="T", command="x", extras=parts)
+    page = Page(file.read_text(encoding="utf-8"))
+    assert page.text.count("Alike.") == 1
+    assert ("a", "#one-found") in page.references
+
+
+def test_how_fits_were_made_is_told_of_all_that_were_made_alike(
+    sketched: None, tmp_path: Path
+) -> None:
+    twins = [small_fit(tmp_path / name) for name in ("first", "second")]
+    for seed, times in ((twins[0].manifest["sampler"]["seed"], 1), (77, 2)):
+        twins[1].manifest["sampler"]["seed"] = seed
+        text = write(twins, tmp_path / "page").text
+        assert text.count("iterations of warm-up") == times
+        assert f"seed {seed}" in text
+
+
+def test_tables_hold_the_summary_at_full_precision(folder: Path, fits: list[Fit]) -> None:
+    for fit in fits:
+        key = fit.experiment.id
+        file = folder / "page" / "tables" / f"{key}_summary.csv"
+        written = pd.read_csv(file, index_col=0, dtype=TEXT_COLUMNS).fillna({"by_prior_of": ""})
+        pd.testing.assert_frame_equal(
+            written, fit.summary("SI"), check_exact=True, check_dtype=False
+        )
+        checks = pd.read_csv(folder / "page" / "tables" / f"{key}_checks.csv")
+        assert (checks["verdict"] == "passed").tolist() == [c.passed for c in fit.checks()]
+        assert checks["sentence"].tolist() == [c.sentence for c in fit.checks()]
+    assert (folder / "page" / "tables" / "A_truth.csv").is_file()
+    assert not (folder / "page" / "tables" / "B_truth.csv").exists()
+
+
+def test_figures_are_written_as_pictures_and_vectors(folder: Path, fits: list[Fit]) -> None:
+    for recipe in figures_for(fits[0]):
+        base = folder / "page" / "figures" / f"A_{recipe.name}"
+        assert base.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+        assert "<svg" in base.with_suffix(".svg").read_text(encoding="utf-8")
+
+
+def test_the_manifest_pins_the_runs(folder: Path, fits: list[Fit]) -> None:
+    manifest = json.loads((folder / "page" / "manifest.json").read_text(encoding="utf-8"))
+    assert manifest["command"] == COMMAND
+    assert manifest["versions"]["matplotlib"]
+    for run, fit in zip(manifest["runs"], fits, strict=True):
+        content = fit.directory.manifest_file.read_bytes()
+        assert run["manifest_sha256"] == hashlib.sha256(content).hexdigest()
+
+
+def test_two_runs_of_one_experiment_do_not_overwrite_each_other(
+    sketched: None, tmp_path: Path
+) -> None:
+    fits = [small_fit(tmp_path / name) for name in ("first", "second")]
+    page = write(fits, tmp_path / "page")
+    assert {"first", "second"} <= set(page.ids)
+    assert (tmp_path / "page" / "tables" / "second_summary.csv").is_file()
+
+
+def test_a_report_replaces_an_earlier_one_and_leaves_no_scraps(
+    folder: Path, page: Page, fits: list[Fit], sketched: None, tmp_path: Path
+) -> None:
+    assert "Two tests" in page.text
+    copy = shutil.copytree(folder / "page", tmp_path / "page")
+    assert "A" not in write([fits[1]], copy).ids
+    assert not [path for path in copy.rglob("*") if path.name.startswith(".")]
+
+
+def test_a_run_directory_is_not_overwritten(fits: list[Fit]) -> None:
+    run = fits[0].directory
+    before = run.manifest_file.read_bytes()
+    with pytest.raises(InputError, match="something else than a report"):
+        write_report(fits, run.path, title="x", command="x")
+    assert run.manifest_file.read_bytes() == before
+    assert [path.name for path in run.path.iterdir()] == ["manifest.json"]
+
+
+def test_a_page_of_another_kind_is_not_overwritten(fits: list[Fit], tmp_path: Path) -> None:
+    (tmp_path / "index.html").write_text("mine", encoding="utf-8")
+    with pytest.raises(InputError, match="something else than a report"):
+        write(fits, tmp_path)
+    assert (tmp_path / "index.html").read_text(encoding="utf-8") == "mine"
+
+
+def test_a_folder_that_cannot_be_made_is_refused(fits: list[Fit], tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(InputError, match="cannot be written"):
+        write(fits, tmp_path / "file" / "page")
+
+
+def test_a_report_needs_a_run(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="at least one run"):
+        write([], tmp_path / "page")
+
+
+def test_a_figure_that_fails_ends_the_report(tmp_path: Path) -> None:
+    fit = small_fit(tmp_path / "run")
+    del fit.posterior["predictions"]
+    with pytest.raises(KeyError):
+        write([fit], tmp_path / "page")
+    assert not (tmp_path / "page" / "index.html").exists()
+
+
+def test_processes_write_the_same_pictures(folder: Path, fits: list[Fit], page: Page) -> None:
+    out = folder / "by_processes"
+    write_report([fits[1]], out, title="x", command="x", jobs=2)
+    pictures = sorted((out / "figures").glob("*.png"))
+    assert len(pictures) == len(figures_for(fits[1]))
+    for picture in pictures:
+        assert picture.read_bytes() == (folder / "page" / "figures" / picture.name).read_bytes()
+        assert picture.with_suffix(".svg").is_file()
+
+
+@pytest.fixture(scope="module")
+def oscillations(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Page of a curve and of both treatments; the one with background kept misses the phase."""
+    path = tmp_path_factory.mktemp("oscillation")
+    removed, kept = (
+        make_olivine_fit(path / "runs" / background, background, chains=2, draws=60)
+        for background in BACKGROUNDS
+    )
+    shifted = oscillating(kept, amplitude_sd=0.01, phase_sd=0.01, phase_shift=0.3)
+    curve = small_fit(path / "runs" / "B", "B", kind="measured", draws=60)
+    with pytest.MonkeyPatch.context() as patch:
+        sketch_pictures(patch)
+        write([curve, removed, shifted], path / "page")
+    return path / "page"
+
+
+@pytest.fixture(scope="module")
+def shown(oscillations: Path) -> Page:
+    return Page((oscillations / "index.html").read_text(encoding="utf-8"))
+
+
+def test_an_oscillation_says_what_was_done_to_the_record(shown: Page) -> None:
+    assert not shown.open
+    assert "SYNTHETIC DATA: removed , kept" in shown.text
+    assert shown.text.count("Period 300 s") == 2
+    assert shown.text.count("Strain amplitude 0.2 %") == 2
+    assert shown.text.count("on record, 2 of spin-up ahead of it") == 2
+    assert "Background removed: polynomial trends" in shown.text
+    assert "Background kept: the rate of the strain's trend" in shown.text
+    assert shown.text.count("The reference flow rate") == 1
+
+
+def test_a_curve_on_the_same_page_has_its_strain_rate(shown: Page) -> None:
+    assert shown.text.count("Strain rate 1.69 × 10") == 1
+    assert shown.text.count("The reference stress S") == 1
+
+
+def test_amplitude_and_lag_stand_beside_those_of_replicated_data(
+    shown: Page, oscillations: Path
+) -> None:
+    inside, outside = (
+        pd.read_csv(oscillations / "tables" / f"{background}_response.csv", index_col=0)
+        for background in BACKGROUNDS
+    )
+    assert inside["inside"].tolist() == [True, True]
+    assert outside["inside"].tolist() == [True, False]
+    assert shown.text.count("are inside the central 90 % of those of the replicated data") == 1
+    assert shown.text.count("The record is outside the central 90 %") == 1
+
+
+def test_figures_of_an_oscillation_are_files(oscillations: Path) -> None:
+    for name in ("stress_time", "stress_loop", "amplitude_phase", "microstructure", "pairs"):
+        assert (oscillations / "figures" / f"kept_{name}.png").is_file()

@@ -1,0 +1,339 @@
+"""Tests of every protocol and independent answers about them, for `tests/kinds/contract.py`."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any, ClassVar, Generic, TypeVar
+
+import attenuation_oracle
+import history_oracle
+import numpy as np
+import numpy.typing as npt
+import oracle
+from conftest import DUNITE, ICE
+from history_twins import history_twin, residual_covariance
+from numpy.polynomial import Polynomial
+from scipy import stats
+
+from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
+from pyburgers.kinds.attenuation.files import load_attenuation
+from pyburgers.kinds.constant_rate.experiment import (
+    ConstantRateExperiment,
+    RateSegment,
+    load_constant_rate,
+)
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.forced_oscillation.experiment import (
+    OscillationExperiment,
+    load_forced_oscillation,
+    with_background,
+)
+from pyburgers.kinds.forced_oscillation.preparation import Background, prepare
+from pyburgers.kinds.forced_oscillation.stan_data import START_MARGIN
+from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.stan_data import leg_of_times
+from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.sampling.options import SamplerOptions
+
+FloatArray = npt.NDArray[np.float64]
+
+TWIN_FILE = ICE.parent / "olivine" / "olivine_twin.toml"
+
+E = TypeVar("E", bound=Experiment)
+
+
+class Example(ABC, Generic[E]):
+    """What a protocol itself cannot be asked.
+
+    Attributes
+    ----------
+    twins : tuple of str
+        Synthetic tests with their truth.
+    columns : tuple of str
+        Of a solution.
+    measured : tuple of str
+        Tests whose columns are not part of the project.
+    quick : tuple of str
+        Synthetic tests that are solved in milliseconds.
+    materials : mapping of str to mapping of str to float
+        What differs from the truth in the materials that are solved.
+    few : tuple of str
+        Parameters of a fit that takes seconds, all others known.
+    options : SamplerOptions
+        Of a fit in earnest.
+    tight : SolverOptions
+        With which densities are compared.
+    """
+
+    twins: ClassVar[tuple[str, ...]]
+    columns: ClassVar[tuple[str, ...]] = (
+        "time_s",
+        "strain",
+        "stress_Pa",
+        "kelvin_strain",
+        "grain_size_m",
+        "fabric_factor",
+    )
+    measured: ClassVar[tuple[str, ...]] = ()
+    quick: ClassVar[tuple[str, ...]]
+    materials: ClassVar[Mapping[str, Mapping[str, float]]] = MappingProxyType({"truth": {}})
+    few: ClassVar[tuple[str, ...]]
+    options: ClassVar[SamplerOptions]
+    tight: ClassVar[SolverOptions] = SolverOptions(tolerance=1e-11, max_num_steps=1_000_000)
+
+    @abstractmethod
+    def load(self, name: str) -> E:
+        """Return a test of one of the names above."""
+
+    @abstractmethod
+    def solution(
+        self, experiment: E, values: Mapping[str, float], at: FloatArray
+    ) -> dict[str, FloatArray]:
+        """Solve the model with another solver, at positions on the protocol's clock (SI)."""
+
+    @abstractmethod
+    def log_likelihood(
+        self, experiment: E, values: Mapping[str, float], response: FloatArray
+    ) -> FloatArray:
+        """Log density of every point (SI), given the response without noise."""
+
+
+class ConstantRateExample(Example[ConstantRateExperiment]):
+    """Curves of ice, one with steps of the rate, and of dunite."""
+
+    twins = ("PIL40", "PIL72", "PIL105")
+    measured = ("dunite_4506", "dunite_4581")
+    quick = ("PIL72", "rate steps")
+    few = ("maxwell_modulus", "activation_enthalpy", "stress_noise")
+    options = SamplerOptions(seed=20261120)
+
+    def load(self, name: str) -> ConstantRateExperiment:
+        if name == "rate steps":
+            segments = ((0.0, 1e-4), (0.03, 2e-5), (0.0501, 3e-4))
+            return replace(
+                self.load("PIL40"), segments=tuple(RateSegment(*segment) for segment in segments)
+            )
+        folder = ICE if name in self.twins else DUNITE
+        return load_constant_rate(folder / f"{name}.toml")
+
+    def solution(
+        self, experiment: ConstantRateExperiment, values: Mapping[str, float], at: FloatArray
+    ) -> dict[str, FloatArray]:
+        segments = [(segment.start_strain, segment.strain_rate) for segment in experiment.segments]
+        state = oracle.six_states(
+            values, experiment.temperature, experiment.initial_grain_size, segments, at
+        )
+        names = ("stress_Pa", "kelvin_strain", "grain_size_m", "fabric_factor")
+        return dict(zip(names, state[[0, 1, 4, 5]], strict=True))
+
+    def log_likelihood(
+        self,
+        experiment: ConstantRateExperiment,
+        values: Mapping[str, float],
+        response: FloatArray,
+    ) -> FloatArray:
+        return np.asarray(stats.norm.logpdf(experiment.stress, response, values["stress_noise"]))
+
+
+def short_twin(background: Background) -> OscillationExperiment:
+    """The first cycles of the olivine twin."""
+    full = with_background(load_forced_oscillation(TWIN_FILE), background)
+    inside = full.record.strain_time < 700, full.record.stress_time < 700
+    strain = {
+        name: getattr(full.record, name)[inside[0]]
+        for name in ("strain_time", "strain", "strain_uncertainty")
+    }
+    stress = {
+        name: getattr(full.record, name)[inside[1]]
+        for name in ("stress_time", "stress", "stress_uncertainty")
+    }
+    record = replace(full.record, **strain, **stress)
+    prepared = prepare(record, replace(full.settings, start_stress=None), full.id)
+    return replace(full, record=record, settings=prepared.settings, prepared=prepared)
+
+
+class ForcedOscillationExample(Example[OscillationExperiment]):
+    """The olivine twin, its background removed or kept."""
+
+    twins = ("removed", "kept")
+    quick = ("removed, short", "kept, short")
+    materials = MappingProxyType(
+        {
+            "truth": {},
+            "stiff and strong": {
+                "kelvin_modulus": 80e9,
+                "kelvin_viscosity": 5e9,
+                "activation_enthalpy": 490e3,
+            },
+            "fast dashpot": {"stress_exponent": 2.6, "activation_enthalpy": 380e3},
+            "fast grains": {
+                "grain_size_exponent": 1.4,
+                "critical_strain_grain_size": 0.01,
+                "beta": -7e-5,
+            },
+        }
+    )
+    few = ("kelvin_modulus", "activation_enthalpy", "stress_noise")
+    options = SamplerOptions(chains=4, draws=1000, seed=20261120)
+
+    def load(self, name: str) -> OscillationExperiment:
+        background: Background = "removed" if name.startswith("removed") else "kept"
+        if name in self.quick:
+            return short_twin(background)
+        return with_background(load_forced_oscillation(TWIN_FILE), background)
+
+    def solution(
+        self, experiment: OscillationExperiment, values: Mapping[str, float], at: FloatArray
+    ) -> dict[str, FloatArray]:
+        """Background and series are those of the prepared record."""
+        prepared = experiment.prepared
+        start = prepared.start - START_MARGIN * prepared.period
+        background, start_stress = [0.0], 0.0
+        if prepared.background == "kept":
+            since = np.linspace(0.0, 1000.0, 20)
+            rate = prepared.strain_fit.trend_rate(start + since)
+            degree = max(prepared.strain_fit.degree - 1, 0)
+            background = Polynomial.fit(since, rate, degree).convert().coef.tolist()
+            start_stress = float(prepared.stress_fit.trend(np.array([prepared.start]))[0])
+        imposed = oracle.OscillatingStrain(
+            prepared.period,
+            prepared.strain_fit.sine.tolist(),
+            prepared.strain_fit.cosine.tolist(),
+            background,
+            start,
+        )
+        state = oracle.oscillation(
+            values,
+            experiment.temperature,
+            experiment.initial_grain_size,
+            imposed,
+            start=imposed.zero_ahead(experiment.spin_up_cycles),
+            start_stress=start_stress,
+            time=at,
+        )
+        return dict(zip(("stress_Pa", "kelvin_strain", "grain_size_m"), state, strict=True))
+
+    def log_likelihood(
+        self,
+        experiment: OscillationExperiment,
+        values: Mapping[str, float],
+        response: FloatArray,
+    ) -> FloatArray:
+        """A trend that is removed takes as many readings as it has coefficients."""
+        prepared, noise = experiment.prepared, values["stress_noise"]
+        spread = noise * prepared.uncertainty / np.sqrt(np.mean(prepared.uncertainty**2))
+        found = np.asarray(stats.norm.logpdf(experiment.stress, response, spread))
+        if prepared.background == "removed":
+            taken = (prepared.stress_fit.degree + 1) * stats.norm.logpdf(0.0, scale=noise)
+            found = found - taken / experiment.n_points
+        return found
+
+
+class LoadingHistoryExample(Example[LoadingHistory]):
+    """Creep, loading and unloading, relaxation, and all of it in one test."""
+
+    twins = ("creep", "load and unload", "relaxation", "mixed")
+    quick = ("mixed, short",)
+    materials = MappingProxyType(
+        {
+            "truth": {},
+            "hardening": {"steady_state_fabric_factor": 1.5},
+            "compliant apparatus": {"apparatus_compliance": 2e-10},
+        }
+    )
+    few = ("kelvin_modulus", "activation_enthalpy", "stress_noise")
+    # Readings of strain are good to a thousandth of the whole.
+    tight = SolverOptions(tolerance=1e-13, max_num_steps=1_000_000)
+    options = SamplerOptions(chains=4, draws=1000, seed=20261122)
+
+    def load(self, name: str) -> LoadingHistory:
+        return history_twin("mixed", 16) if name in self.quick else history_twin(name, 100)
+
+    def solution(
+        self, experiment: LoadingHistory, values: Mapping[str, float], at: FloatArray
+    ) -> dict[str, FloatArray]:
+        legs = leg_of_times(experiment, at)
+        state = history_oracle.history(
+            values,
+            experiment.initial_grain_size,
+            experiment.legs,
+            [at[legs == k] for k in range(len(experiment.legs))],
+        )
+        names = ("stress_Pa", "strain", "kelvin_strain", "grain_size_m", "fabric_factor")
+        return dict(zip(names, state[[0, 1, 2, 5, 6]], strict=True))
+
+    def log_likelihood(
+        self, experiment: LoadingHistory, values: Mapping[str, float], response: FloatArray
+    ) -> FloatArray:
+        covariance = residual_covariance(
+            values, experiment.time, experiment.reading_stage, experiment.response_is_strain
+        )
+        factor = np.linalg.cholesky(covariance)
+        scaled = np.linalg.solve(factor, experiment.reading - response)
+        return np.asarray(stats.norm.logpdf(scaled) - np.log(np.diag(factor)))
+
+
+class AttenuationExample(Example[AttenuationExperiment]):
+    """Tables of ice about two median stresses, and of measured olivine."""
+
+    twins = ("ice",)
+    measured = ("A1802",)
+    quick = ("ice",)
+    columns = ("place", "is_modulus", "period_s", "temperature_K", "log_reading")
+    materials = MappingProxyType(
+        {
+            "truth": {},
+            "linear dashpot": {"stress_exponent": 1.0, "beta": -2e-5},
+            "hyperbolic sine": {"breakdown_stress": 1.5e6, "stress_exponent": 2.7},
+        }
+    )
+    few = ("kelvin_modulus", "activation_enthalpy", "attenuation_scatter")
+    options = SamplerOptions(seed=20261120)
+
+    def load(self, name: str) -> AttenuationExperiment:
+        if name == "ice":
+            return load_attenuation(ICE / "attenuation_twin.toml")
+        return load_attenuation(ICE.parent / "olivine" / f"attenuation_{name}.toml")
+
+    def solution(
+        self, experiment: AttenuationExperiment, values: Mapping[str, float], at: FloatArray
+    ) -> dict[str, FloatArray]:
+        period, spectrum, quantity = experiment.conditions.at(at)
+        row = experiment.conditions.first_rows[spectrum]
+        found = attenuation_oracle.log_readings(experiment, values, period, row)
+        return {"log_reading": found[quantity, np.arange(at.size)]}
+
+    def log_likelihood(
+        self,
+        experiment: AttenuationExperiment,
+        values: Mapping[str, float],
+        response: FloatArray,
+    ) -> FloatArray:
+        """The model's readings are the oracle's: those of the program stop at a limit."""
+        readings, rows = experiment.readings, np.arange(experiment.conditions.n_rows)
+        tan_delta, modulus = attenuation_oracle.log_readings(
+            experiment, values, experiment.conditions.period, rows
+        )
+        error = readings.tan_delta_error
+        centre = np.log(np.hypot(np.exp(tan_delta), error))
+        limited = np.maximum(centre, np.log(np.maximum(readings.limit, 1e-300)))
+        np.testing.assert_allclose(response, np.append(limited, modulus), rtol=1e-9)
+        law = stats.norm(centre, np.hypot(values["attenuation_scatter"], error / np.exp(centre)))
+        observed = np.log(np.maximum(readings.tan_delta, readings.limit))
+        moduli = stats.norm.logpdf(
+            np.log(readings.modulus),
+            modulus,
+            np.hypot(values["modulus_scatter"], readings.modulus_error / readings.modulus),
+        )
+        return np.append(
+            np.where(readings.is_limit, law.logcdf(observed), law.logpdf(observed)), moduli
+        )
+
+
+EXAMPLES: Mapping[str, Example[Any]] = {
+    "constant_rate": ConstantRateExample(),
+    "forced_oscillation": ForcedOscillationExample(),
+    "loading_history": LoadingHistoryExample(),
+    "attenuation": AttenuationExample(),
+}

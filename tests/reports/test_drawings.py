@@ -1,7 +1,8 @@
-"""Drawings of the model, and its power law beside the hyperbolic sine of the paper's Eq. 2."""
+"""Drawings of the model, the laws of the paper, and what one number makes of its prior."""
 
 import numpy as np
 import pytest
+from maor.before_data import READING_ERROR, Knowledge, knowledge
 from maor.drawings import (
     circuit,
     flow_laws_figure,
@@ -14,6 +15,7 @@ from maor.flow_law import (
     flow_laws,
     flow_laws_table,
 )
+from maor.ice_curves import PEAK_STRESS, peaks
 from synthetic_fit import make_fit
 
 from pyburgers.fitting.fit import Fit
@@ -86,3 +88,31 @@ def test_the_circuit_and_the_laws_are_labelled(fit: Fit, laws: FlowLaws) -> None
     legend = flow_laws_figure(fit, laws).axes[0].get_legend()
     assert legend is not None
     assert "its linear limit" in [text.get_text() for text in legend.get_texts()]
+
+
+N_DRAWS = 600
+
+
+@pytest.fixture(scope="module")
+def known(programs: None, fit: Fit) -> Knowledge:
+    return knowledge(fit, PEAK_STRESS, n_draws=N_DRAWS, seed=1)
+
+
+def test_the_peak_stress_weighs_the_draws_that_meet_it(known: Knowledge, fit: Fit) -> None:
+    observed = fit.experiment.response.max()
+    _, stress = peaks(known.prior)
+    deviation = (stress / observed - 1) / READING_ERROR
+    assert known.weights.sum() == pytest.approx(1)
+    expected = np.exp(-(deviation**2) / 2)
+    assert known.weights == pytest.approx(expected / expected.sum(), rel=1e-9, abs=1e-300)
+    assert known.effective_draws == pytest.approx(expected.sum() ** 2 / (expected**2).sum())
+    mean = known.weights @ stress
+    assert mean == pytest.approx(observed, rel=2 * READING_ERROR)
+
+
+def test_the_peak_stress_narrows_n_through_the_priors_of_the_flow_law(known: Knowledge) -> None:
+    alone, with_peak = known.sd_before("stress_exponent")
+    assert with_peak < 0.6 * alone
+    # Nothing in a peak stress is about the fabric's critical strain.
+    alone, with_peak = known.sd_before("critical_strain_fabric")
+    assert with_peak > 0.3 * alone

@@ -98,16 +98,6 @@ def test_the_same_inputs_may_come_back_and_find_what_was_finished(tmp_path: Path
         assert run.draws_file(10).read_text(encoding="utf-8") == "10"
 
 
-def test_other_inputs_are_refused_and_nothing_changes(tmp_path: Path) -> None:
-    run = RunDirectory(tmp_path / "run")
-    with run.claimed("abc"):
-        run.update_manifest({"status": "sampled"})
-    before = {path: path.stat().st_mtime_ns for path in run.path.rglob("*")}
-    with pytest.raises(InputError, match="other inputs"), run.claimed("xyz"):
-        pass
-    assert {path: path.stat().st_mtime_ns for path in run.path.rglob("*")} == before
-
-
 def test_a_folder_of_something_else_is_refused_and_left_alone(tmp_path: Path) -> None:
     (tmp_path / "thesis.txt").write_text("precious", encoding="utf-8")
     with pytest.raises(InputError, match=r"thesis\.txt"), RunDirectory(tmp_path).claimed("abc"):
@@ -224,14 +214,3 @@ def test_no_reader_ever_sees_half_a_file(tmp_path: Path) -> None:
         writer.kill()
         writer.wait(timeout=30)
         assert json.loads(path.read_text(encoding="utf-8"))[-1] == 99_999
-
-
-def test_a_folder_without_manifest_is_no_run(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="not a run directory"):
-        RunDirectory(tmp_path).read_manifest()
-
-
-def test_a_damaged_manifest_is_named(tmp_path: Path) -> None:
-    (tmp_path / "manifest.json").write_text("{", encoding="utf-8")
-    with pytest.raises(InputError, match=r"manifest\.json"):
-        RunDirectory(tmp_path).read_manifest()

@@ -19,7 +19,7 @@ from scipy.special import logsumexp
 
 from pyburgers.checks.prior_sentences import read_off_sentences
 from pyburgers.cmdstan.program import load_program
-from pyburgers.common.draws import all_draws
+from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.common.units import counted
 from pyburgers.comparison.doubts import sampling_doubts
@@ -41,7 +41,6 @@ from pyburgers.sampling.options import SamplerOptions
 
 logger = logging.getLogger(__name__)
 
-FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 

@@ -26,7 +26,6 @@ from pyburgers.sampling.manifest import COMPLETE
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
 
-FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 LEFT_OUT_FOLDER = "leave_out"

@@ -9,18 +9,15 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from scipy import stats
 
-from pyburgers.common.draws import TAIL, central_band, evenly_spaced
+from pyburgers.common.draws import TAIL, FloatArray, central_band, evenly_spaced
 from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, VERMILION, few_ticks, style
 from pyburgers.model.display import STRAIN_UNIT, STRESS_UNIT
-
-FloatArray = npt.NDArray[np.float64]
 
 Fitted = TypeVar("Fitted")
 

@@ -13,13 +13,13 @@ import xarray as xr
 
 from pyburgers.checks.fit_checks import Outcome, check_solver
 from pyburgers.checks.prior_influence import Influence, prior_influence
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.paths import given_path
 from pyburgers.fitting.new_test import Source
 from pyburgers.fitting.plots import FitPlots
 from pyburgers.fitting.prediction import Prediction, predict_test
 from pyburgers.fitting.sampled_fit import (
-    FloatArray,
     SampledFit,
     data_words,
     put_aside_where_few_diverged,

@@ -11,7 +11,6 @@ from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
@@ -21,7 +20,7 @@ from pyburgers.cmdstan.draw_files import Draws, read_draws
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.atomic_files import write_json
-from pyburgers.common.draws import all_draws
+from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.fitting.sampled_fit import (
@@ -60,8 +59,6 @@ from pyburgers.sampling.manifest import RunManifest
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run import complete_chains, fingerprint, run_record
 from pyburgers.sampling.run_directory import RunDirectory
-
-FloatArray = npt.NDArray[np.float64]
 
 AT_POINTS = {
     "temperature": "K",

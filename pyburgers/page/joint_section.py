@@ -16,8 +16,8 @@ from pyburgers.common.draws import BAND, TAIL, all_draws
 from pyburgers.common.units import number, with_error
 from pyburgers.comparison.same_data import fits_alone
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
-from pyburgers.drawing.panels import draw_curve, legend_above
-from pyburgers.drawing.style import BLUE, VERMILION, few_ticks, few_ticks_of_decades, style
+from pyburgers.drawing.panels import draw_curve, figure_of, legend_above
+from pyburgers.drawing.style import BLUE, VERMILION, few_ticks, few_ticks_of_decades
 from pyburgers.drawing.view import view_of, views
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.coordinates import CENTRE, SPREAD
@@ -307,8 +307,7 @@ SHIFT = 0.14
 def all_curves(joint: Fit) -> Figure:
     """Draw data, solutions and predictive bands of every test."""
     curves = [view_of(fit.experiment).curve(fit) for fit in joint.tests().values()]
-    with style():
-        figure = Figure(figsize=(8.0, 3.2 * len(curves) + 0.6), layout="constrained")
+    with figure_of(8.0, 3.2 * len(curves) + 0.6) as figure:
         panels = list(figure.subplots(len(curves), 1, squeeze=False)[:, 0])
         for axes, curve in zip(panels, curves, strict=True):
             draw_curve(axes, curve)
@@ -323,10 +322,7 @@ def intervals(joint: Fit, separate: Sequence[Fit]) -> Figure:
     alone = fits_alone(joint, separate)
     quantities = (*joint.problem.free, joint.problem.protocol.reference.name)
     n_rows = -(-len(quantities) // COLUMNS)
-    with style():
-        figure = Figure(
-            figsize=(9.0, n_rows * (0.9 + 0.28 * len(tests)) + 0.5), layout="constrained"
-        )
+    with figure_of(9.0, n_rows * (0.9 + 0.28 * len(tests)) + 0.5) as figure:
         panels = figure.subplots(n_rows, COLUMNS, sharey=True, squeeze=False)
         for axes, quantity in zip(panels.flat, quantities, strict=False):
             shared = quantity in joint.problem.shared

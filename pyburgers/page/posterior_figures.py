@@ -9,7 +9,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -17,10 +16,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from scipy import ndimage, stats
 
-from pyburgers.common.draws import all_draws, evenly_spaced
+from pyburgers.common.draws import FloatArray, all_draws, evenly_spaced
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.units import number
 from pyburgers.drawing.page_parts import FigureRecipe, PageFigure
+from pyburgers.drawing.panels import figure_of
 from pyburgers.drawing.style import (
     BLACK,
     BLUE,
@@ -43,8 +43,6 @@ from pyburgers.model.prior_families import Prior
 from pyburgers.page.decades import PriorOfLogarithm, ShownDraws, shown_draws
 from pyburgers.page.figure_results import agreement, narrowed, strongest_trade_off
 from pyburgers.posterior.labelled_draws import free_parameters
-
-FloatArray = npt.NDArray[np.float64]
 
 CHAIN_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY_BLUE, VERMILION)
 CHAIN_DASHES = ("-", "-.", ":")
@@ -287,8 +285,7 @@ def pairs(fit: FittedTest) -> Figure:
     ]
     size = len(names) - 1
     width = 2.0 + 0.95 * size
-    with style():
-        figure = Figure(figsize=(max(width, 5.0), max(width, 4.0)), layout="constrained")
+    with figure_of(max(width, 5.0), max(width, 4.0)) as figure:
         grid = figure.add_gridspec(size, size)
         panels = {}
         for row in range(size):

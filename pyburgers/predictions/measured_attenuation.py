@@ -15,13 +15,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_text
-
-FloatArray = npt.NDArray[np.float64]
 
 NEEDED, OPTIONAL = ("frequency_Hz", "tan_delta"), ("tan_delta_sd", "series")
 UNNAMED = "measured"

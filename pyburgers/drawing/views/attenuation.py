@@ -10,6 +10,7 @@ from markupsafe import Markup
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 
+from pyburgers.common.draws import FloatArray
 from pyburgers.drawing.fitted import curve_of, mean_of, positions, predicted
 from pyburgers.drawing.fitted import residuals as residuals_of
 from pyburgers.drawing.page_parts import FigureRecipe, PageTable
@@ -28,8 +29,6 @@ from pyburgers.kinds.attenuation.experiment import AttenuationExperiment, range_
 from pyburgers.kinds.attenuation.table import ATTENUATION, MODULUS
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.kind import FittedTest
-
-FloatArray = npt.NDArray[np.float64]
 
 GPA = 1e-9
 PERIOD_LABEL = "period (s)"

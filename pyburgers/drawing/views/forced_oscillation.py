@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
@@ -57,9 +56,6 @@ from pyburgers.model.display import (
     shown_quantity,
     unit_text,
 )
-
-FloatArray = npt.NDArray[np.float64]
-
 
 STRESS_TIME_CAPTION = (
     "Top: the stress that the model is compared with (circles, bars are one standard "

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pyburgers.common.draws import central_band
+from pyburgers.common.draws import FloatArray, central_band
 from pyburgers.drawing.fitted import curve_of, mean_of, positions, predicted, residuals
 from pyburgers.drawing.page_parts import FigureRecipe
 from pyburgers.drawing.panels import (
@@ -53,7 +53,6 @@ from pyburgers.model.display import (
 )
 from pyburgers.model.variants import variant_of
 
-FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 STAGE_COLOURS = (BLUE, VERMILION, "#009E73", PURPLE, ORANGE, "#56B4E9")

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from pyburgers.common.draws import FloatArray
 from pyburgers.drawing.panels import STRAIN_LABEL, STRESS_LABEL, figure_of
 from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, SKY_BLUE, VERMILION
 from pyburgers.kinds.experiment import of_kind
@@ -23,8 +23,6 @@ from pyburgers.model.display import (
     STRAIN_FACTOR,
     STRESS_FACTOR,
 )
-
-FloatArray = npt.NDArray[np.float64]
 
 TIME_LABEL = "time on the record's clock (s)"
 

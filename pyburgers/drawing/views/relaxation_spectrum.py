@@ -1,11 +1,10 @@
 """Figure of the relaxation times that a fit of attenuation finds."""
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pyburgers.common.draws import all_draws, central_band, evenly_spaced
+from pyburgers.common.draws import FloatArray, all_draws, central_band, evenly_spaced
 from pyburgers.drawing.page_parts import FigureRecipe
 from pyburgers.drawing.panels import LINES_AND_AREAS, band_text, draw_band, figure_of
 from pyburgers.drawing.style import BLUE, VERMILION
@@ -13,8 +12,6 @@ from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.relaxation import KelvinPart, kelvin_part
-
-FloatArray = npt.NDArray[np.float64]
 
 DRAWS = 1000
 """Draws at most that are drawn from."""

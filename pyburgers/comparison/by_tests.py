@@ -135,17 +135,6 @@ def check_several_tests(joint: Fit) -> None:
         )
 
 
-def leave_one_test_out(
-    joint: Fit,
-    *,
-    workers: Workers = ALL_HERE,
-    command: str = "pyburgers.comparison.by_tests.leave_one_test_out(...)",
-) -> LeaveOneTestOut:
-    """Leave each test of a joint fit out in turn, by fits without it (`fit_without_tests`)."""
-    fit_without_tests({joint.problem.name: joint}, workers=workers, command=command)
-    return _left_out(joint)
-
-
 def _left_out(joint: Fit) -> LeaveOneTestOut:
     """Relate the marginal likelihood of all tests to that of all but each, from finished fits."""
     parts = joint.problem.parts

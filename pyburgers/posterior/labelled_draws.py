@@ -309,25 +309,6 @@ def summary_table(posterior: xr.DataTree, priors: PriorSet) -> pd.DataFrame:
     return table.join(pd.DataFrame.from_dict(rows, orient="index"))
 
 
-def grain_size_share(posterior: xr.DataTree) -> xr.DataArray:
-    """Return the share of grain size in the softening beyond the stress peak, by chain and draw.
-
-    It is ln of the strength lost to grain size between peak and end over ln of all that is
-    lost, and tells the two arms of the valley in the critical strains apart
-    (`docs/coordinates.md`).
-    """
-    predictions = posterior["predictions"].to_dataset()
-    peak = predictions["stress"].argmax("strain")
-    lost = {
-        name: np.log(predictions[name].isel(strain=peak) / predictions[name].isel(strain=-1))
-        for name in ("grain_size_softening", "fabric_softening")
-    }
-    share: xr.DataArray = lost["grain_size_softening"] / (
-        lost["grain_size_softening"] + lost["fabric_softening"]
-    )
-    return share
-
-
 def smooth_weights(
     log_ratios: FloatArray, *, relative_efficiency: float = 1.0
 ) -> tuple[FloatArray, float]:

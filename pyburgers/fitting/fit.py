@@ -263,10 +263,6 @@ class Fit(SampledFit):
         return 0
 
 
-JointFit = Fit
-"""A fit of several tests."""
-
-
 def fit(
     experiments: Experiment | Sequence[Experiment],
     priors: PriorSet,
@@ -338,45 +334,6 @@ def fit(
         command=command,
         more_draws=more_draws,
         overwrite=overwrite,
-    )
-
-
-def fit_jointly(
-    experiments: Sequence[Experiment],
-    priors: PriorSet,
-    *,
-    out: str | Path,
-    pool: Mapping[str, str] | None = None,
-    options: SamplerOptions | None = None,
-    solver: SolverOptions | None = None,
-    use_likelihood: bool = True,
-    command: str = "pyburgers.fit_jointly(...)",
-) -> Fit:
-    """Fit at least two tests together, as `fit` does.
-
-    Parameters
-    ----------
-    experiments, priors, out, pool, options, solver, use_likelihood, command
-        As for `fit`, which says what is returned.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than two tests, or as for `fit`.
-    SamplingError
-        As for `fit`.
-    """
-    if len(experiments) < 2:
-        raise InputError(f"joint fit: found {len(experiments)} test, expected at least two.")
-    return fit(
-        experiments,
-        priors,
-        out=out,
-        pool=pool,
-        options=options,
-        solver=solver,
-        use_likelihood=use_likelihood,
-        command=command,
     )
 
 

@@ -35,10 +35,10 @@ from pyburgers.page.overview import (
     Entry,
     answers,
     bad_answers,
+    entry_of,
     joint_entry,
     overview_table,
     remedies,
-    told_entry,
 )
 from pyburgers.page.run_records import REPORT_KIND, report_manifest, runs_table
 
@@ -108,7 +108,8 @@ def write_report(
     own = list(zip(map(file_key, keys), names, fits, strict=False))
     manifest = report_manifest(list(zip(keys, all_fits, strict=True)), title, command)
     write_json(out / "manifest.json", manifest)
-    groups = _write_groups(by_data(sorted(own, key=_is_synthetic)), out)
+    own.sort(key=lambda one: one[2].provenance.kind == "synthetic")
+    groups = _write_groups(by_data(own), out)
     sections = [section for group in groups for section in group.sections]
     illustrated = []
     for extra in extras:
@@ -121,7 +122,7 @@ def write_report(
     logger.info(f"Writing {len(illustrations)} figures.")
     pictures = write_figures(illustrations, out, jobs, {} if drawn is None else drawn)
     told_entries = [
-        told_entry(key, name, fit)
+        entry_of(key, name, fit, fit.checks(), fit.decisions())
         for (key, _), (name, fit) in zip(others, named[len(fits) :], strict=True)
     ]
     entries = [
@@ -163,11 +164,6 @@ def _write_groups(groups: Sequence[Sequence[tuple[str, str, Fit]]], out: Path) -
             told.append(sections[-1])
         found.append(SameData(tuple(sections)))
     return found
-
-
-def _is_synthetic(named: tuple[str, str, Fit]) -> bool:
-    """Whether nobody measured the data of a fit, which comes with its key and name."""
-    return named[2].provenance.kind == "synthetic"
 
 
 def render_page(
@@ -219,7 +215,8 @@ def render_page(
         synthetic=[entry for entry in entries if entry.is_synthetic],
         prior_sources=tables.prior_sources([s.priors for s in sections]),
         prior_notes=list(dict.fromkeys(s.fit.priors.notes for s in sections if s.fit.priors.notes)),
-        told_by=_first_told_by([extra for extra, _ in extras]),
+        # The first part of the page that has a paragraph in its details tells it.
+        told_by={text: extra for extra, _ in reversed(extras) for text in extra.details},
         made_alike=_made_alike(sections),
         runs=runs,
         reference_texts=list(dict.fromkeys(view_of(s.experiment).reference_text for s in sections)),
@@ -233,11 +230,6 @@ def render_page(
         conflict_meaning=CONFLICT_MEANING,
         truth_sentence=tables.truth_sentence,
     )
-
-
-def _first_told_by(extras: Sequence[PageSection]) -> dict[str, PageSection]:
-    """Return the first part of the page that has each paragraph in its details."""
-    return {text: extra for extra in reversed(extras) for text in extra.details}
 
 
 def _made_alike(sections: Sequence[Section]) -> list[list[Section]]:

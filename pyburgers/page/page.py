@@ -28,7 +28,7 @@ from pyburgers.page import tables
 from pyburgers.page.fit_sections import SameData, Section, by_data, write_section
 from pyburgers.page.glossary import with_definitions
 from pyburgers.page.illustrations import Illustration, Pictures, picture_file, write_figures
-from pyburgers.page.names import file_key, joint_key, page_keys, page_names
+from pyburgers.page.names import file_key, in_words, joint_key, page_keys, page_names
 from pyburgers.page.overview import (
     ANSWER_COLUMNS,
     CONFLICT_COLUMN,
@@ -54,7 +54,7 @@ def write_report(
     joints: Sequence[Fit] = (),
     extras: Sequence[PageSection] = (),
     told: Mapping[str, Sequence[SampledFit]] = MappingProxyType({}),
-    to_come: Sequence[str] = (),
+    to_come: Mapping[str, str] = MappingProxyType({}),
     drawn: dict[Path, str] | None = None,
     jobs: int | None = 1,
 ) -> Path:
@@ -80,8 +80,9 @@ def write_report(
     told : mapping of str to sequence of SampledFit
         Fits that one of the extras is about, by its key. They have no section of their own. Both
         verdicts on them stand at the top of the page.
-    to_come : sequence of str
-        Parts that a later call is to add, such as fits that still run.
+    to_come : mapping of str to str
+        Parts that a later call is to add: the name of the test by that of the run, of other parts
+        an empty text by their name.
     drawn : dict of Path to str, optional
         Pictures of earlier calls by their files, which are not drawn again; those of this call are
         added.
@@ -144,7 +145,7 @@ def write_report(
         runs=runs_table(named),
         title=title,
         command=command,
-        to_come=to_come,
+        to_come=[in_words(*one) for one in to_come.items()],
     )
     write_text(page, text)
     return page

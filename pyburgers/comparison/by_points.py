@@ -61,6 +61,11 @@ def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Compariso
         If there are fewer than two fits, or they are of different data, or one has no likelihood.
     SamplingError
         If a fit without a point fails.
+
+    Examples
+    --------
+    >>> comparison = pyburgers.compare({"linear": one, "power law": other})
+    >>> comparison.pairs()[0].sentence()
     """
     if len(fits) < 2:
         raise InputError(f"compare: found {counted(len(fits), 'fit')}, expected at least two.")

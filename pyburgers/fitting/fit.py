@@ -153,7 +153,18 @@ class Fit(SampledFit):
     def influences(
         self, derived: Mapping[str, FloatArray] = MappingProxyType({})
     ) -> dict[str, dict[str, Influence]]:
-        """Return who decides each quantity, by test; empty without likelihood."""
+        """Return who decides each quantity, by test; empty without likelihood.
+
+        Parameters
+        ----------
+        derived : mapping of str to array, shape (n,)
+            Draws of further quantities, chains one after the other.
+
+        Returns
+        -------
+        dict of str to dict of str to Influence
+            By name of the test, then of the quantity.
+        """
         if not self.manifest["use_likelihood"]:
             return {}
         fitted = self.manifest["experiments"]
@@ -215,6 +226,11 @@ class Fit(SampledFit):
     def save(self, path: str | Path) -> None:
         """Copy the run directory.
 
+        Parameters
+        ----------
+        path : path
+            New folder.
+
         Raises
         ------
         InputError
@@ -228,6 +244,16 @@ class Fit(SampledFit):
     @classmethod
     def load(cls, path: str | Path) -> Self:
         """Read a run directory.
+
+        Parameters
+        ----------
+        path : path
+            Run directory of `fit`.
+
+        Returns
+        -------
+        Fit
+            With the draws of the chains that have finished.
 
         Raises
         ------
@@ -318,6 +344,12 @@ def fit(
         If an input is wrong or `out` holds something else.
     SamplingError
         If no chain finished, or one could not be extended.
+
+    Examples
+    --------
+    >>> test = pyburgers.load_experiment("my_test.toml")
+    >>> result = pyburgers.fit(test, pyburgers.default_priors("ice"), out="runs/my_test")
+    >>> result.summary()
     """
     tests = [experiments] if isinstance(experiments, Experiment) else list(experiments)
     for test in tests[:1]:

@@ -162,7 +162,18 @@ class PeakStressFit(SampledFit):
     def influences(
         self, derived: Mapping[str, FloatArray] = MappingProxyType({})
     ) -> dict[str, dict[str, Influence]]:
-        """Return who decides each quantity, under the name of the table."""
+        """Return who decides each quantity; empty without likelihood.
+
+        Parameters
+        ----------
+        derived : mapping of str to array, shape (n,)
+            Draws of further quantities, chains one after the other.
+
+        Returns
+        -------
+        dict of str to dict of str to Influence
+            By name of the table, then of the quantity.
+        """
         if not self.manifest["use_likelihood"]:
             return {}
         read_off = self.priors.read_off([data_words(self.data.id, self.provenance)])
@@ -181,6 +192,16 @@ class PeakStressFit(SampledFit):
     @classmethod
     def load(cls, path: str | Path) -> Self:
         """Read a run directory.
+
+        Parameters
+        ----------
+        path : path
+            Run directory of `fit_peak_stress`.
+
+        Returns
+        -------
+        PeakStressFit
+            With the draws of the chains that have finished.
 
         Raises
         ------
@@ -249,6 +270,12 @@ def fit_peak_stress(
         If an input is wrong or `out` holds something else.
     SamplingError
         If no chain finished.
+
+    Examples
+    --------
+    >>> table = pyburgers.load_peak_stress("my_table.toml")
+    >>> priors = pyburgers.default_peak_stress_priors("ice")
+    >>> result = pyburgers.fit_peak_stress(table, priors, out="runs/my_table")
     """
     run = RunDirectory(given_path(out))
     options = options or SamplerOptions()
@@ -307,6 +334,16 @@ def flow_law_prior(fit: PeakStressFit) -> FlowLawPrior:
 
     Its ln(S_0) scatters like ln(peak stress) of the tests. If that scatter is one of readings, not
     of samples, the prior is too wide.
+
+    Parameters
+    ----------
+    fit : PeakStressFit
+        Finished fit in which the whole flow law is free.
+
+    Returns
+    -------
+    FlowLawPrior
+        Joint normal prior for `with_flow_law`.
 
     Raises
     ------

@@ -74,7 +74,15 @@ COMBINED_CAPTION = (
 def comparison_sections(fits: Sequence[Fit]) -> tuple[PageSection, ...]:
     """Return the parts of a page about fits of the same data, in the order of the fits.
 
-    The fits are all of the page, joint ones and their tests among them.
+    Parameters
+    ----------
+    fits : sequence of Fit
+        All fits of the page, joint ones and their tests among them.
+
+    Returns
+    -------
+    tuple of PageSection
+        Comparisons by points, by whole tests, and of flow laws from another source.
     """
     groups: dict[str, dict[str, Fit]] = {}
     names = page_names(fits)

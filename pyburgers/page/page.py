@@ -98,6 +98,10 @@ def write_report(
     ------
     InputError
         If there is no fit, or the folder cannot be written or holds something else.
+
+    Examples
+    --------
+    >>> pyburgers.write_report([fit], Path("page"), title="Creep", command="python my_script.py")
     """
     if not fits and not told:
         raise InputError(f"{out}: a report needs at least one run, found none.")

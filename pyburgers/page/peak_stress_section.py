@@ -35,7 +35,20 @@ PEAK_STRESS_KEY = "peak_stress"
 
 
 def peak_stress_section(fit: PeakStressFit, key: str = PEAK_STRESS_KEY) -> PageSection:
-    """Return figure, posterior, comparison with least squares, and checks of a fit."""
+    """Return figure, posterior, comparison with least squares, and checks of a fit.
+
+    Parameters
+    ----------
+    fit : PeakStressFit
+        The fit.
+    key : str
+        Name of the files and the anchor of the part, unique on the page.
+
+    Returns
+    -------
+    PageSection
+        A part of a page, behind the fits.
+    """
     data = fit.data
     comparison = least_squares_table(fit)
     compared = _table(

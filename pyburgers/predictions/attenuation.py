@@ -215,6 +215,11 @@ def predict_attenuation(
     InputError
         If `microstructure` is unknown, a number out of range, the Kelvin element of the fit not
         linear, or the fit a joint one.
+
+    Examples
+    --------
+    >>> spectrum = pyburgers.predict_attenuation(fit, [0.001, 0.01, 0.1])
+    >>> spectrum["tan_delta"].median(("chain", "draw"))
     """
     material = fitted_material(
         fit,

@@ -47,7 +47,18 @@ class MeasuredAttenuation:
 
 
 def load_measured_attenuation(path: Path) -> MeasuredAttenuation:
-    """Read points of attenuation (see the module's head).
+    """Read points of attenuation to draw over a predicted spectrum.
+
+    Parameters
+    ----------
+    path : Path
+        Comma-separated file with a header; lines that start with # are skipped. Columns are
+        frequency_Hz and tan_delta, and if they are known tan_delta_sd and series.
+
+    Returns
+    -------
+    MeasuredAttenuation
+        The points.
 
     Raises
     ------

@@ -54,7 +54,18 @@ def observed_response(experiment: OscillationExperiment) -> ObservedResponse:
 
 
 def predicted_response(fit: FittedTest) -> PredictedResponse:
-    """Return amplitude and lag of the model's stress, without noise."""
+    """Return amplitude and lag of the model's stress, without noise.
+
+    Parameters
+    ----------
+    fit : Fit
+        Of one forced oscillation test.
+
+    Returns
+    -------
+    PredictedResponse
+        Amplitudes (Pa) and lags (rad) of the draws that have a solution, shape (n_draws,).
+    """
     experiment = of_kind(fit.experiment, OscillationExperiment)
     stress = fit.posterior["predictions"].to_dataset()["stress"]
     return _response(experiment, stress["time"].to_numpy(), stress)

@@ -17,9 +17,7 @@ from .drawing.page_parts import PageTable as PageTable
 from .drawing.style import style as style
 from .drawing.views.oscillation_response import predicted_response as predicted_response
 from .fitting.fit import Fit as Fit
-from .fitting.fit import JointFit as JointFit
 from .fitting.fit import fit as fit
-from .fitting.fit import fit_jointly as fit_jointly
 from .fitting.prediction import Prediction as Prediction
 from .fitting.prior_draws import PriorDraws as PriorDraws
 from .fitting.prior_draws import prior_draws as prior_draws

@@ -27,7 +27,7 @@ from pyburgers.kinds.forced_oscillation.experiment import (
 )
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.kind import FittedTest, kind_of
-from pyburgers.kinds.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment, Stated
 from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.kinds.problem import one_test, problem_of
 from pyburgers.model.pooling import pooling_of
@@ -286,7 +286,7 @@ def test_all_is_kept_in_the_file(small_fit: Fit, tmp_path: Path) -> None:
         assert kept.attrs["cautions"].splitlines() == list(prediction.cautions)
 
 
-def creep(experiment: ConstantRateExperiment, **changes: Any) -> LoadingHistory:
+def creep(experiment: ConstantRateExperiment, **changes: Any) -> HistoryExperiment:
     """Return a creep test with a jump of the stress, without readings, of the same sample."""
     stages = (
         Stage("stress", 0.0, 600.0, 255.0, 2e6),
@@ -306,7 +306,7 @@ def creep(experiment: ConstantRateExperiment, **changes: Any) -> LoadingHistory:
         "reading_stage": np.empty(0, dtype=np.int64),
         "reading": np.empty(0),
     }
-    return LoadingHistory(**{**values, **changes})
+    return HistoryExperiment(**{**values, **changes})
 
 
 def test_creep_is_predicted_from_a_test_at_constant_rate(

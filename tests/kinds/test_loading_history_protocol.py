@@ -11,7 +11,7 @@ from synthetic_fit import uniform
 
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.forward import simulate, simulate_data
-from pyburgers.kinds.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment, Stated
 from pyburgers.kinds.loading_history.kind import LoadingHistoryKind
 from pyburgers.kinds.loading_history.stan_data import leg_of_times, times_of_readings
 from pyburgers.kinds.problem import problem_of
@@ -22,17 +22,17 @@ ICE = default_priors("ice")
 
 
 @pytest.fixture(scope="module")
-def unloaded() -> LoadingHistory:
+def unloaded() -> HistoryExperiment:
     """Loaded to 1500 s, unloaded to 2500 s, loaded again to 4000 s."""
     return history_twin("load and unload", 12)
 
 
-def test_of_equal_times_the_second_is_behind_the_jump(unloaded: LoadingHistory) -> None:
+def test_of_equal_times_the_second_is_behind_the_jump(unloaded: HistoryExperiment) -> None:
     time = np.array([0.0, 1500.0, 1500.0, 1500.0, 2500.0, 4000.0])
     assert leg_of_times(unloaded, time).tolist() == [0, 0, 1, 1, 1, 2]
 
 
-def test_a_reading_at_the_start_of_a_stage_is_behind_the_jump(unloaded: LoadingHistory) -> None:
+def test_a_reading_at_the_start_of_a_stage_is_behind_the_jump(unloaded: HistoryExperiment) -> None:
     one = replace(
         unloaded,
         time=np.array([10.0, 1500.0, 1500.0, 2500.0]),
@@ -46,7 +46,7 @@ def test_a_reading_at_the_start_of_a_stage_is_behind_the_jump(unloaded: LoadingH
     assert strain[1] - strain[2] == pytest.approx(elastic, rel=1e-9)
 
 
-def test_strain_readings_bring_their_noise_and_correlate(unloaded: LoadingHistory) -> None:
+def test_strain_readings_bring_their_noise_and_correlate(unloaded: HistoryExperiment) -> None:
     (priors,) = problem_of([unloaded], ICE).priors
     assert priors["stress_noise"].is_fixed
     assert not priors["strain_noise"].is_fixed
@@ -68,7 +68,7 @@ def test_stress_readings_alone_are_as_in_tests_at_constant_rate() -> None:
         problem_of([relaxation], ICE.exchanging(uniform("residual_correlation_strain", 0.01, 1)))
 
 
-def test_apparatus_and_offset_are_those_of_the_file(unloaded: LoadingHistory) -> None:
+def test_apparatus_and_offset_are_those_of_the_file(unloaded: HistoryExperiment) -> None:
     stated = replace(
         unloaded, apparatus_compliance=Stated(2e-11, 5e-12), strain_offset=Stated(1e-4, 0.0)
     )
@@ -114,7 +114,7 @@ def test_simulated_readings_scatter_about_the_solution_as_they_should() -> None:
 
 
 @pytest.fixture
-def stated(unloaded: LoadingHistory) -> LoadingHistory:
+def stated(unloaded: HistoryExperiment) -> HistoryExperiment:
     """The same with a compliant apparatus and an offset in its file."""
     return replace(
         unloaded, apparatus_compliance=Stated(1e-9, 1e-10), strain_offset=Stated(1e-2, 0.0)
@@ -122,7 +122,7 @@ def stated(unloaded: LoadingHistory) -> LoadingHistory:
 
 
 def test_a_solution_has_the_apparatus_and_the_zero_that_the_test_states(
-    unloaded: LoadingHistory, stated: LoadingHistory
+    unloaded: HistoryExperiment, stated: HistoryExperiment
 ) -> None:
     plain = simulate(unloaded, dict(TRUTH))
     found = simulate(stated, dict(TRUTH))
@@ -143,9 +143,9 @@ def test_an_imposed_strain_holds_the_share_of_a_stated_apparatus() -> None:
 
 
 def test_the_truth_of_simulated_readings_holds_what_they_were_made_with(
-    stated: LoadingHistory,
+    stated: HistoryExperiment,
 ) -> None:
-    def made(values: Mapping[str, float]) -> LoadingHistory:
+    def made(values: Mapping[str, float]) -> HistoryExperiment:
         return simulate_data(stated, values, np.random.default_rng(3), source="test")
 
     one = made(TRUTH)

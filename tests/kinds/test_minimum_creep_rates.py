@@ -12,7 +12,7 @@ from history_twins import history_twin
 
 from pyburgers.drawing.views.minimum_rates import minimum_rate_table, minimum_rates
 from pyburgers.kinds.loading_history.creep_intervals import creep_intervals
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.files import load_loading_history
 from pyburgers.kinds.loading_history.kind import KIND
 from pyburgers.kinds.loading_history.stages import Stage
@@ -31,22 +31,22 @@ DECAY = 0.05 * HOUR
 class Solved:
     """A test whose solutions are given."""
 
-    experiment: LoadingHistory
+    experiment: HistoryExperiment
     posterior: xr.DataTree
     priors: PriorSet
 
 
-def history_of(*stages: Stage) -> LoadingHistory:
+def history_of(*stages: Stage) -> HistoryExperiment:
     return replace(history_twin("creep", 20), stages=stages)
 
 
-def series(*knots: tuple[float, float]) -> LoadingHistory:
+def series(*knots: tuple[float, float]) -> HistoryExperiment:
     """A test with the stress (MPa) at some hours, linear in between."""
     corners = tuple((HOUR * hours, 1e6 * stress) for hours, stress in knots)
     return history_of(Stage("stress_series", 0.0, corners[-1][0], 260.0, knots=corners))
 
 
-def solved(experiment: LoadingHistory, *draws: Rates) -> Solved:
+def solved(experiment: HistoryExperiment, *draws: Rates) -> Solved:
     """Solutions whose strain rates (1/s) are functions of time (s)."""
     time = KIND.prediction_grid(experiment)
     rate = np.array([draw(time) for draw in draws], dtype=np.float32)
@@ -251,7 +251,7 @@ def test_measured_salt_creeps_under_five_loads() -> None:
     assert {one.stress for one in loads} <= set(rows["stress_Pa"])
 
 
-def times_in_loads(experiment: LoadingHistory) -> list[int]:
+def times_in_loads(experiment: HistoryExperiment) -> list[int]:
     """How many times of the solution lie inside each load, its ends left out."""
     time = KIND.prediction_grid(experiment)
     return [
@@ -260,7 +260,7 @@ def times_in_loads(experiment: LoadingHistory) -> list[int]:
     ]
 
 
-def loads_of_series(number: int) -> LoadingHistory:
+def loads_of_series(number: int) -> HistoryExperiment:
     """Loads of nine hours that grow by 1 MPa in the hour between them, all in one series."""
     knots = [(10.0 * k + hours, k + 1.0) for k in range(number) for hours in (0.0, 9.0)]
     return series(*knots, (10.0 * number, number + 1.0))

@@ -11,7 +11,7 @@ from stan_values import CHARTS
 from truth_as_mode import at_truth
 
 from pyburgers.cmdstan.program import load_program
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stan_data import elements_block
 from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
 from pyburgers.kinds.problem import plain_coordinates, problem_of
@@ -30,7 +30,7 @@ pytestmark = pytest.mark.usefixtures("programs")
 ICE = default_priors("ice")
 
 
-def valley_of(experiment: LoadingHistory) -> ValleyReference:
+def valley_of(experiment: HistoryExperiment) -> ValleyReference:
     test = at_truth(experiment, ICE, SolverOptions())
     reference, _ = LoadingHistoryValley().reference(test)
     return reference

@@ -9,7 +9,7 @@ from conftest import DUNITE
 from halite import LAWS, RECORD, SINE, SINE_HARDENING, halite_priors
 
 from pyburgers.cmdstan.program import load_program
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.files import load_loading_history
 from pyburgers.kinds.loading_history.stan_data import strain_scale, stress_scale
 from pyburgers.kinds.problem import Problem, problem_of
@@ -54,7 +54,7 @@ def test_it_is_the_rate_of_the_material_that_the_law_is_written_for(name: str) -
     """Hardened by the largest strain with a hyperbolic sine, undeformed with a power law."""
     problem = few_readings(name)
     (test,) = problem.experiments
-    assert isinstance(test, LoadingHistory)
+    assert isinstance(test, HistoryExperiment)
     at = somewhere(problem)
     values, log_rate, _ = evaluated(problem, at)
     stress, n = stress_scale(test), values["stress_exponent"]

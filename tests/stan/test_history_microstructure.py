@@ -21,7 +21,7 @@ from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.kinds.constant_rate.experiment import load_constant_rate
 from pyburgers.kinds.kind import kind_of
 from pyburgers.kinds.loading_history.conversion import as_history
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stan_data import leg_of_times
 from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
 from pyburgers.kinds.microstructure import MeasuredMicrostructure
@@ -58,11 +58,11 @@ PIEZOMETER = {
 }
 
 
-def measured_twin(name: str) -> LoadingHistory:
+def measured_twin(name: str) -> HistoryExperiment:
     return replace(history_twin(name, 12), microstructure=SECTIONS[name])
 
 
-def oracle_microstructure(test: LoadingHistory, values: Mapping[str, float]) -> FloatArray:
+def oracle_microstructure(test: HistoryExperiment, values: Mapping[str, float]) -> FloatArray:
     """Grain size (m) and fabric factor of each section, shape (n, 2), solved with scipy."""
     dense = np.unique(
         np.concatenate(
@@ -89,7 +89,7 @@ def oracle_microstructure(test: LoadingHistory, values: Mapping[str, float]) -> 
     return np.array(found)
 
 
-def expected_log_density(test: LoadingHistory, values: Mapping[str, float]) -> FloatArray:
+def expected_log_density(test: HistoryExperiment, values: Mapping[str, float]) -> FloatArray:
     """Of each grain size and fabric factor."""
     density = np.zeros((len(test.microstructure), 2))
     for row, one, (size, factor) in zip(

@@ -11,7 +11,7 @@ from stan_data import one_test_data
 from truth_as_mode import at_truth
 
 from pyburgers.kinds.kind import kind_of
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.model.priors import default_priors
 
 
@@ -19,7 +19,7 @@ from pyburgers.model.priors import default_priors
 def test_readings_of_one_moment_may_stand_in_any_order(tmp_path: Path) -> None:
     example = EXAMPLES["loading_history"]
     test = example.load("creep")
-    assert isinstance(test, LoadingHistory)
+    assert isinstance(test, HistoryExperiment)
     time, order = test.time.copy(), np.arange(test.n_points)
     time[6:8] = time[5]
     order[5:8] = [7, 5, 6]

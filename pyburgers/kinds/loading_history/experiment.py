@@ -37,7 +37,7 @@ class Stated:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LoadingHistory(Experiment):
+class HistoryExperiment(Experiment):
     """One test under a history of imposed strain and stress, in SI units.
 
     Attributes

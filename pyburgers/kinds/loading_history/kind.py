@@ -14,7 +14,7 @@ from pyburgers.common.units import span_text
 from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment
 from pyburgers.kinds.kind import Kind
 from pyburgers.kinds.loading_history.advice import advice
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.files import load_loading_history, save_loading_history
 from pyburgers.kinds.loading_history.measured_sections import section_times
 from pyburgers.kinds.loading_history.priors import priors_of, stated_priors
@@ -51,7 +51,7 @@ STRESS = Quantity("stress", "stress_Pa", "Pa", STRESS_UNIT, STRESS_FACTOR)
 STRAIN = Quantity("strain", "strain", "1", STRAIN_UNIT, STRAIN_FACTOR)
 
 
-class LoadingHistoryKind(Kind[LoadingHistory]):
+class LoadingHistoryKind(Kind[HistoryExperiment]):
     """Strain or stress is imposed in stages; the other one is read along time."""
 
     name = "loading_history"
@@ -91,32 +91,32 @@ class LoadingHistoryKind(Kind[LoadingHistory]):
         """Stress where strain is imposed, strain where stress is."""
         return STRESS, STRAIN
 
-    def without_data(self, experiment: LoadingHistory) -> LoadingHistory:
+    def without_data(self, experiment: HistoryExperiment) -> HistoryExperiment:
         """Return the test with its readings, which set the scales of the solution."""
         return replace(experiment, microstructure=())
 
-    def prediction_grid(self, experiment: LoadingHistory) -> FloatArray:
+    def prediction_grid(self, experiment: HistoryExperiment) -> FloatArray:
         """Return times, denser at the start of every stage and of every load of a series."""
         shape = np.union1d(np.geomspace(1e-4, 1, 24), np.linspace(0, 1, 25))
         return with_more(stage_times(experiment, shape), load_times(experiment))
 
-    def output_grid(self, experiment: LoadingHistory) -> FloatArray:
+    def output_grid(self, experiment: HistoryExperiment) -> FloatArray:
         """Return times, dense at the start of every stage, those of the readings among them."""
         shape = np.union1d(np.geomspace(1e-5, 1, 80), np.linspace(0, 1, 81))
         return with_more(stage_times(experiment, shape), experiment.time)
 
-    def shown_clock(self, experiment: LoadingHistory) -> Quantity:
+    def shown_clock(self, experiment: HistoryExperiment) -> Quantity:
         """Return time in a unit of which the test has at least ten."""
         unit, seconds = time_unit(experiment.end_time)
         return replace(self.clock, display_unit=unit, display_factor=1.0 / seconds)
 
-    def is_read(self, experiment: LoadingHistory, at: FloatArray) -> npt.NDArray[np.bool_]:
+    def is_read(self, experiment: HistoryExperiment, at: FloatArray) -> npt.NDArray[np.bool_]:
         """Return where strain is imposed, so that stress is read, and where stress is."""
         driven = np.array([leg.driven for leg in experiment.legs])[leg_of_times(experiment, at)]
         return np.stack([driven == "strain", driven == "stress"])
 
     def solution(
-        self, experiment: LoadingHistory, draw: Mapping[str, FloatArray]
+        self, experiment: HistoryExperiment, draw: Mapping[str, FloatArray]
     ) -> dict[str, FloatArray]:
         """Return the solution along time; the strain is that which is read."""
         return {
@@ -128,17 +128,19 @@ class LoadingHistoryKind(Kind[LoadingHistory]):
             "fabric_factor": draw["grid_fabric_factor"],
         }
 
-    def simulated_positions(self, experiment: LoadingHistory) -> FloatArray:
+    def simulated_positions(self, experiment: HistoryExperiment) -> FloatArray:
         """Return the times of the readings, twice where one stands behind a jump."""
         return times_of_readings(experiment)[0]
 
-    def response_in(self, experiment: LoadingHistory, solution: pd.DataFrame) -> FloatArray:
+    def response_in(self, experiment: HistoryExperiment, solution: pd.DataFrame) -> FloatArray:
         """Return stress or strain of every reading."""
         at_readings = solution.iloc[times_of_readings(experiment)[1]]
         is_strain = experiment.response_is_strain
         return np.where(is_strain, at_readings["strain"], at_readings["stress_Pa"])
 
-    def observed_positions(self, experiment: LoadingHistory) -> dict[str, tuple[FloatArray, str]]:
+    def observed_positions(
+        self, experiment: HistoryExperiment
+    ) -> dict[str, tuple[FloatArray, str]]:
         """Return times, stages from 0, what is read, and stated errors where all have one."""
         is_strain = experiment.response_is_strain
         found = {
@@ -164,19 +166,19 @@ class LoadingHistoryKind(Kind[LoadingHistory]):
 
     def with_noise(
         self,
-        experiment: LoadingHistory,
+        experiment: HistoryExperiment,
         response: FloatArray,
         values: Mapping[str, float],
         rng: np.random.Generator,
-    ) -> LoadingHistory:
+    ) -> HistoryExperiment:
         """Put readings with residuals, which may correlate in time, in the place of others."""
         return replace(experiment, reading=response + _draw_residuals(experiment, values, rng))
 
-    def stated_priors(self, experiment: LoadingHistory) -> tuple[Prior, ...]:
+    def stated_priors(self, experiment: HistoryExperiment) -> tuple[Prior, ...]:
         """Return those of the apparatus and of the zero of the strain."""
         return stated_priors(experiment)
 
-    def check_priors(self, experiment: LoadingHistory, priors: PriorSet) -> None:
+    def check_priors(self, experiment: HistoryExperiment, priors: PriorSet) -> None:
         """Ask for laws without a stress of their own where the load cell is uncertain.
 
         Where grains follow the stress, ask for times of measured microstructure. Raise InputError
@@ -198,7 +200,7 @@ class LoadingHistoryKind(Kind[LoadingHistory]):
                         "with that law take the load cell as known."
                     )
 
-    def noises(self, experiment: LoadingHistory) -> Mapping[str, float | None]:
+    def noises(self, experiment: HistoryExperiment) -> Mapping[str, float | None]:
         """Return the noises of what is read in its stages."""
         driven = {stage.driven for stage in experiment.stages}
         errors = {
@@ -207,12 +209,12 @@ class LoadingHistoryKind(Kind[LoadingHistory]):
         }
         return {name: error for name, (imposed, error) in errors.items() if imposed in driven}
 
-    def as_history(self, experiment: LoadingHistory) -> Experiment:
+    def as_history(self, experiment: HistoryExperiment) -> Experiment:
         """Return the test, which is one."""
         return experiment
 
     def reading_noise(
-        self, experiment: LoadingHistory, values: Mapping[str, FloatArray]
+        self, experiment: HistoryExperiment, values: Mapping[str, FloatArray]
     ) -> FloatArray:
         """Return the noise of what each reading is of."""
         none = np.zeros_like(values["stress_noise"])
@@ -220,7 +222,7 @@ class LoadingHistoryKind(Kind[LoadingHistory]):
         is_strain = experiment.response_is_strain
         return np.where(is_strain, strain[:, np.newaxis], stress[:, np.newaxis])
 
-    def without_point(self, experiment: LoadingHistory, point: int) -> LoadingHistory:
+    def without_point(self, experiment: HistoryExperiment, point: int) -> HistoryExperiment:
         """Return the test without a reading."""
         return replace(
             experiment,
@@ -231,7 +233,7 @@ class LoadingHistoryKind(Kind[LoadingHistory]):
 
 
 def _draw_residuals(
-    experiment: LoadingHistory, values: Mapping[str, float], rng: np.random.Generator
+    experiment: HistoryExperiment, values: Mapping[str, float], rng: np.random.Generator
 ) -> FloatArray:
     """Residuals (Pa or fraction), shape (n_points,), as `stan/statistics/residuals.stan` says."""
     is_strain, n = experiment.response_is_strain, experiment.n_points

@@ -7,7 +7,7 @@ import numpy as np
 
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
-from pyburgers.kinds.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment, Stated
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 from pyburgers.model.priors import PriorSet, priors_of_freed_parameters
@@ -18,7 +18,7 @@ STRAIN_NOISE_SHARE = 0.01
 
 
 def priors_of(
-    experiments: Sequence[LoadingHistory | AttenuationExperiment], priors: PriorSet
+    experiments: Sequence[HistoryExperiment | AttenuationExperiment], priors: PriorSet
 ) -> tuple[PriorSet, ...]:
     """Return priors of each of some histories, and tables behind them, that are fitted together.
 
@@ -29,7 +29,7 @@ def priors_of(
     has no effect in a table, whose priors are those of the first history. Raise InputError if
     residuals are to correlate along strain.
     """
-    histories = [one for one in experiments if isinstance(one, LoadingHistory)]
+    histories = [one for one in experiments if isinstance(one, HistoryExperiment)]
     for experiment in histories:
         if not is_fixed_at(priors["residual_correlation_strain"], 0.0):
             raise InputError(
@@ -46,7 +46,7 @@ def priors_of(
 
 
 def _of_readings(
-    experiment: LoadingHistory, priors: PriorSet, reads_strain: bool, reads_stress: bool
+    experiment: HistoryExperiment, priors: PriorSet, reads_strain: bool, reads_stress: bool
 ) -> PriorSet:
     if not reads_stress:
         noise = fixed_prior(PARAMETER_BY_NAME["stress_noise"], 1.0, "no stress is read")
@@ -64,7 +64,7 @@ def _of_readings(
     return priors
 
 
-def stated_priors(experiment: LoadingHistory) -> tuple[Prior, ...]:
+def stated_priors(experiment: HistoryExperiment) -> tuple[Prior, ...]:
     """Return priors of the apparatus and of the zero of the strain that the test's file states."""
     stated: dict[str, Stated | None] = {
         name: getattr(experiment, name) for name in ("apparatus_compliance", "strain_offset")

@@ -22,7 +22,7 @@ from pyburgers.comparison.pairs import (
     PairOutcome,
     doubt_about,
 )
-from pyburgers.model.display import Quantity
+from pyburgers.model.read_quantities import Quantity
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

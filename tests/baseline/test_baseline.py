@@ -202,7 +202,7 @@ def evaluations(case: Case, folder: Path, tolerance: float) -> list[dict[str, Fl
     priors = with_variant(load_priors(REPOSITORY / case.priors), tests[0], case.variant)
     problem = problem_of(tests, priors, pooling_for(tests, case.pool))
     data = program_data(problem, solver=SolverOptions(tolerance, max_num_steps=1_000_000))
-    program = program_with(problem.protocol.program, data, folder)
+    program = program_with(problem.likelihood.program, data, folder)
     rng = np.random.default_rng([3, data["n_coordinates"]])
     found = []
     for point in 0.3 * rng.standard_normal((3, data["n_coordinates"])):

@@ -134,7 +134,7 @@ def test_tests_of_one_protocol_stay_as_they_are() -> None:
 def test_tests_of_several_protocols_become_histories() -> None:
     experiments = three_tests()
     problem = problem_of(experiments, known_priors(), pooling_of())
-    assert problem.protocol.name == "loading_history"
+    assert problem.likelihood.name == "loading_history"
     curve = problem.experiments[0]
     assert isinstance(curve, HistoryExperiment)
     np.testing.assert_array_equal(curve.response, experiments[0].response)

@@ -41,7 +41,7 @@ from .kinds.forced_oscillation.experiment import with_background as with_backgro
 from .kinds.forward import load_parameters as load_parameters
 from .kinds.forward import simulate as simulate
 from .kinds.kind import load_experiment as load_experiment
-from .kinds.loading_history.experiment import LoadingHistory as LoadingHistory
+from .kinds.loading_history.experiment import HistoryExperiment as HistoryExperiment
 from .kinds.stan_data import SolverOptions as SolverOptions
 from .model.display import shown_quantity as shown_quantity
 from .model.display import symbol_text as symbol_text

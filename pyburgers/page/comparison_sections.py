@@ -37,7 +37,6 @@ from pyburgers.drawing.panels import figure_of
 from pyburgers.drawing.style import BLUE, GREEN, VERMILION, few_ticks
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import kind_of
 from pyburgers.model.arrhenius import log_slowdown
 from pyburgers.model.display import (
     LENGTH_FACTOR,
@@ -153,7 +152,7 @@ def _points_to_fit_again(comparison: Comparison, fits: Mapping[str, Fit]) -> tup
 
 
 def _has_single_points(fit: Fit) -> bool:
-    return not fit.is_joint and kind_of(fit.experiment).points_together is None
+    return not fit.is_joint and not fit.experiment.points_together
 
 
 def by_tests_section(joints: Mapping[str, Fit], keys: Mapping[str, str]) -> tuple[PageSection, ...]:

@@ -5,8 +5,8 @@ Axial compression by σ at a rate ε̇ has the second invariants τ = √(s:s/2)
 ε̇_II = [3^((n+1)/2)/2] A τ^n d^-p exp(-Q/(R T)).
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -106,37 +106,25 @@ class CreepLaw:
 
 @dataclass(frozen=True, eq=False)
 class CreepLaws:
-    """Creep laws of all draws, arrays (n_draws,), and in words the state they hold for."""
+    """Creep laws of all draws: fields of `CreepLaw` (n_draws,), and in words their state."""
 
-    log_factor: FloatArray
-    stress_exponent: FloatArray
-    grain_size_exponent: FloatArray
-    activation_energy: FloatArray
-    grain_size: FloatArray
+    columns: Mapping[str, FloatArray]
     state: str
 
     @property
     def mean(self) -> CreepLaw:
         """The law whose ln(rate) is everywhere the posterior mean of ln(rate)."""
-        exponents = self.grain_size_exponent
+        sizes, exponents = self.columns["grain_size"], self.columns["grain_size_exponent"]
+        means = {name: float(one.mean()) for name, one in self.columns.items()}
         weights = exponents if exponents.sum() else np.ones(exponents.size)
-        return CreepLaw(
-            float(self.log_factor.mean()),
-            float(self.stress_exponent.mean()),
-            float(exponents.mean()),
-            float(self.activation_energy.mean()),
-            float(np.exp(np.average(np.log(self.grain_size), weights=weights))),
+        means["grain_size"] = float(
+            np.exp(np.average(np.log(sizes), weights=weights)) if np.ptp(sizes) else sizes[0]
         )
+        return CreepLaw(**means)
 
     def draw(self, k: int) -> CreepLaw:
         """Return the law of a draw, counted from 0 along all chains."""
-        return CreepLaw(
-            float(self.log_factor[k]),
-            float(self.stress_exponent[k]),
-            float(self.grain_size_exponent[k]),
-            float(self.activation_energy[k]),
-            float(self.grain_size[k]),
-        )
+        return CreepLaw(**{name: float(one[k]) for name, one in self.columns.items()})
 
 
 def rate_factors(laws: Sequence[CreepLaw], temperatures: Sequence[float]) -> FloatArray:
@@ -144,20 +132,16 @@ def rate_factors(laws: Sequence[CreepLaw], temperatures: Sequence[float]) -> Flo
 
     They are of second invariants in MPa^-n a^-1, and come from the Stan program.
     """
-    columns = {
-        name: np.array([getattr(law, name) for law in laws])
-        for name in ("log_factor", "stress_exponent", "grain_size_exponent", "activation_energy")
+    log_factor, exponent, grain_size_exponent, energy, size = np.array([*map(astuple, laws)]).T
+    parameters = {
+        "stress_exponent": exponent,
+        "grain_size_exponent": grain_size_exponent,
+        "activation_enthalpy": energy,
+        "beta": log_factor / energy,
     }
-    energy = columns.pop("activation_energy")
-    beta = columns.pop("log_factor") / energy
     rates = [
-        flow_rate(
-            {**columns, "activation_enthalpy": energy, "beta": beta},
-            STRESS_FACTOR * MPA,
-            temperature=temperature,
-            grain_size=np.array([law.grain_size for law in laws]),
-        )
-        for temperature in temperatures
+        flow_rate(parameters, STRESS_FACTOR * MPA, temperature=one, grain_size=size)
+        for one in temperatures
     ]
     return np.asarray(np.stack(rates, axis=-1) * RATE_INVARIANT * YEAR)
 
@@ -191,14 +175,14 @@ def creep_laws(fit: SampledFit, stated: Stated, code: str) -> CreepLaws:
         material = stated_material(fit, stated, code)
         grain_size, fabric = material.grain_size.ravel(), material.fabric_factor.ravel()
         state = material.attributes["microstructure"]
-    return CreepLaws(
-        log_factor=beta * energy - exponent * np.log(fabric),
-        stress_exponent=exponent,
-        grain_size_exponent=grain_size_exponent,
-        activation_energy=energy,
-        grain_size=grain_size,
-        state=state,
-    )
+    columns = {
+        "log_factor": beta * energy - exponent * np.log(fabric),
+        "stress_exponent": exponent,
+        "grain_size_exponent": grain_size_exponent,
+        "activation_energy": energy,
+        "grain_size": grain_size,
+    }
+    return CreepLaws(columns, state)
 
 
 def stated_material(fit: Fit, stated: Stated, code: str) -> Material:

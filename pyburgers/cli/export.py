@@ -51,7 +51,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         ("--temperature-K", "T", "default that of the test (icepack, specfem, tidalpy)"),
         ("--frequencies-Hz", "F", "default 60 from 1e-4 to 1 (specfem, tidalpy)"),
     ):
-        command.add_argument(option, type=float, nargs="+", default=(), metavar=metavar, help=what)
+        command.add_argument(option, type=float, nargs="+", default=[], metavar=metavar, help=what)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -63,6 +63,7 @@ from .page.posterior_figures import page_figure as page_figure
 from .predictions.attenuation import attenuation_spectrum as attenuation_spectrum
 from .predictions.attenuation import predict_attenuation as predict_attenuation
 from .predictions.closed_forms import flow_rate as flow_rate
+from .predictions.exports import export as export
 from .predictions.measured_attenuation import MeasuredAttenuation as MeasuredAttenuation
 from .predictions.measured_attenuation import load_measured_attenuation as load_measured_attenuation
 from .predictions.other_test_figures import prediction_figure as prediction_figure

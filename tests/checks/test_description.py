@@ -478,6 +478,9 @@ def test_fewer_than_ten_readings_cannot_tell(n: int, reading_error: float | None
             assert result.sentence == told
     verdict = verdicts(list(results.values()))[CheckKind.DESCRIPTION]
     assert (verdict.outcome is Outcome.CANNOT_TELL) == (n < 10)
+    # Ten readings are enough to see a wave.
+    wave = 2.0 * np.sign(np.sin(np.linspace(0.1, 6.0, 10))) + 0.1 * white(n=10)
+    assert failed(draws_of(one=groups(wave, 0.1 * draws_of_noise()[..., :10]))) != {}
 
 
 def test_a_test_of_one_reading_in_a_joint_fit_is_left_to_the_others() -> None:

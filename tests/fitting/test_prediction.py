@@ -122,14 +122,14 @@ def test_noise_has_the_size_of_the_draws_and_follows_the_seed(small_fit: Fit) ->
     size = first.posterior["posterior"]["stress_noise"].to_numpy()[..., np.newaxis]
     assert np.std(noise[0] / size) == pytest.approx(1.0, abs=0.02)
     assert "stress residual of the fit" in first.notes[-1]
-    # One draw is enough.
-    one = small_fit.predict(target, draws=1)
-    (number,) = one.posterior["posterior"]["fit_draw"].to_numpy()
-    np.testing.assert_allclose(
-        one.posterior["predictions"]["stress"].to_numpy()[0, 0],
-        grids[0]["stress"].to_numpy()[0, number],
-        rtol=1e-5,
-    )
+    # One draw is enough, of a creep test too.
+    for test, name in ((target, "stress"), (creep(target), "strain")):
+        one, every = small_fit.predict(test, draws=1), small_fit.predict(test)
+        (number,) = one.posterior["posterior"]["fit_draw"].to_numpy()
+        found, expected = (
+            prediction.posterior["predictions"][name].to_numpy()[0] for prediction in (one, every)
+        )
+        np.testing.assert_allclose(found[0], expected[number], rtol=1e-5)
 
 
 def test_a_fit_that_did_not_work_says_so(small_fit: Fit) -> None:

@@ -155,7 +155,11 @@ WRONG_KEYS = [
     ('temperature_unit = "degC"', 'temperature_unit = "degF"', "'K' or 'degC'"),
     ('stress_unit = "MPa"', 'stress_unit = "bar"', "unit 'bar' is not a unit of stress"),
     ('grain_size_column = "d"\n', "", "key 'grain_size_column' in [data] is missing"),
-    ('protocol = "peak_stress"', 'protocol = "constant_rate"', "'peak_stress'"),
+    (
+        'protocol = "peak_stress"',
+        'protocol = "constant_rate"',
+        "key 'protocol': found 'constant_rate', expected 'peak_stress' (the kind of table).",
+    ),
     ('id = "table-1"', 'id = "table 1"', "key 'id'"),
     ('stress_column = "s"', "stress_column = true", "expected a column name"),
     ('file = "points.csv"', 'file = "none.csv"', "does not exist"),

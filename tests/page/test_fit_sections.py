@@ -125,6 +125,11 @@ def test_numbers_of_several_fits_stand_side_by_side(sections: list[Section]) -> 
     assert rows["failed"]["n"] == f"{numbers['mean']} ± {numbers['sd']}"
     assert rows["failed"]["E_M"].endswith(" [conflict]")
     assert both.values["symbol"][pd.Series(both.doubtful["failed"])].tolist() == ["E_M"]
+    # A quantity of one fit alone is empty in the others.
+    few = replace(sections[1], parameters=sections[1].parameters.iloc[:2])
+    values = SameData((sections[0], few)).values
+    assert len(values) > 2
+    assert (values["failed"].iloc[2:] == "").all()
 
 
 def test_a_number_that_another_prior_decides_stands_with_its_name(sections: list[Section]) -> None:
@@ -138,13 +143,6 @@ def test_a_number_that_another_prior_decides_stands_with_its_name(sections: list
     assert both.values["symbol"][pd.Series(both.doubtful["good"])].tolist() == ["n"]
 
 
-def test_a_quantity_of_one_fit_alone_is_empty_in_the_others(sections: list[Section]) -> None:
-    few = replace(sections[1], parameters=sections[1].parameters.iloc[:2])
-    values = SameData((sections[0], few)).values
-    assert len(values) > 2
-    assert (values["failed"].iloc[2:] == "").all()
-
-
 def test_one_section_holds_fits_of_the_same_data(page: Page) -> None:
     assert not page.open
     assert page.ids.index("good") < page.ids.index("failed") < page.ids.index("other")
@@ -152,9 +150,7 @@ def test_one_section_holds_fits_of_the_same_data(page: Page) -> None:
     assert "failed: figures, intervals, priors" in page.text
     # Contents, answers and overview lead to the fit that stands folded in the section of another.
     assert page.references.count(("a", "#failed")) >= 3
-
-
-def test_what_speaks_against_a_fit_is_not_folded(page: Page) -> None:
+    # What speaks against a fit is not folded.
     assert "✗ failed: The posterior was not sampled well." in page.unfolded
     assert "R-hat" in page.unfolded
 

@@ -30,13 +30,6 @@ def test_weights_add_up_and_rise_with_the_ratios() -> None:
     assert np.all(np.diff(log_weights[np.argsort(ratios)]) >= 0)
 
 
-def test_the_tail_of_the_ratios_counts_not_that_of_their_inverse() -> None:
-    ratios = np.random.default_rng(2).normal(size=4000) ** 2
-    # A chi-squared logarithm has a tail like x^(-1/2): not even a mean.
-    assert pareto_k(ratios) > 1
-    assert pareto_k(-ratios) < 0
-
-
 def test_weights_turn_draws_of_one_normal_into_another() -> None:
     draws = np.random.default_rng(3).normal(size=8000)
     target = stats.norm(0.5, 0.8)
@@ -50,13 +43,15 @@ def test_equal_ratios_have_equal_weights_and_no_tail(n: int) -> None:
     log_weights, shape = smooth_weights(np.full(n, -800.0))
     np.testing.assert_allclose(np.exp(log_weights), 1 / n)
     assert shape == -np.inf
-
-
-def test_a_handful_of_draws_has_no_tail_to_smooth() -> None:
+    # A handful of draws has no tail to smooth.
     ratios = np.array([0.0, 1.0, 2.0])
     log_weights, shape = smooth_weights(ratios)
     np.testing.assert_allclose(np.exp(log_weights), np.exp(ratios) / np.exp(ratios).sum())
     assert shape == np.inf
+    # The tail of the ratios counts, not that of their inverse: not even a mean.
+    ratios = np.random.default_rng(2).normal(size=4000) ** 2
+    assert pareto_k(ratios) > 1
+    assert pareto_k(-ratios) < 0
 
 
 def test_efficiency_is_one_for_independent_draws_and_less_for_a_slow_chain() -> None:

@@ -158,16 +158,6 @@ def test_a_broad_kelvin_part_changes_all_but_the_dashpot(law: dict[str, float]) 
     assert not np.allclose(many["hold_strain"], one["hold_strain"], rtol=1e-3)
 
 
-def test_andrade_creep_loses_the_same_share_of_its_own_strain_at_all_frequencies() -> None:
-    stiff = material() | CREEP | {"maxwell_modulus": 1e30}
-    regimes = (Regime(1e3, 1.0),)  # too small for the dashpot
-    spectrum = spectrum_of(stiff, regimes, (1e-3, 1.0, 1e3))
-    np.testing.assert_allclose(spectrum["tan_delta"], np.tan(0.15 * np.pi), rtol=1e-6)
-    # One more decade of frequency, less compliance by the power of the exponent.
-    storage = spectrum["storage_compliance"][0]
-    assert float(storage[0] / storage[1]) == pytest.approx(1e3**0.3, rel=1e-6)
-
-
 def test_relaxation_times_follow_temperature_and_grain_size() -> None:
     thermal = {
         "kelvin_activation_enthalpy": 6e4,
@@ -185,6 +175,14 @@ def test_relaxation_times_follow_temperature_and_grain_size() -> None:
     np.testing.assert_allclose(
         elsewhere["storage_compliance"], shifted["storage_compliance"], rtol=1e-9
     )
+    # Andrade creep loses the same share of its own strain at all frequencies.
+    stiff = material() | CREEP | {"maxwell_modulus": 1e30}
+    regimes = (Regime(1e3, 1.0),)  # too small for the dashpot
+    spectrum = spectrum_of(stiff, regimes, (1e-3, 1.0, 1e3))
+    np.testing.assert_allclose(spectrum["tan_delta"], np.tan(0.15 * np.pi), rtol=1e-6)
+    # One more decade of frequency, less compliance by the power of the exponent.
+    storage = spectrum["storage_compliance"][0]
+    assert float(storage[0] / storage[1]) == pytest.approx(1e3**0.3, rel=1e-6)
 
 
 def test_a_wide_band_shows_no_peak_where_one_element_does() -> None:
@@ -209,19 +207,6 @@ def test_a_second_element_far_below_the_longest_time_shows_its_peak() -> None:
     of_band = {"relaxation_time_decades": 1.0, "relaxation_exponent": 0.3, "peak_width": 1.0}
     on_top = spectrum_of(material() | elements | second | of_band, regimes, tuple(frequencies))
     assert bool(on_top["debye_peak"].all())
-
-
-def test_a_modulus_that_falls_with_temperature_is_taken_at_that_of_the_prediction() -> None:
-    falls = {"modulus_temperature_coefficient": 1e-3, "modulus_reference_temperature": 250.0}
-    softer = spectrum_of(material() | falls)["storage_compliance"]
-    other = material() | {"maxwell_modulus": 4e9 * (1 + 1e-3 * (TEMPERATURE - 250.0))}
-    np.testing.assert_allclose(softer, spectrum_of(other)["storage_compliance"], rtol=1e-12)
-
-
-def test_small_cycles_see_the_slope_of_the_flow_law() -> None:
-    median, exponent = 2e6, 3.7
-    found = dashpot_fluidity(material(exponent, 1e-28), (Regime(median, 1e-4 * median),))
-    assert found[0] == pytest.approx(1e-28 * exponent * median ** (exponent - 1), rel=1e-7)
 
 
 def test_a_linear_material_answers_as_complex_algebra_says_in_every_regime() -> None:
@@ -254,6 +239,14 @@ def test_microstructure_and_temperature_act_through_the_flow_law() -> None:
     ):
         changed = dashpot_fluidity(parameters, PAPER_REGIMES, **conditions)
         np.testing.assert_allclose(changed / reference, factor, rtol=1e-10)
+    # A modulus that falls with temperature is taken at that of the prediction.
+    falls = {"modulus_temperature_coefficient": 1e-3, "modulus_reference_temperature": 250.0}
+    softer = spectrum_of(material() | falls)["storage_compliance"]
+    other = material() | {"maxwell_modulus": 4e9 * (1 + 1e-3 * (TEMPERATURE - 250.0))}
+    np.testing.assert_allclose(softer, spectrum_of(other)["storage_compliance"], rtol=1e-12)
+    # Small cycles see the slope of the flow law.
+    found = dashpot_fluidity(material(3.7, 1e-28), (Regime(2e6, 2e2),))
+    assert found[0] == pytest.approx(1e-28 * 3.7 * 2e6**2.7, rel=1e-7)
 
 
 def test_attenuation_rises_with_the_amplitude_of_a_nonlinear_material_only() -> None:
@@ -280,15 +273,6 @@ def test_one_array_expression_gives_what_single_draws_and_regimes_give() -> None
         np.testing.assert_allclose(together[1, 2, k], alone[0], rtol=1e-13)
 
 
-def test_strains_are_left_out_where_nobody_asks_for_them() -> None:
-    draws = random_draws((5,))
-    whole = spectrum_of(draws)
-    spectrum = spectrum_of(draws, with_strains=False)
-    strains = {"hold_strain", "cycle_strain", "critical_strain", "frozen_fails"}
-    assert set(whole) - set(spectrum) == strains
-    xr.testing.assert_identical(spectrum, whole.drop_vars(strains))
-
-
 def test_a_spectrum_says_what_it_is() -> None:
     spectrum = spectrum_of(random_draws((5,)), fabric_factor=np.full(5, 0.8))
     assert spectrum["tan_delta"].dims == ("draw", "regime", "frequency")
@@ -306,6 +290,12 @@ def test_a_spectrum_says_what_it_is() -> None:
     np.testing.assert_allclose(
         spectrum["tan_delta"], spectrum["loss_compliance"] / spectrum["storage_compliance"]
     )
+    # Strains are left out if nobody asks for them.
+    draws = random_draws((5,))
+    whole, bare = spectrum_of(draws), spectrum_of(draws, with_strains=False)
+    strains = {"hold_strain", "cycle_strain", "critical_strain", "frozen_fails"}
+    assert set(whole) - set(bare) == strains
+    xr.testing.assert_identical(bare, whole.drop_vars(strains))
 
 
 def test_the_criterion_of_the_peak_counts_the_turns_of_the_curve() -> None:

@@ -22,7 +22,7 @@ import pandas as pd
 import psutil
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from measures import measure
+from measures import grain_size_share, measure
 from processes import run_together
 from six_state import N_CHAINS, USUAL_LENGTH, WARMUP, WARMUP_SECONDS, Baseline, run_baseline
 
@@ -35,7 +35,6 @@ from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment,
 from pyburgers.kinds.forced_oscillation.preparation import Background
 from pyburgers.kinds.kind import load_experiment, save_experiment
 from pyburgers.kinds.likelihood import likelihood_of
-from pyburgers.posterior.labelled_draws import grain_size_share
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results"

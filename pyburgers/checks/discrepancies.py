@@ -34,12 +34,11 @@ from pyburgers.checks.residual_numbers import (
     signed_ranks,
 )
 from pyburgers.checks.tails import Tail
-from pyburgers.common.draws import TAIL
+from pyburgers.common.draws import TAIL, FloatArray
 from pyburgers.common.units import span_text
 from pyburgers.kinds.likelihood import Likelihood, likelihoods
 from pyburgers.posterior.labelled_draws import CORRELATED, groups_of_tests, response_in
 
-FloatArray = npt.NDArray[np.float64]
 Pair: TypeAlias = tuple[FloatArray, FloatArray]
 
 LEVEL = 0.003

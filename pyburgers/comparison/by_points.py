@@ -19,7 +19,7 @@ from scipy.special import logsumexp
 
 from pyburgers.checks.prior_sentences import read_off_sentences
 from pyburgers.cmdstan.program import load_program
-from pyburgers.common.draws import all_draws
+from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.common.units import counted
 from pyburgers.comparison.doubts import sampling_doubts
@@ -41,7 +41,6 @@ from pyburgers.sampling.options import SamplerOptions
 
 logger = logging.getLogger(__name__)
 
-FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 
@@ -62,6 +61,11 @@ def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Compariso
         If there are fewer than two fits, or they are of different data, or one has no likelihood.
     SamplingError
         If a fit without a point fails.
+
+    Examples
+    --------
+    >>> comparison = pyburgers.compare({"linear": one, "power law": other})
+    >>> comparison.pairs()[0].sentence()
     """
     if len(fits) < 2:
         raise InputError(f"compare: found {counted(len(fits), 'fit')}, expected at least two.")

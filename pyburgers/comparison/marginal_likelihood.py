@@ -12,7 +12,6 @@ import logging
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 from scipy.optimize import brentq
 from scipy.special import expit
@@ -21,6 +20,7 @@ from scipy.stats import multivariate_normal
 from pyburgers.checks.prior_sentences import read_off_sentences
 from pyburgers.cmdstan.draw_files import read_draws
 from pyburgers.cmdstan.program import load_program
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.comparison.results import LogIntegral
 from pyburgers.fitting.fit import Fit
@@ -30,7 +30,6 @@ from pyburgers.sampling.densities import log_density_at
 
 logger = logging.getLogger(__name__)
 
-FloatArray = npt.NDArray[np.float64]
 
 DRAWS_PER_DIMENSION = 4
 """Least number of draws for each dimension that a proposal is fitted to."""

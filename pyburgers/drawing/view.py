@@ -32,7 +32,7 @@ class View:
         has.
     """
 
-    figures: tuple[FigureRecipe[FittedTest], ...]
+    figures: tuple[FigureRecipe, ...]
     curve: Callable[[FittedTest], FittedCurve]
     facts: Callable[[Any], Sequence[tuple[str, str]]]
     reference_text: Markup

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from pyburgers.common.draws import all_draws, evenly_spaced
+from pyburgers.common.draws import FloatArray, all_draws, evenly_spaced
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.coordinates import CENTRE, SPREAD
 from pyburgers.kinds.experiment import Experiment, UncertainCondition
@@ -26,8 +26,6 @@ from pyburgers.model.priors import PriorSet
 from pyburgers.model.read_quantities import BY_NOISE
 from pyburgers.model.variants import variant_of, with_variant
 from pyburgers.posterior.labelled_draws import own_name
-
-FloatArray = npt.NDArray[np.float64]
 
 BOX_MARGIN = 0.5
 """Range of a parameter's draws by which the bounds of its coordinate lie outside them."""

@@ -9,6 +9,7 @@ import xarray as xr
 
 from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.cmdstan.program import load_program
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.new_test import (
     Source,
@@ -29,8 +30,6 @@ from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
 from pyburgers.posterior.groups import drawn_at_points, grid_group, groups_at_points
 from pyburgers.posterior.labelled_draws import label_draws
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,10 +11,10 @@ from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
 from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import NAME, Table, checked, read_tables, read_toml, write_toml
@@ -26,8 +26,6 @@ from pyburgers.model.parameters import PARAMETER_BY_NAME, STRESS_SCATTER, Parame
 from pyburgers.model.peak_test import PeakTest
 from pyburgers.model.prior_families import PriorTable, check_beta, load_prior
 from pyburgers.model.priors import FLOW_LAW, PriorFile, PriorSet, save_priors, shipped_prior_file
-
-FloatArray = npt.NDArray[np.float64]
 
 KIND = "peak_stress"
 """Key `protocol` of such tables."""

@@ -103,6 +103,13 @@ def beyond_sentences(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...
     return (f"Beyond what was fitted: {'; '.join(beyond)}.",) if beyond else ()
 
 
+def ranges_text(ranges: Ranges) -> str:
+    """Say in display units which conditions were passed."""
+    return "; ".join(
+        f"{name} {_range(*ends, SHOWN[name][1])} {SHOWN[name][0]}" for name, ends in ranges.items()
+    )
+
+
 def temperature_range(experiment: Experiment) -> tuple[float, float]:
     """Return the lowest and the highest temperature (K) of a test."""
     temperatures = experiment.temperatures

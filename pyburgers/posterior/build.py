@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from pyburgers.cmdstan.draw_files import Draws, read_draws
 from pyburgers.cmdstan.program import Program, load_program
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import SamplingError
 from pyburgers.kinds.coordinates import CENTRE, SPREAD
 from pyburgers.kinds.experiment import Experiment
@@ -44,8 +44,6 @@ from pyburgers.posterior.labelled_draws import (
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def build_posterior(

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pandas as pd
 from scipy.special import log_ndtr, logsumexp, ndtri_exp
 
-from pyburgers.common.draws import all_draws, evenly_spaced
+from pyburgers.common.draws import FloatArray, all_draws, evenly_spaced
 from pyburgers.common.errors import InputError
 from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.common.units import count_points
@@ -16,8 +16,6 @@ from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.model.read_quantities import Quantity
 from pyburgers.posterior.labelled_draws import response_in
-
-FloatArray = npt.NDArray[np.float64]
 
 QUANTILES = (5, 25, 50, 75, 95)
 """Percentages of the tables."""

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from pyburgers.cmdstan.program import ALL_DIGITS, ModeNotFound, Program, load_program
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.coordinates import Mode, OtherMode, ProblemMode
 from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited
@@ -19,7 +19,6 @@ from pyburgers.sampling.laplace import curvature_at, laplace_metric
 
 logger = logging.getLogger(__name__)
 
-FloatArray = npt.NDArray[np.float64]
 
 SUITED = "the priors and the record suit them"
 

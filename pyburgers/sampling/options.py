@@ -108,11 +108,33 @@ class SamplerOptions:
         return self.warmup
 
     def threads_for(self, n_tests: int) -> int:
-        """Return the threads of a chain: at most as many as there are tests to share."""
+        """Return the threads of a chain: at most as many as there are tests to share.
+
+        Parameters
+        ----------
+        n_tests : int
+            Tests of the fit.
+
+        Returns
+        -------
+        int
+            At least 1.
+        """
         return min(self.threads_per_chain, n_tests)
 
     def suited_to(self, likelihood: Likelihood[Any]) -> Self:
-        """Fill in what is left to the protocol."""
+        """Fill in what is left to the kind of test.
+
+        Parameters
+        ----------
+        likelihood : Likelihood
+            That of the tests of a fit.
+
+        Returns
+        -------
+        SamplerOptions
+            With numbers for warm-up and target acceptance.
+        """
         return replace(
             self,
             warmup=self.warmup or likelihood.warmup,

@@ -5,9 +5,9 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from pyburgers.cmdstan.program import ModeNotFound, Program, load_program
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import SamplingError
 from pyburgers.kinds.coordinates import Mode, OtherMode, ProblemMode
 from pyburgers.kinds.likelihood import likelihood_of
@@ -16,8 +16,6 @@ from pyburgers.kinds.program_data import program_data, solve, values_of_test
 from pyburgers.kinds.stan_data import SolverOptions, StanData, solver_block
 from pyburgers.sampling.densities import log_density_at
 from pyburgers.sampling.other_modes import modes_beside_the_highest
-
-FloatArray = npt.NDArray[np.float64]
 
 INITIAL_ATTEMPTS = 100
 N_STARTS = 4

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws
@@ -38,7 +37,6 @@ from pyburgers.sampling.repetitions import shortened
 from pyburgers.sbc.convergence import lengthened, not_converged
 from pyburgers.sbc.replication import Replication
 
-FloatArray = npt.NDArray[np.float64]
 Range: TypeAlias = tuple[float, float]
 
 LOG_LIKELIHOOD = "log_likelihood"

@@ -222,7 +222,10 @@ OPTIONS = {
     ),
     "check": (),
     "check-file": (),
-    "export": ("--format", "--test", "--out"),
+    "export": (
+        *("--format", "--test", "--out", "--draws", "--microstructure", "--grain-size-um"),
+        *("--temperature-K", "--median-stress-MPa", "--poisson-ratio"),
+    ),
     "new": ("--protocol", "--material", "--temperature-K", "--grain-size-m", "--strain-rate-per-s"),
     "simulate": ("--parameters", "--out"),
     "fit-peak-stress": ("--priors", "--curve-priors", "--without", "--out", "--chains", "--seed"),

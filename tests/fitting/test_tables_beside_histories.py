@@ -12,7 +12,7 @@ from kind_examples import TWIN_FILE
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError
-from pyburgers.comparison.by_tests import leave_one_test_out
+from pyburgers.comparison.by_tests import compare_by_test
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import load_attenuation
@@ -207,7 +207,7 @@ def test_it_has_a_page(fitted: Fit, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_each_is_left_out(fitted: Fit) -> None:
-    found = leave_one_test_out(fitted, command="test")
+    (found,) = compare_by_test({"fit": fitted}, command="test").results.values()
     assert set(found.tests) == {curve().id, table().id}
     assert np.isfinite(found.elpd).all()
 

@@ -66,7 +66,7 @@ class Attenuation(Kind[AttenuationExperiment]):
         readings = experiment.readings
         n = readings.tan_delta.size
         tan_delta, modulus = np.exp(response[:n]), np.exp(response[n:])
-        # As in stan/protocols/attenuation_response.stan.
+        # As in stan/kinds/attenuation_response.stan.
         tan_delta = np.hypot(tan_delta, readings.tan_delta_error)
         relative_error = readings.modulus_error / readings.modulus
         spreads = (

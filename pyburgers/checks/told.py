@@ -1,6 +1,6 @@
 """Discrepancies in words: what a number of the residuals says, where, and what to try."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -48,17 +48,12 @@ def finding_of(draws: CheckedDraws, discrepancies: tuple[str, ...], tell: Tell) 
     return family.finding(worst, table, told.good, told.bad, told.remedy)
 
 
-def points_of_segment(leftover: Leftover, number: int) -> npt.NDArray[np.int64]:
-    """Return the readings of a segment by its place among the segments."""
-    return np.flatnonzero(leftover.segment == np.unique(leftover.segment)[number])
-
-
-def segment_name(leftover: Leftover, points: npt.NDArray[np.int64]) -> str:
-    """Return the number and the place of a segment, the place alone of the only one."""
+def points_of_segment(leftover: Leftover, number: int) -> tuple[npt.NDArray[np.int64], str]:
+    """Return the readings of a segment by its place among the segments, and where they lie."""
+    segments = np.unique(leftover.segment)
+    points = np.flatnonzero(leftover.segment == segments[number])
     place = leftover.place(int(points[0]), int(points[-1]))
-    if np.unique(leftover.segment).size == 1:
-        return place
-    return f"segment {leftover.segment[points[0]] + 1} ({place})"
+    return points, place if segments.size == 1 else f"segment {segments[number] + 1} ({place})"
 
 
 def beside(leftover: Leftover, residual: float, point: int) -> str:
@@ -71,7 +66,8 @@ def beside(leftover: Leftover, residual: float, point: int) -> str:
 
 def remedy(leftover: Leftover, point: int) -> str:
     """Return what to try where the shape is missed from a point on."""
-    free = _free_parameters(leftover)
+    has_draws = "posterior" in leftover.group.children
+    free = free_parameters(leftover.group) if has_draws else ()
     along = leftover.group["constant_data"].to_dataset()
     known = leftover.protocol.remedy(free, along)
     if known is not None:
@@ -94,7 +90,3 @@ def remedy(leftover: Leftover, point: int) -> str:
     if "segment" not in along or leftover.correlates:
         return first
     return f"{first}; {LET_CORRELATE}"
-
-
-def _free_parameters(leftover: Leftover) -> Sequence[str]:
-    return free_parameters(leftover.group) if "posterior" in leftover.group.children else ()

@@ -33,6 +33,8 @@ from pyburgers.flow_law_tables.description import LOG_STRESS, TABLE_CHECKS
 from pyburgers.flow_law_tables.groups import GRID_STRESSES, groups
 from pyburgers.flow_law_tables.inputs import (
     FLOW_LAW_PARAMETERS,
+    SI_UNITS,
+    UNCERTAINTY,
     PeakStressData,
     load_peak_stress,
     load_peak_stress_priors,
@@ -61,10 +63,8 @@ from pyburgers.sampling.run import complete_chains, fingerprint, run_record
 from pyburgers.sampling.run_directory import RunDirectory
 
 AT_POINTS = {
-    "temperature": "K",
-    "strain_rate": "1/s",
-    "grain_size": "m",
-    "relative_stress_uncertainty": "1",
+    **{name: SI_UNITS[name] for name in ("temperature", "strain_rate", "grain_size")},
+    UNCERTAINTY: "1",
 }
 """What draws keep of the rows of a table, with its units."""
 

@@ -37,19 +37,18 @@ COMPARISON_TEXT = (
     f"{NO_DIFFERENCE:g} or more that is also {CLEAR:g} or more of its standard errors; fits are "
     f"alike where even {CLEAR:g} standard errors further apart they would differ by less than "
     f"{NO_DIFFERENCE:g}; else the data cannot tell. Points with a Pareto k above {PARETO_K_LIMIT} "
-    "are not reliable; pyburgers compare leaves them out by fitting again. Until then it cannot be "
-    "told which of two fits is better where the other points by themselves do not say the same; "
-    "nor where a fit was not sampled well, with all points or without one, nor of "
-    f"fewer than {LEAST_UNITS} points. Weights are "
-    "those of the best mixture of the fits, and arbitrary between fits that predict alike."
+    "are not reliable; pyburgers compare leaves them out by fitting again. The data cannot tell "
+    "which fit is better if the reliable points by themselves say something else, if a fit was not "
+    f"sampled well, or if there are fewer than {LEAST_UNITS} points. Weights are those of the best "
+    "mixture of the fits, and arbitrary between fits that predict alike."
 )
 
 BY_TEST_TEXT = (
     "Measure: log density of each whole test given the others, stresses in Pa; higher is better. "
     "The fits were repeated without each test, and the density is a ratio of marginal likelihoods, "
     "by bridge sampling. A test's own parameters are averaged under their priors, which costs as "
-    "much as the test narrows them. Of two tests, or where a fit was not sampled well, it cannot "
-    "be told which of two fits is better."
+    "much as the test narrows them. With two tests, or if a fit was not sampled well, the data "
+    "cannot tell which fit is better."
 )
 
 

@@ -260,14 +260,14 @@ def flow_law_source_section(
             f"The other source is {law.source}. {alone} is the fit of the curve alone with the "
             f"material's own priors; {both} has the other source as a joint prior of n, p, "
             f"{rate}, and beta in their place.",
-            "Mean ± standard deviation. Where both together are wider than the curve alone, the "
-            "curve's number was that of its own prior, which the other source replaces.",
+            "Mean ± standard deviation. If both together are wider than the curve alone, the "
+            "curve's number came from its own prior, which the other source replaces.",
             _temperature_correction(law, experiment, draws["other source alone"]),
         ),
         tables=(
             PageTable(
                 "sources",
-                "What each source knows",
+                "Flow law by source, in numbers",
                 _shown_sources(table),
                 table.reset_index(),
                 words=("quantity", "unit"),

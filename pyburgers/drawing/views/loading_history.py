@@ -112,7 +112,7 @@ RECOVERY_SHOWN = 1e-3
     "draws, a colour for each stage. (a) Stress against strain. (b) Strain rate against strain on "
     "a logarithmic scale: a minimum is where the Kelvin element is exhausted and softening wins; "
     "rates of recovery, which run backwards, are drawn dashed down to a thousandth of the slowest "
-    "forward one. (c) What was read in each stage, "
+    "forward one. (c) Readings of each stage, "
     "against the time since the stage began on a logarithmic scale, over its value at the end of "
     "the stage: relaxation and transient creep are seen from their first readings on.",
     lambda fit: response_result(fit),
@@ -293,9 +293,9 @@ def response_result(fit: FittedTest) -> str:
 
 @recipe(
     "softening",
-    "What softens the material",
-    f"{softening_caption('end')} What was measured at a path strain stands where the median "
-    "solution reaches it.",
+    "Softening by grain size and fabric",
+    f"{softening_caption('end')} A measurement at a path strain stands where the median "
+    "solution reaches that strain.",
     lambda fit: f"at the end {softened_text(fit)}",
     suits=lambda fit: evolves(fit),
 )

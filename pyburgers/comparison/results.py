@@ -276,12 +276,6 @@ class ComparisonByTest:
         return all(result.reliable for result in self.results.values())
 
 
-def elpd_difference(one: LeaveOneOut, other: LeaveOneOut) -> tuple[float, float]:
-    """Elpd of one fit less that of another, and its standard error over the points."""
-    pointwise = one.elpd - other.elpd
-    return float(pointwise.sum()), standard_error(pointwise)
-
-
 def has_several_tests(comparison: Comparison) -> bool:
     """Tell whether the points are those of several tests."""
     return "test" in comparison.position.coords
@@ -311,13 +305,13 @@ def comparison_table(comparison: Comparison) -> pd.DataFrame:
     best = next(iter(comparison.results.values()))
     rows = {}
     for (name, result), weight in zip(comparison.results.items(), comparison.weights, strict=True):
-        difference, difference_se = elpd_difference(result, best)
+        pointwise = result.elpd - best.elpd
         rows[name] = {
             "variant": comparison.variants[name],
             "elpd": result.total,
             "se": standard_error(result.elpd),
-            "difference": difference,
-            "difference_se": difference_se,
+            "difference": float(pointwise.sum()),
+            "difference_se": standard_error(pointwise),
             "weight": float(weight),
             "n_effective": result.n_effective,
             "high_k": int(np.sum(result.pareto_k > PARETO_K_LIMIT)),

@@ -39,7 +39,6 @@ from pyburgers.flow_law_tables.inputs import (
     load_peak_stress,
     load_peak_stress_priors,
     save_peak_stress,
-    save_peak_stress_priors,
 )
 from pyburgers.flow_law_tables.softening import N_SOFTENING, SofteningPrior, softening_prior
 from pyburgers.kinds.coordinates import REFERENCE_FLOW_RATE, PlainCoordinates
@@ -49,7 +48,7 @@ from pyburgers.kinds.program_data import prior_block
 from pyburgers.kinds.stan_data import StanData
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, PRIOR_QUANTITIES, FlowLawPrior
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
-from pyburgers.model.priors import PriorSet, default_priors, note_other_material
+from pyburgers.model.priors import PriorSet, default_priors, note_other_material, save_priors
 from pyburgers.posterior.labelled_draws import (
     keep_posterior,
     label_draws,
@@ -296,7 +295,7 @@ def fit_peak_stress(
     def sample() -> PeakStressFit:
         with run.claimed(identity):
             save_peak_stress(data, run.inputs)
-            save_peak_stress_priors(priors, run.priors_file)
+            save_priors(priors, run.priors_file, FLOW_LAW_PARAMETERS)
             softening.save(run.inputs / SOFTENING_FILE)
             write_json(run.stan_data_file, stan_data)
             run.update_manifest(

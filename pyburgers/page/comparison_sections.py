@@ -146,14 +146,12 @@ def by_points_section(fits: Mapping[str, Fit], keys: Mapping[str, str]) -> tuple
 def _points_to_fit_again(comparison: Comparison, fits: Mapping[str, Fit]) -> tuple[str, ...]:
     """Say which command leaves points out in earnest, which a page never does."""
     count = sum(int(result.unreliable.sum()) for result in comparison.results.values())
-    if not count or not all(map(_has_single_points, fits.values())):
+    if not count or any(
+        fit.is_joint or kind_of(fit.experiment).points_together is not None for fit in fits.values()
+    ):
         return ()
     runs = " ".join(shlex.quote(shown(fit.directory.path)) for fit in fits.values())
     return (f"To fit again without {count_points(count)} of that kind: pyburgers compare {runs}",)
-
-
-def _has_single_points(fit: Fit) -> bool:
-    return not fit.is_joint and kind_of(fit.experiment).points_together is None
 
 
 def by_tests_section(joints: Mapping[str, Fit], keys: Mapping[str, str]) -> tuple[PageSection, ...]:

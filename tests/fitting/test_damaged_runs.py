@@ -200,7 +200,7 @@ def test_a_check_writes_tables_again_that_are_not_those_of_the_draws(
         again, log = capsys.readouterr()
         assert again == out
         (note,) = log.splitlines()
-        assert f"run: {' and '.join(names)}, which did not hold what follows from the" in note
+        assert f"run: {' and '.join(names)} did not agree with the draws" in note
 
 
 def test_a_check_leaves_tables_to_a_run_that_has_not_written_them(copy: Path) -> None:

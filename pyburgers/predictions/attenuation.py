@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.relaxation import kelvin_part
@@ -47,7 +48,6 @@ from pyburgers.predictions.stress_cycles import (
     checked_inputs,
 )
 
-FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 DEFAULT_FREQUENCIES: tuple[float, ...] = tuple(np.geomspace(1e-4, 1.0, 60).tolist())
@@ -217,6 +217,11 @@ def predict_attenuation(
     InputError
         If `microstructure` is unknown, a number out of range, the Kelvin element of the fit not
         linear, or the fit a joint one.
+
+    Examples
+    --------
+    >>> spectrum = pyburgers.predict_attenuation(fit, [0.001, 0.01, 0.1])
+    >>> spectrum["tan_delta"].median(("chain", "draw"))
     """
     material = fitted_material(
         fit,

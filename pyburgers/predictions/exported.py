@@ -20,13 +20,14 @@ from pyburgers.flow_law_tables.fit import PeakStressFit
 from pyburgers.model.display import shown_quantity, unit_text
 from pyburgers.model.parameters import CONDITIONS, STRESS_SCATTER
 from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR
+from pyburgers.model.read_quantities import BY_NOISE
 from pyburgers.predictions.stated_laws import POWER_LAW, VARIABLES, laws_of, undeformed
 
 LOG_FACTOR = "ln_flow_law_factor"
 """ln A in SI units, which β and Q_M give: A = exp(β Q_M)."""
 
 LEFT_OUT = CONDITIONS | {
-    *("stress_noise", "strain_noise", "attenuation_scatter", "modulus_scatter"),
+    *BY_NOISE,
     *("residual_correlation_strain", "residual_correlation_time", "residual_correlated_share"),
     *("strain_offset", "apparatus_compliance"),
 }

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from pyburgers.common.units import UNITS
+from pyburgers.model.laws import NONLINEAR_KELVIN_PARAMETERS
 
 
 @dataclass(frozen=True)
@@ -383,7 +384,7 @@ CONDITIONS = frozenset(p.name for p in CONDITION_PARAMETERS)
 
 KELVIN_REFERENCES: Mapping[str, str] = MappingProxyType(
     {
-        "kelvin_stress_exponent": "kelvin_reference_stress",
+        **dict.fromkeys(NONLINEAR_KELVIN_PARAMETERS, "kelvin_reference_stress"),
         "kelvin_activation_enthalpy": "kelvin_reference_temperature",
         "kelvin_grain_size_exponent": "kelvin_reference_grain_size",
     }

@@ -9,6 +9,7 @@ functions {
 #include physics/flow_law.stan
 #include physics/microstructure.stan
 #include statistics/priors.stan
+#include statistics/priors_of_test.stan
 #include reference/six_state_dynamics.stan
 }
 data {
@@ -83,14 +84,10 @@ transformed parameters {
   parameter[i_critical_strain_grain_size()] = critical_strain_grain_size;
   parameter[i_critical_strain_fabric()] = critical_strain_fabric;
   parameter[i_stress_noise()] = stress_noise;
-  lprior = joint_prior_log_density(parameter, prior_family[1], prior_location[1],
-                                   prior_scale[1], prior_lower[1], prior_upper[1],
-                                   prior_mass[1]);
-  if (has_flow_law_prior[1]) {
-    lprior += flow_law_prior_log_density(stress_exponent, grain_size_exponent,
-                                         activation_enthalpy, beta, flow_law_mean,
-                                         flow_law_factor, flow_law_conditions);
-  }
+  lprior = test_prior_log_density(parameter, prior_family[1], prior_location[1],
+                                  prior_scale[1], prior_lower[1], prior_upper[1],
+                                  prior_mass[1], has_flow_law_prior[1], flow_law_mean,
+                                  flow_law_factor, flow_law_conditions);
 }
 model {
   target += lprior;

@@ -6,9 +6,10 @@ functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
 #include physics/dashpot_laws.stan
-#include physics/kelvin_element.stan
+#include physics/kelvin_laws.stan
 #include physics/microstructure.stan
 #include statistics/priors.stan
+#include statistics/priors_of_test.stan
 #include kinds/forced_oscillation_dynamics.stan
 #include reference/six_state_oscillation_dynamics.stan
 }
@@ -61,14 +62,10 @@ transformed parameters {
   parameter[i_beta()] = beta;
   parameter[i_critical_strain_grain_size()] = critical_strain_grain_size;
   parameter[i_stress_noise()] = stress_noise;
-  lprior = joint_prior_log_density(parameter, prior_family[1], prior_location[1],
-                                   prior_scale[1], prior_lower[1], prior_upper[1],
-                                   prior_mass[1]);
-  if (has_flow_law_prior[1]) {
-    lprior += flow_law_prior_log_density(stress_exponent, grain_size_exponent,
-                                         activation_enthalpy, beta, flow_law_mean,
-                                         flow_law_factor, flow_law_conditions);
-  }
+  lprior = test_prior_log_density(parameter, prior_family[1], prior_location[1],
+                                  prior_scale[1], prior_lower[1], prior_upper[1],
+                                  prior_mass[1], has_flow_law_prior[1], flow_law_mean,
+                                  flow_law_factor, flow_law_conditions);
 }
 model {
   target += lprior;

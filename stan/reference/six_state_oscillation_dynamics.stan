@@ -11,7 +11,6 @@
  * @param origin on the record's clock, s
  * @param period s
  * @param sine, cosine, background amplitudes: `harmonics` of oscillating_rate()
- * @param background_range, first_tau see oscillating_rate()
  * @param piezometer d_1 (m), exponent and stress floor (Pa)
  */
 vector six_state_oscillation_rhs(real time, vector state, data real origin, data real period,

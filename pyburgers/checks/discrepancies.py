@@ -34,12 +34,11 @@ from pyburgers.checks.residual_numbers import (
     signed_ranks,
 )
 from pyburgers.checks.tails import Tail
-from pyburgers.common.draws import TAIL
+from pyburgers.common.draws import TAIL, FloatArray, all_draws
 from pyburgers.common.units import span_text
-from pyburgers.kinds.kind import Kind, kinds
+from pyburgers.kinds.likelihood import Likelihood, likelihoods
 from pyburgers.posterior.labelled_draws import CORRELATED, groups_of_tests, response_in
 
-FloatArray = npt.NDArray[np.float64]
 Pair: TypeAlias = tuple[FloatArray, FloatArray]
 
 LEVEL = 0.003
@@ -112,7 +111,7 @@ class Leftover:
 
     name: str
     group: xr.DataTree
-    protocol: Kind[Any]
+    likelihood: Likelihood[Any]
     position: FloatArray
     segment: npt.NDArray[np.int64]
     quantity: npt.NDArray[np.int64]
@@ -133,18 +132,28 @@ class Leftover:
 
     def size_text(self, size: float, quantity: int) -> str:
         """Return a size of residuals of a quantity (SI) in its display unit."""
-        read = self.protocol.read[quantity]
+        read = self.likelihood.read[quantity]
         return f"{size * read.display_factor:.3g} {read.display_unit}"
 
     def place(self, first: int, last: int) -> str:
         """Return where readings lie, such as ``strain 5.1 to 6 %``."""
         along = self.group["constant_data"].to_dataset()
-        said = self.protocol.place_text(along, first, last)
-        if said is not None:
-            return said
-        clock = self.protocol.clock
-        span = span_text(clock.display_factor * self.position[[first, last]], digits=3)
-        return f"{clock.name} {span} {clock.display_unit}"
+        return place_text(self.likelihood, along, first, last)
+
+
+def place_text(likelihood: Likelihood[Any], along: xr.Dataset, first: int, last: int) -> str:
+    """Return where two readings lie, from 0, by `Likelihood.along`: ``time 26.7 to 29.2 days``."""
+    if "period" in along:
+        period, temperature = (
+            span_text(along[name].to_numpy()[[first, last]], digits=4)
+            for name in ("period", "temperature")
+        )
+        read = "modulus" if along["quantity"][first] else "attenuation"
+        return f"{read} at {temperature} K, period {period} s"
+    position = along[likelihood.clock.name].to_numpy()
+    clock = likelihood.shown_clock(position.max())
+    span = span_text(clock.display_factor * position[[first, last]], digits=3)
+    return f"{clock.name} {span} {clock.display_unit}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,29 +280,24 @@ def _leftover(name: str, group: xr.DataTree, number: int) -> Leftover:
         for part in ("observed_data", "model_response", "posterior_predictive")
     )
     along = group["constant_data"].to_dataset()
-    kind = kinds()[group.attrs["protocol"]]
-    position = along[kind.clock.name].to_numpy()
-    segment = (
-        along["segment"].to_numpy().astype(np.int64)
-        if "segment" in along
-        else np.zeros(position.size, dtype=np.int64)
-    )
-    quantity = (
-        along["quantity"].to_numpy().astype(np.int64)
-        if "quantity" in along
-        else np.zeros(position.size, dtype=np.int64)
+    likelihood = likelihoods()[group.attrs["protocol"]]
+    position = along[likelihood.clock.name].to_numpy()
+    segment, quantity = (
+        (along[name].to_numpy() if name in along else np.zeros(position.size)).astype(np.int64)
+        for name in ("segment", "quantity")
     )
     error = along["reading_error"].to_numpy() if "reading_error" in along else None
     spread = along["typical_error"].to_numpy() if "typical_error" in along else error
-    observed, replicated = (_by_draw(values - model) for values in (read, replicas))
+    observed, replicated = (
+        all_draws(values - model).astype(np.float64) for values in (read, replicas)
+    )
     weight = _of_one_size(replicated, quantity) if spread is None else spread.mean() / spread
     observed, replicated = observed * weight, replicated * weight
-    of_replicas = _by_draw(replicas)
-    band = np.quantile(of_replicas, (TAIL, 1.0 - TAIL), axis=0)
+    band = np.quantile(all_draws(replicas).astype(np.float64), (TAIL, 1.0 - TAIL), axis=0)
     pairs = data_and_refits(
         observed,
         replicated,
-        (band - _by_draw(model).mean(axis=0)) * weight,
+        (band - all_draws(model).astype(np.float64).mean(axis=0)) * weight,
         partial(_numbers, segment=segment, position=position, quantity=quantity),
         correlated=CORRELATED in group.children,
     )
@@ -311,7 +315,7 @@ def _leftover(name: str, group: xr.DataTree, number: int) -> Leftover:
             by_chance = over(noise, least=np.zeros(position.size)).max(axis=0)
             pairs[OVER_SCATTER] = found.max(axis=0), np.maximum(by_chance, AS_LARGE)[:, None]
     enough = {key: pair for key, pair in pairs.items() if position.size >= LEAST_READINGS[key]}
-    return Leftover(name, group, kind, position, segment, quantity, observed, weight, enough)
+    return Leftover(name, group, likelihood, position, segment, quantity, observed, weight, enough)
 
 
 def _of_one_size(replicated: FloatArray, quantity: npt.NDArray[np.int64]) -> FloatArray:
@@ -379,9 +383,3 @@ def _numbers(
         OFFSET: np.abs(offsets(residuals, quantity)).max(axis=0),
     }
     return found if len(spread) == 1 else {**found, SEGMENT_SPREAD: np.sqrt(spread.max(axis=0))}
-
-
-def _by_draw(values: xr.DataArray) -> FloatArray:
-    """Draws of points, shape (draws, n)."""
-    ordered = values.transpose("chain", "draw", "point").to_numpy()
-    return np.asarray(ordered.reshape(-1, ordered.shape[-1]), dtype=np.float64)

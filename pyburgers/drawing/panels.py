@@ -3,26 +3,20 @@
 Everything is in display units already; draws are along the first axis.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from scipy import stats
 
-from pyburgers.common.draws import TAIL, central_band, evenly_spaced
+from pyburgers.common.draws import TAIL, FloatArray, central_band, evenly_spaced
 from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, VERMILION, few_ticks, style
 from pyburgers.model.display import STRAIN_UNIT, STRESS_UNIT
-
-FloatArray = npt.NDArray[np.float64]
-
-Fitted = TypeVar("Fitted")
 
 RETRODICTIONS = 1000
 """Solutions for single draws that a figure shows at most."""
@@ -110,11 +104,6 @@ def draw_residuals(axes: Axes, curve: FittedCurve) -> None:
     axes.set(xlabel=curve.position_label, ylabel=curve.residual_label)
 
 
-def result_of(curve: Callable[[Fitted], FittedCurve]) -> Callable[[Fitted], str]:
-    """Return what says how a fit meets the readings, given what makes its curve."""
-    return lambda fit: curve_result(curve(fit))
-
-
 def curve_result(curve: FittedCurve) -> str:
     """Say how a fit meets the readings."""
     inside = np.mean(np.abs(curve.residuals) <= curve.noise_band)
@@ -130,15 +119,19 @@ def band_text(draws: FloatArray, unit: str) -> str:
     return f"{median} {unit}".rstrip() + f" ({low} to {high})"
 
 
-def draw_curve(axes: Axes, curve: FittedCurve) -> None:
-    """Draw data, retrodictions, predictive median and band, and where the imposed changes."""
-    low, _, high = central_band(curve.replicated)
-    axes.fill_between(
-        curve.grid, low, high, color=ORANGE, alpha=0.35, linewidth=0, label="90 % predictive band"
-    )
+def draw_curve(axes: Axes, curve: FittedCurve, *, is_read: bool = True) -> None:
+    """Draw data, retrodictions, predictive median and band, and where the imposed changes.
+
+    A quantity that is not read has neither data nor a band.
+    """
+    if is_read:
+        low, _, high = central_band(curve.replicated)
+        band = axes.fill_between(curve.grid, low, high, color=ORANGE, alpha=0.35, linewidth=0)
+        band.set_label("90 % predictive band")
     draw_retrodictions(axes, curve.grid, curve.solutions)
     axes.plot(curve.grid, curve.median, color=VERMILION, linewidth=1.6, label=MEDIAN_LABEL)
-    draw_data(axes, curve.position, curve.data, curve.error, curve.data_label)
+    if is_read:
+        draw_data(axes, curve.position, curve.data, curve.error, curve.data_label)
     for position, text in curve.marks:
         _draw_mark(axes, position)
         # Ahead of the mark, where stress is high: behind it may be low readings.

@@ -11,7 +11,6 @@ from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
@@ -21,7 +20,7 @@ from pyburgers.cmdstan.draw_files import Draws, read_draws
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.atomic_files import write_json
-from pyburgers.common.draws import all_draws
+from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.fitting.sampled_fit import (
@@ -34,11 +33,12 @@ from pyburgers.flow_law_tables.description import LOG_STRESS, TABLE_CHECKS
 from pyburgers.flow_law_tables.groups import GRID_STRESSES, groups
 from pyburgers.flow_law_tables.inputs import (
     FLOW_LAW_PARAMETERS,
+    SI_UNITS,
+    UNCERTAINTY,
     PeakStressData,
     load_peak_stress,
     load_peak_stress_priors,
     save_peak_stress,
-    save_peak_stress_priors,
 )
 from pyburgers.flow_law_tables.softening import N_SOFTENING, SofteningPrior, softening_prior
 from pyburgers.kinds.coordinates import REFERENCE_FLOW_RATE, PlainCoordinates
@@ -48,7 +48,7 @@ from pyburgers.kinds.program_data import prior_block
 from pyburgers.kinds.stan_data import StanData
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, PRIOR_QUANTITIES, FlowLawPrior
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
-from pyburgers.model.priors import PriorSet, default_priors, note_other_material
+from pyburgers.model.priors import PriorSet, default_priors, note_other_material, save_priors
 from pyburgers.posterior.labelled_draws import (
     keep_posterior,
     label_draws,
@@ -61,13 +61,9 @@ from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run import complete_chains, fingerprint, run_record
 from pyburgers.sampling.run_directory import RunDirectory
 
-FloatArray = npt.NDArray[np.float64]
-
 AT_POINTS = {
-    "temperature": "K",
-    "strain_rate": "1/s",
-    "grain_size": "m",
-    "relative_stress_uncertainty": "1",
+    **{name: SI_UNITS[name] for name in ("temperature", "strain_rate", "grain_size")},
+    UNCERTAINTY: "1",
 }
 """What draws keep of the rows of a table, with its units."""
 
@@ -165,7 +161,18 @@ class PeakStressFit(SampledFit):
     def influences(
         self, derived: Mapping[str, FloatArray] = MappingProxyType({})
     ) -> dict[str, dict[str, Influence]]:
-        """Return who decides each quantity, under the name of the table."""
+        """Return who decides each quantity; empty without likelihood.
+
+        Parameters
+        ----------
+        derived : mapping of str to array, shape (n,)
+            Draws of further quantities, chains one after the other.
+
+        Returns
+        -------
+        dict of str to dict of str to Influence
+            By name of the table, then of the quantity.
+        """
         if not self.manifest["use_likelihood"]:
             return {}
         read_off = self.priors.read_off([data_words(self.data.id, self.provenance)])
@@ -184,6 +191,16 @@ class PeakStressFit(SampledFit):
     @classmethod
     def load(cls, path: str | Path) -> Self:
         """Read a run directory.
+
+        Parameters
+        ----------
+        path : path
+            Run directory of `fit_peak_stress`.
+
+        Returns
+        -------
+        PeakStressFit
+            With the draws of the chains that have finished.
 
         Raises
         ------
@@ -252,6 +269,12 @@ def fit_peak_stress(
         If an input is wrong or `out` holds something else.
     SamplingError
         If no chain finished.
+
+    Examples
+    --------
+    >>> table = pyburgers.load_peak_stress("my_table.toml")
+    >>> priors = pyburgers.default_peak_stress_priors("ice")
+    >>> result = pyburgers.fit_peak_stress(table, priors, out="runs/my_table")
     """
     run = RunDirectory(given_path(out))
     options = options or SamplerOptions()
@@ -272,7 +295,7 @@ def fit_peak_stress(
     def sample() -> PeakStressFit:
         with run.claimed(identity):
             save_peak_stress(data, run.inputs)
-            save_peak_stress_priors(priors, run.priors_file)
+            save_priors(priors, run.priors_file, FLOW_LAW_PARAMETERS)
             softening.save(run.inputs / SOFTENING_FILE)
             write_json(run.stan_data_file, stan_data)
             run.update_manifest(
@@ -310,6 +333,16 @@ def flow_law_prior(fit: PeakStressFit) -> FlowLawPrior:
 
     Its ln(S_0) scatters like ln(peak stress) of the tests. If that scatter is one of readings, not
     of samples, the prior is too wide.
+
+    Parameters
+    ----------
+    fit : PeakStressFit
+        Finished fit in which the whole flow law is free.
+
+    Returns
+    -------
+    FlowLawPrior
+        Joint normal prior for `with_flow_law`.
 
     Raises
     ------

@@ -25,8 +25,11 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.netcdf_files import write_netcdf
+from pyburgers.common.units import UNITS
 from pyburgers.kinds.kind import FittedTest
+from pyburgers.model.display import STRESS_UNIT
 from pyburgers.model.relaxation import kelvin_part
 from pyburgers.predictions.assumptions import (
     CRITICAL_SHARE,
@@ -47,7 +50,6 @@ from pyburgers.predictions.stress_cycles import (
     checked_inputs,
 )
 
-FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 DEFAULT_FREQUENCIES: tuple[float, ...] = tuple(np.geomspace(1e-4, 1.0, 60).tolist())
@@ -96,10 +98,11 @@ def attenuation_spectrum(
     -------
     Dataset
         ``tan_delta``, ``storage_compliance`` J1 and ``loss_compliance`` J2 (1/Pa), with dimensions
-        of the draws, regime and frequency. ``debye_peak`` says whether dip and peak show at some
-        frequency. ``grain_size`` and ``fabric_factor`` are those used. The assumption
-        (`pyburgers.predictions.assumptions`) has ``hold_strain``, ``cycle_strain`` (path strain of
-        one settled cycle), ``critical_strain``, and ``frozen_fails``, 1 or 0.
+        of the draws, regime and frequency. ``elastic_compliance`` is 1/E_M(T) of the draws (1/Pa).
+        ``debye_peak`` says whether dip and peak show at some frequency. ``grain_size`` and
+        ``fabric_factor`` are those used. The assumption (`pyburgers.predictions.assumptions`) has
+        ``hold_strain``, ``cycle_strain`` (path strain of one settled cycle), ``critical_strain``,
+        and ``frozen_fails``, 1 or 0.
         Coordinates ``frequency`` (Hz), ``regime`` (label), ``median_stress`` and ``amplitude``
         (Pa), ``temperature``, ``hold_time``, ``critical_share``.
 
@@ -137,6 +140,7 @@ def attenuation_spectrum(
             "tan_delta": (dimensions, loss / storage, number_of_one),
             "storage_compliance": (dimensions, np.broadcast_to(storage, loss.shape), compliance),
             "loss_compliance": (dimensions, loss, compliance),
+            "elastic_compliance": (draw_dimensions, 1 / found["maxwell_modulus"], compliance),
             "debye_peak": (regime_dimensions, found["has_peak"] > 0),
             "grain_size": (draw_dimensions, size, {"units": "m"}),
             "fabric_factor": (draw_dimensions, fabric, number_of_one),
@@ -215,6 +219,11 @@ def predict_attenuation(
     InputError
         If `microstructure` is unknown, a number out of range, the Kelvin element of the fit not
         linear, or the fit a joint one.
+
+    Examples
+    --------
+    >>> spectrum = pyburgers.predict_attenuation(fit, [0.001, 0.01, 0.1])
+    >>> spectrum["tan_delta"].median(("chain", "draw"))
     """
     material = fitted_material(
         fit,
@@ -277,6 +286,22 @@ def flat_draws(values: xr.DataArray) -> FloatArray:
     ordered = values.transpose(..., "regime", "frequency").to_numpy()
     flat: FloatArray = ordered.reshape(-1, *ordered.shape[-2:])
     return flat
+
+
+def condition_columns(spectrum: xr.Dataset) -> dict[str, FloatArray]:
+    """Return the first columns of tables with a row for each regime and frequency.
+
+    They are median_stress_MPa, amplitude_MPa and frequency_Hz.
+    """
+    frequency = spectrum["frequency"].to_numpy()
+    stresses = {
+        f"{name}_{STRESS_UNIT}": spectrum[name].to_numpy() / UNITS["stress"][STRESS_UNIT]
+        for name in ("median_stress", "amplitude")
+    }
+    return {
+        **{name: np.repeat(values, frequency.size) for name, values in stresses.items()},
+        "frequency_Hz": np.tile(frequency, spectrum["regime"].size),
+    }
 
 
 def regime_peaks(spectrum: xr.Dataset) -> BoolArray:

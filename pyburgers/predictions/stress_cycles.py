@@ -6,14 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import number
 from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
 from pyburgers.model.laws import DASHPOT_STRESSES
 from pyburgers.model.parameters import PIEZOMETER, PROGRAM_PARAMETERS
 from pyburgers.model.relaxation import RELAXATION_PARAMETERS
-
-FloatArray = npt.NDArray[np.float64]
 
 PARAMETER_NAMES = (
     "maxwell_modulus",
@@ -202,6 +201,5 @@ def checked_frequencies(frequencies: Sequence[float] | FloatArray) -> FloatArray
 
 def checked_hold_time(hold_time: float) -> float:
     """Return the length of the hold (s); raise `InputError` if it is not positive and finite."""
-    if not (np.isfinite(hold_time) and hold_time > 0):
-        raise InputError(f"hold_time: found {hold_time:g}, expected a positive number of s.")
+    _check_positive("hold_time", "of s", np.asarray(hold_time, dtype=np.float64))
     return float(hold_time)

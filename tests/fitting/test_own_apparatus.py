@@ -15,8 +15,9 @@ from pyburgers.fitting.new_test import (
 )
 from pyburgers.fitting.prediction import predict_test
 from pyburgers.fitting.prior_draws import prior_draws
-from pyburgers.kinds.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.problem import problem_of
+from pyburgers.kinds.read_test import Stated
 from pyburgers.model.priors import default_priors
 
 FloatArray = npt.NDArray[np.float64]
@@ -24,7 +25,7 @@ FloatArray = npt.NDArray[np.float64]
 N_DRAWS = 5
 
 
-def with_apparatus(test: LoadingHistory) -> LoadingHistory:
+def with_apparatus(test: HistoryExperiment) -> HistoryExperiment:
     return replace(
         test,
         apparatus_compliance=Stated(1e-10, 1e-11),
@@ -37,7 +38,7 @@ OTHER = replace(with_apparatus(history_twin("creep", 16, seed=1)), id="other")
 INFERRED = "As the fit inferred it for"
 
 
-def source_of(*experiments: LoadingHistory) -> Source:
+def source_of(*experiments: HistoryExperiment) -> Source:
     """A fit of tests, of each the draws of its prior, solved."""
     problem = problem_of(list(experiments), default_priors("ice"))
     tests = {

@@ -14,6 +14,7 @@ from scipy import stats
 from scipy.special import logsumexp
 
 from pyburgers.common.errors import InputError
+from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.new_test import Source, add_noises, parameters_for_other_test
 from pyburgers.fitting.prediction import Prediction, predict_test
@@ -26,10 +27,12 @@ from pyburgers.kinds.forced_oscillation.experiment import (
     with_known_strain,
 )
 from pyburgers.kinds.forward import simulate
-from pyburgers.kinds.kind import FittedTest, kind_of
-from pyburgers.kinds.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.kinds.kind import FittedTest
+from pyburgers.kinds.likelihood import likelihood_of
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.kinds.problem import one_test, problem_of
+from pyburgers.kinds.read_test import Stated
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import PriorSet
 from pyburgers.predictions.other_test_figures import prediction_figure
@@ -40,7 +43,6 @@ from pyburgers.predictions.other_tests import (
     band_table,
     overview_table,
     reading_table,
-    save_prediction,
     score_table,
 )
 
@@ -69,7 +71,7 @@ def values_of(prediction: Prediction, draw: int) -> dict[str, float]:
 def assert_solves(prediction: Prediction, draw: int, *, rtol: float) -> None:
     """Compare a draw with a forward solution at its parameters."""
     experiment = prediction.experiment
-    kind = kind_of(experiment)
+    kind = likelihood_of(experiment)
     predictions = prediction.posterior["predictions"].to_dataset().isel(chain=0, draw=draw)
     at = predictions[kind.clock.name].to_numpy()
     solution = simulate(experiment, values_of(prediction, draw), at=at)
@@ -180,7 +182,7 @@ def test_partially_pooled_parameters_of_a_new_test_come_from_centre_and_spread(
     grid = xr.Dataset(
         {
             name: ((*dims, "strain"), np.ones((1, n, 2)))
-            for name, _ in kind_of(problem.experiments[0]).grid_quantities.values()
+            for name, _ in likelihood_of(problem.experiments[0]).grid_quantities.values()
         },
         {"strain": [0.01, 0.02]},
     )
@@ -280,13 +282,13 @@ def test_what_cannot_be_predicted_is_refused(joint: Fit, small_fit: Fit) -> None
 def test_all_is_kept_in_the_file(small_fit: Fit, tmp_path: Path) -> None:
     target = another_test(small_fit.problem.experiments[0])  # type: ignore[arg-type]
     prediction = small_fit.predict(target, draws=4)
-    save_prediction(prediction, tmp_path / "draws.nc")
+    write_netcdf(tmp_path / "draws.nc", prediction.posterior)
     with xr.open_datatree(tmp_path / "draws.nc", engine="h5netcdf") as kept:
         assert kept.attrs["fitted_to"] == "PIL40"
         assert kept.attrs["cautions"].splitlines() == list(prediction.cautions)
 
 
-def creep(experiment: ConstantRateExperiment, **changes: Any) -> LoadingHistory:
+def creep(experiment: ConstantRateExperiment, **changes: Any) -> HistoryExperiment:
     """Return a creep test with a jump of the stress, without readings, of the same sample."""
     stages = (
         Stage("stress", 0.0, 600.0, 255.0, 2e6),
@@ -306,7 +308,7 @@ def creep(experiment: ConstantRateExperiment, **changes: Any) -> LoadingHistory:
         "reading_stage": np.empty(0, dtype=np.int64),
         "reading": np.empty(0),
     }
-    return LoadingHistory(**{**values, **changes})
+    return HistoryExperiment(**{**values, **changes})
 
 
 def test_creep_is_predicted_from_a_test_at_constant_rate(

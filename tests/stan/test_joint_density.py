@@ -19,7 +19,7 @@ from stan_data import one_test_data, parameter_in, sheared_reference
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.kinds.constant_rate.kind import KIND as CONSTANT_RATE
+from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.problem import Problem, problem_of
@@ -93,7 +93,7 @@ def joint_program(joint: Problem, system: str, folder: Path) -> Program:
         data |= chart_block(joint, references, pooled=np.array(pooled), pooling=pooling)
     elif references[0] is not None:
         data |= chart_block(joint, references)
-    return program_with(joint.protocol.program, data, folder)
+    return program_with(joint.likelihood.program, data, folder)
 
 
 def test_separate_density_is_the_sum_of_single_ones(
@@ -108,7 +108,7 @@ def test_separate_density_is_the_sum_of_single_ones(
         tests, references_of(joint, system), np.split(coordinate, 2), strict=True
     ):
         data = one_test_data(test, resolved_priors(test), solver=SOLVER, reference=reference)
-        single = program_with(joint.protocol.program, data, tmp_path)
+        single = program_with(joint.likelihood.program, data, tmp_path)
         total += single.columns_at({"coordinate": own.tolist()})["lp__"]
     assert density == pytest.approx(total, rel=1e-9)
 

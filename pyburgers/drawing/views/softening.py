@@ -4,12 +4,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pyburgers.common.draws import all_draws
+from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.units import with_error
 from pyburgers.drawing.fitted import predicted
 from pyburgers.drawing.panels import LINES_AND_AREAS, band_text, draw_band_panel, figure_of
@@ -18,8 +17,6 @@ from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
-
-FloatArray = npt.NDArray[np.float64]
 
 SHARES = (-1.0, 2.0)
 """Shares of grain size in the softening, the least and the largest, up to which an axis may go."""
@@ -59,9 +56,9 @@ def softening_caption(end: str) -> str:
         "isotropic), (c) the factors by which grain size and fabric change the flow stress, and "
         "their product; lines are posterior medians, areas hold 90 % of draws. (d) Share of grain "
         f"size in the total softening (logarithms) at the {end}; below 0 or above 1 one of the two "
-        "hardens, and the outermost 1 % of draws may be cut off. Where this histogram is broad, "
-        "the data do not tell which mechanism did it. Circles with bars: measured, with standard "
-        "deviation."
+        "hardens, and the outermost 1 % of draws may be cut off. If this histogram is broad, "
+        "the data do not tell which mechanism softened the material. Circles with bars: measured, "
+        "with standard deviation."
     )
 
 

@@ -17,7 +17,9 @@ from pyburgers.kinds.loading_history.stages import (
     imposed_stresses,
     legs_of,
 )
+from pyburgers.kinds.read_test import Stated
 from pyburgers.model.display import time_unit
+from pyburgers.model.read_quantities import STRAIN, STRESS
 
 IntArray = npt.NDArray[np.int64]
 
@@ -25,19 +27,8 @@ MAX_UNREAD_SHARE = 0.5
 """Share of a stage at either end of the readings from which on their times are doubted."""
 
 
-@dataclass(frozen=True)
-class Stated:
-    """A number that a file states with its uncertainty, in SI.
-
-    `value`, `sd`: mean and standard deviation; with an sd of 0 the number is known.
-    """
-
-    value: float
-    sd: float
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LoadingHistory(Experiment):
+class HistoryExperiment(Experiment):
     """One test under a history of imposed strain and stress, in SI units.
 
     Attributes
@@ -62,6 +53,7 @@ class LoadingHistory(Experiment):
     """
 
     protocol: ClassVar[str] = "loading_history"
+    of_points: ClassVar[tuple[str, ...]] = ("time", "reading_stage", "reading")
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType({})
     residual_correlation: ClassVar[str] = "residual_correlation_time"
     without_effect: ClassVar[frozenset[str]] = frozenset(
@@ -116,11 +108,28 @@ class LoadingHistory(Experiment):
         return is_strain
 
     @property
-    def without_readings(self) -> frozenset[str]:
-        """Sizes of residuals of what is imposed in all stages that are read."""
-        is_strain = self.response_is_strain
-        read = {"strain_noise": is_strain.any(), "stress_noise": (~is_strain).any()}
-        return frozenset(name for name, any_reading in read.items() if not any_reading)
+    def quantity(self) -> IntArray:
+        """0 of readings of the stress, 1 of those of the strain."""
+        return self.response_is_strain.astype(np.int64)
+
+    @property
+    def noises(self) -> Mapping[str, float | None]:
+        """Noises of what is read in its stages."""
+        driven = {stage.driven for stage in self.stages}
+        errors = {
+            STRAIN.noise: ("stress", self.strain_uncertainty),
+            STRESS.noise: ("strain", self.stress_uncertainty),
+        }
+        return {name: error for name, (imposed, error) in errors.items() if imposed in driven}
+
+    @property
+    def stated(self) -> Mapping[str, Stated]:
+        """Compliance of the apparatus and zero of the strain, where the file states them."""
+        stated = {
+            "apparatus_compliance": self.apparatus_compliance,
+            "strain_offset": self.strain_offset,
+        }
+        return {name: one for name, one in stated.items() if one is not None}
 
     @property
     def imposed_stresses(self) -> FloatArray:

@@ -65,7 +65,7 @@ def log_marginal_likelihood(fit: Fit) -> LogIntegral:
     stats = fit.posterior["sample_stats"].to_dataset()
     at_reference = (stats["lp"] + stats["solver_log_ratio"]).transpose("chain", "draw").to_numpy()
     data = {**data, **solver_block(REFERENCE_SOLVER)}
-    program = load_program(fit.problem.protocol.program)
+    program = load_program(fit.problem.likelihood.program)
     logger.info(f"Marginal likelihood of {fit.manifest['experiment']}: bridge sampling.")
     for sentence in read_off_sentences(fit.read_off):
         logger.info(f"note: {sentence}")

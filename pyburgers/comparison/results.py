@@ -23,7 +23,7 @@ from pyburgers.comparison.pairs import (
     PairOutcome,
     doubt_about,
 )
-from pyburgers.model.display import Quantity
+from pyburgers.model.read_quantities import Quantity
 
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]

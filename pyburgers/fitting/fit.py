@@ -391,7 +391,7 @@ def fit_problem(
             problem,
             run.path,
             options=options or SamplerOptions(),
-            solver=solver or problem.protocol.solver,
+            solver=solver or problem.likelihood.solver,
             use_likelihood=use_likelihood,
             command=command,
             more_draws=more_draws,

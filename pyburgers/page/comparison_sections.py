@@ -37,7 +37,6 @@ from pyburgers.drawing.panels import figure_of
 from pyburgers.drawing.style import BLUE, GREEN, VERMILION, few_ticks
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import kind_of
 from pyburgers.model.arrhenius import log_slowdown
 from pyburgers.model.display import (
     LENGTH_FACTOR,
@@ -146,9 +145,7 @@ def by_points_section(fits: Mapping[str, Fit], keys: Mapping[str, str]) -> tuple
 def _points_to_fit_again(comparison: Comparison, fits: Mapping[str, Fit]) -> tuple[str, ...]:
     """Say which command leaves points out in earnest, which a page never does."""
     count = sum(int(result.unreliable.sum()) for result in comparison.results.values())
-    if not count or any(
-        fit.is_joint or kind_of(fit.experiment).points_together is not None for fit in fits.values()
-    ):
+    if not count or any(fit.is_joint or fit.experiment.points_together for fit in fits.values()):
         return ()
     runs = " ".join(shlex.quote(shown(fit.directory.path)) for fit in fits.values())
     return (f"To fit again without {count_points(count)} of that kind: pyburgers compare {runs}",)

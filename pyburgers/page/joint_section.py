@@ -21,7 +21,6 @@ from pyburgers.drawing.style import BLUE, VERMILION, few_ticks, few_ticks_of_dec
 from pyburgers.drawing.view import view_of, views
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.coordinates import CENTRE, SPREAD
-from pyburgers.kinds.kind import kind_of
 from pyburgers.model.display import axis_label, shown_quantity, symbol_text
 from pyburgers.page.decades import spans_decades
 from pyburgers.page.names import joint_key, page_keys, page_names
@@ -38,7 +37,7 @@ def pooling_table(joint: Fit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
     of the first separate fit of the same data, NaN where there is none.
     """
     tests, alone = joint.tests(), fits_alone(joint, separate)
-    problem, reference = joint.problem, joint.problem.protocol.reference.name
+    problem, reference = joint.problem, joint.problem.likelihood.reference.name
     influences = joint.influences()
     rows = []
     for quantity in (*problem.free, reference):
@@ -225,11 +224,11 @@ def joint_section(key: str, name: str, joint: Fit, separate: Sequence[Fit]) -> P
                 partial(intervals, joint, separate),
                 " ".join((*_bought(table), *alarms)),
             ),
-            *views()[joint.problem.protocol.name].joint_figures(
+            *views()[joint.problem.likelihood.name].joint_figures(
                 [
                     one
                     for one in joint.tests().values()
-                    if kind_of(one.experiment) is joint.problem.protocol
+                    if one.experiment.protocol == joint.problem.likelihood.name
                 ]
             ),
         ),
@@ -311,7 +310,7 @@ def intervals(joint: Fit, separate: Sequence[Fit]) -> Figure:
     """Draw intervals of every parameter in every test, joint and in fits of the same data alone."""
     tests = joint.tests()
     alone = fits_alone(joint, separate)
-    quantities = (*joint.problem.free, joint.problem.protocol.reference.name)
+    quantities = (*joint.problem.free, joint.problem.likelihood.reference.name)
     n_rows = -(-len(quantities) // COLUMNS)
     with figure_of(9.0, n_rows * (0.9 + 0.28 * len(tests)) + 0.5) as figure:
         panels = figure.subplots(n_rows, COLUMNS, sharey=True, squeeze=False)

@@ -98,10 +98,11 @@ def attenuation_spectrum(
     -------
     Dataset
         ``tan_delta``, ``storage_compliance`` J1 and ``loss_compliance`` J2 (1/Pa), with dimensions
-        of the draws, regime and frequency. ``debye_peak`` says whether dip and peak show at some
-        frequency. ``grain_size`` and ``fabric_factor`` are those used. The assumption
-        (`pyburgers.predictions.assumptions`) has ``hold_strain``, ``cycle_strain`` (path strain of
-        one settled cycle), ``critical_strain``, and ``frozen_fails``, 1 or 0.
+        of the draws, regime and frequency. ``elastic_compliance`` is 1/E_M(T) of the draws (1/Pa).
+        ``debye_peak`` says whether dip and peak show at some frequency. ``grain_size`` and
+        ``fabric_factor`` are those used. The assumption (`pyburgers.predictions.assumptions`) has
+        ``hold_strain``, ``cycle_strain`` (path strain of one settled cycle), ``critical_strain``,
+        and ``frozen_fails``, 1 or 0.
         Coordinates ``frequency`` (Hz), ``regime`` (label), ``median_stress`` and ``amplitude``
         (Pa), ``temperature``, ``hold_time``, ``critical_share``.
 
@@ -139,6 +140,7 @@ def attenuation_spectrum(
             "tan_delta": (dimensions, loss / storage, number_of_one),
             "storage_compliance": (dimensions, np.broadcast_to(storage, loss.shape), compliance),
             "loss_compliance": (dimensions, loss, compliance),
+            "elastic_compliance": (draw_dimensions, 1 / found["maxwell_modulus"], compliance),
             "debye_peak": (regime_dimensions, found["has_peak"] > 0),
             "grain_size": (draw_dimensions, size, {"units": "m"}),
             "fabric_factor": (draw_dimensions, fabric, number_of_one),

@@ -11,8 +11,8 @@ from pyburgers.drawing.panels import draw_data, figure_of
 from pyburgers.drawing.style import BLUE, ORANGE, VERMILION
 from pyburgers.fitting.prediction import Prediction
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import kind_of
-from pyburgers.model.display import Quantity
+from pyburgers.kinds.likelihood import likelihood_of
+from pyburgers.model.read_quantities import Quantity
 from pyburgers.predictions.other_tests import answers, draws_of, read_quantities
 
 TITLE_WIDTH = 95
@@ -51,7 +51,7 @@ def prediction_figure(prediction: Prediction) -> Figure:
 
 
 def _clock(experiment: Experiment) -> Quantity:
-    return kind_of(experiment).shown_clock(experiment)
+    return likelihood_of(experiment).shown_clock(experiment.span[1])
 
 
 def _draw(axes: Axes, prediction: Prediction, quantity: Quantity) -> None:

@@ -4,13 +4,10 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.kind import Kind, kinds
+from pyburgers.kinds.likelihood import Likelihood, likelihoods
 
-COORDINATES = (
-    "auto",
-    *dict.fromkeys(chart for protocol in kinds().values() for chart in protocol.charts),
-)
-"""What may be asked for; which go with a test, its protocol says."""
+COORDINATES = ("auto", "plain", *dict.fromkeys(one.chart.name for one in likelihoods().values()))
+"""What may be asked for; a test can have plain ones and those of its chart."""
 
 MOST_DRAWS = 10**6
 """Of a chain, at once."""
@@ -125,13 +122,13 @@ class SamplerOptions:
         """
         return min(self.threads_per_chain, n_tests)
 
-    def suited_to(self, kind: Kind[Any]) -> Self:
+    def suited_to(self, likelihood: Likelihood[Any]) -> Self:
         """Fill in what is left to the kind of test.
 
         Parameters
         ----------
-        kind : Kind
-            Kind of the tests of a fit.
+        likelihood : Likelihood
+            That of the tests of a fit.
 
         Returns
         -------
@@ -140,6 +137,6 @@ class SamplerOptions:
         """
         return replace(
             self,
-            warmup=self.warmup or kind.warmup,
-            adapt_delta=self.adapt_delta or kind.target_acceptance,
+            warmup=self.warmup or likelihood.warmup,
+            adapt_delta=self.adapt_delta or likelihood.target_acceptance,
         )

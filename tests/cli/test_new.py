@@ -19,7 +19,7 @@ from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.guessed_columns import guess_columns
 from pyburgers.kinds.kind import load_experiment
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 
 KNOWN = ("--material", "ice", "--temperature-K", "263", "--grain-size-m", "1e-3")
 RATE = ("--strain-rate-per-s", "1e-5")
@@ -99,7 +99,7 @@ def test_creep_at_a_constant_stress(tmp_path: Path) -> None:
     path = tmp_path / "creep.csv"
     path.write_text("time_h,strain (%)\n0,0\n10,0.4\n20,0.7\n50,1.3\n", encoding="utf-8")
     test = made(path, "--stress-MPa", "0.8")
-    assert isinstance(test, LoadingHistory)
+    assert isinstance(test, HistoryExperiment)
     (stage,) = test.stages
     assert (stage.control, stage.value, stage.end_time) == ("stress", 0.8e6, 50 * 3600)
     np.testing.assert_allclose(test.reading, [0.004, 0.007, 0.013])
@@ -147,7 +147,7 @@ def test_creep_under_a_measured_stress(tmp_path: Path) -> None:
     rows = "".join(f"{t},{0.1 * math.log1p(t):.5f},{0.8 + 1e-4 * t}\n" for t in range(40))
     path.write_text(f"time (min),strain (%),stress (MPa)\n{rows}", encoding="utf-8")
     test = made(path)
-    assert isinstance(test, LoadingHistory)
+    assert isinstance(test, HistoryExperiment)
     assert test.stages[0].control == "stress_series"
 
 
@@ -460,7 +460,7 @@ def test_creep_under_several_loads(tmp_path: Path, capsys: pytest.CaptureFixture
     rows = [f"{k},{0.01 * k**0.5},{load}" for k, load in enumerate(loads, start=1)]
     path.write_text("\n".join(["time_h,strain (%),stress (MPa)", *rows]) + "\n", "utf-8")
     test = made(path)
-    assert isinstance(test, LoadingHistory)
+    assert isinstance(test, HistoryExperiment)
     assert test.stages[0].control == "stress_series"
     assert "because the stress goes in steps and stays" in capsys.readouterr().out
 

@@ -10,7 +10,7 @@ from refusals import refusal, written
 from same_contents import assert_equal
 
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment, Stated
 from pyburgers.kinds.loading_history.files import load_loading_history, save_loading_history
 from pyburgers.kinds.loading_history.stages import Stage
 
@@ -404,7 +404,7 @@ class TestTurning:
         assert 30 < fewer.n_points <= 50
 
 
-def load(path: Path) -> LoadingHistory:
+def load(path: Path) -> HistoryExperiment:
     return load_loading_history(path)
 
 
@@ -508,7 +508,7 @@ def stages(*lines: str, keys: str = "", after: str = "") -> str:
     return text.replace('time_unit = "min"', 'time_unit = "s"')
 
 
-def ends_of_stages(test: LoadingHistory) -> list[tuple[float, float]]:
+def ends_of_stages(test: HistoryExperiment) -> list[tuple[float, float]]:
     """Stress (MPa) at the start and the end of each stage."""
     own = [[leg for leg in test.legs if leg.stage == number] for number in range(len(test.stages))]
     return [(legs[0].start_value / 1e6, legs[-1].end_value / 1e6) for legs in own]

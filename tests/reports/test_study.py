@@ -50,7 +50,7 @@ from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.kind import load_experiment
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.problem import Problem
 from pyburgers.model.priors import PriorSet
 from pyburgers.page.attenuation_section import time_domain_table
@@ -313,7 +313,7 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
             assert [one.id for one in problem.experiments] == list(TOGETHER)
             return joint
         assert out.name == experiment.id
-        if isinstance(experiment, AttenuationExperiment | LoadingHistory):
+        if isinstance(experiment, AttenuationExperiment | HistoryExperiment):
             return make_fit(out, name=experiment.id, draws=100)
         if isinstance(experiment, OscillationExperiment):
             treatment = experiment.prepared.background

@@ -18,7 +18,7 @@ from pyburgers.kinds.loading_history.creep_intervals import (
     CreepInterval,
     creep_intervals,
 )
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.model.display import (
     STRAIN_FACTOR,
     STRESS_FACTOR,
@@ -74,7 +74,7 @@ def isochronous(fits: Sequence[FittedTest]) -> Figure:
                 label=f"{time / seconds:.3g} {unit}",
             )
             for fit, load in loaded:
-                read = _reading_after(of_kind(fit.experiment, LoadingHistory), load, time)
+                read = _reading_after(of_kind(fit.experiment, HistoryExperiment), load, time)
                 axes.plot(
                     STRAIN_FACTOR * read,
                     np.full(read.shape, STRESS_FACTOR * load.stress),
@@ -94,7 +94,7 @@ def _first_loads(fits: Sequence[FittedTest]) -> list[tuple[FittedTest, CreepInte
     """Return the tests whose first stage is creep with their loads, the smallest first."""
     found = []
     for fit in fits:
-        experiment = of_kind(fit.experiment, LoadingHistory)
+        experiment = of_kind(fit.experiment, HistoryExperiment)
         for load in creep_intervals(experiment)[:1]:
             # Solutions are too coarse in time to tell the strain at a corner inside a stage.
             lasts = load.end_time == experiment.stages[0].end_time
@@ -112,7 +112,7 @@ def _strain_after(fit: FittedTest, times: FloatArray) -> FloatArray:
     return np.transpose(central_band(drawn))
 
 
-def _reading_after(experiment: LoadingHistory, load: CreepInterval, time: float) -> FloatArray:
+def _reading_after(experiment: HistoryExperiment, load: CreepInterval, time: float) -> FloatArray:
     """Strain read nearest to a time (s) under a load; empty where none is near it."""
     since = experiment.time - load.start_time
     here = (experiment.reading_stage == load.stage) & (since >= 0)

@@ -40,7 +40,7 @@ from pyburgers.drawing.views.softening import (
 )
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.kind import FittedTest
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stan_data import stage_of_times
 from pyburgers.kinds.microstructure import MeasuredMicrostructure, strains_of, times_of
 from pyburgers.model.display import (
@@ -48,9 +48,9 @@ from pyburgers.model.display import (
     STRAIN_UNIT,
     STRESS_FACTOR,
     STRESS_UNIT,
-    Quantity,
     time_unit,
 )
+from pyburgers.model.read_quantities import Quantity
 from pyburgers.model.variants import variant_of
 
 IntArray = npt.NDArray[np.int64]
@@ -76,7 +76,7 @@ _LABELS = {"stress": STRESS_LABEL, "strain": STRAIN_LABEL}
 )
 def history(fit: FittedTest) -> Figure:
     """Draw stress, strain and residuals along time."""
-    experiment = of_kind(fit.experiment, LoadingHistory)
+    experiment = of_kind(fit.experiment, HistoryExperiment)
     curves = {shown.name: _curve(fit, shown) for shown in (_STRESS, _STRAIN)}
     panels = [(name, part) for name in curves for part in ("curve", "residuals")]
     panels = [(n, part) for n, part in panels if part == "curve" or curves[n].position.size > 0]
@@ -98,7 +98,7 @@ def history(fit: FittedTest) -> Figure:
 
 def fitted_curve(fit: FittedTest) -> FittedCurve:
     """Gather what was read along time, and as a fit has it; of two quantities that read more."""
-    return _curve(fit, _main(of_kind(fit.experiment, LoadingHistory)))
+    return _curve(fit, _main(of_kind(fit.experiment, HistoryExperiment)))
 
 
 RECOVERY_SHOWN = 1e-3
@@ -119,7 +119,7 @@ RECOVERY_SHOWN = 1e-3
 )
 def response(fit: FittedTest) -> Figure:
     """Draw stress against strain, the rate against strain, and stages on logarithmic time."""
-    experiment = of_kind(fit.experiment, LoadingHistory)
+    experiment = of_kind(fit.experiment, HistoryExperiment)
     time = positions(fit, "time")
     values = {name: predicted(fit, name) for name in ("stress", "strain", "strain_rate")}
     middle = {name: np.nanmedian(draws, axis=0) for name, draws in values.items()}
@@ -161,13 +161,13 @@ def response(fit: FittedTest) -> Figure:
     return figure
 
 
-def _main(experiment: LoadingHistory) -> Quantity:
+def _main(experiment: HistoryExperiment) -> Quantity:
     return _STRAIN if 2 * experiment.response_is_strain.sum() >= experiment.n_points else _STRESS
 
 
 def _curve(fit: FittedTest, shown: Quantity) -> FittedCurve:
     """Gather a quantity along time as read and as a fit has it, in display units."""
-    experiment = of_kind(fit.experiment, LoadingHistory)
+    experiment = of_kind(fit.experiment, HistoryExperiment)
     unit, seconds = time_unit(experiment.end_time)
     time = positions(fit, "time")
     imposed = np.array([stage.driven == shown.name for stage in experiment.stages])
@@ -192,7 +192,7 @@ def _curve(fit: FittedTest, shown: Quantity) -> FittedCurve:
     return replace(curve, replicated=np.where(is_imposed, curve.solutions, curve.replicated))
 
 
-def _shade_stages(axes: Axes, experiment: LoadingHistory) -> None:
+def _shade_stages(axes: Axes, experiment: HistoryExperiment) -> None:
     _, seconds = time_unit(experiment.end_time)
     for stage in experiment.stages[1::2]:
         axes.axvspan(
@@ -277,7 +277,7 @@ def response_result(fit: FittedTest) -> str:
 )
 def softening(fit: FittedTest) -> Figure:
     """Draw how grain size and fabric soften the material along time."""
-    experiment = of_kind(fit.experiment, LoadingHistory)
+    experiment = of_kind(fit.experiment, HistoryExperiment)
     unit, seconds = time_unit(experiment.end_time)
     time = positions(fit, "time")
     path_strain = np.nanmedian(predicted(fit, "path_strain"), axis=0)
@@ -305,7 +305,7 @@ def evolves(fit: FittedTest) -> bool:
     return not constant or bool(fit.experiment.microstructure)
 
 
-def facts(experiment: LoadingHistory) -> Sequence[tuple[str, str]]:
+def facts(experiment: HistoryExperiment) -> Sequence[tuple[str, str]]:
     """Return stages and number of readings."""
     n_strain = int(experiment.response_is_strain.sum())
     read = [
@@ -327,7 +327,7 @@ def facts(experiment: LoadingHistory) -> Sequence[tuple[str, str]]:
     )
 
 
-def _place(experiment: LoadingHistory, section: MeasuredMicrostructure) -> str:
+def _place(experiment: HistoryExperiment, section: MeasuredMicrostructure) -> str:
     """Say where a microstructure was measured."""
     if section.time is None:
         return f"a path strain of {(section.strain or 0.0) * STRAIN_FACTOR:.3g} %"

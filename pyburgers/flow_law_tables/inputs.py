@@ -21,8 +21,9 @@ from pyburgers.common.toml_files import NAME, Table, checked, read_tables, read_
 from pyburgers.kinds.doubts import unlikely_stress
 from pyburgers.kinds.experiment import Experiment, Provenance, ProvenanceTable
 from pyburgers.kinds.limits import TEMPERATURES, impossible_conditions, refuse_impossible
-from pyburgers.model.flow_law_prior import Conditions, PeakTest
+from pyburgers.model.flow_law_prior import Conditions
 from pyburgers.model.parameters import PARAMETER_BY_NAME, STRESS_SCATTER, Parameter
+from pyburgers.model.peak_test import PeakTest
 from pyburgers.model.prior_families import PriorTable, check_beta, load_prior
 from pyburgers.model.priors import FLOW_LAW, PriorFile, PriorSet, shipped_prior_file
 

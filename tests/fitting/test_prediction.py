@@ -29,9 +29,10 @@ from pyburgers.kinds.forced_oscillation.experiment import (
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.likelihood import likelihood_of
-from pyburgers.kinds.loading_history.experiment import HistoryExperiment, Stated
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.kinds.problem import one_test, problem_of
+from pyburgers.kinds.read_test import Stated
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import PriorSet
 from pyburgers.predictions.other_test_figures import prediction_figure

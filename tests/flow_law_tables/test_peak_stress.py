@@ -22,7 +22,7 @@ from pyburgers.flow_law_tables.inputs import (
     without_test,
 )
 from pyburgers.kinds.kind import load_experiment
-from pyburgers.model.flow_law_prior import PeakTest
+from pyburgers.model.peak_test import PeakTest
 from pyburgers.model.priors import save_priors
 
 TABLE = """\

@@ -10,9 +10,10 @@ from refusals import refusal, written
 from same_contents import assert_equal
 
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.loading_history.experiment import HistoryExperiment, Stated
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.files import load_loading_history, save_loading_history
 from pyburgers.kinds.loading_history.stages import Stage
+from pyburgers.kinds.read_test import Stated
 
 HEAD = """\
 id = "sample-1"

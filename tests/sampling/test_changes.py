@@ -57,9 +57,12 @@ def test_other_inputs_are_refused_and_what_differs_is_told(
         assert words in text
     # More draws are offered if their number alone differs.
     longer = replace(SMALL_RUN, draws=300)
-    for options, offered in ((longer, True), (replace(longer, seed=2), False)):
-        text = refused(small_problem, small_fit, options=options)
-        assert ("--more-draws" in text) is offered
+    for changed, offered in (
+        ({"options": longer}, True),
+        ({"options": replace(longer, seed=2)}, False),
+        ({"use_likelihood": False}, False),
+    ):
+        assert ("--more-draws" in refused(small_problem, small_fit, **changed)) is offered
     pool = {"maxwell_modulus": "separate"}
     assert "pooling" in refused(small_problem, joint, experiments=pair, pool=pool)
 

@@ -4,7 +4,7 @@ import numpy as np
 from attenuation_oracle import fluidity_of_stress
 from conftest import FunctionValues
 
-from pyburgers.kinds.attenuation.stan_data import stress_nodes
+from pyburgers.kinds.attenuation.likelihood import stress_nodes
 
 CASES = [
     # median, amplitude (Pa), n, sigma_L (Pa)

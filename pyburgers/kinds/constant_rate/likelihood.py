@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, strain_grid
 from pyburgers.kinds.constant_rate.valley import ConstantRateValley
-from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import Likelihood
-from pyburgers.kinds.loading_history.conversion import as_history
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
+from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.kinds.microstructure import measured_block, strains_of
 from pyburgers.kinds.stan_data import StanData, ends
 from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
@@ -136,9 +136,43 @@ class ConstantRateLikelihood(Likelihood[ConstantRateExperiment]):
             **stated,
         }
 
-    def as_history(self, experiment: ConstantRateExperiment) -> Experiment:
-        """Return the test as stages of constant rate."""
-        return as_history(experiment)
+    def as_history(self, experiment: ConstantRateExperiment) -> HistoryExperiment:
+        """Return the test as stages of constant rate.
+
+        The model, the readings and their density are the same; a path strain is the strain.
+        """
+        starts = np.array([segment.start_strain for segment in experiment.segments])
+        times = experiment.time_at(np.append(starts, experiment.final_strain))
+        stages = tuple(
+            Stage(
+                control="strain_rate",
+                start_time=float(times[k]),
+                end_time=float(times[k + 1]),
+                temperature=experiment.temperature,
+                value=segment.strain_rate,
+            )
+            for k, segment in enumerate(experiment.segments)
+        )
+        stage = experiment.reading_segment
+        time = np.clip(experiment.time_at(experiment.strain), times[stage], times[stage + 1])
+        return HistoryExperiment(
+            id=experiment.id,
+            material=experiment.material,
+            temperature=experiment.temperature,
+            initial_grain_size=experiment.initial_grain_size,
+            provenance=experiment.provenance,
+            metadata=experiment.metadata,
+            notices=experiment.notices,
+            true_parameters=experiment.true_parameters,
+            uncertain=experiment.uncertain,
+            stages=stages,
+            time=time,
+            reading_stage=stage,
+            reading=experiment.stress,
+            stress_uncertainty=experiment.stress_uncertainty,
+            n_readings_in_file=experiment.n_points,
+            microstructure=experiment.microstructure,
+        )
 
 
 def solver_strains(

@@ -98,10 +98,6 @@ class Kind(ABC, Generic[E]):
             if column in known or variable in draw
         }
 
-    def solution_table(self, experiment: E, solution: pd.DataFrame) -> pd.DataFrame:
-        """Return the table that `pyburgers simulate` writes of a solution."""
-        return solution
-
     def simulated_positions(self, experiment: E) -> FloatArray:
         """Return where (SI) a solution has to be given for `response_in`, not decreasing."""
         return np.unique(experiment.position)

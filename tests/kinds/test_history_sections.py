@@ -14,8 +14,8 @@ from same_contents import assert_equal
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.view import view_of
 from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.forward import simulate, simulate_data
-from pyburgers.kinds.loading_history.conversion import as_history
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.files import load_loading_history, save_loading_history
 from pyburgers.kinds.loading_history.measured_sections import section_times
@@ -202,7 +202,7 @@ def piezometric(test: HistoryExperiment) -> list[float | None]:
 def test_grains_that_follow_the_stress_need_a_time_that_is_known() -> None:
     curve = load_constant_rate(ICE / "PIL40.toml")
     seen = (MeasuredMicrostructure(0.05, 2e-4, 1e-5), MeasuredMicrostructure(0.2, 2e-4, 1e-5))
-    imposed = as_history(replace(curve, microstructure=seen))
+    imposed = CONSTANT_RATE.as_history(replace(curve, microstructure=seen))
     known = curve.time_at(np.array([0.05, 0.2]))
     np.testing.assert_allclose(np.array(piezometric(imposed), dtype=float), known, rtol=1e-12)
     assert section_times(imposed, default_priors("ice")) == [None, None]

@@ -15,7 +15,7 @@ from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.forced_oscillation.experiment import load_forced_oscillation
-from pyburgers.kinds.forced_oscillation.stan_data import START_MARGIN
+from pyburgers.kinds.forced_oscillation.likelihood import START_MARGIN
 from pyburgers.kinds.forward import simulate, with_laws
 from pyburgers.kinds.kind import load_experiment, save_experiment
 from pyburgers.kinds.problem import problem_of

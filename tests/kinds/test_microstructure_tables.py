@@ -11,7 +11,7 @@ from same_contents import assert_equal
 
 from pyburgers.drawing.view import view_of
 from pyburgers.kinds.constant_rate.experiment import load_constant_rate
-from pyburgers.kinds.constant_rate.stan_data import tests_block as block_of
+from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD
 from pyburgers.kinds.forward import simulate, simulate_data
 from pyburgers.kinds.kind import load_experiment, save_experiment
 from pyburgers.kinds.microstructure import MeasuredMicrostructure
@@ -95,7 +95,10 @@ def test_the_solver_reports_there_and_points_stay_where_they_were() -> None:
     known = load_constant_rate(ICE / "PIL40.toml")
     experiment = replace(known, microstructure=MEASURED)
     priors = problem_of([known], default_priors("ice")).priors
-    without, found = block_of([known], priors), block_of([experiment] * 2, [*priors] * 2)
+    without, found = (
+        LIKELIHOOD.tests_block([known], priors),
+        LIKELIHOOD.tests_block([experiment] * 2, [*priors] * 2),
+    )
     assert without["measured"] == []
     assert without["measured_end"] == [0, 0]
     assert found["measured_end"] == [0, 2, 4]

@@ -8,6 +8,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import span_text
@@ -162,6 +163,21 @@ class AttenuationExperiment(Experiment):
             LOG_MODULUS.noise: self.readings.modulus_error,
         }
         return {name: 0.0 if np.all(error > 0) else None for name, error in errors.items()}
+
+    def solution_table(self, solution: pd.DataFrame) -> pd.DataFrame:
+        """Return tan delta and modulus at the rows of the table."""
+        conditions = self.conditions
+        reading = np.exp(solution.set_index("place")["log_reading"])
+        return pd.DataFrame(
+            {
+                "period_s": conditions.period,
+                "temperature_K": conditions.temperature,
+                "median_stress_Pa": conditions.median_stress,
+                "amplitude_Pa": conditions.amplitude,
+                "tan_delta": reading[conditions.place].to_numpy(),
+                "modulus_Pa": reading[conditions.place + conditions.n_spectra].to_numpy(),
+            }
+        )
 
     @property
     def stated_errors(self) -> FloatArray:

@@ -20,6 +20,7 @@ from .fitting.fit import Fit as Fit
 from .fitting.fit import JointFit as JointFit
 from .fitting.fit import fit as fit
 from .fitting.fit import fit_jointly as fit_jointly
+from .fitting.plots import plot as plot
 from .fitting.prediction import Prediction as Prediction
 from .fitting.prior_draws import PriorDraws as PriorDraws
 from .fitting.prior_draws import prior_draws as prior_draws
@@ -35,6 +36,12 @@ from .flow_law_tables.inputs import load_peak_stress as load_peak_stress
 from .flow_law_tables.inputs import load_peak_stress_priors as load_peak_stress_priors
 from .flow_law_tables.inputs import with_curve_flow_law as with_curve_flow_law
 from .flow_law_tables.inputs import without_test as without_test
+from .kinds.arrays import AttenuationTable as AttenuationTable
+from .kinds.arrays import ConstantRateTest as ConstantRateTest
+from .kinds.arrays import CreepTest as CreepTest
+from .kinds.arrays import ForcedOscillation as ForcedOscillation
+from .kinds.arrays import LoadingHistory as LoadingHistory
+from .kinds.arrays import RelaxationTest as RelaxationTest
 from .kinds.attenuation.experiment import AttenuationExperiment as AttenuationExperiment
 from .kinds.constant_rate.experiment import ConstantRateExperiment as ConstantRateExperiment
 from .kinds.experiment import Experiment as Experiment

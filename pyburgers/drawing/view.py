@@ -13,7 +13,7 @@ from typing import Any
 from markupsafe import Markup
 
 from pyburgers.drawing.page_parts import FigureRecipe, PageFigure, PageTable
-from pyburgers.drawing.panels import FittedCurve
+from pyburgers.drawing.panels import FittedCurve, ReadCurve
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import NAMES, FittedTest
 
@@ -23,6 +23,7 @@ class View:
     """How the page shows a kind of test.
 
     `figures`: figures of a fit beside those of its posterior, the curve first.
+    `read`: returns the readings of a test along its clock.
     `curve`: returns the response of a fitted test along its clock, measured and as the fit has it.
     `facts`: returns what the page says about a test: names and values.
     `reference_text`: what the page says about the kind's `Kind.reference`.
@@ -32,6 +33,7 @@ class View:
     """
 
     figures: tuple[FigureRecipe[FittedTest], ...]
+    read: Callable[[Any], ReadCurve]
     curve: Callable[[FittedTest], FittedCurve]
     facts: Callable[[Any], Sequence[tuple[str, str]]]
     reference_text: Markup

@@ -7,12 +7,43 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from pyburgers.common.errors import InputError, nearest
-from pyburgers.drawing.panels import FittedCurve, draw_curve, draw_residuals
+from pyburgers.drawing.panels import FittedCurve, draw_curve, draw_data, draw_marks, draw_residuals
 from pyburgers.drawing.style import BLUE, VERMILION, style
 from pyburgers.drawing.view import view_of
+from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import FittedTest, kind_of
 from pyburgers.model.display import axis_label, shown_quantity
 from pyburgers.posterior.labelled_draws import free_parameters
+
+
+def plot(experiment: Experiment, ax: Axes | None = None) -> Axes:
+    """Draw the readings of a test along its clock, in display units.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        A test with readings.
+    ax : Axes, optional
+        Axes to draw into; without them new ones.
+
+    Returns
+    -------
+    Axes
+        The axes.
+
+    Raises
+    ------
+    InputError
+        If the test has no readings.
+    """
+    if not experiment.n_points:
+        raise InputError(f"{experiment.id}: found no readings to draw, expected some.")
+    curve, axes = view_of(experiment).read(experiment), ax or _new_axes()
+    with style():
+        draw_data(axes, curve.position, curve.data, curve.error, "readings")
+        draw_marks(axes, curve)
+        axes.set(xscale=curve.scale, yscale=curve.scale, xlabel=curve.position_label)
+    return axes
 
 
 @dataclass(frozen=True)

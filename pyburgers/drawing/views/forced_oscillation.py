@@ -16,6 +16,7 @@ from pyburgers.drawing.panels import (
     MEDIAN_LABEL,
     STRESS_LABEL,
     FittedCurve,
+    ReadCurve,
     curve_with_residuals,
     draw_band_panel,
     draw_data,
@@ -76,22 +77,32 @@ def stress_time(fit: FittedTest) -> Figure:
     return curve_with_residuals(fitted_curve(fit))
 
 
+def read_curve(experiment: OscillationExperiment) -> ReadCurve:
+    """Gather the stress along time as measured, and as it is compared with the model."""
+    prepared = experiment.prepared
+    return ReadCurve(
+        position=prepared.time,
+        data=prepared.stress * STRESS_FACTOR,
+        error=prepared.uncertainty * STRESS_FACTOR,
+        position_label=TIME_LABEL,
+        label=STRESS_LABEL,
+        heading=experiment.title,
+    )
+
+
 def fitted_curve(fit: FittedTest) -> FittedCurve:
     """Gather the stress along time as measured and as a fit has it."""
-    prepared = of_kind(fit.experiment, OscillationExperiment).prepared
+    experiment = of_kind(fit.experiment, OscillationExperiment)
+    prepared = experiment.prepared
     noise = mean_of(fit, "stress_noise") * prepared.relative_uncertainty
     return curve_of(
         fit,
         "stress",
+        read_curve(experiment),
         STRESS_FACTOR,
         grid=positions(fit, "time"),
-        position=prepared.time,
-        data=prepared.stress * STRESS_FACTOR,
         residuals=residuals(fit, "stress", prepared.stress) / noise,
-        error=prepared.uncertainty * STRESS_FACTOR,
         noise_band=HALF_WIDTH,
-        position_label=TIME_LABEL,
-        label=STRESS_LABEL,
         residual_label="residual / noise (–)",
     )
 
@@ -306,6 +317,7 @@ VIEW = View(
             on_every_page=False,
         ),
     ),
+    read=read_curve,
     curve=fitted_curve,
     facts=facts,
     reference_text=Markup(

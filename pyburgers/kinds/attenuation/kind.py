@@ -12,7 +12,7 @@ import xarray as xr
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import span_text
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
-from pyburgers.kinds.attenuation.files import load_attenuation, save_attenuation
+from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.attenuation.stan_data import (
     grid_block,
     reference_origin,
@@ -61,7 +61,6 @@ class Attenuation(Kind[AttenuationExperiment]):
     chart = StretchedChart()
     points_together = "a row of the table gives attenuation and modulus together"
     load = staticmethod(load_attenuation)
-    save = staticmethod(save_attenuation)
     reference_origin = staticmethod(reference_origin)
     tests_block = staticmethod(tests_block)
     grid_block = staticmethod(grid_block)

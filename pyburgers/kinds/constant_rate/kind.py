@@ -10,7 +10,6 @@ import numpy.typing as npt
 from pyburgers.kinds.constant_rate.experiment import (
     ConstantRateExperiment,
     load_constant_rate,
-    save_constant_rate,
     strain_grid,
 )
 from pyburgers.kinds.constant_rate.stan_data import (
@@ -60,7 +59,6 @@ class ConstantRate(Kind[ConstantRateExperiment]):
     target_acceptance = 0.98
     chart = ConstantRateValley()
     load = staticmethod(load_constant_rate)
-    save = staticmethod(save_constant_rate)
     reference_origin = staticmethod(reference_origin)
     tests_block = staticmethod(tests_block)
     grid_block = staticmethod(grid_block)

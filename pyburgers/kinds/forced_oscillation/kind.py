@@ -10,7 +10,6 @@ import numpy.typing as npt
 from pyburgers.kinds.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
-    save_forced_oscillation,
     with_known_strain,
 )
 from pyburgers.kinds.forced_oscillation.preparation import (
@@ -57,7 +56,6 @@ class ForcedOscillation(Kind[OscillationExperiment]):
     chart = ShearedChart()
     points_together = "a record of oscillations is prepared as a whole"
     load = staticmethod(load_forced_oscillation)
-    save = staticmethod(save_forced_oscillation)
     reference_origin = staticmethod(reference_origin)
     tests_block = staticmethod(tests_block)
     grid_block = staticmethod(grid_block)

@@ -15,7 +15,7 @@ from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment
 from pyburgers.kinds.kind import Kind
 from pyburgers.kinds.loading_history.advice import advice
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
-from pyburgers.kinds.loading_history.files import load_loading_history, save_loading_history
+from pyburgers.kinds.loading_history.files import load_loading_history
 from pyburgers.kinds.loading_history.measured_sections import section_times
 from pyburgers.kinds.loading_history.priors import priors_of, stated_priors
 from pyburgers.kinds.loading_history.solution_times import (
@@ -80,7 +80,6 @@ class LoadingHistoryKind(Kind[HistoryExperiment]):
     target_acceptance = 0.99
     chart = LoadingHistoryValley()
     load = staticmethod(load_loading_history)
-    save = staticmethod(save_loading_history)
     reference_origin = staticmethod(reference_origin)
     tests_block = staticmethod(tests_block)
     grid_block = staticmethod(grid_block)

@@ -22,7 +22,7 @@ from sampling import ICE, markdown
 
 from pyburgers.cmdstan.draw_files import read_draws
 from pyburgers.cmdstan.program import load_program
-from pyburgers.fitting.fit import fit_jointly
+from pyburgers.fitting.fit import fit
 from pyburgers.kinds.constant_rate.experiment import (
     ConstantRateExperiment,
     load_constant_rate,
@@ -60,7 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     }
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "run"
-        fit_jointly(_tests(), default_priors("ice"), out=out, options=SHORT_FIT)
+        fit(_tests(), default_priors("ice"), out=out, options=SHORT_FIT)
         run = RunDirectory(out)
         draws = read_draws([run.draws_file(1)])["coordinate"][0]
         points = draws[:: max(1, len(draws) // POINTS)][:POINTS]

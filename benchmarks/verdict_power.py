@@ -148,7 +148,7 @@ def write_test(kind: str, misfit: str, seed: int, folder: Path) -> Path:
     driven = pyburgers.load_experiment(history(kind, misfit, folder))
     times = STRAINS / RATE if kind == "curve" else TIMES
     low, high = STRESS_RANGE if kind == "curve" else STRAIN_RANGE
-    priors = pyburgers.default_priors("ice").resolved(1e6)
+    priors = pyburgers.priors("ice").resolved(1e6)
     while True:
         values = {**priors.sample(rng), **LAWS.get(misfit, {})}
         try:
@@ -211,7 +211,7 @@ def fit_test(folder: Path, seed: int, more_draws: int | None) -> pyburgers.Fit:
     """Fit the test of a folder, or add draws to each chain of its fit."""
     return pyburgers.fit(
         pyburgers.load_experiment(folder / f"{folder.name}.toml"),
-        pyburgers.default_priors("ice"),
+        pyburgers.priors("ice"),
         options=pyburgers.SamplerOptions(chains=CHAINS, draws=FIRST_DRAWS, warmup=400, seed=seed),
         out=folder / "run",
         more_draws=more_draws,

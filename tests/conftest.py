@@ -30,7 +30,7 @@ from pyburgers.cmdstan.program import compile_programs, load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.tasks import Workers
 from pyburgers.comparison.by_tests import fit_without_tests
-from pyburgers.fitting.fit import Fit, fit, fit_jointly
+from pyburgers.fitting.fit import Fit, fit
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress
 from pyburgers.flow_law_tables.inputs import default_peak_stress_priors, load_peak_stress
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
@@ -351,7 +351,7 @@ def separate_joint(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
 
 def fit_pair(problem: Problem, pool: Mapping[str, str], out: Path) -> None:
     """Fit the small test and the other one together, then without each."""
-    joint = fit_jointly(pair_of(problem), problem.priors, pool=pool, out=out, options=SMALL_RUN)
+    joint = fit(pair_of(problem), problem.priors, pool=pool, out=out, options=SMALL_RUN)
     with ThreadPoolExecutor(1) as here:
         fit_without_tests({"joint": joint}, workers=Workers(here), command="test")
 

@@ -2,8 +2,11 @@
 
 import logging
 import shutil
+import tempfile
+import weakref
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
 from typing import Self
@@ -18,6 +21,7 @@ from pyburgers.common.paths import given_path
 from pyburgers.fitting.new_test import Source
 from pyburgers.fitting.plots import FitPlots
 from pyburgers.fitting.prediction import Prediction, predict_test
+from pyburgers.fitting.prior_draws import prior_groups
 from pyburgers.fitting.sampled_fit import (
     FloatArray,
     SampledFit,
@@ -30,7 +34,7 @@ from pyburgers.kinds.experiment import Experiment, Provenance
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import Problem, one_test, problem_of
 from pyburgers.kinds.stan_data import SolverOptions
-from pyburgers.kinds.together import pooling_for
+from pyburgers.kinds.together import default_priors_for, pooling_for
 from pyburgers.model.pooling import pooling_from
 from pyburgers.model.priors import PriorSet, load_priors, note_other_material
 from pyburgers.model.variants import ModelVariant, variant_of
@@ -198,6 +202,36 @@ class Fit(SampledFit):
         source = Source(self.problem, self.tests(), self.posterior, self.cautions)
         return predict_test(source, experiment, draws=draws, separate_from=separate_from, seed=seed)
 
+    def prior_groups(self, draws: int, seed: int) -> dict[str, xr.Dataset]:
+        """Draw from the priors of one test, and solve every draw for readings with noise."""
+        if self.is_joint or draws == 0:
+            return {}
+        return prior_groups(self.experiment, self.priors, draws, seed)
+
+    def report(self, path: str | Path, *, title: str | None = None) -> Path:
+        """Write a page about the fit.
+
+        Parameters
+        ----------
+        path : path
+            A file that ends in ``.html``, beside which a folder of tables and figures is written;
+            or a folder.
+        title : str, optional
+            Heading of the page.
+
+        Returns
+        -------
+        Path
+            The page.
+
+        Raises
+        ------
+        InputError
+            If the folder cannot be written or holds something else.
+        """
+        page: Path = import_module("pyburgers").report([self], path, title=title)
+        return page
+
     @property
     def plot(self) -> FitPlots:
         """Figures of the fit of one test, drawn into axes of your own."""
@@ -263,15 +297,11 @@ class Fit(SampledFit):
         return 0
 
 
-JointFit = Fit
-"""A fit of several tests."""
-
-
 def fit(
     experiments: Experiment | Sequence[Experiment],
-    priors: PriorSet,
+    priors: PriorSet | None = None,
     *,
-    out: str | Path,
+    out: str | Path | None = None,
     pool: Mapping[str, str] | None = None,
     options: SamplerOptions | None = None,
     solver: SolverOptions | None = None,
@@ -285,13 +315,14 @@ def fit(
     Parameters
     ----------
     experiments : Experiment or sequence of Experiment
-        Tests with data (`pyburgers.load_experiment`).
-    priors : PriorSet
-        Priors of every parameter (`pyburgers.load_priors`), for all tests; they decide which
-        variant of the model is fitted (`pyburgers.with_variant`).
-    out : path
+        Tests with data (`pyburgers.load_experiment`, `pyburgers.ConstantRateTest` and others).
+    priors : PriorSet, optional
+        Priors of every parameter (`pyburgers.priors`), for all tests; they decide which variant of
+        the model is fitted (`pyburgers.with_variant`). Default: those of the material.
+    out : path, optional
         Run directory. An earlier run with the same inputs there is continued: only missing
-        chains are run.
+        chains are run. Default: a temporary folder, which is removed with the fit (`Fit.save`
+        keeps it).
     pool : mapping of str to str, optional
         How parameters of several tests are pooled, if not by default
         (`pyburgers.kinds.together.pooling_for`).
@@ -324,60 +355,39 @@ def fit(
         If no chain finished, or one could not be extended.
     """
     tests = [experiments] if isinstance(experiments, Experiment) else list(experiments)
+    if priors is None:
+        priors = default_priors_for(tests)
     for test in tests[:1]:
         note_other_material(priors, test.material)
     for test in tests:
         for sentence in (*test.notices, *doubts(test)):
             logger.info(f"note: {sentence}")
-    return fit_problem(
-        problem_of(tests, priors, pooling_for(tests, pool)),
-        out=out,
-        options=options,
-        solver=solver,
-        use_likelihood=use_likelihood,
-        command=command,
-        more_draws=more_draws,
-        overwrite=overwrite,
-    )
+
+    def fit_in(folder: Path) -> Fit:
+        return fit_problem(
+            problem_of(tests, priors, pooling_for(tests, pool)),
+            out=folder,
+            options=options,
+            solver=solver,
+            use_likelihood=use_likelihood,
+            command=command,
+            more_draws=more_draws,
+            overwrite=overwrite,
+        )
+
+    return fit_in(given_path(out)) if out is not None else _fit_in_passing(fit_in)
 
 
-def fit_jointly(
-    experiments: Sequence[Experiment],
-    priors: PriorSet,
-    *,
-    out: str | Path,
-    pool: Mapping[str, str] | None = None,
-    options: SamplerOptions | None = None,
-    solver: SolverOptions | None = None,
-    use_likelihood: bool = True,
-    command: str = "pyburgers.fit_jointly(...)",
-) -> Fit:
-    """Fit at least two tests together, as `fit` does.
-
-    Parameters
-    ----------
-    experiments, priors, out, pool, options, solver, use_likelihood, command
-        As for `fit`, which says what is returned.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than two tests, or as for `fit`.
-    SamplingError
-        As for `fit`.
-    """
-    if len(experiments) < 2:
-        raise InputError(f"joint fit: found {len(experiments)} test, expected at least two.")
-    return fit(
-        experiments,
-        priors,
-        out=out,
-        pool=pool,
-        options=options,
-        solver=solver,
-        use_likelihood=use_likelihood,
-        command=command,
-    )
+def _fit_in_passing(fit_in: Callable[[Path], Fit]) -> Fit:
+    """Fit in a temporary folder, which is removed when nothing needs the run directory."""
+    folder = tempfile.TemporaryDirectory(prefix="pyburgers-fit-")
+    try:
+        result = fit_in(Path(folder.name) / "run")
+    except BaseException:
+        folder.cleanup()
+        raise
+    weakref.finalize(result.directory, folder.cleanup)
+    return result
 
 
 def fit_problem(

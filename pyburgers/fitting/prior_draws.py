@@ -29,7 +29,8 @@ class PriorDraws:
     priors : PriorSet
         Its priors.
     posterior : DataTree
-        Groups posterior (SI) and predictions, as of a fit, of one chain.
+        Groups posterior (SI) and predictions, as of a fit, of one chain; of a test with readings
+        prior_predictive as well, readings with noise.
     n_unsolved : int
         Draws that were left out because they have no solution.
     """
@@ -74,7 +75,8 @@ def prior_draws(
         else prior.distribution().rvs(size=draws, random_state=rng)
         for name, prior in priors.priors.items()
     }
-    problem = one_test(kind.without_data(experiment), _each_by_itself(priors))
+    test = experiment if experiment.n_points else kind.without_data(experiment)
+    problem = one_test(test, _each_by_itself(priors))
     (coordinates,) = problem.coordinates
     rows = np.column_stack(
         [coordinates.of_quantity(k, values[name]) for k, name in enumerate(coordinates.quantities)]
@@ -104,8 +106,35 @@ def prior_draws(
             {**labels, clock: grid},
         ),
     }
+    if experiment.n_points:
+        name = kind.response.name
+        points = {**labels, "point": np.arange(experiment.n_points)}
+        replicated = drawn[f"{name}_replicated"]
+        groups["prior_predictive"] = xr.Dataset(
+            {name: (("chain", "draw", "point"), replicated)}, points
+        )
     n_unsolved = int(draws - kept.sum())
     return PriorDraws(experiment, priors, xr.DataTree.from_dict(groups), n_unsolved)
+
+
+def prior_groups(
+    experiment: Experiment, priors: PriorSet, draws: int, seed: int
+) -> dict[str, xr.Dataset]:
+    """Return draws of the free parameters, and readings with noise for each: ArviZ's groups.
+
+    Readings are left out if the prior of the flow law is a joint one.
+    """
+    names = list(priors.free)
+    if priors.flow_law is not None:
+        rng = np.random.default_rng(seed)
+        rows = [priors.sample(rng) for _ in range(draws)]
+        columns = {name: (("chain", "draw"), [[row[name] for row in rows]]) for name in names}
+        return {"prior": xr.Dataset(columns)}
+    drawn = prior_draws(experiment, priors, draws=draws, seed=seed).posterior
+    return {
+        "prior": drawn["posterior"].to_dataset()[names],
+        "prior_predictive": drawn["prior_predictive"].to_dataset(),
+    }
 
 
 def _each_by_itself(priors: PriorSet) -> PriorSet:

@@ -30,7 +30,7 @@ from pyburgers.checks.verdicts import Verdict, verdicts, verdicts_record
 from pyburgers.common.atomic_files import json_text, write_text
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.experiment import Provenance
-from pyburgers.posterior.labelled_draws import in_display_units
+from pyburgers.posterior.labelled_draws import arviz_data, in_display_units
 from pyburgers.sampling.manifest import COMPLETE, ChainFailure, missing_chains
 from pyburgers.sampling.other_modes import recorded_modes
 from pyburgers.sampling.repetitions import SHORTENING, shorten_steps, shortened
@@ -155,6 +155,30 @@ class SampledFit(ABC):
         )
         table = self.summary().to_html(float_format="{:.4g}".format, na_rep="")
         return f"<p><b>{escape(self.manifest['experiment'])}</b><br>{told}</p>{table}"
+
+    def to_arviz(self, *, prior_draws: int = 500, seed: int = 1) -> Any:
+        """Return the draws as an object of ArviZ.
+
+        Parameters
+        ----------
+        prior_draws : int
+            Draws of the prior and the prior predictive; 0 leaves both out. A joint fit and tables
+            of peak stresses have none, a joint prior of the flow law has no prior predictive.
+        seed : int
+            Of these draws.
+
+        Returns
+        -------
+        InferenceData or DataTree
+            Of ArviZ 0.x or 1.x. Groups posterior (sampled quantities, SI), sample_stats,
+            log_likelihood, log_prior, posterior_predictive, observed_data, constant_data, prior and
+            prior_predictive. Attributes of each quantity: units, symbol, long_name.
+        """
+        return arviz_data(self.posterior, self.prior_groups(prior_draws, seed))
+
+    def prior_groups(self, draws: int, seed: int) -> dict[str, xr.Dataset]:
+        """Return the groups of the prior of `to_arviz`."""
+        return {}
 
     def asked_checks(self) -> Sequence[Check]:
         """Return the checks that are made (`pyburgers.checks.registry.CHECKS`).

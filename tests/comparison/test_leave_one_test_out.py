@@ -28,7 +28,7 @@ from pyburgers.comparison.results import (
     table_of_tests,
 )
 from pyburgers.drawing.style import image
-from pyburgers.fitting.fit import Fit, fit_jointly
+from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.constant_rate.experiment import load_constant_rate
 from pyburgers.kinds.problem import problem_of
 from pyburgers.model.pooling import pooling_of
@@ -231,7 +231,7 @@ def test_the_order_of_the_tests_does_not_matter(small_problem: Problem, tmp_path
     ]
     longer = replace(SMALL_RUN, draws=2 * SMALL_RUN.draws)
     fits = {
-        name: fit_jointly(order, small_problem.priors, out=tmp_path / name, options=longer)
+        name: fit(order, small_problem.priors, out=tmp_path / name, options=longer)
         for name, order in (("one", tests), ("turned", tests[::-1]))
     }
     comparison = compare(fits)

@@ -13,7 +13,7 @@ from matplotlib.container import ErrorbarContainer
 
 from pyburgers.drawing.view import views
 from pyburgers.drawing.views.isochronous import isochronous, isochronous_figure
-from pyburgers.fitting.fit import Fit, fit_jointly
+from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
@@ -38,7 +38,7 @@ def creep_at(stress: float) -> HistoryExperiment:
 def joint(tmp_path_factory: pytest.TempPathFactory) -> Fit:
     known = {name: TRUTH[name] for name in default_priors("ice").free if name in TRUTH}
     known = {name: v for name, v in known.items() if name not in ("kelvin_modulus", "stress_noise")}
-    return fit_jointly(
+    return fit(
         [creep_at(stress) for stress in LOADS],
         with_fixed(default_priors("ice"), known),
         out=tmp_path_factory.mktemp("fit") / "run",

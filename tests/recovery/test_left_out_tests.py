@@ -10,7 +10,7 @@ from pyburgers.comparison.by_tests import compare_by_test, leave_one_test_out
 from pyburgers.comparison.conclusions import sentences_by_test
 from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
 from pyburgers.comparison.results import difference_by_test
-from pyburgers.fitting.fit import Fit, fit, fit_jointly
+from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.model.priors import default_priors
 from pyburgers.sampling.options import SamplerOptions
@@ -32,9 +32,7 @@ def joints(
     folder = tmp_path_factory.mktemp("joint")
     pools = {"default": None, "separate": {"all": "separate"}}
     return {
-        name: fit_jointly(
-            experiments, default_priors("ice"), pool=pool, out=folder / name, options=OPTIONS
-        )
+        name: fit(experiments, default_priors("ice"), pool=pool, out=folder / name, options=OPTIONS)
         for name, pool in pools.items()
     }
 

@@ -13,7 +13,7 @@ from oscillation_pair import TWIN_FILE
 from pyburgers.cmdstan.program import Program, shares_work
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.errors import InputError
-from pyburgers.fitting.fit import Fit, fit_jointly
+from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.priors import default_priors
@@ -29,7 +29,7 @@ def test_threads_share_tests_at_constant_rate_and_no_others(tmp_path: Path) -> N
     assert shared == ["constant_rate"]
     twin = load_experiment(TWIN_FILE)
     with pytest.raises(InputError, match=r"threads_per_chain is 2, expected 1: .*oscillation"):
-        fit_jointly(
+        fit(
             [twin, replace(twin, id="other")],
             default_priors("olivine"),
             out=tmp_path / "run",

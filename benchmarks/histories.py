@@ -29,7 +29,7 @@ from pyburgers.kinds.constant_rate.experiment import (
 )
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate_data
-from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.model.priors import default_priors
@@ -152,7 +152,7 @@ def _fitted(test: Experiment, out: Path) -> Timed:
     run = RunDirectory(out)
     draws = read_draws([run.draws_file(1)])["coordinate"][0]
     points = draws[:: max(1, len(draws) // POINTS)][:POINTS]
-    return Timed(load_program(kind_of(test).program), run.stan_data_file, points)
+    return Timed(load_program(likelihood_of(test).program), run.stan_data_file, points)
 
 
 def _table(taken: pd.DataFrame, ratio: pd.DataFrame) -> pd.DataFrame:

@@ -27,7 +27,7 @@ from pyburgers.kinds.constant_rate.experiment import (
     ConstantRateExperiment,
     load_constant_rate,
 )
-from pyburgers.kinds.constant_rate.kind import KIND
+from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.model.priors import default_priors
 from pyburgers.sampling.options import SamplerOptions
@@ -54,9 +54,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--threads", type=int, default=2)
     threads = parser.parse_args(arguments).threads
     programs = {
-        "without threads": load_program(KIND.program),
-        "with threads, in one": replace(load_program(KIND.program, threads=2), threads=1),
-        f"with threads, in {threads}": load_program(KIND.program, threads=threads),
+        "without threads": load_program(LIKELIHOOD.program),
+        "with threads, in one": replace(load_program(LIKELIHOOD.program, threads=2), threads=1),
+        f"with threads, in {threads}": load_program(LIKELIHOOD.program, threads=threads),
     }
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "run"

@@ -37,7 +37,8 @@ from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, loa
 from pyburgers.kinds.constant_rate.valley import ConstantRateValley
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate_data
-from pyburgers.kinds.kind import kinds, save_experiment
+from pyburgers.kinds.kind import save_experiment
+from pyburgers.kinds.likelihood import likelihoods
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.kinds.valley import ValleyReference
 from pyburgers.model.prior_families import Prior
@@ -186,7 +187,7 @@ def programs() -> None:
     """Compile what the tests need, side by side."""
     compile_programs(
         [
-            *(kind.program for kind in kinds().values()),
+            *(likelihood.program for likelihood in likelihoods().values()),
             *(
                 stan_directory() / f"{name}.stan"
                 for name in (

@@ -2,7 +2,7 @@
 
 import argparse
 
-from pyburgers.kinds.kind import NAMES
+from pyburgers.kinds.likelihood import NAMES
 from pyburgers.model.priors import shipped_file
 
 

@@ -1,9 +1,6 @@
 """Fit one or several tests, and what a finished fit says of each."""
 
 import logging
-import shutil
-import tempfile
-import weakref
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -16,6 +13,7 @@ import xarray as xr
 
 from pyburgers.checks.fit_checks import Outcome, check_solver
 from pyburgers.checks.prior_influence import Influence, prior_influence
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.paths import given_path
 from pyburgers.fitting.new_test import Source
@@ -23,9 +21,9 @@ from pyburgers.fitting.plots import FitPlots
 from pyburgers.fitting.prediction import Prediction, predict_test
 from pyburgers.fitting.prior_draws import prior_groups
 from pyburgers.fitting.sampled_fit import (
-    FloatArray,
     SampledFit,
     data_words,
+    in_passing,
     put_aside_where_few_diverged,
     write_tables,
 )
@@ -157,7 +155,18 @@ class Fit(SampledFit):
     def influences(
         self, derived: Mapping[str, FloatArray] = MappingProxyType({})
     ) -> dict[str, dict[str, Influence]]:
-        """Return who decides each quantity, by test; empty without likelihood."""
+        """Return who decides each quantity, by test; empty without likelihood.
+
+        Parameters
+        ----------
+        derived : mapping of str to array, shape (n,)
+            Draws of further quantities, chains one after the other.
+
+        Returns
+        -------
+        dict of str to dict of str to Influence
+            By name of the test, then of the quantity.
+        """
         if not self.manifest["use_likelihood"]:
             return {}
         fitted = self.manifest["experiments"]
@@ -246,22 +255,19 @@ class Fit(SampledFit):
             return draws_table(self.posterior)
         return summary_table(self.posterior, self.priors)
 
-    def save(self, path: str | Path) -> None:
-        """Copy the run directory.
-
-        Raises
-        ------
-        InputError
-            If `path` exists.
-        """
-        path = given_path(path)
-        if path.exists():
-            raise InputError(f"{path}: exists already, expected a new folder.")
-        shutil.copytree(self.directory.path, path, ignore=shutil.ignore_patterns(".*"))
-
     @classmethod
     def load(cls, path: str | Path) -> Self:
         """Read a run directory.
+
+        Parameters
+        ----------
+        path : path
+            Run directory of `fit`.
+
+        Returns
+        -------
+        Fit
+            With the draws of the chains that have finished.
 
         Raises
         ------
@@ -353,6 +359,12 @@ def fit(
         If an input is wrong or `out` holds something else.
     SamplingError
         If no chain finished, or one could not be extended.
+
+    Examples
+    --------
+    >>> test = pyburgers.load_experiment("my_test.toml")
+    >>> result = pyburgers.fit(test, pyburgers.priors("ice"), out="runs/my_test")
+    >>> result.summary()
     """
     tests = [experiments] if isinstance(experiments, Experiment) else list(experiments)
     if priors is None:
@@ -375,19 +387,7 @@ def fit(
             overwrite=overwrite,
         )
 
-    return fit_in(given_path(out)) if out is not None else _fit_in_passing(fit_in)
-
-
-def _fit_in_passing(fit_in: Callable[[Path], Fit]) -> Fit:
-    """Fit in a temporary folder, which is removed when nothing needs the run directory."""
-    folder = tempfile.TemporaryDirectory(prefix="pyburgers-fit-")
-    try:
-        result = fit_in(Path(folder.name) / "run")
-    except BaseException:
-        folder.cleanup()
-        raise
-    weakref.finalize(result.directory, folder.cleanup)
-    return result
+    return fit_in(given_path(out)) if out is not None else in_passing(fit_in)
 
 
 def fit_problem(
@@ -412,7 +412,7 @@ def fit_problem(
             problem,
             run.path,
             options=options or SamplerOptions(),
-            solver=solver or problem.protocol.solver,
+            solver=solver or problem.likelihood.solver,
             use_likelihood=use_likelihood,
             command=command,
             more_draws=more_draws,

@@ -19,7 +19,8 @@ from pyburgers.drawing.panels import (
 from pyburgers.drawing.style import BLUE, VERMILION, style
 from pyburgers.drawing.view import view_of
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import FittedTest, kind_of
+from pyburgers.kinds.kind import FittedTest
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.model.display import axis_label, shown_quantity
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
@@ -116,7 +117,7 @@ class FitPlots:
         Raise InputError if the test is of another kind.
         """
         experiment = self.fit.experiment
-        if kind_of(experiment).clock.name != "strain":
+        if likelihood_of(experiment).clock.name != "strain":
             raise InputError(
                 f"{experiment.id}: found a test of protocol {experiment.protocol!r}, expected one "
                 "along strain; plot.curve draws any."

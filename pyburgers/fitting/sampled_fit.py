@@ -1,16 +1,17 @@
 """A finished run of chains, whatever was fitted: its checks, its tables, when it is done."""
 
 import logging
+import shutil
+import tempfile
+import weakref
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, get_args
+from typing import Any, Literal, TypeVar, get_args
 
-import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 from markupsafe import escape
@@ -28,7 +29,9 @@ from pyburgers.checks.prior_sentences import conflict_sentence, decision_columns
 from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.verdicts import Verdict, verdicts, verdicts_record
 from pyburgers.common.atomic_files import json_text, write_text
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import given_path
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.posterior.labelled_draws import arviz_data, in_display_units
 from pyburgers.sampling.manifest import COMPLETE, ChainFailure, missing_chains
@@ -38,7 +41,6 @@ from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
 
-FloatArray = npt.NDArray[np.float64]
 
 MAX_SHORTENED = 2
 """Times that a run is repeated with shorter steps."""
@@ -180,6 +182,24 @@ class SampledFit(ABC):
         """Return the groups of the prior of `to_arviz`."""
         return {}
 
+    def save(self, path: str | Path) -> None:
+        """Copy the run directory.
+
+        Parameters
+        ----------
+        path : path
+            New folder.
+
+        Raises
+        ------
+        InputError
+            If `path` exists.
+        """
+        path = given_path(path)
+        if path.exists():
+            raise InputError(f"{path}: exists already, expected a new folder.")
+        shutil.copytree(self.directory.path, path, ignore=shutil.ignore_patterns(".*"))
+
     def asked_checks(self) -> Sequence[Check]:
         """Return the checks that are made (`pyburgers.checks.registry.CHECKS`).
 
@@ -243,6 +263,21 @@ class SampledFit(ABC):
         return missing_chains(
             self.posterior["posterior"]["chain"].to_numpy().tolist(), self.manifest
         )
+
+
+FitT = TypeVar("FitT", bound=SampledFit)
+
+
+def in_passing(fit_in: Callable[[Path], FitT]) -> FitT:
+    """Fit in a temporary folder, which is removed when nothing needs the run directory."""
+    folder = tempfile.TemporaryDirectory(prefix="pyburgers-fit-")
+    try:
+        result = fit_in(Path(folder.name) / "run")
+    except BaseException:
+        folder.cleanup()
+        raise
+    weakref.finalize(result.directory, folder.cleanup)
+    return result
 
 
 def data_words(name: str, provenance: Provenance) -> str:

@@ -1,6 +1,6 @@
 """Deformation experiments: what every test has, in SI."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib import import_module
@@ -17,6 +17,7 @@ from pyburgers.common.toml_files import without_none, write_toml
 from pyburgers.common.units import counted, span_text
 from pyburgers.kinds.limits import refuse_impossible
 from pyburgers.kinds.microstructure import MeasuredMicrostructure
+from pyburgers.kinds.read_test import ReadTest
 from pyburgers.model.laws import KELVIN_LAWS
 from pyburgers.model.parameters import CONDITIONS
 
@@ -64,7 +65,7 @@ CONDITION_KEYS: Mapping[str, tuple[str, str]] = MappingProxyType(
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Experiment(ABC):
+class Experiment(ReadTest):
     """A deformation test of any protocol, in SI units.
 
     Attributes
@@ -114,7 +115,6 @@ class Experiment(ABC):
     may_be_uncertain: ClassVar[frozenset[str]] = CONDITIONS
     without_effect: ClassVar[frozenset[str]] = frozenset()
     small_strain: ClassVar[float] = 5e-3
-    id: str
     material: str
     temperature: float
     initial_grain_size: float
@@ -137,28 +137,8 @@ class Experiment(ABC):
 
     @property
     @abstractmethod
-    def position(self) -> FloatArray:
-        """Positions of the readings on the clock of the protocol (SI), shape (n_points,)."""
-
-    @property
-    @abstractmethod
     def span(self) -> tuple[float, float]:
         """First and last position on the clock (SI) at which the test has a solution."""
-
-    @property
-    @abstractmethod
-    def response(self) -> FloatArray:
-        """Readings for comparison with the model (SI unit), shape (n_points,)."""
-
-    @property
-    def response_limit(self) -> FloatArray:
-        """Response at or below which a reading is an upper limit; -inf: none, (n_points,)."""
-        return np.full(self.n_points, -np.inf)
-
-    @property
-    def without_readings(self) -> frozenset[str]:
-        """Sizes of residuals (parameters) of readings that the test does not have."""
-        return frozenset()
 
     @property
     @abstractmethod
@@ -186,11 +166,6 @@ class Experiment(ABC):
         """Sample, material, conditions and kind of data for figures, as matplotlib text."""
 
     @property
-    def n_points(self) -> int:
-        """Number of data points; zero for an experiment that can only be simulated."""
-        return len(self.response)
-
-    @property
     def temperatures(self) -> FloatArray:
         """All temperatures (K) of the test, in any order."""
         return np.array([self.temperature])
@@ -215,11 +190,6 @@ class Experiment(ABC):
             If it has no such part.
         """
         raise InputError(f"{self.id}: has no part {name!r}, {nearest(name, self.parts)}")
-
-    @property
-    def n_driving_errors(self) -> int:
-        """Number of uncertain numbers in what drives the test, which are inferred with it."""
-        return 0
 
     @abstractmethod
     def own_tables(self) -> dict[str, Any]:

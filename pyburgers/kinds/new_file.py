@@ -22,7 +22,7 @@ from pyburgers.common.units import UNIT_TABLE
 from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment
 from pyburgers.kinds.experiment_file import Compression
 from pyburgers.kinds.guessed_columns import GuessedColumn
-from pyburgers.kinds.kind import NAMES
+from pyburgers.kinds.likelihood import NAMES
 
 NAMED_SEPARATORS = {sign: name for name, sign in SEPARATORS.items()}
 

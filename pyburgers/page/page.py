@@ -16,33 +16,100 @@ from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.checks.prior_sentences import CONFLICT_MEANING, SHARE_TEXT
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import read_json
 from pyburgers.drawing.page_parts import PageSection
 from pyburgers.drawing.view import view_of
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
+from pyburgers.flow_law_tables.fit import PeakStressFit
 from pyburgers.model.display import symbol_text
 from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES
 from pyburgers.model.variants import ModelVariant
 from pyburgers.page import tables
+from pyburgers.page.comparison_sections import comparison_sections
 from pyburgers.page.fit_sections import SameData, Section, by_data, write_section
 from pyburgers.page.glossary import with_definitions
 from pyburgers.page.illustrations import Illustration, Pictures, picture_file, write_figures
-from pyburgers.page.names import file_key, joint_key, page_keys, page_names
+from pyburgers.page.joint_section import joint_sections
+from pyburgers.page.names import file_key, in_words, joint_key, page_keys, page_names
 from pyburgers.page.overview import (
     ANSWER_COLUMNS,
     CONFLICT_COLUMN,
     Entry,
     answers,
     bad_answers,
+    entry_of,
     joint_entry,
     overview_table,
     remedies,
-    told_entry,
 )
+from pyburgers.page.peak_stress_section import peak_stress_section
 from pyburgers.page.run_records import REPORT_KIND, report_manifest, runs_table
 
 logger = logging.getLogger(__name__)
+
+
+def report(
+    fits: Sequence[Fit],
+    path: str | Path,
+    *,
+    title: str | None = None,
+    command: str = "pyburgers.report(...)",
+    tables: Mapping[str, PeakStressFit] = MappingProxyType({}),
+) -> Path:
+    """Write a page about fits of one test or of several.
+
+    Parameters
+    ----------
+    fits : sequence of Fit
+        The fits.
+    path : path
+        A file that ends in ``.html``, beside which a folder of tables and figures is written; or a
+        folder, new or that of an earlier page.
+    title : str, optional
+        Heading of the page.
+    command : str
+        Command that makes the page again, as the page tells it.
+    tables : mapping of str to PeakStressFit
+        Fits of tables of peak stresses by their key on the page.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to show, or the folder cannot be written or holds something else.
+    """
+    path = given_path(path)
+    is_file = path.suffix == ".html"
+    folder = path.with_name(f"{path.stem}_files") if is_file else path
+    joints = [fit for fit in fits if fit.is_joint]
+    alone = [fit for fit in fits if not fit.is_joint]
+    sections = joint_sections(joints, alone)
+    tests = [*(fit for joint in joints for fit in joint.tests().values()), *alone]
+    page = write_report(
+        tests,
+        folder,
+        title=title or "Nonlinear Burgers fits",
+        command=command,
+        joints=joints,
+        extras=(
+            *sections,
+            *comparison_sections([*joints, *tests]),
+            *(peak_stress_section(table, key) for key, table in tables.items()),
+        ),
+        told={key: [table] for key, table in tables.items()},
+    )
+    if not is_file:
+        return page
+    text = page.read_text(encoding="utf-8").replace('href="tables/', f'href="{folder.name}/tables/')
+    write_text(path, text)
+    page.unlink()
+    return path
 
 
 def write_report(
@@ -54,7 +121,7 @@ def write_report(
     joints: Sequence[Fit] = (),
     extras: Sequence[PageSection] = (),
     told: Mapping[str, Sequence[SampledFit]] = MappingProxyType({}),
-    to_come: Sequence[str] = (),
+    to_come: Mapping[str, str] = MappingProxyType({}),
     drawn: dict[Path, str] | None = None,
     jobs: int | None = 1,
 ) -> Path:
@@ -80,8 +147,9 @@ def write_report(
     told : mapping of str to sequence of SampledFit
         Fits that one of the extras is about, by its key. They have no section of their own. Both
         verdicts on them stand at the top of the page.
-    to_come : sequence of str
-        Parts that a later call is to add, such as fits that still run.
+    to_come : mapping of str to str
+        Parts that a later call is to add: the name of the test by that of the run, of other parts
+        an empty text by their name.
     drawn : dict of Path to str, optional
         Pictures of earlier calls by their files, which are not drawn again; those of this call are
         added.
@@ -97,6 +165,10 @@ def write_report(
     ------
     InputError
         If there is no fit, or the folder cannot be written or holds something else.
+
+    Examples
+    --------
+    >>> pyburgers.write_report([fit], Path("page"), title="Creep", command="python my_script.py")
     """
     if not fits and not told:
         raise InputError(f"{out}: a report needs at least one run, found none.")
@@ -108,7 +180,8 @@ def write_report(
     own = list(zip(map(file_key, keys), names, fits, strict=False))
     manifest = report_manifest(list(zip(keys, all_fits, strict=True)), title, command)
     write_json(out / "manifest.json", manifest)
-    groups = _write_groups(by_data(sorted(own, key=_is_synthetic)), out)
+    own.sort(key=lambda one: one[2].provenance.kind == "synthetic")
+    groups = _write_groups(by_data(own), out)
     sections = [section for group in groups for section in group.sections]
     illustrated = []
     for extra in extras:
@@ -121,7 +194,7 @@ def write_report(
     logger.info(f"Writing {len(illustrations)} figures.")
     pictures = write_figures(illustrations, out, jobs, {} if drawn is None else drawn)
     told_entries = [
-        told_entry(key, name, fit)
+        entry_of(key, name, fit, fit.checks(), fit.decisions())
         for (key, _), (name, fit) in zip(others, named[len(fits) :], strict=True)
     ]
     entries = [
@@ -143,7 +216,7 @@ def write_report(
         runs=runs_table(named),
         title=title,
         command=command,
-        to_come=to_come,
+        to_come=[in_words(*one) for one in to_come.items()],
     )
     write_text(page, text)
     return page
@@ -163,11 +236,6 @@ def _write_groups(groups: Sequence[Sequence[tuple[str, str, Fit]]], out: Path) -
             told.append(sections[-1])
         found.append(SameData(tuple(sections)))
     return found
-
-
-def _is_synthetic(named: tuple[str, str, Fit]) -> bool:
-    """Whether nobody measured the data of a fit, which comes with its key and name."""
-    return named[2].provenance.kind == "synthetic"
 
 
 def render_page(
@@ -219,7 +287,8 @@ def render_page(
         synthetic=[entry for entry in entries if entry.is_synthetic],
         prior_sources=tables.prior_sources([s.priors for s in sections]),
         prior_notes=list(dict.fromkeys(s.fit.priors.notes for s in sections if s.fit.priors.notes)),
-        told_by=_first_told_by([extra for extra, _ in extras]),
+        # The first part of the page that has a paragraph in its details tells it.
+        told_by={text: extra for extra, _ in reversed(extras) for text in extra.details},
         made_alike=_made_alike(sections),
         runs=runs,
         reference_texts=list(dict.fromkeys(view_of(s.experiment).reference_text for s in sections)),
@@ -233,11 +302,6 @@ def render_page(
         conflict_meaning=CONFLICT_MEANING,
         truth_sentence=tables.truth_sentence,
     )
-
-
-def _first_told_by(extras: Sequence[PageSection]) -> dict[str, PageSection]:
-    """Return the first part of the page that has each paragraph in its details."""
-    return {text: extra for extra in reversed(extras) for text in extra.details}
 
 
 def _made_alike(sections: Sequence[Section]) -> list[list[Section]]:

@@ -27,6 +27,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+import stanli
+from cmdstanpy import write_stan_json
 from conftest import sketch_pictures, with_fixed
 from log_density import program_with
 from page import Page
@@ -42,8 +44,10 @@ from pyburgers import (
     load_priors,
     with_variant,
 )
-from pyburgers.kinds.problem import problem_of
+from pyburgers.cmdstan.toolchain import stan_directory
+from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import StanData
 from pyburgers.kinds.together import pooling_for
 from pyburgers.page.page import write_report
 
@@ -196,16 +200,26 @@ def stored_value(file: str, key: str, found: Any) -> Any:
     return stored[key]
 
 
-def evaluations(case: Case, folder: Path, tolerance: float) -> list[dict[str, FloatArray]]:
-    """Log density, gradient and log likelihoods at three points, drawn from a seed."""
+def problem_and_data(case: Case, tolerance: float) -> tuple[Problem, StanData]:
+    """Tests of a case with their priors, and the data of their program."""
     tests = [load_experiment(REPOSITORY / name) for name in case.files]
     priors = with_variant(load_priors(REPOSITORY / case.priors), tests[0], case.variant)
     problem = problem_of(tests, priors, pooling_for(tests, case.pool))
-    data = program_data(problem, solver=SolverOptions(tolerance, max_num_steps=1_000_000))
-    program = program_with(problem.protocol.program, data, folder)
+    return problem, program_data(problem, solver=SolverOptions(tolerance, max_num_steps=1_000_000))
+
+
+def points_of(data: StanData) -> FloatArray:
+    """Three points in the coordinates of a program, shape (3, n_coordinates), from a seed."""
     rng = np.random.default_rng([3, data["n_coordinates"]])
+    return 0.3 * rng.standard_normal((3, data["n_coordinates"]))
+
+
+def evaluations(case: Case, folder: Path, tolerance: float) -> list[dict[str, FloatArray]]:
+    """Log density, gradient and log likelihoods at three points."""
+    problem, data = problem_and_data(case, tolerance)
+    program = program_with(problem.likelihood.program, data, folder)
     found = []
-    for point in 0.3 * rng.standard_normal((3, data["n_coordinates"])):
+    for point in points_of(data):
         here = program.at({"coordinate": point.tolist()})
         log_lik = [v for name, v in here.columns.items() if name.split(".")[0] == "log_lik"]
         found.append(
@@ -243,6 +257,24 @@ def test_densities_are_the_stored_ones(case: Case, tmp_path: Path) -> None:
             np.testing.assert_allclose(
                 values, expected, rtol=0, atol=limit * np.abs(expected).max() + noise, err_msg=name
             )
+
+
+@pytest.mark.parametrize("case", [*CASES[:3], CASES[15]], ids=lambda case: case.name)
+def test_the_interpreter_gives_the_stored_densities(case: Case, tmp_path: Path) -> None:
+    """A second implementation of Stan: version 0.24 runs the program of constant rates alone."""
+    problem, data = problem_and_data(case, TOLERANCE)
+    write_stan_json(str(tmp_path / "data.json"), dict(data))
+    model = stanli.Model(
+        str(problem.likelihood.program),
+        data=str(tmp_path / "data.json"),
+        include_paths=str(stan_directory()),
+    )
+    stored = json.loads((HERE / "densities.json").read_text(encoding="utf-8"))[case.name]
+    for at, point in zip(points_of(data), stored, strict=True):
+        log_density, gradient = model.log_prob_grad(at)
+        assert log_density == pytest.approx(point["log_density"]["values"][0], abs=1e-7)
+        expected = np.array(point["gradient"]["values"])
+        np.testing.assert_allclose(gradient, expected, rtol=0, atol=1e-7 * np.abs(expected).max())
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,8 @@ import pytest
 from history_twins import TRUTH
 
 from pyburgers.cli.main import main
-from pyburgers.kinds.kind import NAMES, load_experiment
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.likelihood import NAMES
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.new_file import new_files
 

@@ -13,7 +13,8 @@ from same_contents import assert_equal
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.kinds.doubts import doubts
-from pyburgers.kinds.kind import kind_of, load_experiment, save_experiment
+from pyburgers.kinds.kind import load_experiment, save_experiment
+from pyburgers.kinds.likelihood import likelihood_of
 
 CHECKOUT = Path(__file__).parents[2]
 EXPERIMENT = """\
@@ -456,7 +457,7 @@ class TestSaving:
         assert isinstance(original, ConstantRateExperiment)
         assert original.stress_uncertainty == pytest.approx(0.05e6)
         assert_equal(load_experiment(save_experiment(original, tmp_path)), original)
-        error, unit = kind_of(original).observed_positions(original)["reading_error"]
+        error, unit = likelihood_of(original).along(original)["reading_error"]
         assert error.tolist() == [original.stress_uncertainty] * original.n_points
         assert unit == "Pa"
 

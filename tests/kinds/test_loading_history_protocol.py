@@ -9,10 +9,11 @@ import xarray as xr
 from history_twins import TRUTH, history_twin
 from synthetic_fit import uniform
 
+from pyburgers.checks.discrepancies import place_text
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.forward import simulate, simulate_data
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment, Stated
-from pyburgers.kinds.loading_history.kind import LoadingHistoryKind
+from pyburgers.kinds.loading_history.likelihood import LIKELIHOOD
 from pyburgers.kinds.loading_history.stan_data import leg_of_times, times_of_readings
 from pyburgers.kinds.problem import problem_of
 from pyburgers.model.priors import default_priors
@@ -89,7 +90,7 @@ def test_apparatus_and_offset_are_those_of_the_file(unloaded: HistoryExperiment)
 )
 def test_places_are_told_in_the_unit_of_the_figures(days: float, told: str) -> None:
     along = xr.Dataset({"time": ("point", 86400.0 * days * np.array([0.0, 0.5, 1.0]))})
-    assert LoadingHistoryKind().place_text(along, 1, 2) == told
+    assert place_text(LIKELIHOOD, along, 1, 2) == told
 
 
 def test_simulated_readings_scatter_about_the_solution_as_they_should() -> None:
@@ -160,5 +161,5 @@ def test_the_truth_of_simulated_readings_holds_what_they_were_made_with(
 
 def test_stress_is_read_where_strain_is_imposed_and_the_other_way_round() -> None:
     mixed = history_twin("mixed", 12)
-    read = LoadingHistoryKind().is_read(mixed, np.array([0.0, 500.0, 1000.0, 1000.0, 3500.0]))
+    read = LIKELIHOOD.is_read(mixed, np.array([0.0, 500.0, 1000.0, 1000.0, 3500.0]))
     assert read.tolist() == [[True, True, True, False, False], [False, False, False, True, True]]

@@ -134,5 +134,5 @@ def test_loads_that_differ_by_as_much_as_one_varies_are_one(joint: Fit) -> None:
 
 def test_the_page_of_the_joint_fit_has_it(joint: Fit, tmp_path: Path) -> None:
     isochronous(list(joint.tests().values())).savefig(tmp_path / "view.png")
-    figures = views()[joint.problem.protocol.name].joint_figures(list(joint.tests().values()))
+    figures = views()[joint.problem.likelihood.name].joint_figures(list(joint.tests().values()))
     assert [figure.name for figure in figures] == ["isochronous"]

@@ -30,7 +30,7 @@ from pyburgers.checks.verdicts import Verdict
 from pyburgers.drawing.style import image
 from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.fitting.side_by_side import fit_side_by_side
-from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.files import load_loading_history
 from pyburgers.model.priors import load_priors, shipped_prior_file
@@ -163,7 +163,7 @@ def test_the_page_says_how_much_is_left_over_and_where(
     monkeypatch.setattr(SampledFit, "verdicts", lambda fit: verdicts)
     # The draws are a substitute of another protocol, which the checks of this one cannot read.
     monkeypatch.setattr(SampledFit, "checks", lambda fit: ())
-    response = kind_of(record).response.name
+    response = likelihood_of(record).response.name
     fits = {}
     for times, (name, task) in enumerate(reversed(halite_tasks().items()), start=1):
         made = make_fit(tmp_path / name, chains=2, draws=50)
@@ -175,7 +175,7 @@ def test_the_page_says_how_much_is_left_over_and_where(
         )
         # `compare` asks where the points lie on the clock of the test.
         points = fit.posterior["constant_data"].to_dataset()
-        fit.posterior["constant_data"] = points.rename(strain=kind_of(record).clock.name)
+        fit.posterior["constant_data"] = points.rename(strain=likelihood_of(record).clock.name)
         fits[name] = fit
     section = halite_section(fits)
     told = " ".join((*section.paragraphs, *section.details))

@@ -190,7 +190,7 @@ def test_the_search_for_the_mode_ends_at_one() -> None:
     problem = problem_of([history_twin("relaxation", 40)], ICE)
     found = find_mode(problem, seed=1, solver=SolverOptions()).coordinate
     exact = program_data(problem, solver=SolverOptions(1e-9))
-    program = load_program(problem.protocol.program)
+    program = load_program(problem.likelihood.program)
     # A slope says little by itself: widths of the coordinates are 0.01 to 2.
     assert expected_rise(program, exact, found, laplace_metric(program, exact, found)) < 0.2
 

@@ -67,7 +67,7 @@ def test_chains_leave_cores_to_the_threads_of_others(
     monkeypatch.setattr(chains, "cores", lambda: 8)
     monkeypatch.setattr(chains, "closing", lambda looks: looks)
     monkeypatch.setattr(chains, "side_by_side", no_looks)
-    options = SMALL_RUN.suited_to(joint.problem.protocol)
+    options = SMALL_RUN.suited_to(joint.problem.likelihood)
     for threads in (1, 3, 9):
         chains.run_side_by_side(Program(Path("program"), threads), joint.directory, [1, 2], options)
     assert seen == [8, 2, 1]

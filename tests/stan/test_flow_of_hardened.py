@@ -38,7 +38,7 @@ def few_readings(name: str) -> Problem:
 def evaluated(problem: Problem, coordinate: FloatArray) -> tuple[dict[str, float], float, float]:
     """Parameters, ln of the reference flow rate, and ln of the Jacobian."""
     data = program_data(problem, solver=SolverOptions(), use_likelihood=False)
-    program = load_program(problem.protocol.program)
+    program = load_program(problem.likelihood.program)
     found = program.evaluate(data, {"coordinate": coordinate.tolist()})
     (row,) = found["parameter"]
     values = {p.name: float(value) for p, value in zip(PROGRAM_PARAMETERS, row, strict=True)}
@@ -74,7 +74,7 @@ def test_it_is_the_rate_of_the_material_that_the_law_is_written_for(name: str) -
     )
     assert log_rate == pytest.approx(expected, rel=1e-9)
     (coordinates,) = problem.coordinates
-    sampled = coordinates.quantities.index(problem.protocol.reference.name)
+    sampled = coordinates.quantities.index(problem.likelihood.reference.name)
     assert coordinates.value(sampled, at[sampled]) == pytest.approx(expected, rel=1e-9)
 
 

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.figure import Figure
 
-from pyburgers.common.draws import central_band
+from pyburgers.common.draws import FloatArray, central_band
 from pyburgers.drawing.fitted import positions, predicted
 from pyburgers.drawing.page_parts import PageFigure
 from pyburgers.drawing.panels import STRAIN_LABEL, STRESS_LABEL, figure_of
@@ -25,8 +24,6 @@ from pyburgers.model.display import (
     STRESS_FACTOR,
     time_unit,
 )
-
-FloatArray = npt.NDArray[np.float64]
 
 SHARES = (0.01, 0.05, 0.25, 1.0)
 """Times, over the longest that all tests last under their first load. It stands from the start of

@@ -6,6 +6,7 @@ import pandas as pd
 from markupsafe import Markup
 from scipy.stats import linregress
 
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.units import rounded, span_text
 from pyburgers.drawing.fitted import positions, predicted
 from pyburgers.drawing.page_parts import PageTable
@@ -26,7 +27,6 @@ from pyburgers.model.display import (
     time_unit,
 )
 
-FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 SAME_RATE = 1e-3

@@ -3,7 +3,6 @@
 import numpy as np
 
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.kinds.constant_rate.stan_data import segment_of_points
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Stage
 
@@ -25,7 +24,7 @@ def as_history(experiment: ConstantRateExperiment) -> HistoryExperiment:
         )
         for k, segment in enumerate(experiment.segments)
     )
-    stage = segment_of_points(experiment)
+    stage = experiment.reading_segment
     time = np.clip(experiment.time_at(experiment.strain), times[stage], times[stage + 1])
     return HistoryExperiment(
         id=experiment.id,

@@ -45,11 +45,6 @@ def load_times(experiment: HistoryExperiment) -> FloatArray:
     return np.concatenate([np.empty(0), *times])
 
 
-def with_more(times: FloatArray, more: FloatArray) -> FloatArray:
-    """Return times with those of some others that are not among them; equal ones all stay."""
-    return np.sort(np.concatenate([times, np.setdiff1d(more, times)]))
-
-
 def _fills_its_stage(experiment: HistoryExperiment, load: CreepInterval) -> bool:
     stage = experiment.stages[load.stage]
     return (load.start_time, load.end_time) == (stage.start_time, stage.end_time)

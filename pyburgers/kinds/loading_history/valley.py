@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.kinds.kind import AtMode
+from pyburgers.kinds.likelihood import AtMode
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Leg
 from pyburgers.kinds.loading_history.stan_data import leg_of_readings, stress_scale

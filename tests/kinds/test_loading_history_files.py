@@ -11,9 +11,10 @@ from same_contents import assert_equal
 
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.kind import save_experiment
-from pyburgers.kinds.loading_history.experiment import HistoryExperiment, Stated
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.files import load_loading_history
 from pyburgers.kinds.loading_history.stages import Stage
+from pyburgers.kinds.read_test import Stated
 
 HEAD = """\
 id = "sample-1"

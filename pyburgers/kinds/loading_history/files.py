@@ -18,7 +18,7 @@ from pyburgers.kinds.experiment_file import (
     experiment_file,
     shared_values,
 )
-from pyburgers.kinds.loading_history.experiment import HistoryExperiment, Stated
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.measured_sections import SectionTable, read_sections
 from pyburgers.kinds.loading_history.readings import (
     NO_READINGS,
@@ -48,6 +48,7 @@ from pyburgers.kinds.loading_history.true_readings import (
     without_start,
     without_states_before,
 )
+from pyburgers.kinds.read_test import Stated
 
 
 class _ApparatusTable(Table):

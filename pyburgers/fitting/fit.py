@@ -15,6 +15,7 @@ from pyburgers.checks.fit_checks import Outcome, check_solver
 from pyburgers.checks.prior_influence import Influence, prior_influence
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, nearest
+from pyburgers.common.messages import messages_where_watched
 from pyburgers.common.paths import given_path
 from pyburgers.fitting.new_test import Source
 from pyburgers.fitting.plots import FitPlots
@@ -369,13 +370,12 @@ def fit(
     tests = [experiments] if isinstance(experiments, Experiment) else list(experiments)
     if priors is None:
         priors = default_priors_for(tests)
-    for test in tests[:1]:
-        note_other_material(priors, test.material)
-    for test in tests:
-        for sentence in (*test.notices, *doubts(test)):
-            logger.info(f"note: {sentence}")
 
     def fit_in(folder: Path) -> Fit:
+        note_other_material(priors, tests[0].material)
+        for test in tests:
+            for sentence in (*test.notices, *doubts(test)):
+                logger.info(f"note: {sentence}")
         return fit_problem(
             problem_of(tests, priors, pooling_for(tests, pool)),
             out=folder,
@@ -387,7 +387,8 @@ def fit(
             overwrite=overwrite,
         )
 
-    return fit_in(given_path(out)) if out is not None else in_passing(fit_in)
+    with messages_where_watched():
+        return fit_in(given_path(out)) if out is not None else in_passing(fit_in)
 
 
 def fit_problem(

@@ -1,4 +1,4 @@
-"""From a table of pandas to a page, and to a file of draws for ArviZ; about a minute."""
+"""From a table of pandas to a page, a block for ASPECT and draws for ArviZ; about a minute."""
 
 from pathlib import Path
 
@@ -21,4 +21,5 @@ test = pyburgers.ConstantRateTest(
 fit = pyburgers.fit(test)
 print(fit.summary()[["unit", "mean", "sd", "decided_by"]].to_string())
 print(fit.report("page.html"))
+pyburgers.export(fit, "aspect", microstructure="initial", out="aspect.prm")
 fit.to_arviz().to_netcdf("draws.nc")

@@ -224,8 +224,8 @@ class Fit(SampledFit):
         Parameters
         ----------
         path : path
-            A file that ends in ``.html``, beside which a folder of tables and figures is written;
-            or a folder.
+            A file that ends in ``.html``, with a folder of tables and figures beside it.
+        Or a folder.
         title : str, optional
             Heading of the page.
 

@@ -19,7 +19,7 @@ UNCUT = 50.0
 """Half a range of a prior, in its standard deviations, that cuts nothing off."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PriorDraws:
     """Draws of the prior of a test with their solutions, to be looked at as a fit is.
 
@@ -40,6 +40,11 @@ class PriorDraws:
     priors: PriorSet
     posterior: xr.DataTree
     n_unsolved: int
+
+    def __repr__(self) -> str:
+        """Return a line: how many draws, of which test."""
+        draws = self.posterior["posterior"].sizes["draw"]
+        return f"<{draws} draws of the prior of {self.experiment.id}>"
 
 
 def prior_draws(

@@ -29,8 +29,8 @@ def report(
     fits : sequence of Fit
         The fits.
     path : path
-        A file that ends in ``.html``, beside which a folder of tables and figures is written; or a
-        folder, new or that of an earlier page.
+        A file that ends in ``.html``, with a folder of tables and figures beside it.
+        Or a folder, new or that of an earlier page.
     title : str, optional
         Heading of the page.
     command : str

@@ -72,6 +72,7 @@ def test_a_table_becomes_a_page_and_draws(
     assert "maxwell_modulus" in printed
     assert printed.splitlines()[-1] == str(tmp_path / "page.html")
     assert "PIL40" in (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "subsection" in (tmp_path / "aspect.prm").read_text(encoding="utf-8")
     with xr.open_dataset(tmp_path / "draws.nc", group="posterior") as draws:
         assert "maxwell_modulus" in draws
 

@@ -27,6 +27,7 @@ from pyburgers.cmdstan.installation import PYPI_VERSION
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.constant_rate.experiment import load_constant_rate
 from pyburgers.kinds.likelihood import likelihoods
+from pyburgers.model.priors import default_priors, load_priors
 
 COLUMNS = ["time_s", "strain", "stress_Pa", "kelvin_strain", "grain_size_m", "fabric_factor"]
 
@@ -463,6 +464,17 @@ def arguments_of(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
                 yield from arguments_of(below)
         else:
             yield action
+
+
+def test_priors_prints_the_file_of_a_material(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert main(["priors", "ice"]) == 0
+    copy = tmp_path / "ice.toml"
+    copy.write_text(capsys.readouterr().out, encoding="utf-8")
+    assert load_priors(copy) == default_priors("ice")
+    assert main(["priors", "iec"]) == 2
+    assert "material 'iec' has no default priors" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("command", COMMANDS)

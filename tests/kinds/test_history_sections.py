@@ -16,8 +16,9 @@ from pyburgers.drawing.view import view_of
 from pyburgers.kinds.constant_rate.experiment import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.forward import simulate, simulate_data
+from pyburgers.kinds.kind import save_experiment
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
-from pyburgers.kinds.loading_history.files import load_loading_history, save_loading_history
+from pyburgers.kinds.loading_history.files import load_loading_history
 from pyburgers.kinds.loading_history.measured_sections import section_times
 from pyburgers.kinds.loading_history.stan_data import solver_outputs
 from pyburgers.kinds.loading_history.stan_data import tests_block as block_of
@@ -109,7 +110,7 @@ def test_places_are_in_the_units_of_the_file_and_copies_read_back(tmp_path: Path
     assert [one.time for one in test.microstructure] == [None, 1050.0, 3600.0]
     assert test.microstructure == MEASURED
     (tmp_path / "copy").mkdir()
-    assert_equal(load_loading_history(save_loading_history(test, tmp_path / "copy")), test)
+    assert_equal(load_loading_history(save_experiment(test, tmp_path / "copy")), test)
     fact = dict(view_of(test).facts(test))["Measured microstructure"]
     assert "800 ± 40 µm at a path strain of 3 %" in fact
     assert "fabric factor 0.800 ± 0.050 at 60 min" in fact

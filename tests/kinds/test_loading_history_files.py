@@ -10,8 +10,9 @@ from refusals import refusal, written
 from same_contents import assert_equal
 
 from pyburgers.common.errors import InputError
+from pyburgers.kinds.kind import save_experiment
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
-from pyburgers.kinds.loading_history.files import load_loading_history, save_loading_history
+from pyburgers.kinds.loading_history.files import load_loading_history
 from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.kinds.read_test import Stated
 
@@ -696,7 +697,7 @@ class TestStrainGoesOn:
         assert test.stages[0].knots[0][1] != 0.01
         folder = tmp_path / "copy"
         folder.mkdir()
-        assert_equal(load_loading_history(save_loading_history(test, folder)), test)
+        assert_equal(load_loading_history(save_experiment(test, folder)), test)
 
 
 class TestReadingsAtJumps:
@@ -757,7 +758,7 @@ class TestReadingsAtJumps:
         simulated = replace(test, reading=np.array([0.0, 0.001, 0.002]))
         folder = tmp_path / "copy"
         folder.mkdir()
-        assert_equal(load_loading_history(save_loading_history(simulated, folder)), simulated)
+        assert_equal(load_loading_history(save_experiment(simulated, folder)), simulated)
 
     def test_how_large_a_dropped_reading_was(self, write: Write) -> None:
         notices = load_loading_history(write(MIXED, ROWS.replace("0,0,0", "0,0.4,0"))).notices
@@ -818,7 +819,7 @@ class TestRoundTrip:
         test = load_loading_history(write(MIXED, ROWS, ("\n[data]", f"{keys}{stated}")))
         folder = tmp_path / "copy"
         folder.mkdir()
-        assert_equal(load_loading_history(save_loading_history(test, folder)), test)
+        assert_equal(load_loading_history(save_experiment(test, folder)), test)
 
     def test_readings_on_both_sides_of_a_jump(self, write: Write, tmp_path: Path) -> None:
         test = load_loading_history(write(MIXED, ROWS))
@@ -827,7 +828,7 @@ class TestRoundTrip:
         )
         folder = tmp_path / "copy"
         folder.mkdir()
-        assert_equal(load_loading_history(save_loading_history(moved, folder)), moved)
+        assert_equal(load_loading_history(save_experiment(moved, folder)), moved)
 
     def test_a_series_that_was_smoothed_and_thinned(self, write: Write, tmp_path: Path) -> None:
         time = np.linspace(0.0, 1000.0, 501)
@@ -840,7 +841,7 @@ class TestRoundTrip:
         assert test.n_points <= 60
         folder = tmp_path / "copy"
         folder.mkdir()
-        assert_equal(load_loading_history(save_loading_history(test, folder)), test)
+        assert_equal(load_loading_history(save_experiment(test, folder)), test)
 
     def test_a_test_without_readings(self, write: Write, tmp_path: Path) -> None:
         empty = np.empty(0)
@@ -853,7 +854,7 @@ class TestRoundTrip:
         )
         folder = tmp_path / "copy"
         folder.mkdir()
-        assert_equal(load_loading_history(save_loading_history(test, folder)), test)
+        assert_equal(load_loading_history(save_experiment(test, folder)), test)
 
 
 def test_an_error_is_an_input_error(write: Write) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
-from pyburgers.kinds.attenuation.files import load_attenuation, save_attenuation
+from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.attenuation.table import MODULUS, NO_READINGS
 from pyburgers.kinds.kind import Kind
 
@@ -19,7 +19,6 @@ class Attenuation(Kind[AttenuationExperiment]):
 
     name = "attenuation"
     load = staticmethod(load_attenuation)
-    save = staticmethod(save_attenuation)
 
     def without_data(self, experiment: AttenuationExperiment) -> AttenuationExperiment:
         """Return the table without what was read."""

@@ -58,20 +58,3 @@ def test_a_name_of_a_file_that_is_no_text_is_refused_where_it_would_be_written(
     command = [os.fsencode(sys.executable), b"-m", b"pyburgers", b"new", path, *options]
     ended = subprocess.run(command, capture_output=True, check=False)
     assert (ended.returncode, ended.stderr.count(b"\n")) == (2, 1)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("predict", "nowhere"), ("nowhere: found neither a run directory nor a prediction",)),
-        (("predict", "nowhere", PIL40, "--out", "x.csv"), ("nowhere: not a run directory",)),
-        (("predict", str(DATA)), ("missing: EXPERIMENT.toml (file of the other test), --out;",)),
-        (("predict", str(DATA), "--out", "x.csv"), ("missing: EXPERIMENT.toml (file of",)),
-        (("predict", "test"), ("missing: RUN (run directory of fit), EXPERIMENT.toml",)),
-        (("fit",), ("missing: EXPERIMENT.toml (", "see `pyburgers fit --help`")),
-    ],
-)
-def test_what_is_missing_is_named(
-    arguments: tuple[str, ...], words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert_refused(main(arguments), capsys, *words)

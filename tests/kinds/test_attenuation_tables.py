@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import xarray as xr
 from conftest import ICE
-from refusals import refusal
 
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
@@ -134,52 +133,6 @@ def test_places_lead_back_to_periods_and_spectra(edit: Edit) -> None:
     np.testing.assert_allclose(period, np.tile(conditions.period, 2), rtol=1e-12)
     assert spectrum.tolist() == [0, 0, 1, 1] * 2
     assert quantity.tolist() == [0] * 4 + [1] * 4
-
-
-@pytest.mark.parametrize(
-    ("changes", "rows", "words"),
-    [
-        ([("poisson_ratio = 0.25", "")], ROWS, "neither elastic constant"),
-        ([('id = "t"', 'id = "t"\ntemperature_sd_K = 5.0')], ROWS, "at their stated conditions"),
-        ([('"shear"', '"axial"')], ROWS, "turn axial quantities"),
-        (
-            [("poisson_ratio = 0.25", "poisson_ratio = 0.25\nbulk_modulus_Pa = 1e11")],
-            ROWS,
-            "exactly one",
-        ),
-        ([('period_column = "period"', "")], ROWS, "neither of the keys 'period_column'"),
-        ([('period_unit = "s"', "")], ROWS, "key 'period_unit' in [data] is missing"),
-        ([('modulus_unit = "GPa"', 'modulus_unit = "K"')], ROWS, "is not a unit of stress"),
-        ([('modulus_column = "G"', "modulus_uncertainty = 1.0")], ROWS, "'modulus_column'"),
-        ([('"C"', '"C"\nleast_temperature = 1300')], ROWS, "at most the highest"),
-        ([], ROWS.replace("0.02", "0"), "data row 3"),
-        (
-            [],
-            ROWS.replace("10,1200", "1,1200"),
-            "data row 2: found the period 1 twice at 1473.15 K",
-        ),
-        ([('attenuation_form = "tan_delta"', "")], ROWS, "no key 'attenuation_form' in [data]"),
-        ([('"tan_delta"', '"loss_angle"')], ROWS, "no key 'attenuation_unit' in [data]"),
-        (
-            [('"tan_delta"', '"loss_angle"\nattenuation_unit = "rad"')],
-            ROWS.replace("0.02", "1.6"),
-            "less than 90; check 'attenuation_unit'",
-        ),
-        ([('attenuation_column = "Q"', 'loss_modulus_column = "Q"')], ROWS, "'storage_modulus_col"),
-        ([('"G"', '"G"\nstorage_modulus_column = "Q"')], ROWS, "found both of the keys"),
-        ([], ROWS + "10,1200,0.1,40\n", "data row 5: found the period 10 twice at 1473.15 K"),
-        ([('"G"', '"G"\nlimit = 0.01\nlimit_column = "G"')], ROWS, "found both of the keys"),
-        (
-            [('"shear"', '"shear"\namplitude_Pa = 1.0'), ('"Q"', '"Q"\namplitude_column = "G"')],
-            ROWS,
-            "expected at most one",
-        ),
-    ],
-)
-def test_what_is_wrong_with_a_table_is_said(
-    edit: Edit, changes: list[tuple[str, str]], rows: str, words: str
-) -> None:
-    assert words in refusal(edit(*changes, rows=rows))
 
 
 def test_rows_below_a_temperature_are_left_out(edit: Edit) -> None:
@@ -362,9 +315,3 @@ def test_storage_and_loss_modulus_give_tan_delta_and_the_absolute_modulus(edit: 
         np.testing.assert_allclose(table.readings.modulus_error, [0.5e9, 0.2e9 * 5**0.5])
     with pytest.raises(InputError, match="as storage modulus, expected a positive number"):
         load_attenuation(edit(storage, loss, rows=rows.replace(",4,", ",0,")))
-
-
-def test_a_tan_delta_of_no_solid_is_doubted(edit: Edit) -> None:
-    assert load_attenuation(edit()).doubts == ()
-    (doubt,) = load_attenuation(edit(rows=ROWS.replace("0.02", "27"))).doubts
-    assert "a tan delta of 27 is unlikely" in doubt

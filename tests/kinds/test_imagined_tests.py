@@ -8,7 +8,7 @@ import numpy as np
 import oracle
 import pandas as pd
 import pytest
-from refusals import refusal, written
+from refusals import written
 from same_contents import assert_equal
 
 from pyburgers.cli.main import main
@@ -235,39 +235,3 @@ def test_listed_spectra_are_the_rows_of_a_table(
     found, expected = (simulate(one, parameters, at=at) for one in (imagined, measured))
     np.testing.assert_array_equal(found["log_reading"], expected["log_reading"])
     assert set(at) <= set(simulate(imagined, parameters)["place"])
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (("period_s = 300.0\n", ""), "key 'period_s' in [oscillation] is missing"),
-        (("period_s = 300.0", 'period_s = 300.0\nbackground = "removed"'), "'background'"),
-        (("period_s = 300.0", "period_s = 300.0\nstrain_trend_degree = 1"), "no record to take"),
-        (("cycles = 5", "cycles = 0"), "key 'cycles'"),
-        (("strain_amplitude = 2e-3\n", ""), "key 'strain_amplitude'"),
-        ((OSCILLATION[OSCILLATION.index("[imposed") :], ""), "[imposed_cycles]"),
-        (("[imposed_cycles]", RECORD[RECORD.index("[data]") :] + "[imposed_cycles]"), "both"),
-    ],
-)
-def test_oscillations_that_nobody_can_impose(
-    change: tuple[str, str], words: str, tmp_path: Path
-) -> None:
-    assert words in refusal(written(tmp_path / "test.toml", OSCILLATION, (change,), {}))
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (("[1, 10, 100]", "[1, 10, 10]"), "found the period 10 twice"),
-        (("[1, 10, 100]", "[]"), "periods_s"),
-        (("[1, 1000]", "[-1, 1000]"), "periods_s"),
-        (("amplitude_Pa = 1e5\n", ""), "'amplitude_Pa' is given in some of them"),
-        ((TABLE[TABLE.index("[[spectra]]") :], ""), "found neither of the tables [data]"),
-        (
-            ("[[spectra]]", MEASURED_TABLE[MEASURED_TABLE.index("[data]") :] + "[[spectra]]"),
-            "found both of the tables [data]",
-        ),
-    ],
-)
-def test_tables_that_are_none(change: tuple[str, str], words: str, tmp_path: Path) -> None:
-    assert words in refusal(written(tmp_path / "test.toml", TABLE, (change,), {}))

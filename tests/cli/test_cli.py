@@ -1,13 +1,11 @@
 """The command line: exit codes, one sentence for bad input, files that it promises."""
 
-import argparse
 import json
 import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
-from importlib import import_module
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 
@@ -20,8 +18,7 @@ from small_inputs import CURVE, EXPERIMENT, PRIORS
 
 import pyburgers
 from pyburgers.checks.registry import CHECKS
-from pyburgers.cli.main import COMMANDS, main
-from pyburgers.cli.parser import HelpWithDefaults, OneLineParser
+from pyburgers.cli.main import main
 from pyburgers.cli.shared import command_line
 from pyburgers.cmdstan.installation import PYPI_VERSION
 from pyburgers.fitting.fit import Fit
@@ -298,36 +295,3 @@ def test_help_answers_at_once() -> None:
         assert process.returncode == 0
         seconds.append(usage.ru_utime + usage.ru_stime)
     assert min(seconds) < 0.3
-
-
-def arguments_of(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
-    """Every argument of a command, and of the commands below it."""
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for below in action.choices.values():
-                yield from arguments_of(below)
-        else:
-            yield action
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_argument_has_help_that_ends_with_its_default(command: str) -> None:
-    parser = OneLineParser(prog=command)
-    import_module(f"pyburgers.cli.{command.replace('-', '_')}").add_options(parser)
-    for argument in arguments_of(parser):
-        name, default = "/".join(argument.option_strings) or argument.dest, argument.default
-        assert argument.help, name
-        if argument.option_strings and default not in (None, False, [], argparse.SUPPRESS):
-            text = HelpWithDefaults(command)._get_help_string(argument)
-            shown = " ".join(map(str, default)) if isinstance(default, tuple) else default
-            assert text == f"{argument.help}; default {shown}".replace("%", "%%"), name
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_has_help(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as stopped:
-        main([command, "--help"])
-    assert stopped.value.code == 0
-    out = capsys.readouterr().out
-    assert out.startswith(f"usage: pyburgers {command}")
-    assert "4 it was sampled well, but" in " ".join(out.split())

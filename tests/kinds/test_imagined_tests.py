@@ -17,10 +17,8 @@ from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.forced_oscillation.experiment import load_forced_oscillation
 from pyburgers.kinds.forced_oscillation.stan_data import START_MARGIN
 from pyburgers.kinds.forward import simulate, with_laws
-from pyburgers.kinds.kind import load_experiment, save_experiment
-from pyburgers.kinds.problem import problem_of
+from pyburgers.kinds.kind import load_experiment
 from pyburgers.model.parameters import PIEZOMETER, STANDARD_VALUES
-from pyburgers.model.priors import default_priors
 
 HEAD = """
 id = "imagined"
@@ -127,19 +125,6 @@ def parameters() -> dict[str, float]:
     twin = load_experiment(TWIN)
     assert twin.true_parameters is not None
     return dict(twin.true_parameters)
-
-
-@pytest.mark.parametrize("text", [OSCILLATION, TABLE], ids=["oscillation", "table"])
-def test_a_copy_is_the_same_and_cannot_be_fitted(text: str, tmp_path: Path) -> None:
-    original = load_experiment(written(tmp_path / "test.toml", text, (), {}))
-    assert original.n_points == 0
-    folder = tmp_path / "copy"
-    folder.mkdir()
-    again = load_experiment(save_experiment(original, folder))
-    assert [file.name for file in folder.iterdir()] == ["experiment.toml"]
-    assert_equal(again, original)
-    with pytest.raises(InputError, match="no data"):
-        problem_of([original], default_priors("olivine", original.protocol))
 
 
 @pytest.mark.usefixtures("programs")

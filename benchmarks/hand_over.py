@@ -1,7 +1,7 @@
 """Calibrate what a table of peak stresses hands on (python benchmarks/hand_over.py).
 
 Tables like that of Qi and Goldsby (2021) are simulated from Table 1's priors and fitted; the flow
-law of one more test is ranked in the prior handed on (pyburgers.sbc.hand_over). With --curves the
+law of one more test is ranked in the prior handed on (`simulated_tables`). With --curves the
 row of PIL40 is left out, and curves of the one more test, taken like PIL40, are fitted with the
 prior handed on and their parameters ranked. Each table and each curve is a
 file that is written when it is done: the same command continues. Synthetic throughout.
@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from simulated_tables import rank_curve, rank_hand_over, simulate_table
 
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError, SamplingError
@@ -33,7 +34,6 @@ from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sbc.data_sets import DataSetPlan, calibration_priors
-from pyburgers.sbc.hand_over import rank_curve, rank_hand_over, simulate_table
 from pyburgers.sbc.rank_uniformity import VERDICTS_TEXT, judge_ranks, rank_bands
 
 ROOT = Path(__file__).parents[1]

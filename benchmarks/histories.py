@@ -29,8 +29,8 @@ from pyburgers.kinds.constant_rate.experiment import (
 )
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate_data
-from pyburgers.kinds.kind import kind_of
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.likelihood import likelihood_of
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.model.priors import default_priors
 from pyburgers.sampling.options import SamplerOptions
@@ -115,7 +115,7 @@ def main() -> None:
     (out / "histories.md").write_text(page, encoding="utf-8")
 
 
-def _history(name: str, beside: ConstantRateExperiment) -> LoadingHistory:
+def _history(name: str, beside: ConstantRateExperiment) -> HistoryExperiment:
     """Make a history of the material of a test with as many readings, dense after each load."""
     stages, start = [], 0.0
     for duration, stress in LOADS[name]:
@@ -128,7 +128,7 @@ def _history(name: str, beside: ConstantRateExperiment) -> LoadingHistory:
         + (stage.end_time - stage.start_time) * np.linspace(0, 1, here.size + 1)[1:] ** 2
         for stage, here in zip(stages, shares, strict=True)
     ]
-    empty = LoadingHistory(
+    empty = HistoryExperiment(
         id=name,
         material=beside.material,
         temperature=beside.temperature,
@@ -152,7 +152,7 @@ def _fitted(test: Experiment, out: Path) -> Timed:
     run = RunDirectory(out)
     draws = read_draws([run.draws_file(1)])["coordinate"][0]
     points = draws[:: max(1, len(draws) // POINTS)][:POINTS]
-    return Timed(load_program(kind_of(test).program), run.stan_data_file, points)
+    return Timed(load_program(likelihood_of(test).program), run.stan_data_file, points)
 
 
 def _table(taken: pd.DataFrame, ratio: pd.DataFrame) -> pd.DataFrame:

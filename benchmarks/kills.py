@@ -24,7 +24,7 @@ from sampling import markdown
 
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.toml_files import read_json
-from pyburgers.fitting.fit import fit_jointly
+from pyburgers.fitting.fit import fit
 
 KILLS = {"fit": 40, "sbc": 20, "campaign": 20, "compare": 15, "study": 5}
 
@@ -54,7 +54,7 @@ def _commands(out: Path) -> dict[str, KilledCommand]:
         free = {"maxwell_modulus", "activation_enthalpy", "stress_noise"}
         write_problem(inputs, free=free, max_strain=0.02, stride=2)
     problem = Problem(inputs / "experiment.toml", inputs / "priors.toml")
-    fit_jointly(pair_of(problem), problem.priors, pool=POOL, out=joint, options=SMALL_RUN)
+    fit(pair_of(problem), problem.priors, pool=POOL, out=joint, options=SMALL_RUN)
     return dict(killed_commands(problem.experiment_file, problem.priors_file, joint, inputs))
 
 

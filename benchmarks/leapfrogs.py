@@ -70,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     found = np.loadtxt(said.splitlines(), ndmin=2)
     n_steps, wrong = int(found[:, 0].sum()), found[:, 1] > 0
     print(f"{wrong.sum()} of {n_steps} steps of {step:.3g} change the energy by {options.told:g}.")
-    program = load_program(fit.problem.protocol.program)
+    program = load_program(fit.problem.likelihood.program)
     data = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
     for row in found[wrong][: options.shown]:
         shown = _along(program, data, fit.problem.free, *np.split(row[3:], 2))
@@ -79,7 +79,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _compiled(fit: Fit, folder: Path) -> Path:
     """Compile the fit's program with a main that follows trajectories."""
-    cmdstan, source = ensure_cmdstan(), fit.problem.protocol.program
+    cmdstan, source = ensure_cmdstan(), fit.problem.likelihood.program
     math = cmdstan / "stan" / "lib" / "stan_math"
     translated, executable = folder / f"{source.stem}.hpp", folder / source.stem
     subprocess.run(

@@ -1,8 +1,10 @@
-"""What a finished fit says of the sampler."""
+"""What a finished fit says of the sampler, and which arm of its valley a draw is in."""
 
 from dataclasses import dataclass
 
+import numpy as np
 import pandas as pd
+import xarray as xr
 from chain_files import read_chain
 
 from pyburgers.fitting.fit import Fit
@@ -53,3 +55,22 @@ def measure(fit: Fit) -> Measures:
         ess_bulk=float(convergence["ess_bulk"].min()),
         ess_tail=float(convergence["ess_tail"].min()),
     )
+
+
+def grain_size_share(posterior: xr.DataTree) -> xr.DataArray:
+    """Return the share of grain size in the softening beyond the stress peak, by chain and draw.
+
+    It is ln of the strength lost to grain size between peak and end over ln of all that is
+    lost, and tells the two arms of the valley in the critical strains apart
+    (`docs/coordinates.md`).
+    """
+    predictions = posterior["predictions"].to_dataset()
+    peak = predictions["stress"].argmax("strain")
+    lost = {
+        name: np.log(predictions[name].isel(strain=peak) / predictions[name].isel(strain=-1))
+        for name in ("grain_size_softening", "fabric_softening")
+    }
+    share: xr.DataArray = lost["grain_size_softening"] / (
+        lost["grain_size_softening"] + lost["fabric_softening"]
+    )
+    return share

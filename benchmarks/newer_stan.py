@@ -25,7 +25,8 @@ import pandas as pd
 from sampling import ROOT, markdown
 
 from pyburgers.cmdstan.program import load_program
-from pyburgers.kinds.kind import kinds, load_experiment
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.likelihood import likelihoods
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions, StanData
@@ -97,10 +98,10 @@ def _row(name: str, executable: Path) -> dict[str, str]:
     """Compare one program."""
     experiment = load_experiment(ROOT / "data" / TESTS[name])
     if experiment.protocol != name:
-        experiment = kinds()[experiment.protocol].as_history(experiment)
+        experiment = likelihoods()[experiment.protocol].as_history(experiment)
     priors = default_priors(experiment.material, experiment.protocol)
     problem = problem_of([experiment], priors)
-    program = load_program(kinds()[name].program)
+    program = load_program(likelihoods()[name].program)
     precise = program_data(problem, solver=SolverOptions(tolerance=1e-12, max_num_steps=1_000_000))
     rng = np.random.default_rng(SEED)
     points = rng.normal(0.0, SPREAD, (POINTS, precise["n_coordinates"]))

@@ -28,7 +28,7 @@ from pyburgers.kinds.constant_rate.experiment import (
 )
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.kinds.forward import simulate, simulate_data
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.prior_families import fixed_prior
@@ -183,14 +183,14 @@ def draw_truth(priors: PriorSet, rng: np.random.Generator) -> dict[str, float]:
     return {**values, "stress_noise": NOISE * float(clean["stress_Pa"].max())}
 
 
-def creep_of(test: ConstantRateExperiment) -> LoadingHistory:
+def creep_of(test: ConstantRateExperiment) -> HistoryExperiment:
     """Return the creep test, without readings, of the sample of another one."""
     bounds = (0.0, STAGE_TIME, 2 * STAGE_TIME)
     stages = tuple(
         Stage("stress", start, end, test.temperature, share * test.largest_stress)
         for start, end, share in zip(bounds, bounds[1:], (STRESS_SHARE, LOWER_SHARE), strict=False)
     )
-    return LoadingHistory(
+    return HistoryExperiment(
         id="creep",
         material=test.material,
         temperature=test.temperature,

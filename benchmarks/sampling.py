@@ -22,7 +22,7 @@ import pandas as pd
 import psutil
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from measures import measure
+from measures import grain_size_share, measure
 from processes import run_together
 from six_state import N_CHAINS, USUAL_LENGTH, WARMUP, WARMUP_SECONDS, Baseline, run_baseline
 
@@ -33,8 +33,8 @@ from pyburgers.drawing.style import BLUE, GREY, ORANGE
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment, with_background
 from pyburgers.kinds.forced_oscillation.preparation import Background
-from pyburgers.kinds.kind import kind_of, load_experiment, save_experiment
-from pyburgers.posterior.labelled_draws import grain_size_share
+from pyburgers.kinds.kind import load_experiment, save_experiment
+from pyburgers.kinds.likelihood import likelihood_of
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
@@ -105,7 +105,7 @@ def _experiment_file(name: str, scratch: Path) -> Path:
     """File of a test, the program for it compiled; the two treatments of olivine share a record."""
     experiment = load_experiment(TESTS[name])
     with messages_to(sys.stdout):
-        load_program(kind_of(experiment).program)
+        load_program(likelihood_of(experiment).program)
     if not isinstance(experiment, OscillationExperiment):
         return TESTS[name]
     background: Background = "kept" if name == "olivine_kept" else "removed"

@@ -22,12 +22,12 @@ from sampling import ICE, markdown
 
 from pyburgers.cmdstan.draw_files import read_draws
 from pyburgers.cmdstan.program import load_program
-from pyburgers.fitting.fit import fit_jointly
+from pyburgers.fitting.fit import fit
 from pyburgers.kinds.constant_rate.experiment import (
     ConstantRateExperiment,
     load_constant_rate,
 )
-from pyburgers.kinds.constant_rate.kind import KIND
+from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.model.priors import default_priors
 from pyburgers.sampling.options import SamplerOptions
@@ -54,13 +54,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--threads", type=int, default=2)
     threads = parser.parse_args(arguments).threads
     programs = {
-        "without threads": load_program(KIND.program),
-        "with threads, in one": replace(load_program(KIND.program, threads=2), threads=1),
-        f"with threads, in {threads}": load_program(KIND.program, threads=threads),
+        "without threads": load_program(LIKELIHOOD.program),
+        "with threads, in one": replace(load_program(LIKELIHOOD.program, threads=2), threads=1),
+        f"with threads, in {threads}": load_program(LIKELIHOOD.program, threads=threads),
     }
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "run"
-        fit_jointly(_tests(), default_priors("ice"), out=out, options=SHORT_FIT)
+        fit(_tests(), default_priors("ice"), out=out, options=SHORT_FIT)
         run = RunDirectory(out)
         draws = read_draws([run.draws_file(1)])["coordinate"][0]
         points = draws[:: max(1, len(draws) // POINTS)][:POINTS]

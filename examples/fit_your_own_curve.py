@@ -79,7 +79,7 @@ def main() -> None:
     print(f"probability that the stress exponent is above 3.5: {steep:.2f}")
 
     for draw in (stress_strain, prior_posterior):
-        file = fit.directory.path / f"{draw.__name__}.png"
+        file = fit.directory.path / f"{draw.name}.png"
         file.write_bytes(image(draw(fit), "png"))
         print(file)
 

@@ -17,9 +17,7 @@ from .drawing.page_parts import PageTable as PageTable
 from .drawing.style import style as style
 from .drawing.views.oscillation_response import predicted_response as predicted_response
 from .fitting.fit import Fit as Fit
-from .fitting.fit import JointFit as JointFit
 from .fitting.fit import fit as fit
-from .fitting.fit import fit_jointly as fit_jointly
 from .fitting.prediction import Prediction as Prediction
 from .fitting.prior_draws import PriorDraws as PriorDraws
 from .fitting.prior_draws import prior_draws as prior_draws
@@ -43,7 +41,7 @@ from .kinds.forced_oscillation.experiment import with_background as with_backgro
 from .kinds.forward import load_parameters as load_parameters
 from .kinds.forward import simulate as simulate
 from .kinds.kind import load_experiment as load_experiment
-from .kinds.loading_history.experiment import LoadingHistory as LoadingHistory
+from .kinds.loading_history.experiment import HistoryExperiment as HistoryExperiment
 from .kinds.stan_data import SolverOptions as SolverOptions
 from .model.display import shown_quantity as shown_quantity
 from .model.display import symbol_text as symbol_text
@@ -65,6 +63,7 @@ from .page.posterior_figures import page_figure as page_figure
 from .predictions.attenuation import attenuation_spectrum as attenuation_spectrum
 from .predictions.attenuation import predict_attenuation as predict_attenuation
 from .predictions.closed_forms import flow_rate as flow_rate
+from .predictions.exports import export as export
 from .predictions.measured_attenuation import MeasuredAttenuation as MeasuredAttenuation
 from .predictions.measured_attenuation import load_measured_attenuation as load_measured_attenuation
 from .predictions.other_test_figures import prediction_figure as prediction_figure

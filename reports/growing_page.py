@@ -1,6 +1,6 @@
 """A page of fits that finish one after the other."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,8 +16,8 @@ class GrowingPage:
     ----------
     out, title, command
         As for `pyburgers.write_report`.
-    names : sequence of str
-        All fits, by name.
+    tests : mapping of str to str
+        Names of the tests of all fits, by the name of the fit.
     shown : sequence of str
         Those of them that have a section of their own, in the order of the page.
     at_the_end : str
@@ -27,7 +27,7 @@ class GrowingPage:
     out: Path
     title: str
     command: str
-    names: Sequence[str]
+    tests: Mapping[str, str]
     shown: Sequence[str]
     at_the_end: str
     _found: dict[str, Fit] = field(default_factory=dict, init=False)
@@ -38,8 +38,8 @@ class GrowingPage:
         self._found[name] = fit
         fits = [self._found[one] for one in self.shown if one in self._found]
         if fits:
-            missing = [one for one in self.names if one not in self._found]
-            self.write(fits, to_come=[*missing, self.at_the_end])
+            missing = {one: test for one, test in self.tests.items() if one not in self._found}
+            self.write(fits, to_come={**missing, self.at_the_end: ""})
 
     def write(self, fits: Sequence[Fit], **parts: Any) -> Path:
         """Write the page, with parts as for `pyburgers.write_report`, and return it."""

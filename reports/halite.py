@@ -40,7 +40,7 @@ from matplotlib.figure import Figure
 from pyburgers import (
     Comparison,
     Fit,
-    LoadingHistory,
+    HistoryExperiment,
     PageFigure,
     PageSection,
     PageTable,
@@ -119,7 +119,7 @@ PRIORS = DATA / "priors"
 
 def halite_tasks() -> dict[str, Task]:
     """Return the fits of the measured creep, by the names of their runs; they are short."""
-    test = cast(LoadingHistory, load_experiment(DATA / "halite" / f"{RECORD}.toml"))
+    test = cast(HistoryExperiment, load_experiment(DATA / "halite" / f"{RECORD}.toml"))
     return {
         name: task_of(
             [replace(test, id=name)],
@@ -130,7 +130,7 @@ def halite_tasks() -> dict[str, Task]:
     }
 
 
-def halite_priors(test: LoadingHistory, name: str) -> PriorSet:
+def halite_priors(test: HistoryExperiment, name: str) -> PriorSet:
     """Return the priors of a fit of the record, by a key of `LAWS`.
 
     Grains stay as they are in 1.6 % of strain. Residuals are correlated in time, but for those of
@@ -169,7 +169,7 @@ def _of_one_grain_size(priors: PriorSet) -> PriorSet:
     return with_flow_law(priors, narrow, priors.title)
 
 
-def parts_of_readings(test: LoadingHistory) -> npt.NDArray[np.str_]:
+def parts_of_readings(test: HistoryExperiment) -> npt.NDArray[np.str_]:
     """Tell in which of `PARTS` each reading of a history of imposed stress is."""
     legs = test.legs
     starts, ends = (
@@ -189,7 +189,7 @@ def parts_of_readings(test: LoadingHistory) -> npt.NDArray[np.str_]:
     )
 
 
-def left_over(test: LoadingHistory, residual: FloatArray) -> pd.DataFrame:
+def left_over(test: HistoryExperiment, residual: FloatArray) -> pd.DataFrame:
     """Return what a model leaves over of strain readings, shape (n_points,), by part of a history.
 
     The last part is "all"; columns readings, rms, mean and largest (of either sign).
@@ -336,9 +336,9 @@ def _shown_laws(laws: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def _history(fit: Fit) -> LoadingHistory:
+def _history(fit: Fit) -> HistoryExperiment:
     """Return the test of a fit; all that this study fits are loading histories."""
-    return cast(LoadingHistory, fit.experiment)
+    return cast(HistoryExperiment, fit.experiment)
 
 
 def _residual(fit: Fit) -> FloatArray:
@@ -361,7 +361,7 @@ def _shown(table: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def _draw(test: LoadingHistory, residual: FloatArray) -> Figure:
+def _draw(test: HistoryExperiment, residual: FloatArray) -> Figure:
     part = parts_of_readings(test)
     with style():
         figure = Figure(figsize=(8.0, 5.0), layout="constrained")

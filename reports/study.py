@@ -144,11 +144,12 @@ class Study:
         return self.out / "runs" / self.preset
 
     def page(
-        self, materials: str, names: Sequence[str], shown: Sequence[str], at_the_end: str
+        self, materials: str, tasks: Mapping[str, Task], shown: Sequence[str], at_the_end: str
     ) -> GrowingPage:
         """Return the page, which names what is still to come."""
         title = f"Nonlinear Burgers fits of {materials} ({self.preset} preset)"
-        return GrowingPage(self.out, title, self.command, names, shown, at_the_end)
+        tests = {name: task.problem.name for name, task in tasks.items()}
+        return GrowingPage(self.out, title, self.command, tests, shown, at_the_end)
 
     def fit_all(self, tasks: Mapping[str, Task], page: GrowingPage | None) -> dict[str, Fit]:
         """Do fits in their order, and add each to the page when it is done."""
@@ -195,8 +196,9 @@ def twin_tasks(preset: str) -> dict[str, Task]:
 def main_part(study: Study) -> Path:
     """Fit one test of each kind of `MAIN`, predict attenuation of ice, and return the page."""
     every = {**twin_tasks(study.preset), **dunite_tasks(PRESETS[study.preset])}
-    page = study.page("dunite, ice and olivine", MAIN, MAIN, "the attenuation of ice")
-    found = study.fit_all({name: every[name] for name in MAIN}, page)
+    tasks = {name: every[name] for name in MAIN}
+    page = study.page("dunite, ice and olivine", tasks, MAIN, "the attenuation of ice")
+    found = study.fit_all(tasks, page)
     ice = {name: found[name] for name in MAIN if name in ICE_TWINS}
     logger.info("Predicting attenuation.")
     section = ice_attenuation_section(ice, study.measured)
@@ -215,14 +217,15 @@ def whole_study(study: Study) -> Path:
     peak_stress, handed_on = study.fit_peak_stresses()
     twins = {**twin_tasks(study.preset), COMBINED_RUN: combined_task(handed_on)}
     dunite, spectra, halite = _measured_tasks(study.preset)
+    every = {**twins, **dunite, **spectra, **halite}
+    tasks = {name: every[name] for name in LONGEST_FIRST}
     page = study.page(
         "dunite, olivine, halite and ice",
-        LONGEST_FIRST,
+        tasks,
         [name for name in (*dunite, *twins) if name != JOINT_RUN],
         "what several fits say together",
     )
-    tasks = {**twins, **dunite, **spectra, **halite}
-    found = study.fit_all({name: tasks[name] for name in LONGEST_FIRST}, page)
+    found = study.fit_all(tasks, page)
     joint = found[JOINT_RUN]
     alone = [found[name] for name in dunite if name != JOINT_RUN]
     fits = [*alone, *joint.tests().values(), *(found[name] for name in twins)]

@@ -16,7 +16,7 @@ functions {
 #include charts/plain.stan
 #include charts/pooling.stan
 #include charts/stretched.stan
-#include protocols/attenuation_response.stan
+#include kinds/attenuation_response.stan
 }
 data {
 #include data/tests.stan
@@ -107,7 +107,7 @@ generated quantities {
   vector[n_grid] grid_log_maxwell_time; // 1/(E_M B), ln s
   for (e in 1 : n_tests) {
     array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
-#include protocols/attenuation_readings.stan
+#include kinds/attenuation_readings.stan
     log_reading_model[points] = read;
     log_reading_replicated[points] = replicated;
     log_lik[points] = log_density_of_readings;
@@ -130,5 +130,5 @@ generated quantities {
       log_density += sum(log_lik[points]);
     }
   }
-#include protocols/attenuation_grid.stan
+#include kinds/attenuation_grid.stan
 }

@@ -1,7 +1,7 @@
 // Nonlinear Burgers model of tests at imposed, piecewise constant strain rate:
 // Maxwell spring and power-law dashpot in series with a Kelvin-Voigt element, grain size and
 // fabric evolving with strain (Maor, Hansen, Jerolmack and Goldsby, Eqs. 1-4), in the exact
-// two-state reduction of protocols/constant_rate_dynamics.stan.
+// two-state reduction of kinds/constant_rate_dynamics.stan.
 //
 // All values are SI. Priors, fixed parameters, solver tolerance and the likelihood switch are
 // data. With every parameter fixed (n_coordinates = 0, algorithm=fixed_param) the program is a
@@ -14,7 +14,7 @@ functions {
 #include physics/kelvin_element.stan
 #include physics/relaxation_elements.stan
 #include physics/microstructure.stan
-#include protocols/constant_rate_dynamics.stan
+#include kinds/constant_rate_dynamics.stan
 #include statistics/priors.stan
 #include statistics/priors_of_test.stan
 #include statistics/residuals.stan
@@ -28,7 +28,7 @@ functions {
 #include charts/valley/elastic_rise.stan
 #include charts/valley/grain_size_edge.stan
 #include charts/valley/valley.stan
-#include protocols/constant_rate_density.stan
+#include kinds/constant_rate_density.stan
 }
 data {
 #include data/tests.stan
@@ -167,5 +167,5 @@ generated quantities {
       log_density += sum(log_lik[points]) + sum(microstructure_log_lik[sections]);
     }
   }
-#include protocols/constant_rate_grid.stan
+#include kinds/constant_rate_grid.stan
 }

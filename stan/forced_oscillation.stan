@@ -11,7 +11,7 @@ functions {
 #include physics/dashpot_laws.stan
 #include physics/kelvin_element.stan
 #include physics/microstructure.stan
-#include protocols/forced_oscillation_dynamics.stan
+#include kinds/forced_oscillation_dynamics.stan
 #include statistics/priors.stan
 #include statistics/priors_of_test.stan
 #include statistics/residuals.stan

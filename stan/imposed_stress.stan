@@ -7,8 +7,8 @@ functions {
 #include physics/dashpot_laws.stan
 #include physics/kelvin_element.stan
 #include physics/microstructure.stan
-#include protocols/material_at_stress.stan
-#include protocols/imposed_stress_dynamics.stan
+#include kinds/material_at_stress.stan
+#include kinds/imposed_stress_dynamics.stan
 }
 data {
   int<lower=1> n_materials;

@@ -1,7 +1,7 @@
 // Nonlinear Burgers model of tests under any loading history: strain or stress imposed, piecewise
 // linear in time, the other one read. Maxwell spring and power-law dashpot in series with a
 // Kelvin-Voigt element, grain size and fabric evolving with the path strain (Maor, Hansen,
-// Jerolmack and Goldsby, Eqs. 1-5), solved leg by leg (protocols/loading_history_dynamics.stan).
+// Jerolmack and Goldsby, Eqs. 1-5), solved leg by leg (kinds/loading_history_dynamics.stan).
 //
 // All values are SI. Priors, fixed parameters, solver tolerance and the likelihood switch are
 // data, and parameters of several tests are shared, partially pooled or separate, as in
@@ -20,9 +20,9 @@ functions {
 #include physics/relaxation_elements.stan
 #include physics/stress_cycles.stan
 #include physics/microstructure.stan
-#include protocols/loading_history_rates.stan
-#include protocols/loading_history_legs.stan
-#include protocols/loading_history_dynamics.stan
+#include kinds/loading_history_rates.stan
+#include kinds/loading_history_legs.stan
+#include kinds/loading_history_dynamics.stan
 #include statistics/priors.stan
 #include statistics/priors_of_test.stan
 #include statistics/residuals.stan
@@ -30,7 +30,7 @@ functions {
 #include charts/plain.stan
 #include charts/flow_of_hardened.stan
 #include charts/pooling.stan
-#include protocols/attenuation_response.stan
+#include kinds/attenuation_response.stan
 #include charts/valley/pins.stan
 #include charts/valley/least_squares.stan
 #include charts/valley/quantiles.stan
@@ -196,7 +196,7 @@ generated quantities {
     array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
     array[measured_end[e + 1] - measured_end[e]] int sections = part(measured_end, e);
     if (row_end[e + 1] > row_end[e]) {
-#include protocols/attenuation_readings.stan
+#include kinds/attenuation_readings.stan
       response_model[points] = read;
       response_replicated[points] = replicated;
       log_lik[points] = log_density_of_readings;
@@ -253,6 +253,6 @@ generated quantities {
       log_density += sum(log_lik[points]) + sum(microstructure_log_lik[sections]);
     }
   }
-#include protocols/loading_history_grid.stan
-#include protocols/attenuation_grid.stan
+#include kinds/loading_history_grid.stan
+#include kinds/attenuation_grid.stan
 }

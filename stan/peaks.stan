@@ -14,7 +14,7 @@ functions {
 #include physics/reference_stress.stan
 #include physics/kelvin_element.stan
 #include physics/microstructure.stan
-#include protocols/constant_rate_dynamics.stan
+#include kinds/constant_rate_dynamics.stan
 
   /**
    * Largest stress of a test from rest, by a parabola in ln(strain) through the three outputs

@@ -9,8 +9,8 @@ functions {
 #include physics/relaxation.stan
 #include physics/microstructure.stan
 #include physics/stress_cycles.stan
-#include protocols/material_at_stress.stan
-#include protocols/cycle_strain.stan
+#include kinds/material_at_stress.stan
+#include kinds/cycle_strain.stan
 }
 data {
   real<lower=0> temperature; // K

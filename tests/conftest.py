@@ -30,14 +30,15 @@ from pyburgers.cmdstan.program import compile_programs, load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.tasks import Workers
 from pyburgers.comparison.by_tests import fit_without_tests
-from pyburgers.fitting.fit import Fit, fit, fit_jointly
+from pyburgers.fitting.fit import Fit, fit
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress
 from pyburgers.flow_law_tables.inputs import default_peak_stress_priors, load_peak_stress
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.kinds.constant_rate.valley import ConstantRateValley
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate_data
-from pyburgers.kinds.kind import kinds, save_experiment
+from pyburgers.kinds.kind import save_experiment
+from pyburgers.kinds.likelihood import likelihoods
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.kinds.valley import ValleyReference
 from pyburgers.model.prior_families import Prior
@@ -186,7 +187,7 @@ def programs() -> None:
     """Compile what the tests need, side by side."""
     compile_programs(
         [
-            *(kind.program for kind in kinds().values()),
+            *(likelihood.program for likelihood in likelihoods().values()),
             *(
                 stan_directory() / f"{name}.stan"
                 for name in (
@@ -351,7 +352,7 @@ def separate_joint(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
 
 def fit_pair(problem: Problem, pool: Mapping[str, str], out: Path) -> None:
     """Fit the small test and the other one together, then without each."""
-    joint = fit_jointly(pair_of(problem), problem.priors, pool=pool, out=out, options=SMALL_RUN)
+    joint = fit(pair_of(problem), problem.priors, pool=pool, out=out, options=SMALL_RUN)
     with ThreadPoolExecutor(1) as here:
         fit_without_tests({"joint": joint}, workers=Workers(here), command="test")
 

@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 
 from pyburgers.drawing.view import View, views
-from pyburgers.kinds.kind import NAMES
+from pyburgers.kinds.likelihood import NAMES
 
 PACKAGE = Path(__file__).parents[1] / "pyburgers"
 

@@ -6,7 +6,7 @@ functions {
 #include physics/reference_stress.stan
 #include physics/kelvin_element.stan
 #include physics/microstructure.stan
-#include protocols/constant_rate_dynamics.stan
+#include kinds/constant_rate_dynamics.stan
 }
 data {
   int<lower=1> n_candidates;

@@ -12,7 +12,8 @@ import numpy.typing as npt
 
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import NAMES, kinds
+from pyburgers.kinds.kind import kinds
+from pyburgers.kinds.likelihood import NAMES
 from pyburgers.model.priors import default_priors, shipped_prior_files
 from pyburgers.model.variants import CHOICES, variant_of, with_variant
 

@@ -19,7 +19,7 @@ from file_keys import key_tables, structures
 from pyburgers.cli.main import COMMANDS, EXIT_CODES
 from pyburgers.cli.parser import HelpWithDefaults, OneLineParser
 from pyburgers.common.units import UNITS
-from pyburgers.kinds.kind import NAMES
+from pyburgers.kinds.likelihood import NAMES
 from pyburgers.model.display import symbol_text
 from pyburgers.model.parameters import (
     CONDITION_PARAMETERS,

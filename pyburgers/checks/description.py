@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 
+from pyburgers.checks.advice import remedy
 from pyburgers.checks.discrepancies import (
     AUTOCORRELATION,
     ENOUGH,
@@ -40,7 +41,6 @@ from pyburgers.checks.told import (
     beside,
     finding_of,
     points_of_segment,
-    remedy,
     segment_name,
 )
 from pyburgers.common.draws import TAIL
@@ -180,7 +180,7 @@ def _mostly_correlates(leftover: Leftover) -> bool:
 
 def _state_errors(leftover: Leftover) -> str:
     """Return the advice to state errors of the readings of a test."""
-    read = {leftover.protocol.read[k].name for k in np.unique(leftover.quantity)}
+    read = {leftover.likelihood.read[k].name for k in np.unique(leftover.quantity)}
     keys = sorted(f"{name}_uncertainty" for name in read & {"stress", "strain"})
     if keys:
         return f"state {' and '.join(keys)} in the experiment file and fit again"

@@ -34,12 +34,11 @@ from pyburgers.checks.residual_numbers import (
     signed_ranks,
 )
 from pyburgers.checks.tails import Tail
-from pyburgers.common.draws import TAIL
+from pyburgers.common.draws import TAIL, FloatArray
 from pyburgers.common.units import span_text
-from pyburgers.kinds.kind import Kind, kinds
+from pyburgers.kinds.likelihood import Likelihood, likelihoods
 from pyburgers.posterior.labelled_draws import CORRELATED, groups_of_tests, response_in
 
-FloatArray = npt.NDArray[np.float64]
 Pair: TypeAlias = tuple[FloatArray, FloatArray]
 
 LEVEL = 0.003
@@ -112,7 +111,7 @@ class Leftover:
 
     name: str
     group: xr.DataTree
-    protocol: Kind[Any]
+    likelihood: Likelihood[Any]
     position: FloatArray
     segment: npt.NDArray[np.int64]
     quantity: npt.NDArray[np.int64]
@@ -133,18 +132,28 @@ class Leftover:
 
     def size_text(self, size: float, quantity: int) -> str:
         """Return a size of residuals of a quantity (SI) in its display unit."""
-        read = self.protocol.read[quantity]
+        read = self.likelihood.read[quantity]
         return f"{size * read.display_factor:.3g} {read.display_unit}"
 
     def place(self, first: int, last: int) -> str:
         """Return where readings lie, such as ``strain 5.1 to 6 %``."""
         along = self.group["constant_data"].to_dataset()
-        said = self.protocol.place_text(along, first, last)
-        if said is not None:
-            return said
-        clock = self.protocol.clock
-        span = span_text(clock.display_factor * self.position[[first, last]], digits=3)
-        return f"{clock.name} {span} {clock.display_unit}"
+        return place_text(self.likelihood, along, first, last)
+
+
+def place_text(likelihood: Likelihood[Any], along: xr.Dataset, first: int, last: int) -> str:
+    """Return where two readings lie, from 0, by `Likelihood.along`: ``time 26.7 to 29.2 days``."""
+    if "period" in along:
+        period, temperature = (
+            span_text(along[name].to_numpy()[[first, last]], digits=4)
+            for name in ("period", "temperature")
+        )
+        read = "modulus" if along["quantity"][first] else "attenuation"
+        return f"{read} at {temperature} K, period {period} s"
+    position = along[likelihood.clock.name].to_numpy()
+    clock = likelihood.shown_clock(position.max())
+    span = span_text(clock.display_factor * position[[first, last]], digits=3)
+    return f"{clock.name} {span} {clock.display_unit}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,8 +280,8 @@ def _leftover(name: str, group: xr.DataTree, number: int) -> Leftover:
         for part in ("observed_data", "model_response", "posterior_predictive")
     )
     along = group["constant_data"].to_dataset()
-    kind = kinds()[group.attrs["protocol"]]
-    position = along[kind.clock.name].to_numpy()
+    likelihood = likelihoods()[group.attrs["protocol"]]
+    position = along[likelihood.clock.name].to_numpy()
     segment = (
         along["segment"].to_numpy().astype(np.int64)
         if "segment" in along
@@ -311,7 +320,7 @@ def _leftover(name: str, group: xr.DataTree, number: int) -> Leftover:
             by_chance = over(noise, least=np.zeros(position.size)).max(axis=0)
             pairs[OVER_SCATTER] = found.max(axis=0), np.maximum(by_chance, AS_LARGE)[:, None]
     enough = {key: pair for key, pair in pairs.items() if position.size >= LEAST_READINGS[key]}
-    return Leftover(name, group, kind, position, segment, quantity, observed, weight, enough)
+    return Leftover(name, group, likelihood, position, segment, quantity, observed, weight, enough)
 
 
 def _of_one_size(replicated: FloatArray, quantity: npt.NDArray[np.int64]) -> FloatArray:

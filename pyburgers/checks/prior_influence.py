@@ -14,18 +14,15 @@ from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 from scipy import stats
 from scipy.special import ndtr
 
-from pyburgers.common.draws import all_draws
+from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.kinds.coordinates import CENTRE, SPREAD
 from pyburgers.model.prior_families import Prior, normal_scores
 from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR, PriorSet
 from pyburgers.posterior.labelled_draws import free_parameters, on_scale_of_prior, own_name
-
-FloatArray = npt.NDArray[np.float64]
 
 PRIOR_SHARE = 2.0 / 3.0
 """Share of the priors in the variance of a quantity from which its number is theirs."""

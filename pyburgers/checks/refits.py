@@ -14,8 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.checks.residual_numbers import TINY
-
-FloatArray = npt.NDArray[np.float64]
+from pyburgers.common.draws import FloatArray
 
 MOST_REPLICATES = 2000
 """Replicates that are fitted, evenly spaced among the draws."""

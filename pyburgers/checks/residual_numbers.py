@@ -3,9 +3,9 @@
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.neighbours import distances_from_neighbours
 
-FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 TINY = 1e-100

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from pyburgers.common.draws import FloatArray
 
 MOST_IN_TAIL = 100
 LARGEST_TAIL = 0.2

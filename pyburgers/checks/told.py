@@ -1,6 +1,6 @@
 """Discrepancies in words: what a number of the residuals says, where, and what to try."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -9,8 +9,6 @@ import pandas as pd
 
 from pyburgers.checks.discrepancies import Family, Leftover, discrepancies_of
 from pyburgers.checks.fit_checks import CheckedDraws, Finding
-from pyburgers.kinds.advice import LET_CORRELATE, laws_to_try
-from pyburgers.posterior.labelled_draws import free_parameters
 
 
 class Told(NamedTuple):
@@ -63,38 +61,7 @@ def segment_name(leftover: Leftover, points: npt.NDArray[np.int64]) -> str:
 
 def beside(leftover: Leftover, residual: float, point: int) -> str:
     """Return how far data lie from the model at a point, such as ``12 MPa above it``."""
-    read = leftover.protocol.read[leftover.quantity[point]]
+    read = leftover.likelihood.read[leftover.quantity[point]]
     size = abs(residual) / leftover.weight[point]
     far = f"{size * read.display_factor:.2g} {read.display_unit}"
     return f"{far} {'above' if residual > 0 else 'below'} the model"
-
-
-def remedy(leftover: Leftover, point: int) -> str:
-    """Return what to try where the shape is missed from a point on."""
-    free = _free_parameters(leftover)
-    along = leftover.group["constant_data"].to_dataset()
-    known = leftover.protocol.remedy(free, along)
-    if known is not None:
-        return known
-    laws = laws_to_try(free)
-    steps = leftover.segment[-1] > leftover.segment[0]
-    if steps or "segment" not in along:
-        behind = "it lies behind a step of the rate: " if leftover.segment[point] > 0 else ""
-        first = f"{behind}see whether the test was paused or unloaded there, and " + (
-            f"try a law that answers changes of the rate otherwise ({laws})"
-            if laws
-            else "compare with other laws"
-        )
-    else:
-        first = (
-            "at one rate other laws hardly differ, so see whether the test was paused or unloaded "
-            "there, and fit it together with tests at other rates"
-        )
-    # Where strain goes back and forth no residuals correlate along it.
-    if "segment" not in along or leftover.correlates:
-        return first
-    return f"{first}; {LET_CORRELATE}"
-
-
-def _free_parameters(leftover: Leftover) -> Sequence[str]:
-    return free_parameters(leftover.group) if "posterior" in leftover.group.children else ()

@@ -5,18 +5,14 @@ from pathlib import Path
 
 from pyburgers.cli.outputs import check_output
 from pyburgers.cli.shared import writing
-from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
+from pyburgers.common.units import UNITS
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import PeakStressFit, is_peak_stress_run
-from pyburgers.predictions.exported import (
-    FORMATS,
-    Exported,
-    exported,
-    exported_table,
-    is_exported,
-)
+from pyburgers.predictions.exported import is_exported
+from pyburgers.predictions.exports import FORMATS, AnyFit, export, export_files
+from pyburgers.predictions.stress_cycles import Regime
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -26,21 +22,72 @@ def add_options(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument("--format", choices=sorted(FORMATS), default="json", help="of the output")
     command.add_argument("--test", metavar="ID", help="test of a joint fit")
-    command.add_argument("--out", type=Path, metavar="FILE", help="default standard output")
+    command.add_argument(
+        "--out", type=Path, metavar="FILE", help="of the mean; default standard output"
+    )
+    command.add_argument(
+        "--draws",
+        type=int,
+        default=0,
+        metavar="N",
+        help="an ensemble of N draws, each in a file of its own beside --out (json: in the file)",
+    )
+    command.add_argument("--seed", type=int, default=1, help="of the choice of draws")
+    command.add_argument(
+        "--microstructure",
+        choices=("initial", "steady-state"),
+        help="state of a material that evolves, which other codes hold",
+    )
+    for option, metavar, what in (
+        ("--grain-size-um", "D", "in place of that of --microstructure"),
+        ("--fabric-factor", "F", "in place of that of --microstructure"),
+        ("--median-stress-MPa", "M", "axial median stress of cycles (specfem, tidalpy)"),
+        ("--amplitude-MPa", "A", "axial amplitude of cycles (specfem, tidalpy)"),
+        ("--poisson-ratio", "NU", "turns E_M into a shear modulus (specfem, tidalpy)"),
+        ("--elastic-modulus-Pa", "E", "in place of E_M (specfem, tidalpy)"),
+    ):
+        command.add_argument(option, type=float, metavar=metavar, help=what)
+    for option, metavar, what in (
+        ("--temperature-K", "T", "default that of the test (icepack, specfem, tidalpy)"),
+        ("--frequencies-Hz", "F", "default 60 from 1e-4 to 1 (specfem, tidalpy)"),
+    ):
+        command.add_argument(option, type=float, nargs="+", default=[], metavar=metavar, help=what)
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    if options.out is not None:
-        check_output(options.out, options.directory)
-        _require_own(options.out)
-    text = FORMATS[options.format](_exported(options.directory, options.test))
-    if options.out is None:
-        print(text, end="")
-        return 0
+    n_texts = 1 if options.format == "json" else 1 + max(0, options.draws)
+    if options.out is None and n_texts > 1:
+        raise InputError("--draws: found no --out, expected the file beside which the draws go.")
+    files = [] if options.out is None else export_files(options.out, n_texts)
+    for file in files:
+        check_output(file, options.directory)
+        _require_own(file)
+    grain_size, stress = options.grain_size_um, UNITS["stress"]["MPa"]
+    cycles = (options.median_stress_MPa, options.amplitude_MPa)
+    if cycles.count(None) == 1:
+        raise InputError("--median-stress-MPa, --amplitude-MPa: found one, expected both or none.")
+    fit = _loaded(options.directory, options.test)
     with writing(options.out):
-        write_text(options.out, text)
-    print(shown(options.out))
+        texts = export(
+            fit,
+            options.format,
+            out=options.out,
+            draws=options.draws,
+            seed=options.seed,
+            microstructure=options.microstructure and options.microstructure.replace("-", "_"),
+            grain_size=None if grain_size is None else grain_size * UNITS["length"]["um"],
+            fabric_factor=options.fabric_factor,
+            temperatures=options.temperature_K,
+            frequencies=options.frequencies_Hz,
+            regime=None if None in cycles else Regime(*(one * stress for one in cycles)),
+            poisson_ratio=options.poisson_ratio,
+            elastic_modulus=options.elastic_modulus_Pa,
+        )
+    if options.out is None:
+        print(texts[0], end="")
+    for file in files:
+        print(shown(file))
     return 0
 
 
@@ -53,14 +100,14 @@ def _require_own(out: Path) -> None:
         )
 
 
-def _exported(directory: Path, test: str | None) -> Exported:
-    """Return the numbers of a fit, of a test of a joint one, or of a table of peak stresses."""
+def _loaded(directory: Path, test: str | None) -> AnyFit:
+    """Return a fit, what a joint one says of a test, or a fit of a table of peak stresses."""
     if is_peak_stress_run(directory):
         if test is not None:
             raise InputError(
                 f"--test: found {test}, expected none: {directory} is a fit of a table of peak "
                 "stresses."
             )
-        return exported_table(PeakStressFit.load(directory))
+        return PeakStressFit.load(directory)
     fit = Fit.load(directory)
-    return exported(fit if test is None else fit[test])
+    return fit if test is None else fit[test]

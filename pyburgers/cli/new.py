@@ -24,7 +24,7 @@ from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.common.toml_files import read_tables
 from pyburgers.common.units import UNIT_TABLE, units_text
 from pyburgers.kinds.guessed_columns import GuessedColumn, guess_columns, left_out
-from pyburgers.kinds.kind import NAMES
+from pyburgers.kinds.likelihood import NAMES
 from pyburgers.kinds.new_file import (
     Columns,
     Description,

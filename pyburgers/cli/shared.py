@@ -11,7 +11,7 @@ from typing import Any
 
 from pyburgers.cli.parser import offer
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.kind import Kind, kinds
+from pyburgers.kinds.likelihood import Likelihood, likelihoods
 from pyburgers.model.variants import CHOICES
 from pyburgers.sampling.options import COORDINATES, SamplerOptions
 
@@ -66,9 +66,9 @@ def add_sampler_options(
         )
 
 
-def by_protocol(value: Callable[[Kind[Any]], float]) -> str:
+def by_protocol(value: Callable[[Likelihood[Any]], float]) -> str:
     """Return the default of an option that depends on the kind of test, for its help."""
-    values = {name: f"{value(one):g}" for name, one in kinds().items()}
+    values = {name: f"{value(one):g}" for name, one in likelihoods().items()}
     same = set(values.values())
     listed = same if len(same) == 1 else (f"{found} {name}" for name, found in values.items())
     return f"; default {', '.join(listed)}"

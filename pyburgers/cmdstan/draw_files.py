@@ -10,7 +10,7 @@ import stanio
 import xarray as xr
 from cmdstanpy.utils import stancsv
 
-FloatArray = npt.NDArray[np.float64]
+from pyburgers.common.draws import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,11 +25,9 @@ from pyburgers.cmdstan.compilation import (
     shares_work,
 )
 from pyburgers.cmdstan.draw_files import Draws, read_draws, rows_of_draws
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import SamplingError
 from pyburgers.common.processes import Running, cores, side_by_side, start
-
-FloatArray = npt.NDArray[np.float64]
-
 
 __all__ = [
     "ModeNotFound",

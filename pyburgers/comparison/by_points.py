@@ -19,7 +19,7 @@ from scipy.special import logsumexp
 
 from pyburgers.checks.prior_sentences import read_off_sentences
 from pyburgers.cmdstan.program import load_program
-from pyburgers.common.draws import all_draws
+from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.common.units import counted
 from pyburgers.comparison.doubts import sampling_doubts
@@ -27,7 +27,7 @@ from pyburgers.comparison.results import Comparison, LeaveOneOut
 from pyburgers.comparison.same_data import check_same_data, stacking_weights, tests_of
 from pyburgers.fitting.fit import Fit, fit_problem
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import one_test, problem_of
 from pyburgers.kinds.program_data import tests_block
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions, solver_block
@@ -41,7 +41,6 @@ from pyburgers.sampling.options import SamplerOptions
 
 logger = logging.getLogger(__name__)
 
-FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 
@@ -62,6 +61,11 @@ def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Compariso
         If there are fewer than two fits, or they are of different data, or one has no likelihood.
     SamplingError
         If a fit without a point fails.
+
+    Examples
+    --------
+    >>> comparison = pyburgers.compare({"linear": one, "power law": other})
+    >>> comparison.pairs()[0].sentence()
     """
     if len(fits) < 2:
         raise InputError(f"compare: found {counted(len(fits), 'fit')}, expected at least two.")
@@ -80,13 +84,13 @@ def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Compariso
                     f"{name}: points of a joint fit are not left out one by one, because each "
                     "would take a fit of all tests; they stay flagged."
                 )
-            elif (reason := kind_of(one.experiment).points_together) is None:
-                result = leave_out_exactly(one, result, flagged, refits / name)
-            else:
+            elif reason := one.experiment.points_together:
                 logger.info(
                     f"{name}: points cannot be left out one by one, because {reason}; they stay "
                     "flagged."
                 )
+            else:
+                result = leave_out_exactly(one, result, flagged, refits / name)
         found[name] = result
     ordered = dict(sorted(found.items(), key=lambda item: -item[1].total))
     first = tests_of(next(iter(fits.values())))
@@ -94,7 +98,7 @@ def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Compariso
         results=ordered,
         weights=stacking_weights(np.array([result.elpd for result in ordered.values()])),
         position=_positions(first),
-        clock=kind_of(first[0].experiment).clock,
+        clock=likelihood_of(first[0].experiment).clock,
         variants={name: one.variant.short_text for name, one in fits.items()},
         correlated=tuple(name for name, one in fits.items() if one.variant.residuals_correlate),
     )
@@ -166,7 +170,7 @@ def leave_out_exactly(
 def _without_point(one: Fit, point: int, out: Path) -> Fit:
     """Repeat a fit without one of its points."""
     solver = one.manifest["solver"]
-    left = kind_of(one.experiment).without_point(one.experiment, point)
+    left = one.experiment.without_point(point)
     return fit_problem(
         problem_of([left], one.priors),
         out=out,
@@ -180,7 +184,7 @@ def _positions(tests: Sequence[Fit]) -> xr.DataArray:
     """Where the points of all tests lie; of several tests with their names as coordinate."""
     parts = []
     for test in tests:
-        clock = kind_of(test.experiment).clock.name
+        clock = likelihood_of(test.experiment).clock.name
         part = (
             test.posterior["constant_data"].to_dataset()[clock].drop_vars("point", errors="ignore")
         )
@@ -191,7 +195,7 @@ def _positions(tests: Sequence[Fit]) -> xr.DataArray:
 
 def _log_likelihood_of(again: Fit, experiment: Experiment) -> FloatArray:
     """Log density of each point given all others at another fit's draws, (n_draws, n_points)."""
-    program = load_program(kind_of(experiment).program)
+    program = load_program(likelihood_of(experiment).program)
     try:
         with again.directory.unchanged_copy(again.manifest, with_draws=True) as run:
             # Only the test is exchanged: the coordinates of the draws are those of the other fit.

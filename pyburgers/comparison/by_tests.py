@@ -26,7 +26,6 @@ from pyburgers.sampling.manifest import COMPLETE
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
 
-FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 LEFT_OUT_FOLDER = "leave_out"
@@ -134,17 +133,6 @@ def check_several_tests(joint: Fit) -> None:
             f"{joint.directory.path}: is not a joint fit, it is a fit of {joint.problem.name} "
             "alone, expected at least two tests, or a test with parts, to leave one out."
         )
-
-
-def leave_one_test_out(
-    joint: Fit,
-    *,
-    workers: Workers = ALL_HERE,
-    command: str = "pyburgers.comparison.by_tests.leave_one_test_out(...)",
-) -> LeaveOneTestOut:
-    """Leave each test of a joint fit out in turn, by fits without it (`fit_without_tests`)."""
-    fit_without_tests({joint.problem.name: joint}, workers=workers, command=command)
-    return _left_out(joint)
 
 
 def _left_out(joint: Fit) -> LeaveOneTestOut:

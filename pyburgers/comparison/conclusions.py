@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.checks.fit_checks import PARETO_K_LIMIT
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.units import count_points
 from pyburgers.comparison.pairs import (
     LEAST_UNITS,
@@ -21,7 +22,6 @@ from pyburgers.comparison.results import (
     difference_by_test,
 )
 
-FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 

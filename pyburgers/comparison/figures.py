@@ -9,14 +9,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pyburgers.checks.fit_checks import PARETO_K_LIMIT
+from pyburgers.common.draws import FloatArray
 from pyburgers.comparison.results import (
     BoolArray,
     Comparison,
     ComparisonByTest,
-    FloatArray,
     LeaveOneOut,
     has_several_tests,
 )
+from pyburgers.drawing.panels import figure_of
 from pyburgers.drawing.style import (
     BLACK,
     BLUE,
@@ -26,7 +27,6 @@ from pyburgers.drawing.style import (
     PURPLE,
     VERMILION,
     few_ticks,
-    style,
 )
 
 FIT_COLOURS = (VERMILION, BLUE, GREEN, PURPLE, ORANGE)
@@ -60,8 +60,7 @@ def pointwise_differences(comparison: Comparison) -> Figure:
     (best_name, best), *others = comparison.results.items()
     tests = _tests(comparison)
     along = comparison.position.to_numpy() * comparison.clock.display_factor
-    with style():
-        figure = Figure(figsize=(3.4 + 3.4 * len(tests), 5.4), layout="constrained")
+    with figure_of(3.4 + 3.4 * len(tests), 5.4) as figure:
         panels = figure.subplots(2, len(tests), sharex="col", sharey="row", squeeze=False)
         for column, (test, here) in enumerate(tests.items()):
             points, sums = panels[:, column]
@@ -155,8 +154,7 @@ def left_out_tests(comparison: ComparisonByTest) -> Figure:
     else:
         shown = {best_name: (best.elpd / best.n_points, best.error / best.n_points)}
     lines = np.arange(len(best.tests), dtype=np.float64)
-    with style():
-        figure = Figure(figsize=(6.8, 1.8 + 0.45 * lines.size), layout="constrained")
+    with figure_of(6.8, 1.8 + 0.45 * lines.size) as figure:
         axes = figure.subplots()
         for k, (label, (value, error)) in enumerate(shown.items()):
             axes.errorbar(

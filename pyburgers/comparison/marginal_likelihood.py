@@ -12,7 +12,6 @@ import logging
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 from scipy.optimize import brentq
 from scipy.special import expit
@@ -21,6 +20,7 @@ from scipy.stats import multivariate_normal
 from pyburgers.checks.prior_sentences import read_off_sentences
 from pyburgers.cmdstan.draw_files import read_draws
 from pyburgers.cmdstan.program import load_program
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.comparison.results import LogIntegral
 from pyburgers.fitting.fit import Fit
@@ -30,7 +30,6 @@ from pyburgers.sampling.densities import log_density_at
 
 logger = logging.getLogger(__name__)
 
-FloatArray = npt.NDArray[np.float64]
 
 DRAWS_PER_DIMENSION = 4
 """Least number of draws for each dimension that a proposal is fitted to."""
@@ -66,7 +65,7 @@ def log_marginal_likelihood(fit: Fit) -> LogIntegral:
     stats = fit.posterior["sample_stats"].to_dataset()
     at_reference = (stats["lp"] + stats["solver_log_ratio"]).transpose("chain", "draw").to_numpy()
     data = {**data, **solver_block(REFERENCE_SOLVER)}
-    program = load_program(fit.problem.protocol.program)
+    program = load_program(fit.problem.likelihood.program)
     logger.info(f"Marginal likelihood of {fit.manifest['experiment']}: bridge sampling.")
     for sentence in read_off_sentences(fit.read_off):
         logger.info(f"note: {sentence}")

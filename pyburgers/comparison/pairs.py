@@ -5,10 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-import numpy as np
-import numpy.typing as npt
-
-FloatArray = npt.NDArray[np.float64]
+from pyburgers.common.draws import FloatArray
 
 NO_DIFFERENCE = 4.0
 """Difference of elpd below which fits predict alike (Sivula et al. 2020, arXiv:2008.10296)."""

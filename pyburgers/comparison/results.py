@@ -13,6 +13,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import PARETO_K_LIMIT
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.units import count_points
 from pyburgers.comparison.pairs import (
     CLEAR,
@@ -22,9 +23,8 @@ from pyburgers.comparison.pairs import (
     PairOutcome,
     doubt_about,
 )
-from pyburgers.model.display import Quantity
+from pyburgers.model.read_quantities import Quantity
 
-FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
 

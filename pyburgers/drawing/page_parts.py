@@ -2,13 +2,12 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Generic, TypeVar
 
 import pandas as pd
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-Fitted = TypeVar("Fitted")
+from pyburgers.kinds.kind import FittedTest
 
 
 @dataclass(frozen=True)
@@ -26,7 +25,7 @@ class FigureText:
 
 
 @dataclass(frozen=True)
-class FigureRecipe(FigureText, Generic[Fitted]):
+class FigureRecipe(FigureText):
     """A figure of the fits of a kind.
 
     `draw`: draws it for a fit.
@@ -36,10 +35,27 @@ class FigureRecipe(FigureText, Generic[Fitted]):
         asked for.
     """
 
-    draw: Callable[[Fitted], Figure]
-    result: Callable[[Fitted], str]
-    suits: Callable[[Fitted], bool] = lambda _: True
+    draw: Callable[[FittedTest], Figure]
+    result: Callable[[FittedTest], str]
+    suits: Callable[[FittedTest], bool] = lambda _: True
     on_every_page: bool = True
+
+    def __call__(self, fit: FittedTest) -> Figure:
+        """Draw the figure."""
+        return self.draw(fit)
+
+
+def recipe(
+    name: str,
+    title: str,
+    caption: str,
+    result: Callable[[FittedTest], str],
+    *,
+    suits: Callable[[FittedTest], bool] = lambda _: True,
+    on_every_page: bool = True,
+) -> Callable[[Callable[[FittedTest], Figure]], FigureRecipe]:
+    """Make a `FigureRecipe` of the function below, which draws the figure of a fit."""
+    return lambda draw: FigureRecipe(name, title, caption, draw, result, suits, on_every_page)
 
 
 @dataclass(frozen=True)

@@ -3,26 +3,20 @@
 Everything is in display units already; draws are along the first axis.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from scipy import stats
 
-from pyburgers.common.draws import TAIL, central_band, evenly_spaced
+from pyburgers.common.draws import TAIL, FloatArray, central_band, evenly_spaced
 from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, VERMILION, few_ticks, style
 from pyburgers.model.display import STRAIN_UNIT, STRESS_UNIT
-
-FloatArray = npt.NDArray[np.float64]
-
-Fitted = TypeVar("Fitted")
 
 RETRODICTIONS = 1000
 """Solutions for single draws that a figure shows at most."""
@@ -108,11 +102,6 @@ def draw_residuals(axes: Axes, curve: FittedCurve) -> None:
     )
     axes.yaxis.set_major_locator(few_ticks(5))
     axes.set(xlabel=curve.position_label, ylabel=curve.residual_label)
-
-
-def result_of(curve: Callable[[Fitted], FittedCurve]) -> Callable[[Fitted], str]:
-    """Return what says how a fit meets the readings, given what makes its curve."""
-    return lambda fit: curve_result(curve(fit))
 
 
 def curve_result(curve: FittedCurve) -> str:

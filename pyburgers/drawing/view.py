@@ -15,7 +15,8 @@ from markupsafe import Markup
 from pyburgers.drawing.page_parts import FigureRecipe, PageFigure, PageTable
 from pyburgers.drawing.panels import FittedCurve
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import NAMES, FittedTest
+from pyburgers.kinds.kind import FittedTest
+from pyburgers.kinds.likelihood import NAMES
 
 
 @dataclass(frozen=True)
@@ -25,13 +26,13 @@ class View:
     `figures`: figures of a fit beside those of its posterior, the curve first.
     `curve`: returns the response of a fitted test along its clock, measured and as the fit has it.
     `facts`: returns what the page says about a test: names and values.
-    `reference_text`: what the page says about the kind's `Kind.reference`.
+    `reference_text`: what the page says about the kind's `Likelihood.reference`.
     `tables`: returns tables of a fit beside those that every fit has.
     `joint_figures`: returns figures of the tests of a joint fit beside those that every joint fit
         has.
     """
 
-    figures: tuple[FigureRecipe[FittedTest], ...]
+    figures: tuple[FigureRecipe, ...]
     curve: Callable[[FittedTest], FittedCurve]
     facts: Callable[[Any], Sequence[tuple[str, str]]]
     reference_text: Markup

@@ -13,13 +13,13 @@ import xarray as xr
 
 from pyburgers.checks.fit_checks import Outcome, check_solver
 from pyburgers.checks.prior_influence import Influence, prior_influence
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.paths import given_path
 from pyburgers.fitting.new_test import Source
 from pyburgers.fitting.plots import FitPlots
 from pyburgers.fitting.prediction import Prediction, predict_test
 from pyburgers.fitting.sampled_fit import (
-    FloatArray,
     SampledFit,
     data_words,
     put_aside_where_few_diverged,
@@ -153,7 +153,18 @@ class Fit(SampledFit):
     def influences(
         self, derived: Mapping[str, FloatArray] = MappingProxyType({})
     ) -> dict[str, dict[str, Influence]]:
-        """Return who decides each quantity, by test; empty without likelihood."""
+        """Return who decides each quantity, by test; empty without likelihood.
+
+        Parameters
+        ----------
+        derived : mapping of str to array, shape (n,)
+            Draws of further quantities, chains one after the other.
+
+        Returns
+        -------
+        dict of str to dict of str to Influence
+            By name of the test, then of the quantity.
+        """
         if not self.manifest["use_likelihood"]:
             return {}
         fitted = self.manifest["experiments"]
@@ -215,6 +226,11 @@ class Fit(SampledFit):
     def save(self, path: str | Path) -> None:
         """Copy the run directory.
 
+        Parameters
+        ----------
+        path : path
+            New folder.
+
         Raises
         ------
         InputError
@@ -228,6 +244,16 @@ class Fit(SampledFit):
     @classmethod
     def load(cls, path: str | Path) -> Self:
         """Read a run directory.
+
+        Parameters
+        ----------
+        path : path
+            Run directory of `fit`.
+
+        Returns
+        -------
+        Fit
+            With the draws of the chains that have finished.
 
         Raises
         ------
@@ -261,10 +287,6 @@ class Fit(SampledFit):
                 f"one test, or one of its tests: --test {name}, or fit[{name!r}] in Python."
             )
         return 0
-
-
-JointFit = Fit
-"""A fit of several tests."""
 
 
 def fit(
@@ -322,6 +344,12 @@ def fit(
         If an input is wrong or `out` holds something else.
     SamplingError
         If no chain finished, or one could not be extended.
+
+    Examples
+    --------
+    >>> test = pyburgers.load_experiment("my_test.toml")
+    >>> result = pyburgers.fit(test, pyburgers.default_priors("ice"), out="runs/my_test")
+    >>> result.summary()
     """
     tests = [experiments] if isinstance(experiments, Experiment) else list(experiments)
     for test in tests[:1]:
@@ -338,45 +366,6 @@ def fit(
         command=command,
         more_draws=more_draws,
         overwrite=overwrite,
-    )
-
-
-def fit_jointly(
-    experiments: Sequence[Experiment],
-    priors: PriorSet,
-    *,
-    out: str | Path,
-    pool: Mapping[str, str] | None = None,
-    options: SamplerOptions | None = None,
-    solver: SolverOptions | None = None,
-    use_likelihood: bool = True,
-    command: str = "pyburgers.fit_jointly(...)",
-) -> Fit:
-    """Fit at least two tests together, as `fit` does.
-
-    Parameters
-    ----------
-    experiments, priors, out, pool, options, solver, use_likelihood, command
-        As for `fit`, which says what is returned.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than two tests, or as for `fit`.
-    SamplingError
-        As for `fit`.
-    """
-    if len(experiments) < 2:
-        raise InputError(f"joint fit: found {len(experiments)} test, expected at least two.")
-    return fit(
-        experiments,
-        priors,
-        out=out,
-        pool=pool,
-        options=options,
-        solver=solver,
-        use_likelihood=use_likelihood,
-        command=command,
     )
 
 
@@ -402,7 +391,7 @@ def fit_problem(
             problem,
             run.path,
             options=options or SamplerOptions(),
-            solver=solver or problem.protocol.solver,
+            solver=solver or problem.likelihood.solver,
             use_likelihood=use_likelihood,
             command=command,
             more_draws=more_draws,

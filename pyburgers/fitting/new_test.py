@@ -2,17 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from pyburgers.common.draws import all_draws, evenly_spaced
+from pyburgers.common.draws import FloatArray, all_draws, evenly_spaced
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.coordinates import CENTRE, SPREAD
 from pyburgers.kinds.experiment import Experiment, UncertainCondition
-from pyburgers.kinds.kind import FittedTest, kind_of
+from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.problem import Problem
 from pyburgers.model.display import unit_text
 from pyburgers.model.parameters import (
@@ -23,19 +22,15 @@ from pyburgers.model.parameters import (
 )
 from pyburgers.model.prior_families import Prior, fixed_prior
 from pyburgers.model.priors import PriorSet
+from pyburgers.model.read_quantities import BY_NOISE
 from pyburgers.model.variants import variant_of, with_variant
 from pyburgers.posterior.labelled_draws import own_name
-
-FloatArray = npt.NDArray[np.float64]
 
 BOX_MARGIN = 0.5
 """Range of a parameter's draws by which the bounds of its coordinate lie outside them."""
 
 TEST_PARAMETERS = ("apparatus_compliance", "strain_offset")
 """Parameters of a test and its apparatus, which say nothing of another one."""
-
-NEGLIGIBLE_NOISE = MappingProxyType({"stress_noise": 1.0, "strain_noise": 1e-12})
-"""Noises (SI) of readings that have none: programs want some of these."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +152,7 @@ def _is_same_test(fitted: Experiment, experiment: Experiment) -> bool:
 
 def _stated(experiment: Experiment) -> dict[str, Prior]:
     """Return priors of what the file of a test states, by the parameter."""
-    return {prior.parameter: prior for prior in kind_of(experiment).stated_priors(experiment)}
+    return {prior.parameter: prior for prior in experiment.stated_priors}
 
 
 def _same_of_a_test(fitted: Experiment, experiment: Experiment) -> list[str]:
@@ -247,8 +242,8 @@ def add_noises(
     """
     found, notes = dict(values), []
     n_draws = len(next(iter(values.values())))
-    read = {name for test in fitted.experiments for name in kind_of(test).noises(test)}
-    for name, stated in kind_of(experiment).noises(experiment).items():
+    read = {name for test in fitted.experiments for name in test.noises}
+    for name, stated in experiment.noises.items():
         noise = PARAMETER_BY_NAME[name]
         if name in read and name in values:
             size, origin = float(values[name].mean()), "of the fit"
@@ -265,7 +260,7 @@ def add_noises(
                 "an uncertainty of the readings in [data]."
             )
         else:
-            found[name] = np.full(n_draws, NEGLIGIBLE_NOISE.get(name, 0.0))
+            found[name] = np.full(n_draws, BY_NOISE[name].negligible_noise)
             notes.append(f"The fit has no {noise.label}, so that new readings have no noise here.")
             continue
         shown = f"{size * noise.display_factor:.3g} {unit_text(noise)}"

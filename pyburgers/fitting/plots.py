@@ -10,7 +10,8 @@ from pyburgers.common.errors import InputError, nearest
 from pyburgers.drawing.panels import FittedCurve, draw_curve, draw_residuals
 from pyburgers.drawing.style import BLUE, VERMILION, style
 from pyburgers.drawing.view import view_of
-from pyburgers.kinds.kind import FittedTest, kind_of
+from pyburgers.kinds.kind import FittedTest
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.model.display import axis_label, shown_quantity
 from pyburgers.posterior.labelled_draws import free_parameters
 
@@ -39,7 +40,7 @@ class FitPlots:
         Raise InputError if the test is of another kind.
         """
         experiment = self.fit.experiment
-        if kind_of(experiment).clock.name != "strain":
+        if likelihood_of(experiment).clock.name != "strain":
             raise InputError(
                 f"{experiment.id}: found a test of protocol {experiment.protocol!r}, expected one "
                 "along strain; plot.curve draws any."

@@ -9,6 +9,7 @@ import xarray as xr
 
 from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.cmdstan.program import load_program
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.new_test import (
     Source,
@@ -21,7 +22,7 @@ from pyburgers.fitting.new_test import (
 )
 from pyburgers.kinds.conditions import Ranges, beyond_sentences, conditions
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import one_test
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER
@@ -29,8 +30,6 @@ from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
 from pyburgers.posterior.groups import drawn_at_points, grid_group, groups_at_points
 from pyburgers.posterior.labelled_draws import label_draws
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +98,7 @@ def predict_test(
     if draws is not None and draws < 1:
         raise InputError(f"draws: found {draws}, expected at least 1.")
     rng = np.random.default_rng(seed)
-    kind = kind_of(experiment)
+    likelihood = likelihood_of(experiment)
     kept, values, notes = draw_values(source, draws, separate_from, rng)
     of_the_test, apparatus_notes = apparatus_values(source, experiment, kept, rng)
     values = {**values, **of_the_test}
@@ -116,11 +115,13 @@ def predict_test(
             rng.standard_normal((kept.size, experiment.n_driving_errors)),
         ]
     )
-    grid = kind.prediction_grid(experiment)
+    grid = likelihood.grid(experiment)
     data = program_data(problem, solver=REFERENCE_SOLVER, grids=[grid])
-    solved, drawn = load_program(kind.program).generate_at(data, "coordinate", rows, seed=seed)
+    solved, drawn = load_program(likelihood.program).generate_at(
+        data, "coordinate", rows, seed=seed
+    )
     if solved.any():
-        drawn, solved[solved] = drawn.finite_in(kind.grid_quantities)
+        drawn, solved[solved] = drawn.finite_in(likelihood.grid_quantities)
     if not solved.any():
         raise SamplingError(
             f"{experiment.id}: no solution at any of {kept.size} draws, expected one; the "
@@ -146,7 +147,7 @@ def predict_test(
         "fitted_to": prediction.fitted_to,
         "cautions": "\n".join(prediction.cautions),
         "notes": "\n".join(prediction.notes),
-        "clock": kind.clock.name,
+        "clock": likelihood.clock.name,
     }
     return prediction
 
@@ -160,7 +161,7 @@ def _tree(
     priors: PriorSet,
 ) -> xr.DataTree:
     """Label what was solved as the draws of a fit are."""
-    kind = kind_of(experiment)
+    likelihood = likelihood_of(experiment)
     labels = {"chain": [1], "draw": np.arange(kept.size), "fit_draw": ("draw", kept)}
     fixed = {name: prior.location for name, prior in priors.priors.items() if prior.is_fixed}
     own = {
@@ -171,10 +172,10 @@ def _tree(
         {name: (("chain", "draw"), one[np.newaxis]) for name, one in own.items()}, labels
     )
     label_draws(parameters, (p for p in PROGRAM_PARAMETERS if p.name in own), priors)
-    on_grid = drawn.dataset(list(kind.grid_quantities)).assign_coords(chain=[1])
+    on_grid = drawn.dataset(list(likelihood.grid_quantities)).assign_coords(chain=[1])
     groups = {"posterior": parameters, "predictions": grid_group(on_grid, experiment)}
     if experiment.n_points > 0:
-        at_points = drawn_at_points(drawn, {"chain": [1]}, kind.response)
+        at_points = drawn_at_points(drawn, {"chain": [1]}, likelihood.response)
         groups |= groups_at_points(at_points, experiment)
     return xr.DataTree.from_dict(groups)
 

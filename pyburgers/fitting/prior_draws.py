@@ -9,6 +9,7 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import one_test
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions
@@ -62,7 +63,7 @@ def prior_draws(
         If no draw has a solution.
     """
     rng = np.random.default_rng(seed)
-    kind = kind_of(experiment)
+    likelihood = likelihood_of(experiment)
     if priors.flow_law is not None:
         raise InputError(
             f"{experiment.id}: found a joint prior of the flow law, expected a prior for each "
@@ -74,22 +75,22 @@ def prior_draws(
         else prior.distribution().rvs(size=draws, random_state=rng)
         for name, prior in priors.priors.items()
     }
-    problem = one_test(kind.without_data(experiment), _each_by_itself(priors))
+    problem = one_test(kind_of(experiment).without_data(experiment), _each_by_itself(priors))
     (coordinates,) = problem.coordinates
     rows = np.column_stack(
         [coordinates.of_quantity(k, values[name]) for k, name in enumerate(coordinates.quantities)]
     )
-    grid = kind.prediction_grid(experiment)
+    grid = likelihood.grid(experiment)
     data = program_data(problem, solver=SolverOptions(), grids=[grid])
-    kept, drawn = load_program(kind.program).generate_at(data, "coordinate", rows)
+    kept, drawn = load_program(likelihood.program).generate_at(data, "coordinate", rows)
     if kept.any():
-        drawn, kept[kept] = drawn.finite_in([next(iter(kind.grid_quantities))])
+        drawn, kept[kept] = drawn.finite_in([next(iter(likelihood.grid_quantities))])
     if not kept.any():
         raise SamplingError(
             f"{experiment.id}: none of {draws} draws from the prior has a solution; "
             "check the units and the bounds of the priors."
         )
-    clock = kind.clock.name
+    clock = likelihood.clock.name
     dimensions = ("chain", "draw", clock)
     labels = {"chain": [1], "draw": np.flatnonzero(kept)}
     groups = {
@@ -99,7 +100,7 @@ def prior_draws(
         "predictions": xr.Dataset(
             {
                 name: (dimensions, drawn[column], {"units": unit})
-                for column, (name, unit) in kind.grid_quantities.items()
+                for column, (name, unit) in likelihood.grid_quantities.items()
             },
             {**labels, clock: grid},
         ),

@@ -9,8 +9,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, get_args
 
-import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 from markupsafe import escape
@@ -28,6 +26,7 @@ from pyburgers.checks.prior_sentences import conflict_sentence, decision_columns
 from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.verdicts import Verdict, verdicts, verdicts_record
 from pyburgers.common.atomic_files import json_text, write_text
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.posterior.labelled_draws import in_display_units
@@ -38,7 +37,6 @@ from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
 
-FloatArray = npt.NDArray[np.float64]
 
 MAX_SHORTENED = 2
 """Times that a run is repeated with shorter steps."""

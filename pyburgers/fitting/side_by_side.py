@@ -51,12 +51,8 @@ class Task:
     problem: Problem
     options: SamplerOptions
     solver: SolverOptions | None = None
-    """None takes that of the protocol."""
     remark: str = ""
-    """Follows the command in the run's manifest."""
     extensions: int = 0
-    """How often chains that do not agree yet, or left few independent draws, go on for as many
-    draws again."""
 
 
 def task_of(
@@ -65,7 +61,23 @@ def task_of(
     options: SamplerOptions,
     pool: Mapping[str, str] | None = None,
 ) -> Task:
-    """Return the task of a fit of tests with data, of several together, as `pyburgers.fit`."""
+    """Return the task of a fit of one test, or of several together.
+
+    Parameters
+    ----------
+    experiments, priors, options, pool
+        As for `pyburgers.fit`.
+
+    Returns
+    -------
+    Task
+        For `fit_side_by_side`.
+
+    Raises
+    ------
+    InputError
+        If an input is wrong.
+    """
     return Task(problem_of(experiments, priors, pooling_for(experiments, pool)), options)
 
 
@@ -120,9 +132,40 @@ def fit_side_by_side(
     command: str,
     after: Callable[[str, Fit], None] = lambda _name, _fit: None,
 ) -> dict[str, Fit]:
-    """Do fits by name in ``folder/NAME`` (`run_fits`); return those of this part, in their order.
+    """Do several fits, each in a process of its own; continue where a call stopped.
 
-    When a fit is done, `after` receives its name and the fit.
+    Parameters
+    ----------
+    tasks : mapping of str to Task
+        Fits by name. They begin in this order, so those that take longest should come first.
+    folder : Path
+        Folder of the run directories, each with the name of its fit.
+    workers : Workers
+        Processes or executor, and the part of the fits that this call does.
+    command : str
+        Command that repeats the fits, for their manifests.
+    after : callable
+        Receives the name of a fit and the fit when it is done.
+
+    Returns
+    -------
+    dict of str to Fit
+        Fits of this part, in their order.
+
+    Raises
+    ------
+    InputError
+        If an input is wrong or a run directory holds something else.
+    SamplingError
+        If no chain of a fit finished.
+    SystemFailureError
+        If the system killed a process.
+
+    Examples
+    --------
+    >>> options, priors = pyburgers.SamplerOptions(), pyburgers.default_priors("ice")
+    >>> tasks = {test.id: pyburgers.task_of([test], priors, options) for test in tests}
+    >>> fits = pyburgers.fit_side_by_side(tasks, Path("runs"), command="python my_script.py")
     """
     found: dict[str, Fit] = {}
 

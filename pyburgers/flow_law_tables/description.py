@@ -39,11 +39,10 @@ from pyburgers.checks.residual_numbers import (
     segment_parts,
     straight_line,
 )
-from pyburgers.common.draws import TAIL
+from pyburgers.common.draws import TAIL, FloatArray
 from pyburgers.common.units import number
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
 
-FloatArray = npt.NDArray[np.float64]
 Row: TypeAlias = "pd.Series[Any]"
 DESCRIPTION = CheckKind.DESCRIPTION
 

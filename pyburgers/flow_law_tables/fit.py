@@ -11,7 +11,6 @@ from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
@@ -21,7 +20,7 @@ from pyburgers.cmdstan.draw_files import Draws, read_draws
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.atomic_files import write_json
-from pyburgers.common.draws import all_draws
+from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.fitting.sampled_fit import (
@@ -60,8 +59,6 @@ from pyburgers.sampling.manifest import RunManifest
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run import complete_chains, fingerprint, run_record
 from pyburgers.sampling.run_directory import RunDirectory
-
-FloatArray = npt.NDArray[np.float64]
 
 AT_POINTS = {
     "temperature": "K",
@@ -165,7 +162,18 @@ class PeakStressFit(SampledFit):
     def influences(
         self, derived: Mapping[str, FloatArray] = MappingProxyType({})
     ) -> dict[str, dict[str, Influence]]:
-        """Return who decides each quantity, under the name of the table."""
+        """Return who decides each quantity; empty without likelihood.
+
+        Parameters
+        ----------
+        derived : mapping of str to array, shape (n,)
+            Draws of further quantities, chains one after the other.
+
+        Returns
+        -------
+        dict of str to dict of str to Influence
+            By name of the table, then of the quantity.
+        """
         if not self.manifest["use_likelihood"]:
             return {}
         read_off = self.priors.read_off([data_words(self.data.id, self.provenance)])
@@ -184,6 +192,16 @@ class PeakStressFit(SampledFit):
     @classmethod
     def load(cls, path: str | Path) -> Self:
         """Read a run directory.
+
+        Parameters
+        ----------
+        path : path
+            Run directory of `fit_peak_stress`.
+
+        Returns
+        -------
+        PeakStressFit
+            With the draws of the chains that have finished.
 
         Raises
         ------
@@ -252,6 +270,12 @@ def fit_peak_stress(
         If an input is wrong or `out` holds something else.
     SamplingError
         If no chain finished.
+
+    Examples
+    --------
+    >>> table = pyburgers.load_peak_stress("my_table.toml")
+    >>> priors = pyburgers.default_peak_stress_priors("ice")
+    >>> result = pyburgers.fit_peak_stress(table, priors, out="runs/my_table")
     """
     run = RunDirectory(given_path(out))
     options = options or SamplerOptions()
@@ -310,6 +334,16 @@ def flow_law_prior(fit: PeakStressFit) -> FlowLawPrior:
 
     Its ln(S_0) scatters like ln(peak stress) of the tests. If that scatter is one of readings, not
     of samples, the prior is too wide.
+
+    Parameters
+    ----------
+    fit : PeakStressFit
+        Finished fit in which the whole flow law is free.
+
+    Returns
+    -------
+    FlowLawPrior
+        Joint normal prior for `with_flow_law`.
 
     Raises
     ------

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.common.draws import FloatArray
 from pyburgers.flow_law_tables.inputs import PeakStressData
-
-FloatArray = npt.NDArray[np.float64]
 
 GROUP_TEMPERATURES = 2.0
 """Widest gap (K) between sorted temperatures of tests that are drawn together."""

@@ -11,23 +11,20 @@ from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
 from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import NAME, Table, checked, read_tables, read_toml, write_toml
 from pyburgers.kinds.doubts import unlikely_stress
 from pyburgers.kinds.experiment import Experiment, Provenance, ProvenanceTable
-from pyburgers.kinds.kind import kind_of
 from pyburgers.kinds.limits import TEMPERATURES, impossible_conditions, refuse_impossible
 from pyburgers.model.flow_law_prior import Conditions, PeakTest
 from pyburgers.model.parameters import PARAMETER_BY_NAME, STRESS_SCATTER, Parameter
 from pyburgers.model.prior_families import PriorTable, check_beta, load_prior
 from pyburgers.model.priors import FLOW_LAW, PriorFile, PriorSet, save_priors, shipped_prior_file
-
-FloatArray = npt.NDArray[np.float64]
 
 KIND = "peak_stress"
 """Key `protocol` of such tables."""
@@ -143,7 +140,7 @@ def without_test(data: PeakStressData, experiment: Experiment) -> PeakStressData
     InputError
         If the test has no peak, none of the rows may be it, or fewer than `LEAST_POINTS` are left.
     """
-    test = kind_of(experiment).peak_test(experiment)
+    test = experiment.peak
     if test is None:
         raise InputError(
             f"{experiment.id}: has no stress at a constant rate, expected a test that a table of "

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.atomic_files import write_json
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.common.toml_files import Table, read_json_table
 from pyburgers.flow_law_tables.inputs import PeakStrain, PeakStressData, least_squares
@@ -25,8 +25,6 @@ from pyburgers.kinds.stan_data import SolverOptions, StanData, solver_block
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, PriorSet
-
-FloatArray = npt.NDArray[np.float64]
 
 SOLVER = SolverOptions(tolerance=1e-6)
 

@@ -9,6 +9,7 @@ import xarray as xr
 from pyburgers.common.units import UNITS, number
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.model.parameters import STANDARD_VALUES
 
 Ranges = Mapping[str, tuple[float, float]]
@@ -36,18 +37,18 @@ def conditions(experiment: Experiment, predictions: xr.Dataset, parameters: xr.D
     apparatus gave way, is no extrapolation. Tables of attenuation have periods in their place.
     `parameters`: its labelled parameters (SI) in the same draws; what is missing has no effect.
     """
-    kind = kind_of(experiment)
+    likelihood = likelihood_of(experiment)
     median: dict[str, npt.NDArray[np.float64]] = {}
-    for column, (name, _) in kind.grid_quantities.items():
+    for column, (name, _) in likelihood.grid_quantities.items():
         solved = predictions[name].astype(np.float64)
         if name == "strain":
             solved = solved - _not_of_the_material(predictions, parameters)
         values = solved.median(("chain", "draw")).to_numpy()
         # An oscillating response without its trend stands for the whole one, too.
         median |= {column: values, f"grid_{name}": values}
-    clock = kind.clock.name
+    clock = likelihood.clock.name
     median[f"grid_{clock}"] = predictions[clock].to_numpy()
-    solution = kind.solution(experiment, median)
+    solution = kind_of(experiment).solution(experiment, median)
     found = {
         "temperature": temperature_range(experiment),
         "initial grain size": (experiment.initial_grain_size, experiment.initial_grain_size),
@@ -100,6 +101,13 @@ def beyond_sentences(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...
     """Say in one sentence what `outside` finds; none where that is nothing."""
     beyond = outside(target, fitted)
     return (f"Beyond what was fitted: {'; '.join(beyond)}.",) if beyond else ()
+
+
+def ranges_text(ranges: Ranges) -> str:
+    """Say in display units which conditions were passed."""
+    return "; ".join(
+        f"{name} {_range(*ends, SHOWN[name][1])} {SHOWN[name][0]}" for name, ends in ranges.items()
+    )
 
 
 def temperature_range(experiment: Experiment) -> tuple[float, float]:

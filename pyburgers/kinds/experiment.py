@@ -6,7 +6,7 @@ hold are the fields of the tables below and of the module of its protocol (`cons
 """
 
 import re
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import date, datetime, time
@@ -23,6 +23,7 @@ from pyburgers.common.toml_files import NAME, Table, write_toml
 from pyburgers.common.units import span_text
 from pyburgers.kinds.limits import impossible_conditions, refuse_impossible
 from pyburgers.kinds.microstructure import MeasuredMicrostructure
+from pyburgers.kinds.read_test import ReadTest
 from pyburgers.model.laws import KELVIN_LAWS
 from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME
 
@@ -74,7 +75,7 @@ CONDITION_KEYS: Mapping[str, tuple[str, str]] = MappingProxyType(
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Experiment(ABC):
+class Experiment(ReadTest):
     """A deformation test of any protocol, in SI units.
 
     Attributes
@@ -124,7 +125,6 @@ class Experiment(ABC):
     may_be_uncertain: ClassVar[frozenset[str]] = CONDITIONS
     without_effect: ClassVar[frozenset[str]] = frozenset()
     small_strain: ClassVar[float] = 5e-3
-    id: str
     material: str
     temperature: float
     initial_grain_size: float
@@ -147,28 +147,8 @@ class Experiment(ABC):
 
     @property
     @abstractmethod
-    def position(self) -> FloatArray:
-        """Positions of the readings on the clock of the protocol (SI), shape (n_points,)."""
-
-    @property
-    @abstractmethod
     def span(self) -> tuple[float, float]:
         """First and last position on the clock (SI) at which the test has a solution."""
-
-    @property
-    @abstractmethod
-    def response(self) -> FloatArray:
-        """Readings for comparison with the model (SI unit), shape (n_points,)."""
-
-    @property
-    def response_limit(self) -> FloatArray:
-        """Response at or below which a reading is an upper limit; -inf: none, (n_points,)."""
-        return np.full(self.n_points, -np.inf)
-
-    @property
-    def without_readings(self) -> frozenset[str]:
-        """Sizes of residuals (parameters) of readings that the test does not have."""
-        return frozenset()
 
     @property
     @abstractmethod
@@ -196,11 +176,6 @@ class Experiment(ABC):
         """Sample, material, conditions and kind of data for figures, as matplotlib text."""
 
     @property
-    def n_points(self) -> int:
-        """Number of data points; zero for an experiment that can only be simulated."""
-        return len(self.response)
-
-    @property
     def temperatures(self) -> FloatArray:
         """All temperatures (K) of the test, in any order."""
         return np.array([self.temperature])
@@ -225,11 +200,6 @@ class Experiment(ABC):
             If it has no such part.
         """
         raise InputError(f"{self.id}: has no part {name!r}, {nearest(name, self.parts)}")
-
-    @property
-    def n_driving_errors(self) -> int:
-        """Number of uncertain numbers in what drives the test, which are inferred with it."""
-        return 0
 
 
 E = TypeVar("E", bound=Experiment)

@@ -1,6 +1,7 @@
 """Fixed parameters that a fit depends on; the others only fill their place in a program."""
 
 from pyburgers.kinds.kind import FittedTest
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.model.parameters import PIEZOMETER, RESIDUAL_CORRELATION
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.variants import variant_of
@@ -21,7 +22,9 @@ def fixed_in_effect(fit: FittedTest) -> tuple[Prior, ...]:
 def _idle(fit: FittedTest) -> frozenset[str]:
     """Name the parameters that nothing depends on."""
     variant = variant_of(fit.priors, fit.experiment)
-    idle = {*fit.experiment.without_effect, *fit.experiment.without_readings}
+    read = likelihood_of(fit.experiment).read
+    without_readings = {*read} - {read[k] for k in fit.experiment.quantity}
+    idle = {*fit.experiment.without_effect, *(one.noise for one in without_readings)}
     if variant.grain_size != "piezometric":
         idle |= {*PIEZOMETER}
     if variant.grain_size != "evolving":

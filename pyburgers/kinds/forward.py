@@ -14,6 +14,7 @@ from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import read_json
 from pyburgers.kinds.experiment import Experiment, Provenance
 from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.kinds.program_data import given_parameters, solve
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions
@@ -128,9 +129,7 @@ def with_stated(experiment: Experiment, values: Mapping[str, float]) -> dict[str
 
     `values`: SI values by name.
     """
-    stated = {
-        prior.parameter: prior.location for prior in kind_of(experiment).stated_priors(experiment)
-    }
+    stated = {prior.parameter: prior.location for prior in experiment.stated_priors}
     return {**values, **{name: one for name, one in stated.items() if name not in values}}
 
 
@@ -158,11 +157,11 @@ def checked_positions(experiment: Experiment, at: npt.ArrayLike) -> FloatArray:
     Raise InputError if they are no list of finite numbers, there is none, one decreases or lies
     outside the test.
     """
-    kind = kind_of(experiment)
+    clock = likelihood_of(experiment).clock
     low, high = experiment.span
-    unit = "" if kind.clock.si_unit == "1" else f" {kind.clock.si_unit}"
+    unit = "" if clock.si_unit == "1" else f" {clock.si_unit}"
     expected = (
-        f"expected a list of positions along its {kind.clock.name} that do not decrease, from "
+        f"expected a list of positions along its {clock.name} that do not decrease, from "
         f"{low:.6g} to {high:.6g}{unit}"
     )
     try:
@@ -217,7 +216,7 @@ def simulate(
         they are strains (positive fractions; those of rate steps are added). In oscillations and
         loading histories they are times (s) from the start; the second of two at a jump is behind
         it. In a table of attenuation they are places. Default
-        `pyburgers.kinds.kind.Kind.output_grid`.
+        `pyburgers.kinds.likelihood.Likelihood.output_grid`.
     solver : SolverOptions
         Tolerance and step limit.
 
@@ -249,18 +248,17 @@ def _solved(
     sections: Sequence[MeasuredMicrostructure] = (),
 ) -> tuple[pd.DataFrame, FloatArray]:
     """Return what `simulate` does, and grain sizes (m) and fabric factors, (n_sections, 2)."""
-    values, kind = (
-        with_stated(experiment, check_parameters(parameters)),
-        kind_of(experiment),
-    )
+    values = with_stated(experiment, check_parameters(parameters))
+    likelihood = likelihood_of(experiment)
     _check_temperature(experiment, values)
     check_laws(given_parameters(experiment.material, values), experiment)
-    grid = kind.output_grid(experiment) if at is None else checked_positions(experiment, at)
+    grid = likelihood.output_grid(experiment) if at is None else checked_positions(experiment, at)
     draw = solve(experiment, values, grid, solver=solver, sections=sections)
-    solution = pd.DataFrame(kind.solution(experiment, draw))
-    solution.attrs[kind.reference.name] = float(np.exp(draw["log_reference"][0]))
+    solution = pd.DataFrame(kind_of(experiment).solution(experiment, draw))
+    solution.attrs[likelihood.reference.name] = float(np.exp(draw["log_reference"][0]))
     # Programs have no such variables where nothing was measured.
-    if kind.noise in values and "log_lik" in draw:
+    noises = {likelihood.read[k].noise for k in experiment.quantity}
+    if noises and noises <= values.keys() and "log_lik" in draw:
         solution.attrs["log_likelihood"] = float(draw["log_lik"].sum())
     return solution, draw.get("microstructure_model", np.empty((0, 2)))
 

@@ -21,7 +21,7 @@ from pyburgers.common.text_tables import TextTable
 from pyburgers.common.units import UNIT_TABLE
 from pyburgers.kinds.experiment import CONDITION_KEYS, Compression, Experiment
 from pyburgers.kinds.guessed_columns import GuessedColumn
-from pyburgers.kinds.kind import NAMES
+from pyburgers.kinds.likelihood import NAMES
 
 NAMED_SEPARATORS = {sign: name for name, sign in SEPARATORS.items()}
 

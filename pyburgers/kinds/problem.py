@@ -10,7 +10,7 @@ import numpy as np
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.coordinates import Layout, PlainCoordinates, layout_of
 from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment
-from pyburgers.kinds.kind import Kind, kind_of, kinds
+from pyburgers.kinds.likelihood import Likelihood, likelihood_of, likelihoods
 from pyburgers.model.parameters import (
     CONDITIONS,
     PARAMETER_BY_NAME,
@@ -55,9 +55,9 @@ class Problem:
         return "+".join(sorted({experiment.provenance.kind for experiment in self.experiments}))
 
     @property
-    def protocol(self) -> Kind[Any]:
-        """Whose program takes all tests."""
-        return common_protocol(self.experiments)
+    def likelihood(self) -> Likelihood[Any]:
+        """Likelihood whose program takes all tests."""
+        return common_likelihood(self.experiments)
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -244,7 +244,7 @@ def problem_of(
     of_tests = tuple(
         _with_own_grains(own, experiments[0], experiment).exchanging(*condition_priors(experiment))
         for experiment, own in zip(
-            experiments, common_protocol(experiments).priors_of(experiments, priors), strict=True
+            experiments, common_likelihood(experiments).own_priors(experiments, priors), strict=True
         )
     )
     _check_same_free(experiments, of_tests)
@@ -284,22 +284,21 @@ def of_one_program(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
     """
     if len({experiment.protocol for experiment in experiments}) == 1:
         return tuple(experiments)
-    taken = [kind_of(experiment).as_history(experiment) for experiment in experiments]
+    taken = [likelihood_of(experiment).as_history(experiment) for experiment in experiments]
     return tuple(sorted(taken, key=lambda one: one.protocol == TABLES))
 
 
-def common_protocol(experiments: Sequence[Experiment]) -> Kind[Any]:
-    """Return the protocol whose program takes some tests (`of_one_program`)."""
-    first, *others = experiments
-    if all(other.protocol == first.protocol for other in others):
-        return kind_of(first)
-    return kinds()[HISTORIES]
+def common_likelihood(experiments: Sequence[Experiment]) -> Likelihood[Any]:
+    """Return the likelihood whose program takes some tests (`of_one_program`)."""
+    names = {experiment.protocol for experiment in experiments}
+    return likelihoods()[names.pop() if len(names) == 1 else HISTORIES]
 
 
 def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordinates:
     """Choose origin and size of every free parameter and what the reference quantity replaces."""
-    kind = kind_of(experiment)
-    return coordinates_through(priors, kind.reference, *kind.reference_origin(experiment))
+    likelihood = likelihood_of(experiment)
+    origin = likelihood.reference_origin(experiment)
+    return coordinates_through(priors, likelihood.reference, *origin)
 
 
 def coordinates_through(
@@ -344,12 +343,12 @@ def _check_test(experiment: Experiment, first: Experiment, priors: PriorSet) -> 
             f"{first.material} like {first.id}, because a joint fit is of one material."
         )
     check_variant(priors, experiment)
-    kind_of(experiment).check_priors(experiment, priors)
+    likelihood_of(experiment).check_priors(experiment, priors)
 
 
 def _check_not_in_prior(experiment: Experiment, priors: PriorSet) -> None:
     """Refuse a flow law as prior that the test itself has gone into."""
-    test = kind_of(experiment).peak_test(experiment)
+    test = experiment.peak
     if test is None or priors.flow_law is None:
         return
     for row in priors.flow_law.tests:
@@ -381,9 +380,10 @@ def _check_pooling(problem: Problem) -> None:
     priors = problem.priors[0]
     replaced = problem.coordinates[0].replaced_parameter
     if replaced in problem.partial:
+        reference = problem.likelihood.reference.label
         raise InputError(
-            f"--pool {replaced}=partial: the {problem.protocol.reference.label} is sampled in its "
-            "place, expected shared or separate."
+            f"--pool {replaced}=partial: the {reference} is sampled in its place, expected shared "
+            "or separate."
         )
     if priors.flow_law is None:
         return

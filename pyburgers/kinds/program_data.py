@@ -16,6 +16,7 @@ from pyburgers.common.errors import SamplingError
 from pyburgers.kinds.coordinates import Layout
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.kinds.problem import Problem, one_test
 from pyburgers.kinds.stan_data import (
@@ -83,7 +84,7 @@ def tests_block(problem: Problem, *, use_likelihood: bool) -> StanData:
         "power_law_kelvin": int(
             not all(is_fixed_at(own["kelvin_stress_exponent"], 1.0) for own in problem.priors)
         ),
-        **problem.protocol.tests_block(experiments, problem.priors),
+        **problem.likelihood.tests_block(experiments, problem.priors),
     }
 
 
@@ -93,7 +94,7 @@ def with_grids(
     """Return data of a program with other positions of its solutions (see `program_data`)."""
     if grids is None:
         grids = [np.empty(0)] * len(experiments)
-    return {**data, **kind_of(experiments[0]).grid_block(experiments, grids)}
+    return {**data, **likelihood_of(experiments[0]).grid_block(experiments, grids)}
 
 
 def chart_block(
@@ -110,11 +111,10 @@ def chart_block(
     """
     layout = problem.layout
     n_partial = len(layout.partial)
-    chart = problem.protocol.chart
     pooled = np.zeros((layout.n_tests, n_partial)) if pooled is None else pooled
     pooling = np.zeros((2, n_partial)) if pooling is None else pooling
     return {
-        **({} if chart is None else chart.block(references, layout)),
+        **problem.likelihood.chart.block(references, layout),
         "coordinate_system": CHART if references else PLAIN,
         "pooled_reference": pooled.tolist(),
         "centre_reference": pooling[0].tolist(),
@@ -266,14 +266,16 @@ def solve(
     solution.
     """
     priors = given_parameters(experiment.material, values)
-    kind = kind_of(experiment)
-    bare = replace(kind.without_data(experiment), microstructure=tuple(sections))
+    likelihood = likelihood_of(experiment)
+    bare = kind_of(experiment).without_data(experiment)
+    bare = replace(bare, microstructure=tuple(sections))
     data = program_data(one_test(bare, priors), solver=solver, grids=[at])
-    draw = (program or load_program(kind.program)).evaluate(data)
-    for quantity in kind.read:
+    draw = (program or load_program(likelihood.program)).evaluate(data)
+    for quantity in likelihood.read:
         if not np.isfinite(draw[f"grid_{quantity.name}"]).all():
             raise SamplingError(
                 f"{experiment.id}: the solver found no finite {quantity.name} at these "
                 "parameters; check their units (SI) and the sign of beta."
             )
-    return {**draw, f"grid_{kind.clock.name}": kind.solved_positions(data, at)}
+    clock = f"grid_{likelihood.clock.name}"
+    return {**draw, clock: np.asarray(data.get(clock, at))}

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.problem import TABLES, common_protocol
+from pyburgers.kinds.problem import TABLES, common_likelihood
 from pyburgers.model.pooling import ALL, SEPARATE, Pooling, pooling_of
 from pyburgers.model.priors import PriorSet, default_priors, shipped_prior_files
 
@@ -49,4 +49,4 @@ def default_priors_for(experiments: Sequence[Experiment]) -> PriorSet:
     material = experiments[0].material
     if has_both(experiments) and material in shipped_prior_files(PRIORS_WITH_TABLES):
         return default_priors(material, PRIORS_WITH_TABLES)
-    return default_priors(material, common_protocol(experiments).name)
+    return default_priors(material, common_likelihood(experiments).name)

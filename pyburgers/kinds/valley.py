@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from pyburgers.kinds.coordinates import Layout, PlainCoordinates
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import AtMode, Chart, ChartUnsuited
+from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited
 from pyburgers.kinds.stan_data import StanData, ends
 from pyburgers.model.laws import DASHPOT_LAWS
 from pyburgers.model.parameters import PLACE, PROGRAM_PARAMETERS

@@ -1,7 +1,6 @@
 """How quantities are shown: display units, symbols, digits. Nothing here is read back."""
 
 import math
-from dataclasses import dataclass
 
 from pyburgers.common.units import UNITS, number
 from pyburgers.model.parameters import (
@@ -11,9 +10,10 @@ from pyburgers.model.parameters import (
     Parameter,
 )
 from pyburgers.model.prior_families import Prior
+from pyburgers.model.read_quantities import STRAIN, STRESS
 
-STRESS_UNIT, STRESS_FACTOR = "MPa", 1.0 / UNITS["stress"]["MPa"]
-STRAIN_UNIT, STRAIN_FACTOR = "%", 1.0 / UNITS["strain"]["percent"]
+STRESS_UNIT, STRESS_FACTOR = STRESS.display_unit, STRESS.display_factor
+STRAIN_UNIT, STRAIN_FACTOR = STRAIN.display_unit, STRAIN.display_factor
 LENGTH_UNIT, LENGTH_FACTOR = "µm", 1.0 / UNITS["length"]["um"]
 """Units of curves and the factors from SI."""
 
@@ -42,28 +42,6 @@ def time_unit(longest: float) -> tuple[str, float]:
     """
     fitting = [unit for unit in _TIME_UNITS if longest >= _LEAST_TIME_UNITS * unit[1]]
     return fitting[-1] if fitting else _TIME_UNITS[0]
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A quantity along which, or of which, tests of a protocol are.
-
-    `name`: name of its dimension or variable in draws.
-    `column`: its column in tables of solutions and points.
-    `si_unit`, `display_unit`: of stored values, and of figures and tables.
-    `display_factor`: from the one to the other.
-    """
-
-    name: str
-    column: str
-    si_unit: str
-    display_unit: str
-    display_factor: float
-
-    @property
-    def label(self) -> str:
-        """Name and display unit."""
-        return f"{self.name} ({self.display_unit})"
 
 
 def shown_quantity(name: str) -> Parameter:

@@ -63,7 +63,7 @@ def andrade_elements(
     """Return elements that stand for the relaxation times of Andrade creep that a test tells apart.
 
     Creep counts between times (s) with the logarithms `log_shortest` and `log_longest`. Times go on
-    beyond both ends (`stan/protocols/loading_history_rates.stan`). `error` is that of
+    beyond both ends (`stan/kinds/loading_history_rates.stan`). `error` is that of
     `band_elements`, relative to the creep. Return ln(t/s), increasing from the one end to the
     other, and the weights of the density over ln(t) there, 0 at the ends. Both have shape (n,).
     """

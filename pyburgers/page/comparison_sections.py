@@ -8,11 +8,10 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pyburgers.common.draws import all_draws
+from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.paths import shown
 from pyburgers.common.units import count_points, with_error
 from pyburgers.comparison.by_points import compare
@@ -34,10 +33,10 @@ from pyburgers.comparison.results import (
 )
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
-from pyburgers.drawing.style import BLUE, GREEN, VERMILION, few_ticks, style
+from pyburgers.drawing.panels import figure_of
+from pyburgers.drawing.style import BLUE, GREEN, VERMILION, few_ticks
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import kind_of
 from pyburgers.model.arrhenius import log_slowdown
 from pyburgers.model.display import (
     LENGTH_FACTOR,
@@ -51,8 +50,6 @@ from pyburgers.model.display import (
 from pyburgers.model.flow_law_prior import FlowLawPrior
 from pyburgers.model.priors import FLOW_LAW
 from pyburgers.page.names import file_key, page_keys, page_names
-
-FloatArray = npt.NDArray[np.float64]
 
 LOG_RATE = "log_flow_rate"
 """Row of the table of a flow law beside its parameters."""
@@ -76,7 +73,15 @@ COMBINED_CAPTION = (
 def comparison_sections(fits: Sequence[Fit]) -> tuple[PageSection, ...]:
     """Return the parts of a page about fits of the same data, in the order of the fits.
 
-    The fits are all of the page, joint ones and their tests among them.
+    Parameters
+    ----------
+    fits : sequence of Fit
+        All fits of the page, joint ones and their tests among them.
+
+    Returns
+    -------
+    tuple of PageSection
+        Comparisons by points, by whole tests, and of flow laws from another source.
     """
     groups: dict[str, dict[str, Fit]] = {}
     names = page_names(fits)
@@ -147,7 +152,7 @@ def _points_to_fit_again(comparison: Comparison, fits: Mapping[str, Fit]) -> tup
 
 
 def _has_single_points(fit: Fit) -> bool:
-    return not fit.is_joint and kind_of(fit.experiment).points_together is None
+    return not fit.is_joint and not fit.experiment.points_together
 
 
 def by_tests_section(joints: Mapping[str, Fit], keys: Mapping[str, str]) -> tuple[PageSection, ...]:
@@ -369,8 +374,7 @@ def _shown_sources(table: pd.DataFrame) -> pd.DataFrame:
 def combined_flow_law(draws: Mapping[str, Mapping[str, FloatArray]]) -> Figure:
     """Draw distributions of n, p, Q_M and ln(flow rate s), the last quantity, by source (SI)."""
     *parameters, log_rate = (name for name in next(iter(draws.values())) if name != "beta")
-    with style():
-        figure = Figure(figsize=(9.0, 2.8), layout="constrained")
+    with figure_of(9.0, 2.8) as figure:
         panels = figure.subplots(1, len(parameters) + 1)
         for axes, name in zip(panels, [*parameters, log_rate], strict=True):
             factor = 1.0 if name == log_rate else shown_quantity(name).display_factor

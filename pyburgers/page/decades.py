@@ -7,14 +7,13 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from pyburgers.common.draws import FloatArray
 from pyburgers.kinds.coordinates import REFERENCE_FLOW_RATE
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.display import shown_quantity
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.prior_families import Prior
 from pyburgers.posterior.labelled_draws import width_beside_prior
-
-FloatArray = npt.NDArray[np.float64]
 
 DECADES = 1.0
 """Decades between the ends of the central 90 % of draws from which the logarithm may be shown."""

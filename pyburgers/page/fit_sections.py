@@ -1,13 +1,13 @@
 """What a page says about a fit, and about fits of the same data, which share a section."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
 from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
-from pyburgers.checks.prior_influence import Influence, Origin
+from pyburgers.checks.prior_influence import Origin
 from pyburgers.checks.prior_sentences import influence_numbers
 from pyburgers.common.atomic_files import write_text
 from pyburgers.comparison.neighbours import shift_sentences, what_a_yes_leaves_open
@@ -129,7 +129,7 @@ def write_section(key: str, name: str, fit: Fit, out: Path) -> Section:
     }
     if truth is not None:
         files["truth"] = truth.reset_index()
-    influences: Mapping[str, Influence] = fit.influences().get(fit.problem.name, {})
+    influences = fit.decisions()
     if influences:
         files["influence"] = influence_numbers(influences).reset_index()
     more_tables = view_of(fit.experiment).tables(fit)
@@ -241,7 +241,8 @@ class SameData:
         decides, brackets say who does.
         """
         if not self.others:
-            columns = [*NAMED, "mean", "sd", *([tables.DECISION] if self._is_decided else [])]
+            decided = [tables.DECISION] if tables.DECISION in self.first.parameters else []
+            columns = [*NAMED, "mean", "sd", *decided]
             return self._rows(self.first.parameters[columns], left_to_prior=False)
         rows = _union(section.parameters[NAMED] for section in self.sections)
         for section in self.sections:
@@ -275,10 +276,6 @@ class SameData:
             for column in map(str, values.columns)
             if column not in NAMED
         }
-
-    @property
-    def _is_decided(self) -> bool:
-        return tables.DECISION in self.first.parameters
 
     def _rows(self, table: pd.DataFrame, *, left_to_prior: bool) -> pd.DataFrame:
         """Return the rows of quantities that are the prior's in every fit, or the others."""

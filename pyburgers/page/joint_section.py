@@ -16,17 +16,16 @@ from pyburgers.common.draws import BAND, TAIL, all_draws
 from pyburgers.common.units import number, with_error
 from pyburgers.comparison.same_data import fits_alone
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
-from pyburgers.drawing.panels import draw_curve, legend_above
-from pyburgers.drawing.style import BLUE, VERMILION, few_ticks, few_ticks_of_decades, style
+from pyburgers.drawing.panels import draw_curve, figure_of, legend_above
+from pyburgers.drawing.style import BLUE, VERMILION, few_ticks, few_ticks_of_decades
 from pyburgers.drawing.view import view_of, views
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.coordinates import CENTRE, SPREAD
-from pyburgers.kinds.kind import kind_of
-from pyburgers.model.display import axis_label, shown_quantity, symbol_text, unit_text
+from pyburgers.model.display import axis_label, shown_quantity, symbol_text
 from pyburgers.page.decades import spans_decades
 from pyburgers.page.names import joint_key, page_keys, page_names
 from pyburgers.page.overview import joint_entry
-from pyburgers.page.tables import DECISION, checks_page_table, decided_cell
+from pyburgers.page.tables import DECISION, checks_page_table, decided_cell, named
 from pyburgers.posterior.labelled_draws import own_name
 
 
@@ -38,7 +37,7 @@ def pooling_table(joint: Fit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
     of the first separate fit of the same data, NaN where there is none.
     """
     tests, alone = joint.tests(), fits_alone(joint, separate)
-    problem, reference = joint.problem, joint.problem.protocol.reference.name
+    problem, reference = joint.problem, joint.problem.likelihood.reference.name
     influences = joint.influences()
     rows = []
     for quantity in (*problem.free, reference):
@@ -100,9 +99,7 @@ def shown_pooling_table(table: pd.DataFrame) -> pd.DataFrame:
         if pooling == "shared":
             joint |= dict.fromkeys(tests[1:], "the same")
         row = {
-            "symbol": symbol_text(quantity),
-            "quantity": quantity.label,
-            "unit": unit_text(quantity),
+            **named(quantity),
             "pooling": pooling,
             DECISION: _decided(str(name), group),
         }
@@ -134,14 +131,8 @@ def _decided(name: str, rows: pd.DataFrame) -> str:
     return ", ".join(f"{test}: {text}" for test, text in by_test.items())
 
 
-def pooled_table(joint: Fit) -> pd.DataFrame:
-    """Centres and spreads of the partially pooled parameters (`Fit.summary`)."""
-    owned = [own_name(name, owner) for name in joint.problem.partial for owner in (CENTRE, SPREAD)]
-    return joint.summary("SI").loc[owned]
-
-
 def shown_pooled_table(joint: Fit) -> pd.DataFrame:
-    """Return `pooled_table` as text in display units, a row for each parameter."""
+    """Return centres and spreads of the partially pooled parameters as text in display units."""
     summary = joint.summary("SI")
 
     def shown(name: str, owner: str, factor: float) -> str:
@@ -153,9 +144,7 @@ def shown_pooled_table(joint: Fit) -> pd.DataFrame:
         quantity, centre = shown_quantity(name), own_name(name, CENTRE)
         rows.append(
             {
-                "symbol": symbol_text(quantity),
-                "quantity": quantity.label,
-                "unit": unit_text(quantity),
+                **named(quantity),
                 CENTRE: shown(name, CENTRE, quantity.display_factor),
                 DECISION: decided_cell(centre, summary.loc[centre].to_dict()) or "",
                 "spread on the real line": shown(name, SPREAD, 1.0),
@@ -187,7 +176,8 @@ def joint_section(key: str, name: str, joint: Fit, separate: Sequence[Fit]) -> P
     checks, table = joint.checks(), pooling_table(joint, separate)
     entry = joint_entry(key, name, joint)
     told = " ".join(line for kind in CheckKind for line in entry.doubts(kind))
-    pooled = pooled_table(joint)
+    partial_names = joint.problem.partial
+    pooled = [own_name(name, owner) for name in partial_names for owner in (CENTRE, SPREAD)]
     astray = strayed(table)
     alarms = () if astray is None else (astray,)
     return PageSection(
@@ -216,11 +206,11 @@ def joint_section(key: str, name: str, joint: Fit, separate: Sequence[Fit]) -> P
                         "spreads",
                         "Common centres and spreads",
                         shown_pooled_table(joint),
-                        pooled.reset_index(),
+                        joint.summary("SI").loc[pooled].reset_index(),
                         words=("quantity", "unit", DECISION),
                     ),
                 )
-                if len(pooled)
+                if pooled
                 else ()
             ),
             checks_page_table("Checks of the joint fit", checks),
@@ -234,11 +224,11 @@ def joint_section(key: str, name: str, joint: Fit, separate: Sequence[Fit]) -> P
                 partial(intervals, joint, separate),
                 " ".join((*_bought(table), *alarms)),
             ),
-            *views()[joint.problem.protocol.name].joint_figures(
+            *views()[joint.problem.likelihood.name].joint_figures(
                 [
                     one
                     for one in joint.tests().values()
-                    if kind_of(one.experiment) is joint.problem.protocol
+                    if one.experiment.protocol == joint.problem.likelihood.name
                 ]
             ),
         ),
@@ -307,8 +297,7 @@ SHIFT = 0.14
 def all_curves(joint: Fit) -> Figure:
     """Draw data, solutions and predictive bands of every test."""
     curves = [view_of(fit.experiment).curve(fit) for fit in joint.tests().values()]
-    with style():
-        figure = Figure(figsize=(8.0, 3.2 * len(curves) + 0.6), layout="constrained")
+    with figure_of(8.0, 3.2 * len(curves) + 0.6) as figure:
         panels = list(figure.subplots(len(curves), 1, squeeze=False)[:, 0])
         for axes, curve in zip(panels, curves, strict=True):
             draw_curve(axes, curve)
@@ -321,12 +310,9 @@ def intervals(joint: Fit, separate: Sequence[Fit]) -> Figure:
     """Draw intervals of every parameter in every test, joint and in fits of the same data alone."""
     tests = joint.tests()
     alone = fits_alone(joint, separate)
-    quantities = (*joint.problem.free, joint.problem.protocol.reference.name)
+    quantities = (*joint.problem.free, joint.problem.likelihood.reference.name)
     n_rows = -(-len(quantities) // COLUMNS)
-    with style():
-        figure = Figure(
-            figsize=(9.0, n_rows * (0.9 + 0.28 * len(tests)) + 0.5), layout="constrained"
-        )
+    with figure_of(9.0, n_rows * (0.9 + 0.28 * len(tests)) + 0.5) as figure:
         panels = figure.subplots(n_rows, COLUMNS, sharey=True, squeeze=False)
         for axes, quantity in zip(panels.flat, quantities, strict=False):
             shared = quantity in joint.problem.shared

@@ -35,17 +35,17 @@ def page_names(fits: Sequence[SampledFit]) -> list[str]:
     Names that would be alike stay those of the run directories.
     """
     keys = page_keys(fits)
-    names = [_in_words(key, fit) for key, fit in zip(keys, fits, strict=True)]
+    names = [in_words(key, fit.manifest["experiment"]) for key, fit in zip(keys, fits, strict=True)]
     count = Counter(names)
     return [name if count[name] == 1 else key for name, key in zip(names, keys, strict=True)]
 
 
-def _in_words(key: str, fit: SampledFit) -> str:
-    """Return a key in words; behind the test's own name stands what the run directory adds."""
+def in_words(key: str, test: str) -> str:
+    """Return a key in words; behind the name of what is fitted stands what the directory adds."""
     run, _, part = (_spaced(text) for text in key.partition(": "))
     if part:
         return f"{part} in {run}"
-    test = _spaced(fit.manifest["experiment"])
+    test = _spaced(test)
     return run.replace(f"{test} ", f"{test}, ", 1) if run.startswith(f"{test} ") else run
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
 import pandas as pd
 
 from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome, coverage
@@ -133,48 +132,22 @@ def remedies(entries: Sequence[Entry]) -> tuple[Remedy, ...]:
 def entry_of(
     key: str,
     name: str,
-    fit: Fit,
+    fit: SampledFit,
     checks: Sequence[CheckResult],
     influences: Mapping[str, Influence],
 ) -> Entry:
-    """Gather what the top of the page says about a fit of one test, or a test of a joint fit.
+    """Gather what the top of the page says about a fit of one test or table.
 
-    Key and name are those of its section; the influences are empty without likelihood.
+    A test may be one of a joint fit. Key and name are those of the part of the page about it;
+    influences are empty without likelihood.
     """
-    answered = verdicts(checks)
-    row = {
-        "run": name,
-        "data": fit.experiment.provenance.kind,
-        "model": fit.variant.short_text,
-        **_answers_text(answered, checks),
-        "stress exponent n": _stress_exponent(fit, influences),
-        "in 90 % band": f"{100.0 * coverage(fit.posterior):.0f} %",
-        CONFLICT_COLUMN: _conflicts_text(influences),
-    }
-    is_synthetic = fit.experiment.provenance.kind == "synthetic"
-    said = disagreement(influences), decision_sentences(influences)
-    return Entry(key, name, is_synthetic, answered, tuple(checks), *said, row)
-
-
-def told_entry(key: str, name: str, fit: SampledFit) -> Entry:
-    """Gather what the top of the page says about a fit, of a test or of a table of peak stresses.
-
-    Another part of the page is about it; the key is the anchor of that part.
-    """
-    influences = fit.decisions()
-    if isinstance(fit, Fit):
-        return entry_of(key, name, fit, fit.checks(), influences)
-    checks, draws = fit.checks(), fit.posterior["posterior"].to_dataset()
     answered, kind = verdicts(checks), fit.provenance.kind
-    mean, sd = (float(draws["stress_exponent"].pipe(f)) for f in (np.mean, np.std))
     row = {
         "run": name,
         "data": kind,
-        "model": "flow law",
+        "model": fit.variant.short_text if isinstance(fit, Fit) else "flow law",
         **_answers_text(answered, checks),
-        "stress exponent n": _decided_exponent(with_error(mean, sd), influences)
-        if sd > 0
-        else f"{number(mean)} (fixed)",
+        "stress exponent n": _stress_exponent(fit, influences),
         "in 90 % band": f"{100.0 * coverage(fit.posterior):.0f} %",
         CONFLICT_COLUMN: _conflicts_text(influences),
     }
@@ -242,19 +215,13 @@ def _conflicts_text(influences: Mapping[str, Influence]) -> str:
     return "; ".join(filter(None, (told, bounds)))
 
 
-def _decided_exponent(value: str, influences: Mapping[str, Influence]) -> str:
-    """Return the stress exponent with who decides it."""
+def _stress_exponent(fit: SampledFit, influences: Mapping[str, Influence]) -> str:
+    """Mean, standard deviation and who decides it, or the value that was not inferred."""
     name = "stress_exponent"
+    draws = fit.posterior["posterior"].to_dataset()[name]
+    if draws.attrs["fixed"]:
+        return f"{number(float(draws[0, 0]))} (fixed)"
+    value = with_error(float(draws.mean()), float(draws.std(ddof=1)))
     decided = decision_columns(influences.get(name))
     text = decision_text(name, str(decided["decided_by"]), str(decided["by_prior_of"]))
     return f"{value}, {text}" if text else value
-
-
-def _stress_exponent(fit: Fit, influences: Mapping[str, Influence]) -> str:
-    """Mean, standard deviation and who decides it, or the value that was not inferred."""
-    name = "stress_exponent"
-    if name not in fit.problem.free:
-        return f"{number(fit.problem.priors[0][name].location)} (fixed)"
-    draws = fit.posterior["posterior"].to_dataset()[name]
-    value = with_error(float(draws.mean()), float(draws.std(ddof=1)))
-    return _decided_exponent(value, influences)

@@ -28,17 +28,17 @@ from pyburgers.page import tables
 from pyburgers.page.fit_sections import SameData, Section, by_data, write_section
 from pyburgers.page.glossary import with_definitions
 from pyburgers.page.illustrations import Illustration, Pictures, picture_file, write_figures
-from pyburgers.page.names import file_key, joint_key, page_keys, page_names
+from pyburgers.page.names import file_key, in_words, joint_key, page_keys, page_names
 from pyburgers.page.overview import (
     ANSWER_COLUMNS,
     CONFLICT_COLUMN,
     Entry,
     answers,
     bad_answers,
+    entry_of,
     joint_entry,
     overview_table,
     remedies,
-    told_entry,
 )
 from pyburgers.page.run_records import REPORT_KIND, report_manifest, runs_table
 
@@ -54,7 +54,7 @@ def write_report(
     joints: Sequence[Fit] = (),
     extras: Sequence[PageSection] = (),
     told: Mapping[str, Sequence[SampledFit]] = MappingProxyType({}),
-    to_come: Sequence[str] = (),
+    to_come: Mapping[str, str] = MappingProxyType({}),
     drawn: dict[Path, str] | None = None,
     jobs: int | None = 1,
 ) -> Path:
@@ -80,8 +80,9 @@ def write_report(
     told : mapping of str to sequence of SampledFit
         Fits that one of the extras is about, by its key. They have no section of their own. Both
         verdicts on them stand at the top of the page.
-    to_come : sequence of str
-        Parts that a later call is to add, such as fits that still run.
+    to_come : mapping of str to str
+        Parts that a later call is to add: the name of the test by that of the run, of other parts
+        an empty text by their name.
     drawn : dict of Path to str, optional
         Pictures of earlier calls by their files, which are not drawn again; those of this call are
         added.
@@ -97,6 +98,10 @@ def write_report(
     ------
     InputError
         If there is no fit, or the folder cannot be written or holds something else.
+
+    Examples
+    --------
+    >>> pyburgers.write_report([fit], Path("page"), title="Creep", command="python my_script.py")
     """
     if not fits and not told:
         raise InputError(f"{out}: a report needs at least one run, found none.")
@@ -108,7 +113,8 @@ def write_report(
     own = list(zip(map(file_key, keys), names, fits, strict=False))
     manifest = report_manifest(list(zip(keys, all_fits, strict=True)), title, command)
     write_json(out / "manifest.json", manifest)
-    groups = _write_groups(by_data(sorted(own, key=_is_synthetic)), out)
+    own.sort(key=lambda one: one[2].provenance.kind == "synthetic")
+    groups = _write_groups(by_data(own), out)
     sections = [section for group in groups for section in group.sections]
     illustrated = []
     for extra in extras:
@@ -121,7 +127,7 @@ def write_report(
     logger.info(f"Writing {len(illustrations)} figures.")
     pictures = write_figures(illustrations, out, jobs, {} if drawn is None else drawn)
     told_entries = [
-        told_entry(key, name, fit)
+        entry_of(key, name, fit, fit.checks(), fit.decisions())
         for (key, _), (name, fit) in zip(others, named[len(fits) :], strict=True)
     ]
     entries = [
@@ -143,7 +149,7 @@ def write_report(
         runs=runs_table(named),
         title=title,
         command=command,
-        to_come=to_come,
+        to_come=[in_words(*one) for one in to_come.items()],
     )
     write_text(page, text)
     return page
@@ -163,11 +169,6 @@ def _write_groups(groups: Sequence[Sequence[tuple[str, str, Fit]]], out: Path) -
             told.append(sections[-1])
         found.append(SameData(tuple(sections)))
     return found
-
-
-def _is_synthetic(named: tuple[str, str, Fit]) -> bool:
-    """Whether nobody measured the data of a fit, which comes with its key and name."""
-    return named[2].provenance.kind == "synthetic"
 
 
 def render_page(
@@ -219,7 +220,8 @@ def render_page(
         synthetic=[entry for entry in entries if entry.is_synthetic],
         prior_sources=tables.prior_sources([s.priors for s in sections]),
         prior_notes=list(dict.fromkeys(s.fit.priors.notes for s in sections if s.fit.priors.notes)),
-        told_by=_first_told_by([extra for extra, _ in extras]),
+        # The first part of the page that has a paragraph in its details tells it.
+        told_by={text: extra for extra, _ in reversed(extras) for text in extra.details},
         made_alike=_made_alike(sections),
         runs=runs,
         reference_texts=list(dict.fromkeys(view_of(s.experiment).reference_text for s in sections)),
@@ -233,11 +235,6 @@ def render_page(
         conflict_meaning=CONFLICT_MEANING,
         truth_sentence=tables.truth_sentence,
     )
-
-
-def _first_told_by(extras: Sequence[PageSection]) -> dict[str, PageSection]:
-    """Return the first part of the page that has each paragraph in its details."""
-    return {text: extra for extra in reversed(extras) for text in extra.details}
 
 
 def _made_alike(sections: Sequence[Section]) -> list[list[Section]]:

@@ -3,16 +3,15 @@
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from pyburgers.common.draws import all_draws
+from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.units import number, with_error
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
-from pyburgers.drawing.panels import draw_band
-from pyburgers.drawing.style import BLUE, GREEN, MARKERS, ORANGE, PURPLE, VERMILION, style
+from pyburgers.drawing.panels import draw_band, figure_of
+from pyburgers.drawing.style import BLUE, GREEN, MARKERS, ORANGE, PURPLE, VERMILION
 from pyburgers.flow_law_tables.fit import (
     FLOW_RATE_OF_TEST,
     PEAK_SOFTENING,
@@ -32,13 +31,24 @@ from pyburgers.model.display import (
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.page.tables import checks_page_table, fixed_row, posterior_row
 
-FloatArray = npt.NDArray[np.float64]
-
 PEAK_STRESS_KEY = "peak_stress"
 
 
 def peak_stress_section(fit: PeakStressFit, key: str = PEAK_STRESS_KEY) -> PageSection:
-    """Return figure, posterior, comparison with least squares, and checks of a fit."""
+    """Return figure, posterior, comparison with least squares, and checks of a fit.
+
+    Parameters
+    ----------
+    fit : PeakStressFit
+        The fit.
+    key : str
+        Name of the files and the anchor of the part, unique on the page.
+
+    Returns
+    -------
+    PageSection
+        A part of a page, behind the fits.
+    """
     data = fit.data
     comparison = least_squares_table(fit)
     compared = _table(
@@ -213,8 +223,7 @@ def flow_law(fit: PeakStressFit) -> Figure:
     data = fit.data
     predictions = fit.posterior["predictions"].to_dataset()
     rates, of_peaks = (all_draws(predictions[name]) for name in ("strain_rate", "peak_strain_rate"))
-    with style():
-        figure = Figure(figsize=(6.4, 4.8), layout="constrained")
+    with figure_of(6.4, 4.8) as figure:
         axes = figure.subplots()
         for k, group in enumerate(groups(data)):
             colour = GROUP_COLOURS[k % len(GROUP_COLOURS)]

@@ -9,7 +9,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -17,10 +16,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from scipy import ndimage, stats
 
-from pyburgers.common.draws import all_draws, evenly_spaced
+from pyburgers.common.draws import FloatArray, all_draws, evenly_spaced
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.units import number
-from pyburgers.drawing.page_parts import FigureRecipe, PageFigure
+from pyburgers.drawing.page_parts import FigureRecipe, PageFigure, recipe
+from pyburgers.drawing.panels import figure_of
 from pyburgers.drawing.style import (
     BLACK,
     BLUE,
@@ -43,8 +43,6 @@ from pyburgers.model.prior_families import Prior
 from pyburgers.page.decades import PriorOfLogarithm, ShownDraws, shown_draws
 from pyburgers.page.figure_results import agreement, narrowed, strongest_trade_off
 from pyburgers.posterior.labelled_draws import free_parameters
-
-FloatArray = npt.NDArray[np.float64]
 
 CHAIN_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY_BLUE, VERMILION)
 CHAIN_DASHES = ("-", "-.", ":")
@@ -87,17 +85,18 @@ NARROW = 0.12
 """Share of the prior's range below which a posterior gets limits of its own."""
 
 
-PRIOR_POSTERIOR_CAPTION = (
+@recipe(
+    "prior_posterior",
+    "Prior and posterior",
     "Prior density (grey area) and the posterior density of every chain (coloured lines, which "
     "should lie on top of each other). The percentage is the posterior standard deviation as a "
     "share of the prior's: near 100 % the data say nothing; a small one may come from the prior "
     "of another quantity. Where the posterior is much "
     "narrower, a panel shows only the part around it and states the range of the prior. A "
     "reference stress or flow rate has no prior of its own: the others imply it. What spans "
-    "decades is shown by its logarithm. Dashed: true values, of synthetic data."
+    "decades is shown by its logarithm. Dashed: true values, of synthetic data.",
+    narrowed,
 )
-
-
 def prior_posterior(fit: FittedTest) -> Figure:
     """Draw prior and posterior densities, chain by chain, a panel for each sampled quantity."""
     names = free_parameters(fit.posterior)
@@ -216,15 +215,16 @@ def density(
     return 0.5 * (edges[:-1] + edges[1:]), height
 
 
-RANK_CAPTION = (
+@recipe(
+    "rank",
+    "Agreement of the chains",
     "All draws of a quantity are ranked together, then each chain's ranks are counted in equal "
     "bins. Chains that explore the same distribution have flat histograms, mostly inside the "
     "grey band (95 % of bins, were the draws independent). A slope or a step: a chain sits "
     "higher or lower than the others; a hump or a trough: it is narrower or wider. One chain "
-    "alone is flat by construction."
+    "alone is flat by construction.",
+    agreement,
 )
-
-
 def rank(fit: FittedTest) -> Figure:
     """Draw rank histograms of every sampled quantity, chain by chain (Vehtari et al. 2021)."""
     names = free_parameters(fit.posterior)
@@ -260,14 +260,15 @@ def rank(fit: FittedTest) -> Figure:
     return figure
 
 
-PAIRS_CAPTION = (
+@recipe(
+    "pairs",
+    "Trade-offs between quantities",
     "Joint posterior of pairs of quantities, at most 1000 draws. A round cloud: the data fix "
     "both independently; a narrow oblique or bent one: they fix a combination only. Divergent "
     "draws lie on top; where they gather, the posterior reaches further than the draws show. "
-    "Crosses: true values, of synthetic data."
+    "Crosses: true values, of synthetic data.",
+    strongest_trade_off,
 )
-
-
 def pairs(fit: FittedTest) -> Figure:
     """Draw scatter plots of the most telling quantities, divergent draws on top."""
     sampled = free_parameters(fit.posterior)
@@ -287,8 +288,7 @@ def pairs(fit: FittedTest) -> Figure:
     ]
     size = len(names) - 1
     width = 2.0 + 0.95 * size
-    with style():
-        figure = Figure(figsize=(max(width, 5.0), max(width, 4.0)), layout="constrained")
+    with figure_of(max(width, 5.0), max(width, 4.0)) as figure:
         grid = figure.add_gridspec(size, size)
         panels = {}
         for row in range(size):
@@ -375,21 +375,12 @@ def _chain_handles(fit: FittedTest) -> list[Line2D]:
     ]
 
 
-PRIOR_POSTERIOR = FigureRecipe(
-    "prior_posterior", "Prior and posterior", PRIOR_POSTERIOR_CAPTION, prior_posterior, narrowed
-)
-PAIRS = FigureRecipe(
-    "pairs", "Trade-offs between quantities", PAIRS_CAPTION, pairs, strongest_trade_off
-)
-RANK = FigureRecipe("rank", "Agreement of the chains", RANK_CAPTION, rank, agreement)
-
-
-def figures_for(fit: FittedTest) -> tuple[FigureRecipe[FittedTest], ...]:
+def figures_for(fit: FittedTest) -> tuple[FigureRecipe, ...]:
     """Return the figures of a fit, in their order on the page."""
     first, *others = (
         one for one in view_of(fit.experiment).figures if one.on_every_page and one.suits(fit)
     )
-    return (first, PRIOR_POSTERIOR, *others, PAIRS, RANK)
+    return (first, prior_posterior, *others, pairs, rank)
 
 
 def page_figure(fit: FittedTest, name: str) -> PageFigure:

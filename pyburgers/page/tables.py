@@ -114,7 +114,7 @@ def posterior_row(
     }
     decided = decided_cell(quantity.name, row)
     return {
-        **_named(quantity),
+        **named(quantity),
         "mean": shown.pop("mean"),
         "sd": shown.pop("sd"),
         **({} if decided is None else {DECISION: decided}),
@@ -134,10 +134,10 @@ def decided_cell(name: str, row: Mapping[Hashable, Any]) -> str | None:
 def fixed_row(parameter: Parameter, prior: Prior) -> dict[str, str]:
     """Return what a posterior table says of a fixed parameter."""
     value = number(prior.location * parameter.display_factor)
-    return {**_named(parameter), "mean": value, "prior": "fixed"}
+    return {**named(parameter), "mean": value, "prior": "fixed"}
 
 
-def _named(quantity: Parameter) -> dict[str, str]:
+def named(quantity: Parameter) -> dict[str, str]:
     """Return symbol, label and display unit."""
     return {
         "symbol": symbol_text(quantity),

@@ -6,16 +6,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from pyburgers.cmdstan.draw_files import Draws, read_draws
 from pyburgers.cmdstan.program import Program, load_program
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import SamplingError
 from pyburgers.kinds.coordinates import CENTRE, SPREAD
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate
-from pyburgers.kinds.kind import Kind, kind_of
+from pyburgers.kinds.likelihood import Likelihood, likelihood_of
 from pyburgers.kinds.problem import Problem
 from pyburgers.kinds.program_data import with_grids
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, StanData, solver_block
@@ -44,8 +44,6 @@ from pyburgers.posterior.labelled_draws import (
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def build_posterior(
@@ -78,17 +76,17 @@ def _groups_of(
     run: RunDirectory, problem: Problem, manifest: Mapping[str, Any]
 ) -> dict[str, xr.Dataset]:
     """Gather the finished chains of a run into the groups of `build_posterior`."""
-    kind, experiments = problem.protocol, problem.experiments
+    likelihood, experiments = problem.likelihood, problem.experiments
     files = run.draws_files()
     chains = {"chain": list(run.finished_chains())}
-    grids = [kind_of(experiment).prediction_grid(experiment) for experiment in experiments]
+    grids = [likelihood_of(experiment).grid(experiment) for experiment in experiments]
     data = run.read_stan_data()
     fit = read_draws(files)
     logger.info("Solving every draw again at the reference tolerance.")
     data = with_grids(data, experiments, grids)
     on_grids, sizes = _places_on_grids(experiments, grids)
     checked = reference_solution(
-        load_program(kind.program),
+        load_program(likelihood.program),
         data,
         files,
         sizes,
@@ -97,7 +95,7 @@ def _groups_of(
     stats = stats_with_solver(
         fit, checked, chains, unit=data["unit"], use_likelihood=manifest["use_likelihood"]
     )
-    at_points = drawn_at_points(fit, chains, kind.response)
+    at_points = drawn_at_points(fit, chains, likelihood.response)
     at_points[PRIOR_DENSITY] = fit.dataset([PRIOR_DENSITY])[PRIOR_DENSITY].assign_coords(chains)
     draws = _draws_of_tests(fit, problem, chains)
     ends = data["point_end"]
@@ -106,7 +104,7 @@ def _groups_of(
         points = at_points.isel(point=slice(ends[e], ends[e + 1]))
         tests[experiment.id] = groups_of_test(
             draws[experiment.id],
-            _points_of_test(points, kind, experiment, priors),
+            _points_of_test(points, likelihood, experiment, priors),
             stats,
             checked.isel(on_grids[e]),
             experiment,
@@ -149,7 +147,7 @@ def _places_on_grids(
     sizes: dict[str, int] = {}
     places = []
     for experiment, grid in zip(experiments, grids, strict=True):
-        names = kind_of(experiment).grid_quantities
+        names = likelihood_of(experiment).grid_quantities
         start = max(sizes.get(name, 0) for name in names)
         places.append({f"{name}_dim_0": slice(start, start + grid.size) for name in names})
         sizes |= dict.fromkeys(names, start + grid.size)
@@ -157,10 +155,10 @@ def _places_on_grids(
 
 
 def _points_of_test(
-    points: xr.Dataset, of_program: Kind[Any], experiment: Experiment, priors: PriorSet
+    points: xr.Dataset, of_program: Likelihood[Any], experiment: Experiment, priors: PriorSet
 ) -> xr.Dataset:
     """Draws at the points of a test under the names of its own protocol."""
-    own = kind_of(experiment)
+    own = likelihood_of(experiment)
     if GIVEN_OTHERS in points and variant_of(priors, experiment).residuals == "independent":
         points = points.drop_vars(GIVEN_OTHERS)
     named = points.rename(
@@ -177,7 +175,7 @@ def _draws_of_tests(
 ) -> dict[str, xr.Dataset]:
     """Labelled draws of the parameters of each test."""
     columns = fit.dataset(["parameter", "log_reference"]).assign_coords(chains)
-    reference = problem.protocol.reference
+    reference = problem.likelihood.reference
     found = {}
     tests = zip(problem.experiments, problem.by_effect(), strict=True)
     for e, (experiment, priors) in enumerate(tests):
@@ -206,7 +204,7 @@ def _all_draws(
     for e, of_test in enumerate(draws.values()):
         variables |= {
             own_name(name, problem.owner(name, e)): of_test[name]
-            for name in (*own, problem.protocol.reference.name)
+            for name in (*own, problem.likelihood.reference.name)
             if problem.has_effect(name, e)
         }
     if problem.partial:
@@ -340,10 +338,10 @@ def _sampled_log_likelihood(fit: Draws, log_density: xr.DataArray) -> xr.DataArr
 def _solution_at_mean(draws: xr.Dataset, priors: PriorSet, experiment: Experiment) -> xr.Dataset:
     """Solution at the posterior mean of the parameters, as drawn in the paper's Fig. 3."""
     mean = {name: float(draws[name].mean()) for name in priors.priors}
-    kind, curve = kind_of(experiment), simulate(experiment, mean)
-    clock = kind.clock
+    likelihood, curve = likelihood_of(experiment), simulate(experiment, mean)
+    clock = likelihood.clock
     columns = {
-        **{read.name: (read.column, read.si_unit) for read in kind.read},
+        **{read.name: (read.column, read.si_unit) for read in likelihood.read},
         "grain_size": ("grain_size_m", "m"),
         "fabric_factor": ("fabric_factor", "1"),
     }

@@ -7,8 +7,8 @@ import xarray as xr
 
 from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import kind_of
-from pyburgers.model.display import Quantity
+from pyburgers.kinds.likelihood import likelihood_of
+from pyburgers.model.read_quantities import Quantity
 from pyburgers.posterior.labelled_draws import CORRELATED
 
 GIVEN_OTHERS = "log_lik_given_others"
@@ -33,15 +33,15 @@ def drawn_at_points(fit: Draws, chains: Mapping[str, list[int]], response: Quant
 
 def groups_at_points(at_points: xr.Dataset, experiment: Experiment) -> dict[str, xr.Dataset]:
     """Return the groups of one test that are about its points, from `drawn_at_points`."""
-    kind = kind_of(experiment)
-    response = kind.response.name
+    likelihood = likelihood_of(experiment)
+    response = likelihood.response.name
     return {
         **point_groups(at_points, [experiment]),
         "model_response": xr.Dataset({response: at_points[f"{response}_model"]}),
         "constant_data": xr.Dataset(
             {
                 name: ("point", values, {"units": unit})
-                for name, (values, unit) in kind.observed_positions(experiment).items()
+                for name, (values, unit) in likelihood.along(experiment).items()
             },
             {"point": np.arange(experiment.n_points)},
         ),
@@ -50,7 +50,7 @@ def groups_at_points(at_points: xr.Dataset, experiment: Experiment) -> dict[str,
 
 def point_groups(at_points: xr.Dataset, experiments: Sequence[Experiment]) -> dict[str, xr.Dataset]:
     """Return the groups of points of a fit with `PRIOR_DENSITY`, tests one after the other."""
-    response = kind_of(experiments[0]).response
+    response = likelihood_of(experiments[0]).response
     name = response.name
     observed = np.concatenate([experiment.response for experiment in experiments])
     points = {"point": np.arange(observed.size)}
@@ -70,11 +70,11 @@ def point_groups(at_points: xr.Dataset, experiments: Sequence[Experiment]) -> di
 
 def grid_group(checked: xr.Dataset, experiment: Experiment) -> xr.Dataset:
     """Return solutions on the prediction grid of a test, its clock as coordinate."""
-    kind = kind_of(experiment)
-    clock = kind.clock.name
+    likelihood = likelihood_of(experiment)
+    clock = likelihood.clock.name
     variables = {}
-    for column, (name, unit) in kind.grid_quantities.items():
+    for column, (name, unit) in likelihood.grid_quantities.items():
         values = checked[column].rename({f"{column}_dim_0": clock})
         values.attrs = {"units": unit}
         variables[name] = values.astype(np.float32)  # drawn, not computed with
-    return xr.Dataset(variables).assign_coords({clock: kind.prediction_grid(experiment)})
+    return xr.Dataset(variables).assign_coords({clock: likelihood.grid(experiment)})

@@ -12,14 +12,13 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 from scipy.special import logsumexp
 
 from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.common.atomic_files import sha256_of_bytes, sha256_of_file
-from pyburgers.common.draws import TAIL
+from pyburgers.common.draws import TAIL, FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.netcdf_files import read_netcdf, write_netcdf
 from pyburgers.model.display import shown_quantity, unit_text
@@ -41,7 +40,6 @@ _ARVIZ_0 = hasattr(az, "psislw")
 _psislw = az.psislw if _ARVIZ_0 else import_module("arviz_stats.base").array_stats.psislw
 _RATIO_SIGN = 1.0 if _ARVIZ_0 else -1.0
 
-FloatArray = npt.NDArray[np.float64]
 
 SAMPLE_STATS = {
     "lp__": "lp",
@@ -309,25 +307,6 @@ def summary_table(posterior: xr.DataTree, priors: PriorSet) -> pd.DataFrame:
             "width_beside_prior": width_beside_prior(draws[name].to_numpy(), prior),
         }
     return table.join(pd.DataFrame.from_dict(rows, orient="index"))
-
-
-def grain_size_share(posterior: xr.DataTree) -> xr.DataArray:
-    """Return the share of grain size in the softening beyond the stress peak, by chain and draw.
-
-    It is ln of the strength lost to grain size between peak and end over ln of all that is
-    lost, and tells the two arms of the valley in the critical strains apart
-    (`docs/coordinates.md`).
-    """
-    predictions = posterior["predictions"].to_dataset()
-    peak = predictions["stress"].argmax("strain")
-    lost = {
-        name: np.log(predictions[name].isel(strain=peak) / predictions[name].isel(strain=-1))
-        for name in ("grain_size_softening", "fabric_softening")
-    }
-    share: xr.DataArray = lost["grain_size_softening"] / (
-        lost["grain_size_softening"] + lost["fabric_softening"]
-    )
-    return share
 
 
 def smooth_weights(

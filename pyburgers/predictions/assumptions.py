@@ -12,11 +12,10 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, number
 from pyburgers.predictions.stress_cycles import EVOLUTION
-
-FloatArray = npt.NDArray[np.float64]
 
 CRITICAL_SHARE = 0.1
 """Default share of the critical strain: it brings grain size or fabric a tenth of their way, which

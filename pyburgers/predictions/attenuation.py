@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.relaxation import kelvin_part
@@ -47,7 +48,6 @@ from pyburgers.predictions.stress_cycles import (
     checked_inputs,
 )
 
-FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 DEFAULT_FREQUENCIES: tuple[float, ...] = tuple(np.geomspace(1e-4, 1.0, 60).tolist())
@@ -96,10 +96,11 @@ def attenuation_spectrum(
     -------
     Dataset
         ``tan_delta``, ``storage_compliance`` J1 and ``loss_compliance`` J2 (1/Pa), with dimensions
-        of the draws, regime and frequency. ``debye_peak`` says whether dip and peak show at some
-        frequency. ``grain_size`` and ``fabric_factor`` are those used. The assumption
-        (`pyburgers.predictions.assumptions`) has ``hold_strain``, ``cycle_strain`` (path strain of
-        one settled cycle), ``critical_strain``, and ``frozen_fails``, 1 or 0.
+        of the draws, regime and frequency. ``elastic_compliance`` is 1/E_M(T) of the draws (1/Pa).
+        ``debye_peak`` says whether dip and peak show at some frequency. ``grain_size`` and
+        ``fabric_factor`` are those used. The assumption (`pyburgers.predictions.assumptions`) has
+        ``hold_strain``, ``cycle_strain`` (path strain of one settled cycle), ``critical_strain``,
+        and ``frozen_fails``, 1 or 0.
         Coordinates ``frequency`` (Hz), ``regime`` (label), ``median_stress`` and ``amplitude``
         (Pa), ``temperature``, ``hold_time``, ``critical_share``.
 
@@ -137,6 +138,7 @@ def attenuation_spectrum(
             "tan_delta": (dimensions, loss / storage, number_of_one),
             "storage_compliance": (dimensions, np.broadcast_to(storage, loss.shape), compliance),
             "loss_compliance": (dimensions, loss, compliance),
+            "elastic_compliance": (draw_dimensions, 1 / found["maxwell_modulus"], compliance),
             "debye_peak": (regime_dimensions, found["has_peak"] > 0),
             "grain_size": (draw_dimensions, size, {"units": "m"}),
             "fabric_factor": (draw_dimensions, fabric, number_of_one),
@@ -215,6 +217,11 @@ def predict_attenuation(
     InputError
         If `microstructure` is unknown, a number out of range, the Kelvin element of the fit not
         linear, or the fit a joint one.
+
+    Examples
+    --------
+    >>> spectrum = pyburgers.predict_attenuation(fit, [0.001, 0.01, 0.1])
+    >>> spectrum["tan_delta"].median(("chain", "draw"))
     """
     material = fitted_material(
         fit,

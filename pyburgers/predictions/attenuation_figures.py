@@ -9,7 +9,6 @@ from itertools import cycle
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.container import ErrorbarContainer
@@ -18,8 +17,8 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from pyburgers.common.draws import evenly_spaced
-from pyburgers.drawing.panels import draw_thin_lines
+from pyburgers.common.draws import FloatArray, evenly_spaced
+from pyburgers.drawing.panels import draw_thin_lines, figure_of
 from pyburgers.drawing.style import (
     BLACK,
     BLUE,
@@ -34,8 +33,6 @@ from pyburgers.predictions.assumptions import likely_fails
 from pyburgers.predictions.attenuation import flat_draws
 from pyburgers.predictions.evolving import evolving_quantiles
 from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
-
-FloatArray = npt.NDArray[np.float64]
 
 Handle = Patch | Line2D | ErrorbarContainer
 """What a legend names."""
@@ -98,8 +95,7 @@ def attenuation(
     regimes; measured points are drawn over it.
     """
     spectrum = spectrum.sortby("frequency")
-    with style():
-        figure = Figure(figsize=(8.0, 5.6), layout="constrained")
+    with figure_of(8.0, 5.6) as figure:
         axes = figure.subplots()
         lines = _draw_bands(axes, spectrum, flat_draws(spectrum["tan_delta"]), (0.18, 0.3))
         axes.set_yscale("log")
@@ -190,8 +186,7 @@ def amplitude_dependence(spectrum: xr.Dataset, title: str) -> Figure:
     spectrum = spectrum.sortby("frequency")
     tan_delta = flat_draws(spectrum["tan_delta"])
     smallest = int(spectrum["amplitude"].to_numpy().argmin())
-    with style():
-        figure = Figure(figsize=(9.0, 4.6), layout="constrained")
+    with figure_of(9.0, 4.6) as figure:
         left, right = figure.subplots(1, 2)
         lines = _draw_bands(left, spectrum, tan_delta, (0.2,))
         _draw_bands(right, spectrum, tan_delta / tan_delta[:, [smallest]], (0.2,))

@@ -1,10 +1,10 @@
 """Tables of attenuation spectra: quantiles for files, an overview for people."""
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.units import UNITS
 from pyburgers.model.display import STRESS_UNIT
 from pyburgers.predictions.assumptions import (
@@ -14,8 +14,6 @@ from pyburgers.predictions.assumptions import (
     probability,
 )
 from pyburgers.predictions.attenuation import flat_draws, regime_peaks
-
-FloatArray = npt.NDArray[np.float64]
 
 QUANTILES = (5, 25, 50, 75, 95)
 """Percentages of `quantile_table`."""

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.kinds.attenuation.stan_data import stress_nodes
 from pyburgers.kinds.stan_data import ends
@@ -14,8 +15,6 @@ from pyburgers.model.laws import DASHPOT_STRESSES
 from pyburgers.model.priors import FLOW_LAW
 from pyburgers.model.relaxation import KelvinPart
 from pyburgers.predictions.stress_cycles import Regime, parameter_columns
-
-FloatArray = npt.NDArray[np.float64]
 
 DIGITS = 17
 """Of the numbers that the program writes: a grain size in its steady state stays exactly that."""

@@ -14,10 +14,10 @@ as infinite.
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, number
 from pyburgers.kinds.forced_oscillation.harmonics import CUBIC, fit_harmonics
@@ -34,8 +34,6 @@ from pyburgers.predictions.stress_cycles import (
     checked_frequencies,
     checked_hold_time,
 )
-
-FloatArray = npt.NDArray[np.float64]
 
 EVOLVING_FREQUENCIES = (1e-4, 1e-3, 1e-2)
 """Hz; what is solved where no frequencies are chosen."""

@@ -3,10 +3,9 @@
 import io
 import json
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -21,13 +20,14 @@ from pyburgers.flow_law_tables.fit import PeakStressFit
 from pyburgers.model.display import shown_quantity, unit_text
 from pyburgers.model.parameters import CONDITIONS, STRESS_SCATTER
 from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR
+from pyburgers.model.read_quantities import BY_NOISE
 from pyburgers.predictions.stated_laws import POWER_LAW, VARIABLES, laws_of, undeformed
 
 LOG_FACTOR = "ln_flow_law_factor"
 """ln A in SI units, which β and Q_M give: A = exp(β Q_M)."""
 
 LEFT_OUT = CONDITIONS | {
-    *("stress_noise", "strain_noise", "attenuation_scatter", "modulus_scatter"),
+    *BY_NOISE,
     *("residual_correlation_strain", "residual_correlation_time", "residual_correlated_share"),
     *("strain_offset", "apparatus_compliance"),
 }
@@ -40,7 +40,8 @@ class Exported:
 
     Names hold parameters, sampled ones and fixed ones, and `LOG_FACTOR`; a fixed one has no
     covariance and is decided by "fixed". Notes are conflicts, and numbers that the data alone
-    do not decide. Laws are those that were fitted (`pyburgers.predictions.stated_laws`).
+    do not decide. Laws are those that were fitted (`pyburgers.predictions.stated_laws`). Draws
+    have shape (n, n_draws).
     """
 
     test: str
@@ -57,6 +58,7 @@ class Exported:
     by_prior_of: tuple[str, ...]
     notes: tuple[str, ...]
     laws: Mapping[str, object]
+    draws: npt.NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
     def sd(self) -> npt.NDArray[np.float64]:
@@ -64,19 +66,17 @@ class Exported:
         return np.sqrt(np.diag(self.covariance))
 
 
-def exported(fit: Fit) -> Exported:
-    """Return what other codes need of a fit of one test; raise `InputError` of a joint one."""
-    names = [name for name in fit.priors.priors if name not in LEFT_OUT]
-    one = fit.experiment
-    laws, variant = laws_of(fit.priors, one), fit.variant.short_text
-    return _exported(fit, names, test=one.id, material=one.material, variant=variant, laws=laws)
+def exported(fit: Fit | PeakStressFit) -> Exported:
+    """Return what other codes need of a fit of one test or of a table of peak stresses.
 
-
-def exported_table(fit: PeakStressFit) -> Exported:
-    """Return what other codes need of a fit of a table of peak stresses.
-
-    The flow law is that of all its tests; single ones scatter about it in ln(stress).
+    The flow law of a table is that of all its tests, which scatter about it in ln(stress). Raises
+    `InputError` of a joint fit.
     """
+    if isinstance(fit, Fit):
+        known = [name for name in fit.priors.priors if name not in LEFT_OUT]
+        one = fit.experiment
+        laws, variant = laws_of(fit.priors, one), fit.variant.short_text
+        return _exported(fit, known, test=one.id, material=one.material, variant=variant, laws=laws)
     names, data = (*FLOW_LAW, STRESS_SCATTER.name), fit.data
     # Its priors of the softening turn peaks into stresses of undeformed material.
     laws = {
@@ -128,6 +128,7 @@ def _exported(
         ),
         notes=(*fit.prior_conflicts(), *fit.prior_decisions()),
         laws=laws,
+        draws=values,
     )
 
 
@@ -135,8 +136,8 @@ def _si_unit(name: str) -> str:
     return "1" if name == LOG_FACTOR else shown_quantity(name).si_unit
 
 
-def as_json(one: Exported) -> str:
-    """Return a JSON object."""
+def as_json(one: Exported, kept: Sequence[int] = ()) -> str:
+    """Return a JSON object; with kept draws, their values in the order of the names."""
     content: dict[str, Any] = {
         "test": one.test,
         "material": one.material,
@@ -156,6 +157,8 @@ def as_json(one: Exported) -> str:
         "notes": list(one.notes),
         "covariance": one.covariance.tolist(),
     }
+    if len(kept):
+        content["sample"] = one.draws[:, kept].T.tolist()
     return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
 
 
@@ -243,15 +246,11 @@ def _display(name: str) -> tuple[float, str]:
     return quantity.display_factor, unit
 
 
-FORMATS: Mapping[str, Callable[[Exported], str]] = MappingProxyType(
-    {"json": as_json, "csv": as_csv, "latex": as_latex}
-)
-"""What writes each format."""
-
 _BEGINNING = re.compile(
     r'\{\n "test": |name,unit,mean,sd,(decided_by,|cov_)|% .*\n% sampled well: '
+    r'|[#!] pyburgers export |\{\n "[^\n]*, pyburgers export": '
 )
-"""Of what each of them writes."""
+"""Of all formats (`pyburgers.predictions.exports`)."""
 
 
 def is_exported(path: Path) -> bool:

@@ -9,11 +9,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.kinds.forced_oscillation.harmonics import fit_harmonics
 from pyburgers.kinds.forward import check_given_together
@@ -29,8 +29,6 @@ from pyburgers.predictions.stress_cycles import (
     checked_inputs,
     parameter_columns,
 )
-
-FloatArray = npt.NDArray[np.float64]
 
 SOLVER = SolverOptions(tolerance=1e-12, max_num_steps=1_000_000)
 """A phase is wrong by about a thousand times the tolerance; steps cost next to nothing here."""

@@ -7,14 +7,13 @@ from typing import Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.common.draws import evenly_spaced
+from pyburgers.common.draws import FloatArray, evenly_spaced
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, number
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
 from pyburgers.predictions.stress_cycles import OTHER_PARAMETERS, PARAMETER_NAMES
 
-FloatArray = npt.NDArray[np.float64]
 Microstructure = Literal["initial", "steady_state"]
 
 

@@ -15,13 +15,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_text
-
-FloatArray = npt.NDArray[np.float64]
 
 NEEDED, OPTIONAL = ("frequency_Hz", "tan_delta"), ("tan_delta_sd", "series")
 UNNAMED = "measured"
@@ -49,7 +47,18 @@ class MeasuredAttenuation:
 
 
 def load_measured_attenuation(path: Path) -> MeasuredAttenuation:
-    """Read points of attenuation (see the module's head).
+    """Read points of attenuation to draw over a predicted spectrum.
+
+    Parameters
+    ----------
+    path : Path
+        Comma-separated file with a header; lines that start with # are skipped. Columns are
+        frequency_Hz and tan_delta, and if they are known tan_delta_sd and series.
+
+    Returns
+    -------
+    MeasuredAttenuation
+        The points.
 
     Raises
     ------

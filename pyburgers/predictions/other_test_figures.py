@@ -3,19 +3,17 @@
 import textwrap
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pyburgers.drawing.panels import draw_data
-from pyburgers.drawing.style import BLUE, ORANGE, VERMILION, style
+from pyburgers.common.draws import FloatArray
+from pyburgers.drawing.panels import draw_data, figure_of
+from pyburgers.drawing.style import BLUE, ORANGE, VERMILION
 from pyburgers.fitting.prediction import Prediction
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import kind_of
-from pyburgers.model.display import Quantity
+from pyburgers.kinds.likelihood import likelihood_of
+from pyburgers.model.read_quantities import Quantity
 from pyburgers.predictions.other_tests import answers, draws_of, read_quantities
-
-FloatArray = npt.NDArray[np.float64]
 
 TITLE_WIDTH = 95
 """Letters in a line above the panel."""
@@ -32,8 +30,7 @@ def prediction_figure(prediction: Prediction) -> Figure:
         Of `Fit.predict`.
     """
     shown = answers(prediction)
-    with style():
-        figure = Figure(figsize=(8.0, 1.6 + 3.6 * len(shown)), layout="constrained")
+    with figure_of(8.0, 1.6 + 3.6 * len(shown)) as figure:
         panels = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
         for axes, quantity in zip(panels, shown, strict=True):
             _draw(axes, prediction, quantity)
@@ -54,7 +51,7 @@ def prediction_figure(prediction: Prediction) -> Figure:
 
 
 def _clock(experiment: Experiment) -> Quantity:
-    return kind_of(experiment).shown_clock(experiment)
+    return likelihood_of(experiment).shown_clock(experiment.span[1])
 
 
 def _draw(axes: Axes, prediction: Prediction, quantity: Quantity) -> None:

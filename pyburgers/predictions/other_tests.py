@@ -7,17 +7,15 @@ import numpy.typing as npt
 import pandas as pd
 from scipy.special import log_ndtr, logsumexp, ndtri_exp
 
-from pyburgers.common.draws import all_draws, evenly_spaced
+from pyburgers.common.draws import FloatArray, all_draws, evenly_spaced
 from pyburgers.common.errors import InputError
 from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.common.units import count_points
 from pyburgers.fitting.prediction import Prediction
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import kind_of
-from pyburgers.model.display import Quantity
+from pyburgers.kinds.likelihood import likelihood_of
+from pyburgers.model.read_quantities import Quantity
 from pyburgers.posterior.labelled_draws import response_in
-
-FloatArray = npt.NDArray[np.float64]
 
 QUANTILES = (5, 25, 50, 75, 95)
 """Percentages of the tables."""
@@ -39,9 +37,9 @@ DENSITY = "log predictive density a reading"
 
 def answers(prediction: Prediction) -> tuple[Quantity, ...]:
     """Return what the test answers with: of what can be read, that which is read somewhere."""
-    kind = kind_of(prediction.experiment)
+    likelihood = likelihood_of(prediction.experiment)
     read = _is_read(prediction)
-    return tuple(one for one, places in zip(kind.read, read, strict=True) if places.any())
+    return tuple(one for one, places in zip(likelihood.read, read, strict=True) if places.any())
 
 
 def draws_of(prediction: Prediction, answer: Quantity) -> tuple[FloatArray, FloatArray]:
@@ -49,21 +47,21 @@ def draws_of(prediction: Prediction, answer: Quantity) -> tuple[FloatArray, Floa
 
     New readings are NaN where the quantity is imposed.
     """
-    kind = kind_of(prediction.experiment)
+    likelihood = likelihood_of(prediction.experiment)
     predictions = prediction.posterior["predictions"].to_dataset()
     solved, new = (
         all_draws(predictions[name]).astype(np.float64)
         for name in (answer.name, f"{answer.name}_replicated")
     )
-    read = _is_read(prediction)[kind.read.index(answer)]
+    read = _is_read(prediction)[likelihood.read.index(answer)]
     return solved, np.where(read, new, np.nan)
 
 
 def _is_read(prediction: Prediction) -> npt.NDArray[np.bool_]:
     """Which quantity is read along the clock of the predictions, shape (n_read, n)."""
-    kind = kind_of(prediction.experiment)
-    at = prediction.posterior["predictions"][kind.clock.name].to_numpy()
-    return kind.is_read(prediction.experiment, at)
+    likelihood = likelihood_of(prediction.experiment)
+    at = prediction.posterior["predictions"][likelihood.clock.name].to_numpy()
+    return likelihood.is_read(prediction.experiment, at)
 
 
 def band_table(prediction: Prediction) -> pd.DataFrame:
@@ -73,7 +71,7 @@ def band_table(prediction: Prediction) -> pd.DataFrame:
     new_RESPONSE_q95 of each of `answers`, such as stress_Pa_q5; the latter are NaN where the
     quantity is imposed.
     """
-    clock = kind_of(prediction.experiment).clock
+    clock = likelihood_of(prediction.experiment).clock
     columns = {clock.column: prediction.posterior["predictions"][clock.name].to_numpy()}
     for one in answers(prediction):
         solved, new = draws_of(prediction, one)
@@ -84,7 +82,7 @@ def band_table(prediction: Prediction) -> pd.DataFrame:
 def overview_table(prediction: Prediction) -> pd.DataFrame:
     """Return bands at a few positions for people, as text in display units."""
     experiment = prediction.experiment
-    clock = kind_of(experiment).shown_clock(experiment)
+    clock = likelihood_of(experiment).shown_clock(experiment.span[1])
     table = band_table(prediction)
     shown = table.iloc[np.linspace(0, len(table) - 1, OVERVIEW).round().astype(int)]
 
@@ -113,16 +111,17 @@ def reading_table(prediction: Prediction) -> pd.DataFrame:
     measured one. Raises `InputError` if the test has no data.
     """
     experiment = _with_data(prediction)
-    kind = kind_of(experiment)
+    likelihood = likelihood_of(experiment)
+    response = likelihood.response.column
     new = _new_readings(prediction)
     solved = all_draws(response_in(prediction.posterior, "model_response"))
     return pd.DataFrame(
         {
-            kind.clock.column: experiment.position,
-            **({"quantity": read_quantities(experiment)} if len(kind.read) > 1 else {}),
-            f"measured_{kind.response.column}": experiment.response,
-            **_quantiles(solved, kind.response.column),
-            **_quantiles(new, f"new_{kind.response.column}"),
+            likelihood.clock.column: experiment.position,
+            **({"quantity": read_quantities(experiment)} if len(likelihood.read) > 1 else {}),
+            f"measured_{response}": experiment.response,
+            **_quantiles(solved, response),
+            **_quantiles(new, f"new_{response}"),
             "share_below": np.mean(new < experiment.response, axis=0),
         }
     )
@@ -130,11 +129,8 @@ def reading_table(prediction: Prediction) -> pd.DataFrame:
 
 def read_quantities(experiment: Experiment) -> list[str]:
     """Return the name of what each reading is of, shape (n_points,)."""
-    kind = kind_of(experiment)
-    numbers, _ = kind.observed_positions(experiment).get(
-        "quantity", (np.zeros(experiment.n_points), "1")
-    )
-    return [kind.read[int(number)].name for number in numbers]
+    read = likelihood_of(experiment).read
+    return [read[number].name for number in experiment.quantity]
 
 
 def score_table(prediction: Prediction) -> pd.DataFrame:
@@ -201,7 +197,7 @@ def score_sentence(prediction: Prediction, scores: pd.DataFrame) -> str:
         for band, row in zip(BANDS, scores.index, strict=False)
     ]
     density = dict(zip(scores, scores.loc[DENSITY].to_numpy(np.float64), strict=True))
-    unit = kind_of(prediction.experiment).response.si_unit
+    unit = likelihood_of(prediction.experiment).response.si_unit
     return (
         f"Of {count_points(prediction.experiment.n_points)} lie {' and '.join(said)}; the "
         f"{DENSITY} (per {unit}) is {density['found']:.2f} (expected {density['expected']:.2f}, "
@@ -305,7 +301,7 @@ def _mean_log_density(
     solved = all_draws(response_in(prediction.posterior, "model_response"))
     group = prediction.posterior["posterior"].to_dataset()
     values = {str(name): all_draws(column) for name, column in group.items()}
-    noise = kind_of(experiment).reading_noise(experiment, values)
+    noise = likelihood_of(experiment).reading_noise(experiment, values)
     solved, noise = solved[kept], noise[kept]
     limit = experiment.response_limit
     bounded = experiment.response <= limit

@@ -6,14 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import number
 from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
 from pyburgers.model.laws import DASHPOT_STRESSES
 from pyburgers.model.parameters import PIEZOMETER, PROGRAM_PARAMETERS
 from pyburgers.model.relaxation import RELAXATION_PARAMETERS
-
-FloatArray = npt.NDArray[np.float64]
 
 PARAMETER_NAMES = (
     "maxwell_modulus",

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from pyburgers.cmdstan.program import ALL_DIGITS, ModeNotFound, Program, load_program
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.coordinates import Mode, OtherMode, ProblemMode
-from pyburgers.kinds.kind import AtMode, Chart, ChartUnsuited
+from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited
 from pyburgers.kinds.problem import Problem
 from pyburgers.kinds.program_data import chart_block, program_data, solve
 from pyburgers.kinds.stan_data import SolverOptions, StanData, solver_block
@@ -19,7 +19,6 @@ from pyburgers.sampling.laplace import curvature_at, laplace_metric
 
 logger = logging.getLogger(__name__)
 
-FloatArray = npt.NDArray[np.float64]
 
 SUITED = "the priors and the record suit them"
 
@@ -62,11 +61,11 @@ class ChosenChart:
 
 def check_coordinates(problem: Problem, wanted: str) -> None:
     """Raise `InputError` if the coordinates that are wanted are not for the tests of a protocol."""
-    *charts, last = ("auto", *problem.protocol.charts)
-    if wanted not in (*charts, last):
+    chart = problem.likelihood.chart.name
+    if wanted not in ("auto", "plain", chart):
         raise InputError(
             f"{problem.name}: {wanted} coordinates are not for tests of the protocol "
-            f"{problem.protocol.name}, expected --coordinates {', '.join(charts)} or {last}."
+            f"{problem.likelihood.name}, expected --coordinates auto, plain or {chart}."
         )
 
 
@@ -90,21 +89,20 @@ def choose_chart(
     if not data["use_likelihood"]:
         return ChosenChart("plain", "the likelihood is off", {})
     logger.info("Finding the posterior mode, which sets the sampler's coordinates and metric.")
-    model, chart, mode = load_program(problem.protocol.program), problem.protocol.chart, None
+    model, chart = load_program(problem.likelihood.program), problem.likelihood.chart
+    mode, reason = None, "asked for"
     try:
         mode = find_mode()
-        if chart is not None and wanted != "plain":
+        if wanted != "plain":
             chosen = _chart_at(chart, problem, model, data, mode, seed=seed, solver=solver)
             return replace(chosen, other_modes=mode.others)
-        reason = "the protocol has no others"
     except (ModeNotFound, ChartUnsuited) as error:
         if wanted not in ("auto", "plain"):
             raise InputError(
                 f"{problem.name}: {wanted} coordinates do not apply, because {error}; use "
                 "--coordinates auto or plain."
             ) from error
-        reason = str(error)
-    reason = "asked for" if wanted == "plain" else reason
+        reason = reason if wanted == "plain" else str(error)
     if mode is None:
         return ChosenChart("plain", reason, {})
     covariance = laplace_metric(model, data, mode.coordinate)
@@ -117,7 +115,7 @@ def choose_chart(
 
 def at_mode(problem: Problem, mode: Mode, solver: SolverOptions) -> AtMode[Any]:
     """Return what charts are set up with, for a problem of one test and its mode."""
-    model = load_program(problem.protocol.program)
+    model = load_program(problem.likelihood.program)
     data = program_data(problem, solver=solver)
     position = np.append(mode.coordinate, mode.driving_error)
     (experiment,), (priors,), (coordinates,) = (
@@ -160,7 +158,7 @@ def _chart_at(
     """
     alone = problem.alone()
     for one in alone:
-        if one.protocol is problem.protocol:
+        if one.likelihood is problem.likelihood:
             _check_pooling(chart.solved(one.priors[0], one.experiments[0]), problem)
     if chart.curvature_tolerance is not None:
         solver = SolverOptions(chart.curvature_tolerance)
@@ -168,7 +166,7 @@ def _chart_at(
     layout = problem.layout
     # Tables beside histories have plain coordinates.
     tests = [
-        at_mode(one, own, solver) if one.protocol is problem.protocol else None
+        at_mode(one, own, solver) if one.likelihood is problem.likelihood else None
         for one, own in zip(alone, mode.tests, strict=True)
     ]
     references: list[Any] = []

@@ -1,12 +1,10 @@
 """Log density of a program at given points."""
 
 import numpy as np
-import numpy.typing as npt
 
 from pyburgers.cmdstan.program import ALL_DIGITS, Program
+from pyburgers.common.draws import FloatArray
 from pyburgers.kinds.stan_data import StanData
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def log_density_at(program: Program, data: StanData, points: FloatArray) -> FloatArray:

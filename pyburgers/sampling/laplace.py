@@ -1,12 +1,10 @@
 """Curvature of the log density of a program, by differences of its gradients."""
 
 import numpy as np
-import numpy.typing as npt
 
 from pyburgers.cmdstan.program import Program
+from pyburgers.common.draws import FloatArray
 from pyburgers.kinds.stan_data import StanData
-
-FloatArray = npt.NDArray[np.float64]
 
 DIFFERENCE = 0.05
 """Step of the central differences; coordinates are O(1)."""

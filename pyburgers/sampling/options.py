@@ -4,13 +4,10 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.kind import Kind, kinds
+from pyburgers.kinds.likelihood import Likelihood, likelihoods
 
-COORDINATES = (
-    "auto",
-    *dict.fromkeys(chart for protocol in kinds().values() for chart in protocol.charts),
-)
-"""What may be asked for; which go with a test, its protocol says."""
+COORDINATES = ("auto", "plain", *dict.fromkeys(one.chart.name for one in likelihoods().values()))
+"""What may be asked for; a test can have plain ones and those of its chart."""
 
 MOST_DRAWS = 10**6
 """Of a chain, at once."""
@@ -111,13 +108,35 @@ class SamplerOptions:
         return self.warmup
 
     def threads_for(self, n_tests: int) -> int:
-        """Return the threads of a chain: at most as many as there are tests to share."""
+        """Return the threads of a chain: at most as many as there are tests to share.
+
+        Parameters
+        ----------
+        n_tests : int
+            Tests of the fit.
+
+        Returns
+        -------
+        int
+            At least 1.
+        """
         return min(self.threads_per_chain, n_tests)
 
-    def suited_to(self, kind: Kind[Any]) -> Self:
-        """Fill in what is left to the protocol."""
+    def suited_to(self, likelihood: Likelihood[Any]) -> Self:
+        """Fill in what is left to the kind of test.
+
+        Parameters
+        ----------
+        likelihood : Likelihood
+            That of the tests of a fit.
+
+        Returns
+        -------
+        SamplerOptions
+            With numbers for warm-up and target acceptance.
+        """
         return replace(
             self,
-            warmup=self.warmup or kind.warmup,
-            adapt_delta=self.adapt_delta or kind.target_acceptance,
+            warmup=self.warmup or likelihood.warmup,
+            adapt_delta=self.adapt_delta or likelihood.target_acceptance,
         )

@@ -6,15 +6,13 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from pyburgers.cmdstan.program import Program
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import SamplingError
 from pyburgers.kinds.coordinates import OtherMode
 from pyburgers.kinds.stan_data import StanData
 from pyburgers.sampling.laplace import laplace_metric
-
-FloatArray = npt.NDArray[np.float64]
 
 MAX_DEPTH = 12.0
 """Of the log density below the highest mode: from further below, no volume makes up for it."""

@@ -77,7 +77,7 @@ def run_chains(
     `KeyboardInterrupt` the chains are stopped; the same call continues the run.
     """
     check_coordinates(problem, options.coordinates)
-    options = options.suited_to(problem.protocol)
+    options = options.suited_to(problem.likelihood)
     data = program_data(problem, solver=solver, use_likelihood=use_likelihood)
     run = RunDirectory(directory)
     model = _program_for(problem, options)
@@ -132,11 +132,11 @@ def _program_for(problem: Problem, options: SamplerOptions) -> Program:
 
     Raises `InputError` if threads cannot share the tests.
     """
-    program, threads = problem.protocol.program, options.threads_for(len(problem.experiments))
+    program, threads = problem.likelihood.program, options.threads_for(len(problem.experiments))
     if threads > 1 and not shares_work(program):
         raise InputError(
             f"{problem.name}: threads_per_chain is {options.threads_per_chain}, expected 1: "
-            f"threads cannot share tests of the protocol {problem.protocol.name}."
+            f"threads cannot share tests of the protocol {problem.likelihood.name}."
         )
     return load_program(program, threads=threads)
 
@@ -219,7 +219,7 @@ def _settle_tolerance(
     """Return the data in the chart's coordinates, at a tolerance that is good to sample with."""
     data, noisy = {**data, **chart.block}, list[Noisy]()
     if chart.centre is not None and chart.covariance is not None:
-        model = load_program(problem.protocol.program)
+        model = load_program(problem.likelihood.program)
         noisy = noisy_tolerances(model, data, chart.centre, chart.covariance, seed=seed)
     run.update_manifest({"noisy": [asdict(one) for one in noisy]})
     if not noisy:

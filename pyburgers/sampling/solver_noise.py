@@ -7,14 +7,12 @@ sampler takes the jumps for errors of its steps, and makes these ever smaller in
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from pyburgers.cmdstan.program import Program
+from pyburgers.common.draws import FloatArray
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, StanData, solver_block
 from pyburgers.sampling.densities import log_density_at
 from pyburgers.sampling.repetitions import TIGHTENING
-
-FloatArray = npt.NDArray[np.float64]
 
 MAX_NOISE = 0.3
 """Of the log density, with which sampling still goes well (`docs/coordinates_trials.md`)."""

@@ -5,19 +5,17 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from pyburgers.cmdstan.program import ModeNotFound, Program, load_program
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import SamplingError
 from pyburgers.kinds.coordinates import Mode, OtherMode, ProblemMode
-from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import Problem
 from pyburgers.kinds.program_data import program_data, solve, values_of_test
 from pyburgers.kinds.stan_data import SolverOptions, StanData, solver_block
 from pyburgers.sampling.densities import log_density_at
 from pyburgers.sampling.other_modes import modes_beside_the_highest
-
-FloatArray = npt.NDArray[np.float64]
 
 INITIAL_ATTEMPTS = 100
 N_STARTS = 4
@@ -45,7 +43,7 @@ salt that hardens the third best of four ends, 17 below the best, lay below a mo
 
 def programs_of_tests(problem: Problem) -> list[Program]:
     """Return the programs that solve the tests one by one; a table has another than histories."""
-    sources = [kind_of(experiment).program for experiment in problem.experiments]
+    sources = [likelihood_of(experiment).program for experiment in problem.experiments]
     loaded = {source: load_program(source) for source in set(sources)}
     return [loaded[source] for source in sources]
 
@@ -61,7 +59,7 @@ def draw_initial_values(
     of `INITIAL_ATTEMPTS` draws has a finite solution in every test.
     """
     rng = np.random.default_rng([seed, chain])
-    reference = problem.protocol.reference.name
+    reference = problem.likelihood.reference.name
     for _ in range(INITIAL_ATTEMPTS):
         drawn = [priors.sample(rng) for priors in problem.priors]
         values = problem.hanging_together(drawn)
@@ -157,7 +155,7 @@ def find_mode(problem: Problem, *, seed: int, solver: SolverOptions) -> ProblemM
     end where a test is not fitted at all. The seed decides the prior draws. Raises `ModeNotFound`
     if the optimiser fails from all starts, or for a single test.
     """
-    model = load_program(problem.protocol.program)
+    model = load_program(problem.likelihood.program)
     data, ends = _ends(problem, model, seed=seed, solver=solver)
     others = (
         OtherMode(log_weight, _free_values(problem, beside["parameter"]))
@@ -193,7 +191,7 @@ def _ends(
 
 def _only_mode(problem: Problem, *, seed: int, solver: SolverOptions) -> Mode:
     """Return the mode of a single test, whose other modes nobody asks for."""
-    _, ends = _ends(problem, load_program(problem.protocol.program), seed=seed, solver=solver)
+    _, ends = _ends(problem, load_program(problem.likelihood.program), seed=seed, solver=solver)
     return _mode_at(problem, ends[0][1]).tests[0]
 
 
@@ -222,7 +220,7 @@ def _best_prior_draws(
     problem: Problem, model: Program, data: StanData, *, seed: int
 ) -> list[dict[str, list[float]]]:
     """Draw starts and return those with the highest densities."""
-    n_drawn = N_CANDIDATES if len(problem.protocol.read) > 1 else N_STARTS
+    n_drawn = N_CANDIDATES if len(problem.likelihood.read) > 1 else N_STARTS
     programs = programs_of_tests(problem)
     drawn = [
         draw_initial_values(problem, programs, seed=seed, chain=start)
@@ -237,7 +235,7 @@ def _best_prior_draws(
 
 def _flowing(problem: Problem, coordinate: Sequence[float]) -> FloatArray:
     """Keep the flow rate of a hyperbolic sine within `FLOW_REACH` of its origin."""
-    reference = problem.protocol.reference.name
+    reference = problem.likelihood.reference.name
     position = np.array(coordinate)
     for coordinates, priors, places in zip(
         problem.coordinates, problem.priors, problem.layout.position, strict=True
@@ -253,7 +251,7 @@ def _plain_of_tests(
     problem: Problem, coordinate: FloatArray, log_reference: FloatArray
 ) -> list[FloatArray]:
     """Plain coordinates of each test by itself, the inverse of `position_of`."""
-    layout, reference = problem.layout, problem.protocol.reference.name
+    layout, reference = problem.layout, problem.likelihood.reference.name
     found: list[FloatArray] = []
     tests = zip(problem.coordinates, layout.position, log_reference, strict=True)
     for coordinates, places, logarithm in tests:

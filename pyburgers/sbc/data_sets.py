@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws
@@ -20,7 +19,7 @@ from pyburgers.fitting.fit import Fit, fit_problem
 from pyburgers.kinds.coordinates import CENTRE, SPREAD
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate, simulate_data
-from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import Problem, one_test
 from pyburgers.kinds.program_data import given_parameters, program_data
 from pyburgers.kinds.stan_data import SolverOptions
@@ -38,7 +37,6 @@ from pyburgers.sampling.repetitions import shortened
 from pyburgers.sbc.convergence import lengthened, not_converged
 from pyburgers.sbc.replication import Replication
 
-FloatArray = npt.NDArray[np.float64]
 Range: TypeAlias = tuple[float, float]
 
 LOG_LIKELIHOOD = "log_likelihood"
@@ -296,13 +294,13 @@ def _at_truth(
     """Return true parameters, reference quantity and log likelihood of simulated data."""
     values = experiment.true_parameters
     assert values is not None  # simulated
-    kind = kind_of(experiment)
+    likelihood = likelihood_of(experiment)
     given = given_parameters(experiment.material, values)
     data = program_data(one_test(experiment, given), solver=solver)
-    error = kind.driving_error(experiment, driven)
-    draw = load_program(kind.program).evaluate(data, {"coordinate": error.tolist()})
+    error = experiment.driving_error(driven)
+    draw = load_program(likelihood.program).evaluate(data, {"coordinate": error.tolist()})
     return {
         **values,
-        kind.reference.name: float(np.exp(draw["log_reference"][0])),
+        likelihood.reference.name: float(np.exp(draw["log_reference"][0])),
         LOG_LIKELIHOOD: float(draw["log_lik"].sum()),
     }

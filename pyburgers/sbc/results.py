@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pyburgers.common.atomic_files import write_text
-from pyburgers.drawing.style import BLACK, BLUE, GREY, SKY_BLUE, VERMILION, few_ticks, style
+from pyburgers.drawing.panels import figure_of
+from pyburgers.drawing.style import BLACK, BLUE, GREY, SKY_BLUE, VERMILION, few_ticks
 from pyburgers.model.display import (
     STRAIN_FACTOR,
     STRAIN_UNIT,
@@ -146,8 +147,7 @@ def rank_differences(calibration: Calibration) -> Figure:
     """Draw the empirical distribution of the ranks less the uniform one, with its bands."""
     names = list(calibration.ranks)
     n_rows = math.ceil(len(names) / COLUMNS)
-    with style():
-        figure = Figure(figsize=(9.0, 0.9 + 1.7 * n_rows), layout="constrained")
+    with figure_of(9.0, 0.9 + 1.7 * n_rows) as figure:
         panels = figure.subplots(n_rows, COLUMNS, sharex=True, sharey=True, squeeze=False).ravel()
         for axes, name in zip(panels, names, strict=False):
             _draw(axes, calibration.ranks[name], calibration.verdicts[name], calibration.bands)

@@ -1,5 +1,5 @@
 // Tests under loading histories. A leg is a part of a test over which what is imposed is linear in
-// time (protocols/loading_history_dynamics.stan has its columns); times are counted from the start
+// time (kinds/loading_history_dynamics.stan has its columns); times are counted from the start
 // of their leg, over its duration.
 array[n_tests + 1] int<lower=0> leg_end;
 matrix[leg_end[n_tests + 1], 5] leg;

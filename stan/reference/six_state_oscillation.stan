@@ -9,7 +9,7 @@ functions {
 #include physics/kelvin_element.stan
 #include physics/microstructure.stan
 #include statistics/priors.stan
-#include protocols/forced_oscillation_dynamics.stan
+#include kinds/forced_oscillation_dynamics.stan
 #include reference/six_state_oscillation_dynamics.stan
 }
 data {

@@ -217,7 +217,7 @@ def points_of(data: StanData) -> FloatArray:
 def evaluations(case: Case, folder: Path, tolerance: float) -> list[dict[str, FloatArray]]:
     """Log density, gradient and log likelihoods at three points."""
     problem, data = problem_and_data(case, tolerance)
-    program = program_with(problem.protocol.program, data, folder)
+    program = program_with(problem.likelihood.program, data, folder)
     found = []
     for point in points_of(data):
         here = program.at({"coordinate": point.tolist()})
@@ -265,7 +265,7 @@ def test_the_interpreter_gives_the_stored_densities(case: Case, tmp_path: Path) 
     problem, data = problem_and_data(case, TOLERANCE)
     write_stan_json(str(tmp_path / "data.json"), dict(data))
     model = stanli.Model(
-        str(problem.protocol.program),
+        str(problem.likelihood.program),
         data=str(tmp_path / "data.json"),
         include_paths=str(stan_directory()),
     )

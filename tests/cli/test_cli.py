@@ -23,7 +23,7 @@ from pyburgers.cli.shared import command_line
 from pyburgers.cmdstan.installation import PYPI_VERSION
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.constant_rate.experiment import load_constant_rate
-from pyburgers.kinds.kind import kinds
+from pyburgers.kinds.likelihood import likelihoods
 
 COLUMNS = ["time_s", "strain", "stress_Pa", "kelvin_strain", "grain_size_m", "fabric_factor"]
 
@@ -255,8 +255,8 @@ def test_help_shows_defaults_and_choices(capsys: pytest.CaptureFixture[str]) -> 
     text = shown("fit")
     assert "draws of each chain; default 1000" in text
     assert "--coordinates {auto,plain,valley,sheared,stretched}" in text
-    for name, kind in kinds().items():
-        assert f"{kind.warmup} {name}" in text
+    for name, likelihood in likelihoods().items():
+        assert f"{likelihood.warmup} {name}" in text
     assert "iterations ahead of the draws; default 300 --draws" in shown("sbc")
     assert "--microstructure {initial,steady-state}" in shown("predict", "attenuation")
     assert f"pypi: {PYPI_VERSION} from the package index" in shown("install-cmdstan")

@@ -27,7 +27,8 @@ from pyburgers.fitting.campaign import load_campaign
 from pyburgers.flow_law_tables.inputs import load_peak_stress, load_peak_stress_priors
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import load_parameters
-from pyburgers.kinds.kind import NAMES, load_experiment
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.likelihood import NAMES
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions
@@ -221,7 +222,10 @@ OPTIONS = {
     ),
     "check": (),
     "check-file": (),
-    "export": ("--format", "--test", "--out"),
+    "export": (
+        *("--format", "--test", "--out", "--draws", "--microstructure", "--grain-size-um"),
+        *("--temperature-K", "--median-stress-MPa", "--poisson-ratio"),
+    ),
     "new": ("--protocol", "--material", "--temperature-K", "--grain-size-m", "--strain-rate-per-s"),
     "simulate": ("--parameters", "--out"),
     "fit-peak-stress": ("--priors", "--curve-priors", "--without", "--out", "--chains", "--seed"),

@@ -14,8 +14,9 @@ import pytest
 from history_twins import TRUTH
 
 from pyburgers.cli.main import main
-from pyburgers.kinds.kind import NAMES, load_experiment
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.likelihood import NAMES
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.new_file import new_files
 
 KNOWN = ("--material", "ice", "--temperature-K", "263", "--grain-size-m", "1e-3")
@@ -100,7 +101,7 @@ def test_a_relaxation_is_written_with_its_loading(
     held = ("--hold-start-time", str(hold), "--loading-time", str(loading))
     assert main(["new", str(path), *KNOWN, *LOADING, *held]) == 0
     test = load_experiment(file)
-    assert isinstance(test, LoadingHistory)
+    assert isinstance(test, HistoryExperiment)
     first, second = test.stages
     unit = 60.0 if "min" in text else 1.0
     assert (first.control, first.value, second.control) == ("strain_rate", 1e-5, "hold_strain")

@@ -15,7 +15,7 @@ from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.guessed_columns import guess_columns
 from pyburgers.kinds.kind import load_experiment
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 
 KNOWN = ("--material", "ice", "--grain-size-m", "1e-3", "--temperature-K", "263")
 AXIAL = ("--deformation", "axial")
@@ -265,11 +265,11 @@ def test_stages_end_where_the_strain_turns(
     assert "decided: the strain turns back at 2000 s: stages end there" in out
     assert "that was read lies" not in out
     test = load_experiment(path.with_suffix(".toml"))
-    assert isinstance(test, LoadingHistory)
+    assert isinstance(test, HistoryExperiment)
     assert [(stage.end_time, stage.value) for stage in test.stages] == [(2000, 1e-5), (3000, -1e-5)]
     assert main(["new", str(path), *KNOWN, "--out", f"{path}2.toml"]) == 0
     series = load_experiment(Path(f"{path}2.toml"))
-    assert isinstance(series, LoadingHistory)
+    assert isinstance(series, HistoryExperiment)
     assert [stage.control for stage in series.stages] == ["strain_rate", "strain_series"]
     assert series.stages[0].value == pytest.approx(1e-5)
 
@@ -279,7 +279,7 @@ def test_a_hold_and_its_loading_are_found_where_they_were_read(table: Table) -> 
     path = table(**{"time (s)": RAMP, "strain (%)": strain, "stress (MPa)": stress})
     assert main(["new", str(path), *KNOWN]) == 0
     test = load_experiment(path.with_suffix(".toml"))
-    assert isinstance(test, LoadingHistory)
+    assert isinstance(test, HistoryExperiment)
     assert [stage.control for stage in test.stages] == ["strain_rate", "hold_strain"]
     assert test.stages[0].end_time == pytest.approx(9)
     assert test.stages[0].value == pytest.approx(1e-4)
@@ -296,7 +296,7 @@ def test_a_modulus_of_relaxation_is_a_stress_at_a_strain_that_is_held(
         lasted == "0"
     )
     test = load_experiment(path.with_suffix(".toml"))
-    assert isinstance(test, LoadingHistory)
+    assert isinstance(test, HistoryExperiment)
     np.testing.assert_allclose(test.reading, 9e9 * LATE**-0.1 * 2e-4, rtol=1e-8)
     first = test.stages[0]
     assert first.value * first.end_time == pytest.approx(2e-4)

@@ -123,7 +123,7 @@ def test_fits_are_written_into_the_home_folder(home: Path, monkeypatch: pytest.M
     weak = pyburgers.default_peak_stress_priors("ice")
     for run in (
         lambda: pyburgers.fit(test, priors, out="~/x"),
-        lambda: pyburgers.fit_jointly([test, replace(test, id="b")], priors, out="~/x"),
+        lambda: pyburgers.fit([test, replace(test, id="b")], priors, out="~/x"),
         lambda: pyburgers.fit_peak_stress(table, weak, out="~/x"),
     ):
         with pytest.raises(InputError, match=f"in {home}/x"):

@@ -61,7 +61,7 @@ def test_what_is_fitted_travels_between_processes() -> None:
     again = pickle.loads(pickle.dumps(problem))
     assert again.given_priors == problem.given_priors
     assert isinstance(again.given_priors.priors, MappingProxyType)
-    solver = problem.protocol.solver
+    solver = problem.likelihood.solver
     assert program_data(again, solver=solver) == program_data(problem, solver=solver)
 
 

@@ -24,7 +24,7 @@ from pyburgers.comparison.results import Comparison, LeaveOneOut, comparison_tab
 from pyburgers.comparison.same_data import data_hash, stacking_weights
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.kinds.constant_rate.kind import KIND as CONSTANT_RATE
+from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from pyburgers.cli.compare import save_comparison_by_test
 from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare
-from pyburgers.comparison.by_tests import compare_by_test, leave_one_test_out
+from pyburgers.comparison.by_tests import compare_by_test
 from pyburgers.comparison.conclusions import sentences_by_test
 from pyburgers.comparison.figures import left_out_tests, pointwise_differences
 from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
@@ -28,7 +28,7 @@ from pyburgers.comparison.results import (
     table_of_tests,
 )
 from pyburgers.drawing.style import image
-from pyburgers.fitting.fit import Fit, fit_jointly
+from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.constant_rate.experiment import load_constant_rate
 from pyburgers.kinds.problem import problem_of
 from pyburgers.model.pooling import pooling_of
@@ -55,7 +55,7 @@ def test_tests_that_share_nothing_are_predicted_from_their_priors(
     separate: Fit, small_fit: Fit, other_fit: Fit
 ) -> None:
     """Each has the marginal likelihood of a fit of it alone."""
-    found = leave_one_test_out(separate, command="test")
+    (found,) = compare_by_test({"fit": separate}, command="test").results.values()
     assert found.tests == ("PIL40", "other")
     for test, alone in zip(found.tests, (small_fit, other_fit), strict=True):
         exact = log_marginal_likelihood(alone)
@@ -80,13 +80,13 @@ def test_fits_without_a_test_are_kept_and_say_how_they_came_about(
     shared: Fit, capfd: pytest.CaptureFixture[str]
 ) -> None:
     shutil.rmtree(shared.directory.path / "leave_out" / "other")
-    first = leave_one_test_out(shared, command="pyburgers compare X")
+    (first,) = compare_by_test({"fit": shared}, command="pyburgers compare X").results.values()
     run = Fit.load(shared.directory.path / "leave_out" / "other")
     assert [experiment.id for experiment in run.problem.experiments] == ["PIL40"]
     assert run.manifest["command"] == "pyburgers compare X (other left out)"
     assert run.problem.pooling == shared.problem.pooling
     capfd.readouterr()
-    again = leave_one_test_out(shared, command="pyburgers compare X")
+    (again,) = compare_by_test({"fit": shared}, command="pyburgers compare X").results.values()
     said = capfd.readouterr().err.splitlines()
     for test in again.tests:
         assert said.count(f"{test}: 2 of 2 chains are there already.") == 1
@@ -231,7 +231,7 @@ def test_the_order_of_the_tests_does_not_matter(small_problem: Problem, tmp_path
     ]
     longer = replace(SMALL_RUN, draws=2 * SMALL_RUN.draws)
     fits = {
-        name: fit_jointly(order, small_problem.priors, out=tmp_path / name, options=longer)
+        name: fit(order, small_problem.priors, out=tmp_path / name, options=longer)
         for name, order in (("one", tests), ("turned", tests[::-1]))
     }
     comparison = compare(fits)
@@ -256,7 +256,7 @@ def test_a_page_sets_joint_fits_of_the_same_tests_side_by_side(
     shutil.copytree(joint.directory.path / "leave_out", run / "leave_out")
     *_, by_tests = comparison_sections(joints)
     assert by_tests.key == "left_out_together"
-    exact = leave_one_test_out(joints[0], command="test")
+    (exact,) = compare_by_test({"fit": joints[0]}, command="test").results.values()
     assert by_tests.tables[1].saved["together elpd"].tolist() == exact.elpd.tolist()
     run = joints[1].directory.path
     assert not (run / "leave_out").exists()
@@ -289,4 +289,4 @@ def test_other_data_other_kinds_and_a_sampled_prior_are_refused(
         compare_by_test({"prior": prior}, command="test")
     alone = Fit.load(shared.directory.path / "leave_out" / "other")
     with pytest.raises(InputError, match=r"is a fit of PIL40 alone, expected at least two tests"):
-        leave_one_test_out(alone, command="test")
+        compare_by_test({"fit": alone}, command="test")

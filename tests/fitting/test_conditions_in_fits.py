@@ -11,7 +11,7 @@ from conftest import Problem, with_fixed
 
 from pyburgers.common.draws import all_draws
 from pyburgers.common.units import with_error
-from pyburgers.fitting.fit import Fit, fit, fit_jointly
+from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.experiment import UncertainCondition
 from pyburgers.kinds.forward import simulate_data
@@ -99,7 +99,7 @@ def test_tests_of_one_furnace_have_one_error(small_problem: Problem, tmp_path: P
     big, own = (UncertainCondition(TEMPERATURE, 5.0, name) for name in ("big", None))
     first, second = (simulated(small_problem, s, {TEMPERATURE: 6.0}, big) for s in (1, 2))
     third = simulated(small_problem, 3, {TEMPERATURE: -4.0}, own)
-    joint = fit_jointly(
+    joint = fit(
         [first, second, third],
         known_material(small_problem),
         out=tmp_path / "joint",

@@ -23,7 +23,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.coordinates import REFERENCE_STRESS
-from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions, solver_block
 from pyburgers.model.parameters import PARAMETERS
 
@@ -287,7 +287,7 @@ def test_the_solver_check_is_of_the_density_that_was_sampled(
         data_file = tmp_path / "data.json"
         data_file.write_text(json.dumps({**data, **solver_block(solver)}), encoding="utf-8")
         program = Program(
-            compile_program(kind_of(small_fit.experiment).program),
+            compile_program(likelihood_of(small_fit.experiment).program),
             data_file,
             tmp_path,
             lambda columns: np.empty(0),

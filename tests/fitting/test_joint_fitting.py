@@ -13,7 +13,7 @@ from matplotlib.colors import rgb_to_hsv, to_hex, to_rgb
 
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.same_data import fits_alone
-from pyburgers.fitting.fit import Fit, fit_jointly
+from pyburgers.fitting.fit import Fit, fit
 from pyburgers.page.joint_section import (
     INTERVALS_CAPTION,
     intervals,
@@ -77,9 +77,7 @@ def test_only_missing_chains_are_run(
     kept = (run / "chains" / "chain_1" / "draws.csv").read_bytes()
     shutil.rmtree(run / "chains" / "chain_2")
     caplog.set_level(logging.INFO, "pyburgers")
-    again = fit_jointly(
-        pair_of(small_problem), small_problem.priors, pool=POOL, out=run, options=SMALL_RUN
-    )
+    again = fit(pair_of(small_problem), small_problem.priors, pool=POOL, out=run, options=SMALL_RUN)
     assert "1 of 2 chains are there already." in caplog.messages
     assert (run / "chains" / "chain_1" / "draws.csv").read_bytes() == kept
     assert again.summary("SI")["mean"].equals(joint.summary("SI")["mean"])
@@ -89,19 +87,13 @@ def test_other_pooling_in_the_same_folder_is_refused(
     joint: Fit, small_problem: Problem, tmp_path: Path
 ) -> None:
     with pytest.raises(InputError, match="holds a run of other inputs"):
-        fit_jointly(
+        fit(
             pair_of(small_problem),
             small_problem.priors,
             pool={"maxwell_modulus": "separate"},
             out=copy_of(joint, tmp_path / "run").directory.path,
             options=SMALL_RUN,
         )
-
-
-def test_a_joint_fit_needs_two_tests(small_problem: Problem, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"found 1 test, expected at least two\.$"):
-        fit_jointly([small_problem.experiment], small_problem.priors, out=tmp_path / "run")
-    assert not (tmp_path / "run").exists()
 
 
 def test_kinds_of_runs_are_told_apart(joint: Fit, small_fit: Fit) -> None:

@@ -13,7 +13,7 @@ from kind_examples import TWIN_FILE
 from matplotlib.container import ErrorbarContainer
 
 from pyburgers.common.errors import InputError
-from pyburgers.comparison.by_tests import leave_one_test_out
+from pyburgers.comparison.by_tests import compare_by_test
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.drawing.views.loading_history import response, softening
 from pyburgers.fitting.fit import Fit, fit
@@ -25,7 +25,7 @@ from pyburgers.kinds.constant_rate.experiment import (
 from pyburgers.kinds.experiment import Experiment, UncertainCondition
 from pyburgers.kinds.forced_oscillation.experiment import load_forced_oscillation
 from pyburgers.kinds.forward import simulate_data
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.kinds.problem import of_one_program, problem_of
 from pyburgers.model.parameters import PIEZOMETER
@@ -134,9 +134,9 @@ def test_tests_of_one_protocol_stay_as_they_are() -> None:
 def test_tests_of_several_protocols_become_histories() -> None:
     experiments = three_tests()
     problem = problem_of(experiments, known_priors(), pooling_of())
-    assert problem.protocol.name == "loading_history"
+    assert problem.likelihood.name == "loading_history"
     curve = problem.experiments[0]
-    assert isinstance(curve, LoadingHistory)
+    assert isinstance(curve, HistoryExperiment)
     np.testing.assert_array_equal(curve.response, experiments[0].response)
     assert problem.experiments[1] is experiments[1]
     assert set(problem.shared) == {"maxwell_modulus", "activation_enthalpy"}
@@ -321,6 +321,6 @@ def test_each_test_is_left_out(programs: None, tmp_path: Path) -> None:
     """Of a fit with the eight draws for each coordinate that a marginal likelihood takes."""
     longer = replace(OPTIONS, draws=60)
     result = fit(three_tests(), known_priors(), out=tmp_path / "run", options=longer)
-    found = leave_one_test_out(result, command="test")
+    (found,) = compare_by_test({"fit": result}, command="test").results.values()
     assert found.tests == ("creep", "curve", "relaxation")
     assert np.isfinite(found.elpd).all()

@@ -8,7 +8,7 @@ import pytest
 from conftest import SMALL_RUN, with_fixed
 from oscillation_pair import oscillation_pair
 
-from pyburgers.fitting.fit import Fit, fit_jointly
+from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.priors import default_priors
 from pyburgers.page.joint_section import joint_section
 from pyburgers.page.names import page_names
@@ -27,7 +27,7 @@ def joint(programs: None, tmp_path_factory: pytest.TempPathFactory) -> Fit:
     assert truth is not None
     priors = default_priors("olivine")
     known = {name: truth[name] for name in priors.free if name not in FREE}
-    return fit_jointly(
+    return fit(
         experiments,
         with_fixed(priors, known),
         out=tmp_path_factory.mktemp("joint") / "run",

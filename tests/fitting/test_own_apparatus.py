@@ -15,7 +15,7 @@ from pyburgers.fitting.new_test import (
 )
 from pyburgers.fitting.prediction import predict_test
 from pyburgers.fitting.prior_draws import prior_draws
-from pyburgers.kinds.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment, Stated
 from pyburgers.kinds.problem import problem_of
 from pyburgers.model.priors import default_priors
 
@@ -24,7 +24,7 @@ FloatArray = npt.NDArray[np.float64]
 N_DRAWS = 5
 
 
-def with_apparatus(test: LoadingHistory) -> LoadingHistory:
+def with_apparatus(test: HistoryExperiment) -> HistoryExperiment:
     return replace(
         test,
         apparatus_compliance=Stated(1e-10, 1e-11),
@@ -37,7 +37,7 @@ OTHER = replace(with_apparatus(history_twin("creep", 16, seed=1)), id="other")
 INFERRED = "As the fit inferred it for"
 
 
-def source_of(*experiments: LoadingHistory) -> Source:
+def source_of(*experiments: HistoryExperiment) -> Source:
     """A fit of tests, of each the draws of its prior, solved."""
     problem = problem_of(list(experiments), default_priors("ice"))
     tests = {

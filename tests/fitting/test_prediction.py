@@ -26,8 +26,9 @@ from pyburgers.kinds.forced_oscillation.experiment import (
     with_known_strain,
 )
 from pyburgers.kinds.forward import simulate
-from pyburgers.kinds.kind import FittedTest, kind_of
-from pyburgers.kinds.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.kinds.kind import FittedTest
+from pyburgers.kinds.likelihood import likelihood_of
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment, Stated
 from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.kinds.problem import one_test, problem_of
 from pyburgers.model.pooling import pooling_of
@@ -69,7 +70,7 @@ def values_of(prediction: Prediction, draw: int) -> dict[str, float]:
 def assert_solves(prediction: Prediction, draw: int, *, rtol: float) -> None:
     """Compare a draw with a forward solution at its parameters."""
     experiment = prediction.experiment
-    kind = kind_of(experiment)
+    kind = likelihood_of(experiment)
     predictions = prediction.posterior["predictions"].to_dataset().isel(chain=0, draw=draw)
     at = predictions[kind.clock.name].to_numpy()
     solution = simulate(experiment, values_of(prediction, draw), at=at)
@@ -180,7 +181,7 @@ def test_partially_pooled_parameters_of_a_new_test_come_from_centre_and_spread(
     grid = xr.Dataset(
         {
             name: ((*dims, "strain"), np.ones((1, n, 2)))
-            for name, _ in kind_of(problem.experiments[0]).grid_quantities.values()
+            for name, _ in likelihood_of(problem.experiments[0]).grid_quantities.values()
         },
         {"strain": [0.01, 0.02]},
     )
@@ -286,7 +287,7 @@ def test_all_is_kept_in_the_file(small_fit: Fit, tmp_path: Path) -> None:
         assert kept.attrs["cautions"].splitlines() == list(prediction.cautions)
 
 
-def creep(experiment: ConstantRateExperiment, **changes: Any) -> LoadingHistory:
+def creep(experiment: ConstantRateExperiment, **changes: Any) -> HistoryExperiment:
     """Return a creep test with a jump of the stress, without readings, of the same sample."""
     stages = (
         Stage("stress", 0.0, 600.0, 255.0, 2e6),
@@ -306,7 +307,7 @@ def creep(experiment: ConstantRateExperiment, **changes: Any) -> LoadingHistory:
         "reading_stage": np.empty(0, dtype=np.int64),
         "reading": np.empty(0),
     }
-    return LoadingHistory(**{**values, **changes})
+    return HistoryExperiment(**{**values, **changes})
 
 
 def test_creep_is_predicted_from_a_test_at_constant_rate(

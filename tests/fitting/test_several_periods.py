@@ -13,7 +13,7 @@ from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.table import NO_READINGS, CycleConditions, Elasticity
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.kinds.forward import simulate
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Stage
 
 FloatArray = npt.NDArray[np.float64]
@@ -48,12 +48,12 @@ def stress_at(time: FloatArray) -> FloatArray:
     return np.asarray(sum(waves))
 
 
-def cycles() -> LoadingHistory:
+def cycles() -> HistoryExperiment:
     """Stress of two periods at once, without readings."""
     time = np.linspace(0.0, CYCLES * PERIODS[0], 7 * CYCLES * CORNERS + 1)
     knots = tuple(zip(time.tolist(), stress_at(time).tolist(), strict=True))
     stage = Stage("stress_series", 0.0, float(time[-1]), TEMPERATURE, knots=knots)
-    return LoadingHistory(
+    return HistoryExperiment(
         id="cycles",
         **ABOUT,
         stages=(stage,),

@@ -12,7 +12,7 @@ from kind_examples import TWIN_FILE
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError
-from pyburgers.comparison.by_tests import leave_one_test_out
+from pyburgers.comparison.by_tests import compare_by_test
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import load_attenuation
@@ -72,14 +72,14 @@ def both(pool: dict[str, str] | None = None, *others: Experiment) -> Problem:
 
 def evaluated(problem: Problem, coordinate: FloatArray, **chart: object) -> dict[str, FloatArray]:
     data = {**program_data(problem, solver=TIGHT), **chart}
-    return load_program(problem.protocol.program).evaluate(
+    return load_program(problem.likelihood.program).evaluate(
         data, {"coordinate": coordinate.tolist()}
     )
 
 
 def test_histories_come_first_and_the_table_stays_one() -> None:
     problem = both()
-    assert problem.protocol.name == "loading_history"
+    assert problem.likelihood.name == "loading_history"
     assert [one.protocol for one in problem.experiments] == ["loading_history", "attenuation"]
     assert isinstance(problem.experiments[1], AttenuationExperiment)
 
@@ -207,7 +207,7 @@ def test_it_has_a_page(fitted: Fit, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_each_is_left_out(fitted: Fit) -> None:
-    found = leave_one_test_out(fitted, command="test")
+    (found,) = compare_by_test({"fit": fitted}, command="test").results.values()
     assert set(found.tests) == {curve().id, table().id}
     assert np.isfinite(found.elpd).all()
 
@@ -216,7 +216,7 @@ def test_each_is_left_out(fitted: Fit) -> None:
 def test_gradients_are_those_of_the_density() -> None:
     problem = both()
     data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
-    model = load_program(problem.protocol.program)
+    model = load_program(problem.likelihood.program)
     rng = np.random.default_rng(4)
     position, along = 0.3 * rng.standard_normal((2, problem.layout.size))
     (gradient,) = model.gradients(data, "coordinate", [position])

@@ -21,13 +21,8 @@ from pyburgers.drawing.view import views
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate
-from pyburgers.kinds.kind import (
-    AtMode,
-    kind_of,
-    kinds,
-    load_experiment,
-    save_experiment,
-)
+from pyburgers.kinds.kind import kind_of, kinds, load_experiment, save_experiment
+from pyburgers.kinds.likelihood import AtMode, likelihood_of, likelihoods
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
@@ -120,14 +115,14 @@ def test_the_solution_agrees_with_an_independent_solver(kind: str, name: str, wh
     example = EXAMPLES[kind]
     experiment = example.load(name)
     values = {**truth_of(experiment), **example.materials[what]}
-    clock = kinds()[kind].clock.column
-    wanted = kinds()[kind].prediction_grid(experiment)
+    clock = likelihoods()[kind].clock.column
+    wanted = likelihoods()[kind].grid(experiment)
     solution = simulate(experiment, values, at=wanted)
     assert tuple(solution) == example.columns
     at = solution[clock].to_numpy()
     np.testing.assert_allclose(at[np.isin(at, wanted)], wanted, rtol=1e-12)
     expected = example.solution(experiment, values, at)
-    read = {quantity.column for quantity in kinds()[kind].read}
+    read = {quantity.column for quantity in likelihoods()[kind].read}
     assert {*read, "kelvin_strain"} & set(example.columns) <= set(expected)
     for column, found in expected.items():
         swings = column in ("stress_Pa", "kelvin_strain")
@@ -163,16 +158,16 @@ def program_in(
 ) -> tuple[Program, FloatArray]:
     """The program of a test in some coordinates, and those of its truth or mode."""
     experiment = EXAMPLES[name_of_protocol].load(name)
-    kind, test = kind_of(experiment), at_truth_or_mode(name_of_protocol, name)
+    own, test = likelihood_of(experiment), at_truth_or_mode(name_of_protocol, name)
     reference, centre = None, test.mode.coordinate
-    if kind.chart is not None and system == kind.chart.name:
-        reference, centre = kind.chart.reference(test)
+    if system == own.chart.name:
+        reference, centre = own.chart.reference(test)
         # Whatever the covariance, the posterior is the same.
-        reference = kind.chart.rescaled(reference, test, 0.04 * np.eye(centre.size))
+        reference = own.chart.rescaled(reference, test, 0.04 * np.eye(centre.size))
     data = one_test_data(
         experiment, test.priors, solver=EXAMPLES[experiment.protocol].tight, reference=reference
     )
-    return program_with(kind.program, data, folder), np.append(centre, test.mode.driving_error)
+    return program_with(own.program, data, folder), np.append(centre, test.mode.driving_error)
 
 
 def vector(columns: Mapping[str, float], name: str, size: int) -> FloatArray:
@@ -180,7 +175,7 @@ def vector(columns: Mapping[str, float], name: str, size: int) -> FloatArray:
 
 
 def charts(kind: str) -> Sequence[str]:
-    return kinds()[kind].charts
+    return "plain", likelihoods()[kind].chart.name
 
 
 @cases("twins", "measured", of=charts)
@@ -201,7 +196,9 @@ def test_the_density_is_prior_likelihood_and_jacobian(
         columns = program.columns_at({"coordinate": point.tolist()})
         values = parameters_in(columns)
         prior = sum(priors[free].distribution().logpdf(values[free]) for free in priors.free)
-        response = vector(columns, f"{kinds()[kind].response.name}_model", experiment.n_points)
+        response = vector(
+            columns, f"{likelihoods()[kind].response.name}_model", experiment.n_points
+        )
         likelihood = example.log_likelihood(experiment, values, response)
         np.testing.assert_allclose(
             vector(columns, "log_lik", experiment.n_points), likelihood, rtol=1e-8, atol=1e-8
@@ -263,18 +260,18 @@ def test_a_fit_is_kept_and_shown(
 
 def assert_draws_are_labelled(result: Fit, free: Sequence[str]) -> None:
     """By the protocol's names, with one column for each point and position."""
-    kind, experiment = kind_of(result.experiment), result.experiment
+    own, experiment = likelihood_of(result.experiment), result.experiment
     posterior = result.posterior["posterior"].to_dataset()
-    assert {p.name for p in PROGRAM_PARAMETERS} | {kind.reference.name} >= set(posterior)
-    assert kind.reference.name in posterior
+    assert {p.name for p in PROGRAM_PARAMETERS} | {own.reference.name} >= set(posterior)
+    assert own.reference.name in posterior
     for name in free:
         assert np.ptp(posterior[name].to_numpy()) > 0
-    response = kind.response.name
+    response = own.response.name
     for group in ("log_likelihood", "posterior_predictive"):
         assert result.posterior[group][response].sizes["point"] == experiment.n_points
     predictions = result.posterior["predictions"].to_dataset()
-    assert {name for name, _ in kind.grid_quantities.values()} <= set(predictions)
-    np.testing.assert_allclose(predictions[kind.clock.name], kind.prediction_grid(experiment))
+    assert {name for name, _ in own.grid_quantities.values()} <= set(predictions)
+    np.testing.assert_allclose(predictions[own.clock.name], own.grid(experiment))
 
 
 @pytest.mark.slow
@@ -292,9 +289,7 @@ def test_the_truth_of_a_twin_is_recovered(
     experiment = example.load(name)
     priors = default_priors(experiment.material, experiment.protocol)
     result = fit(experiment, priors, out=tmp_path / "run", options=example.options)
-    chart = kinds()[kind].chart
-    if chart is not None:
-        assert result.manifest["coordinates"]["system"] == chart.name
+    assert result.manifest["coordinates"]["system"] == likelihoods()[kind].chart.name
     truth = truth_table(result)
     assert truth is not None
     assert len(truth) == len(result.problem.free)

@@ -12,6 +12,8 @@ import pytest
 import xarray as xr
 from conftest import ICE
 
+from pyburgers.checks.advice import advise_on_spectra
+from pyburgers.checks.discrepancies import place_text
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import load_attenuation
@@ -19,6 +21,7 @@ from pyburgers.kinds.attenuation.table import Elasticity
 from pyburgers.kinds.conditions import conditions, outside
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.likelihood import likelihood_of, likelihoods
 from pyburgers.kinds.problem import problem_of
 from pyburgers.model.laws import KELVIN_LAWS
 from pyburgers.model.priors import default_priors
@@ -79,12 +82,10 @@ def test_the_title_says_temperatures_and_periods_in_plain_numbers(edit: Edit) ->
 
 def test_places_say_temperature_and_periods_in_plain_numbers(edit: Edit) -> None:
     table = load_attenuation(edit(rows=ROWS.replace("10,", "1000,")))
-    kind = kind_of(table)
-    along = xr.Dataset(
-        {name: ("point", values) for name, (values, _) in kind.observed_positions(table).items()}
-    )
-    assert kind.place_text(along, 0, 1) == "attenuation at 1473 K, period 1 to 1000 s"
-    assert kind.place_text(along, 7, 7) == "modulus at 1373 K, period 1000 s"
+    own = likelihood_of(table)
+    along = xr.Dataset({name: ("point", values) for name, (values, _) in own.along(table).items()})
+    assert place_text(own, along, 0, 1) == "attenuation at 1473 K, period 1 to 1000 s"
+    assert place_text(own, along, 7, 7) == "modulus at 1373 K, period 1000 s"
 
 
 def test_a_table_is_read_in_si(edit: Edit) -> None:
@@ -235,8 +236,8 @@ def test_simulated_readings_have_scatter_and_stated_errors() -> None:
 
 
 def test_conditions_of_a_table_are_temperatures_and_periods() -> None:
-    table, kind = load_attenuation(A1802), kind_of(load_attenuation(A1802))
-    place = kind.prediction_grid(table)
+    table, kind = load_attenuation(A1802), likelihoods()["attenuation"]
+    place = kind.grid(table)
     solutions = xr.Dataset(
         {
             name: (("chain", "draw", "place"), np.zeros((1, 1, place.size)))
@@ -261,8 +262,7 @@ def test_conditions_of_a_table_are_temperatures_and_periods() -> None:
     [("linear", ["extended"]), ("extended", ["extended_peak"]), ("extended_peak", [])],
 )
 def test_a_table_is_advised_the_next_law_and_not_its_own(law: str, advised: list[str]) -> None:
-    advice = kind_of(load_attenuation(TWIN)).remedy(KELVIN_LAWS[law].parameters, xr.Dataset())
-    assert advice is not None
+    advice = advise_on_spectra(KELVIN_LAWS[law].parameters)
     assert re.findall(r"kelvin=(\w+)", advice) == advised
     assert "temperatures by themselves" in advice
 

@@ -23,7 +23,7 @@ from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.experiment import Experiment, Provenance, UncertainCondition
 from pyburgers.kinds.kind import load_experiment, save_experiment
-from pyburgers.kinds.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment, Stated
 from pyburgers.kinds.microstructure import MeasuredMicrostructure
 
 TEXT = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=20)
@@ -71,7 +71,7 @@ def drawn_tests(draw: st.DrawFn, kind: str) -> Experiment:
         more["strain"], more["stress"] = test.strain[:size], rng.lognormal(16, size=size)
         more["stress_uncertainty"] = draw(st.none() | st.floats(1.0, 1e6))
         more["microstructure"] = draw(sections(test.final_strain))
-    elif isinstance(test, LoadingHistory):
+    elif isinstance(test, HistoryExperiment):
         more["reading"] = test.reading * rng.lognormal(size=test.n_points)
         more["apparatus_compliance"] = draw(st.none() | st.just(Stated(1e-11 / 3, 1e-12)))
         more["strain_offset"] = draw(st.none() | st.just(Stated(1e-4 / 3, 0.0)))
@@ -137,7 +137,8 @@ def test_every_wrong_key_is_refused_by_its_name(kind: str, name: str, tmp_path: 
     content = tomllib.loads(path.read_text(encoding="utf-8"))
 
     def changed(place: tuple[str | int, ...], *new: tuple[str, object]) -> str:
-        table = whole = deepcopy(content)
+        whole = deepcopy(content)
+        table: Any = whole
         for part in place[:-1]:
             table = table[part]
         del table[place[-1]]
@@ -151,7 +152,8 @@ def test_every_wrong_key_is_refused_by_its_name(kind: str, name: str, tmp_path: 
 
     refused = set()
     for place in keys_of(content):
-        key, value = str(place[-1]), content
+        key: str = str(place[-1])
+        value: Any = content
         for part in place:
             value = value[part]
         if changed(place):

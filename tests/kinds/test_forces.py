@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from pyburgers.kinds.forward import simulate
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.files import load_loading_history, save_loading_history
 from pyburgers.kinds.program_data import solve
 from pyburgers.kinds.stan_data import SolverOptions
@@ -143,7 +143,7 @@ def by_scipy(
     return stresses, strains
 
 
-def load(folder: Path, text: str, rows: str = "") -> LoadingHistory:
+def load(folder: Path, text: str, rows: str = "") -> HistoryExperiment:
     return load_loading_history(
         written(folder / "force.toml", text, (), {"force": rows} if rows else {})
     )

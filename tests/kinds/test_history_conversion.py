@@ -14,7 +14,7 @@ from pyburgers.kinds.constant_rate.experiment import (
 )
 from pyburgers.kinds.experiment import Experiment, UncertainCondition
 from pyburgers.kinds.forward import simulate
-from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.conversion import as_history
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import program_data
@@ -39,7 +39,7 @@ def density(experiment: Experiment, known: dict[str, float]) -> tuple[float, np.
     problem = problem_of([experiment], with_fixed(default_priors("ice"), known))
     data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
     free = problem.coordinates[0]
-    draw = load_program(kind_of(experiment).program).evaluate(
+    draw = load_program(likelihood_of(experiment).program).evaluate(
         data, {"coordinate": np.full(len(free.quantities), 0.3).tolist()}
     )
     return float(draw["lprior"]), draw["log_lik"]

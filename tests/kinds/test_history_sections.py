@@ -15,7 +15,7 @@ from pyburgers.drawing.view import view_of
 from pyburgers.kinds.constant_rate.experiment import load_constant_rate
 from pyburgers.kinds.forward import simulate, simulate_data
 from pyburgers.kinds.loading_history.conversion import as_history
-from pyburgers.kinds.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment, Stated
 from pyburgers.kinds.loading_history.files import load_loading_history, save_loading_history
 from pyburgers.kinds.loading_history.measured_sections import section_times
 from pyburgers.kinds.loading_history.stan_data import solver_outputs
@@ -141,7 +141,7 @@ def test_the_solver_reports_there_and_readings_stay_where_they_were() -> None:
     assert sum(found["n_outputs_in_leg"]) == 2 * n + 4
 
 
-def piezometric(test: LoadingHistory) -> list[float | None]:
+def piezometric(test: HistoryExperiment) -> list[float | None]:
     olivine = default_priors("olivine")
     priors = default_priors("ice").exchanging(
         *(olivine[name] for name in olivine.priors if name.startswith("piezometer"))

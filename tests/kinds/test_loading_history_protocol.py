@@ -9,10 +9,11 @@ import xarray as xr
 from history_twins import TRUTH, history_twin
 from synthetic_fit import uniform
 
+from pyburgers.checks.discrepancies import place_text
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.forward import simulate, simulate_data
-from pyburgers.kinds.loading_history.experiment import LoadingHistory, Stated
-from pyburgers.kinds.loading_history.kind import LoadingHistoryKind
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment, Stated
+from pyburgers.kinds.loading_history.likelihood import LIKELIHOOD
 from pyburgers.kinds.loading_history.stan_data import leg_of_times, times_of_readings
 from pyburgers.kinds.problem import problem_of
 from pyburgers.model.priors import default_priors
@@ -22,17 +23,17 @@ ICE = default_priors("ice")
 
 
 @pytest.fixture(scope="module")
-def unloaded() -> LoadingHistory:
+def unloaded() -> HistoryExperiment:
     """Loaded to 1500 s, unloaded to 2500 s, loaded again to 4000 s."""
     return history_twin("load and unload", 12)
 
 
-def test_of_equal_times_the_second_is_behind_the_jump(unloaded: LoadingHistory) -> None:
+def test_of_equal_times_the_second_is_behind_the_jump(unloaded: HistoryExperiment) -> None:
     time = np.array([0.0, 1500.0, 1500.0, 1500.0, 2500.0, 4000.0])
     assert leg_of_times(unloaded, time).tolist() == [0, 0, 1, 1, 1, 2]
 
 
-def test_a_reading_at_the_start_of_a_stage_is_behind_the_jump(unloaded: LoadingHistory) -> None:
+def test_a_reading_at_the_start_of_a_stage_is_behind_the_jump(unloaded: HistoryExperiment) -> None:
     one = replace(
         unloaded,
         time=np.array([10.0, 1500.0, 1500.0, 2500.0]),
@@ -46,7 +47,7 @@ def test_a_reading_at_the_start_of_a_stage_is_behind_the_jump(unloaded: LoadingH
     assert strain[1] - strain[2] == pytest.approx(elastic, rel=1e-9)
 
 
-def test_strain_readings_bring_their_noise_and_correlate(unloaded: LoadingHistory) -> None:
+def test_strain_readings_bring_their_noise_and_correlate(unloaded: HistoryExperiment) -> None:
     (priors,) = problem_of([unloaded], ICE).priors
     assert priors["stress_noise"].is_fixed
     assert not priors["strain_noise"].is_fixed
@@ -68,7 +69,7 @@ def test_stress_readings_alone_are_as_in_tests_at_constant_rate() -> None:
         problem_of([relaxation], ICE.exchanging(uniform("residual_correlation_strain", 0.01, 1)))
 
 
-def test_apparatus_and_offset_are_those_of_the_file(unloaded: LoadingHistory) -> None:
+def test_apparatus_and_offset_are_those_of_the_file(unloaded: HistoryExperiment) -> None:
     stated = replace(
         unloaded, apparatus_compliance=Stated(2e-11, 5e-12), strain_offset=Stated(1e-4, 0.0)
     )
@@ -89,7 +90,7 @@ def test_apparatus_and_offset_are_those_of_the_file(unloaded: LoadingHistory) ->
 )
 def test_places_are_told_in_the_unit_of_the_figures(days: float, told: str) -> None:
     along = xr.Dataset({"time": ("point", 86400.0 * days * np.array([0.0, 0.5, 1.0]))})
-    assert LoadingHistoryKind().place_text(along, 1, 2) == told
+    assert place_text(LIKELIHOOD, along, 1, 2) == told
 
 
 def test_simulated_readings_scatter_about_the_solution_as_they_should() -> None:
@@ -114,7 +115,7 @@ def test_simulated_readings_scatter_about_the_solution_as_they_should() -> None:
 
 
 @pytest.fixture
-def stated(unloaded: LoadingHistory) -> LoadingHistory:
+def stated(unloaded: HistoryExperiment) -> HistoryExperiment:
     """The same with a compliant apparatus and an offset in its file."""
     return replace(
         unloaded, apparatus_compliance=Stated(1e-9, 1e-10), strain_offset=Stated(1e-2, 0.0)
@@ -122,7 +123,7 @@ def stated(unloaded: LoadingHistory) -> LoadingHistory:
 
 
 def test_a_solution_has_the_apparatus_and_the_zero_that_the_test_states(
-    unloaded: LoadingHistory, stated: LoadingHistory
+    unloaded: HistoryExperiment, stated: HistoryExperiment
 ) -> None:
     plain = simulate(unloaded, dict(TRUTH))
     found = simulate(stated, dict(TRUTH))
@@ -143,9 +144,9 @@ def test_an_imposed_strain_holds_the_share_of_a_stated_apparatus() -> None:
 
 
 def test_the_truth_of_simulated_readings_holds_what_they_were_made_with(
-    stated: LoadingHistory,
+    stated: HistoryExperiment,
 ) -> None:
-    def made(values: Mapping[str, float]) -> LoadingHistory:
+    def made(values: Mapping[str, float]) -> HistoryExperiment:
         return simulate_data(stated, values, np.random.default_rng(3), source="test")
 
     one = made(TRUTH)
@@ -160,5 +161,5 @@ def test_the_truth_of_simulated_readings_holds_what_they_were_made_with(
 
 def test_stress_is_read_where_strain_is_imposed_and_the_other_way_round() -> None:
     mixed = history_twin("mixed", 12)
-    read = LoadingHistoryKind().is_read(mixed, np.array([0.0, 500.0, 1000.0, 1000.0, 3500.0]))
+    read = LIKELIHOOD.is_read(mixed, np.array([0.0, 500.0, 1000.0, 1000.0, 3500.0]))
     assert read.tolist() == [[True, True, True, False, False], [False, False, False, True, True]]

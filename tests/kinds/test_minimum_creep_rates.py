@@ -12,9 +12,9 @@ from history_twins import history_twin
 
 from pyburgers.drawing.views.minimum_rates import minimum_rate_table, minimum_rates
 from pyburgers.kinds.loading_history.creep_intervals import creep_intervals
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.files import load_loading_history
-from pyburgers.kinds.loading_history.kind import KIND
+from pyburgers.kinds.loading_history.likelihood import LIKELIHOOD
 from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.model.priors import PriorSet, default_priors
 
@@ -31,24 +31,24 @@ DECAY = 0.05 * HOUR
 class Solved:
     """A test whose solutions are given."""
 
-    experiment: LoadingHistory
+    experiment: HistoryExperiment
     posterior: xr.DataTree
     priors: PriorSet
 
 
-def history_of(*stages: Stage) -> LoadingHistory:
+def history_of(*stages: Stage) -> HistoryExperiment:
     return replace(history_twin("creep", 20), stages=stages)
 
 
-def series(*knots: tuple[float, float]) -> LoadingHistory:
+def series(*knots: tuple[float, float]) -> HistoryExperiment:
     """A test with the stress (MPa) at some hours, linear in between."""
     corners = tuple((HOUR * hours, 1e6 * stress) for hours, stress in knots)
     return history_of(Stage("stress_series", 0.0, corners[-1][0], 260.0, knots=corners))
 
 
-def solved(experiment: LoadingHistory, *draws: Rates) -> Solved:
+def solved(experiment: HistoryExperiment, *draws: Rates) -> Solved:
     """Solutions whose strain rates (1/s) are functions of time (s)."""
-    time = KIND.prediction_grid(experiment)
+    time = LIKELIHOOD.grid(experiment)
     rate = np.array([draw(time) for draw in draws], dtype=np.float32)
     steps = 0.5 * (rate[:, 1:] + rate[:, :-1]) * np.diff(time)
     strain = np.concatenate([np.zeros((len(draws), 1)), np.cumsum(steps, axis=1)], axis=1)
@@ -251,16 +251,16 @@ def test_measured_salt_creeps_under_five_loads() -> None:
     assert {one.stress for one in loads} <= set(rows["stress_Pa"])
 
 
-def times_in_loads(experiment: LoadingHistory) -> list[int]:
+def times_in_loads(experiment: HistoryExperiment) -> list[int]:
     """How many times of the solution lie inside each load, its ends left out."""
-    time = KIND.prediction_grid(experiment)
+    time = LIKELIHOOD.grid(experiment)
     return [
         int(np.sum((time > one.start_time) & (time < one.end_time)))
         for one in creep_intervals(experiment)
     ]
 
 
-def loads_of_series(number: int) -> LoadingHistory:
+def loads_of_series(number: int) -> HistoryExperiment:
     """Loads of nine hours that grow by 1 MPa in the hour between them, all in one series."""
     knots = [(10.0 * k + hours, k + 1.0) for k in range(number) for hours in (0.0, 9.0)]
     return series(*knots, (10.0 * number, number + 1.0))
@@ -271,7 +271,7 @@ def test_loads_of_a_series_have_as_many_times_as_a_stage() -> None:
     for test in (salt, loads_of_series(3)):
         assert min(times_in_loads(test)) >= 40
         first = creep_intervals(test)[0]
-        time = KIND.prediction_grid(test)
+        time = LIKELIHOOD.grid(test)
         since = (time[time > first.start_time] - first.start_time) / first.duration
         assert since[0] < 1.01e-4
         assert np.sum(since < 0.1) > np.sum((since > 0.4) & (since < 0.5))
@@ -280,10 +280,10 @@ def test_loads_of_a_series_have_as_many_times_as_a_stage() -> None:
 def test_times_in_loads_have_a_limit_and_other_tests_none() -> None:
     stages = replace(CREEP, stages=(*CREEP.stages, Stage("stress", HOUR, 2 * HOUR, 260.0, 6e6)))
     for plain in (CREEP, stages, series((0, 5), (1, 5))):
-        assert KIND.prediction_grid(plain).size < 50 * len(plain.stages)
+        assert LIKELIHOOD.grid(plain).size < 50 * len(plain.stages)
     many = loads_of_series(16)
     assert len(creep_intervals(many)) == 16
-    assert 480 < KIND.prediction_grid(many).size < 480 + 50
+    assert 480 < LIKELIHOOD.grid(many).size < 480 + 50
 
 
 def test_a_minimum_in_one_load_of_a_series_is_told_closely() -> None:

@@ -13,6 +13,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.kind import kinds, load_experiment
+from pyburgers.kinds.likelihood import likelihoods
 
 
 @cache
@@ -65,7 +66,7 @@ def test_positions_that_a_test_does_not_have_are_refused(
 @pytest.mark.usefixtures("programs")
 @pytest.mark.parametrize("protocol", SPANS)
 def test_a_test_has_a_solution_up_to_its_ends(protocol: str) -> None:
-    test, kind = example(protocol), kinds()[protocol]
+    test, kind = example(protocol), likelihoods()[protocol]
     assert test.true_parameters is not None
     curve = simulate(test, test.true_parameters)
     again = simulate(test, test.true_parameters, at=kind.output_grid(test))

@@ -21,8 +21,9 @@ from same_contents import assert_equal
 
 from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
-from pyburgers.kinds.kind import kind_of, load_experiment, save_experiment
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.kind import load_experiment, save_experiment
+from pyburgers.kinds.likelihood import likelihood_of
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 
 HERE = Path(__file__).parent
 APPROVED = HERE / "approved.toml"
@@ -108,12 +109,12 @@ def digits(value: float) -> str:
 def as_read(path: Path) -> Iterator[str]:
     """Readings of a test and what is imposed on it (SI); its copy has to be the same test."""
     experiment = load_experiment(path)
-    kind = kind_of(experiment)
-    columns = {name: values for name, (values, _) in kind.observed_positions(experiment).items()}
-    for name, values in {**columns, kind.response.name: experiment.response}.items():
+    likelihood = likelihood_of(experiment)
+    columns = {name: values for name, (values, _) in likelihood.along(experiment).items()}
+    for name, values in {**columns, likelihood.response.name: experiment.response}.items():
         shown = " ".join(map(digits, np.asarray(values)[:MAX_NUMBERS]))
         yield f"{name}: {shown}"
-    if isinstance(experiment, LoadingHistory):
+    if isinstance(experiment, HistoryExperiment):
         for leg in experiment.legs[:MAX_NUMBERS]:
             stretch = f"{digits(leg.start_value)} to {digits(leg.end_value)}"
             times = f"{digits(leg.start_time)} to {digits(leg.end_time)} s"

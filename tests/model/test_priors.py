@@ -14,7 +14,8 @@ from scipy import stats
 from small_inputs import DATA
 
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.kind import NAMES, load_experiment
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.likelihood import NAMES
 from pyburgers.model.parameters import PARAMETERS, PIEZOMETER
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import (

@@ -26,7 +26,6 @@ from pyburgers.kinds.constant_rate.experiment import (
     RateSegment,
     load_constant_rate,
 )
-from pyburgers.kinds.constant_rate.stan_data import segment_of_points
 from pyburgers.kinds.forward import check_parameters, simulate, simulate_data
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.stan_data import SolverOptions
@@ -470,7 +469,7 @@ def test_simulated_residuals_start_anew_at_a_step(
         strain=strain,
         stress=np.zeros(5),
     )
-    assert segment_of_points(stepped).tolist() == [0, 0, 1, 1, 1]
+    assert stepped.reading_segment.tolist() == [0, 0, 1, 1, 1]
     values = dict(truth) | {"residual_correlation_strain": 0.05, "residual_correlated_share": 0.8}
     clean = simulate(stepped, truth, at=strain)["stress_Pa"].to_numpy()[[0, 1, 1, 1, 2]]
     residual = np.stack(

@@ -13,10 +13,10 @@ from matplotlib.container import ErrorbarContainer
 
 from pyburgers.drawing.view import views
 from pyburgers.drawing.views.isochronous import isochronous, isochronous_figure
-from pyburgers.fitting.fit import Fit, fit_jointly
+from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.kinds.kind import FittedTest
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR
 from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.sampling.options import SamplerOptions
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.usefixtures("programs")
 LOADS = (3e6, 5e6)
 
 
-def creep_at(stress: float) -> LoadingHistory:
+def creep_at(stress: float) -> HistoryExperiment:
     twin = history_twin("creep", 20)
     loaded = replace(
         twin, id=f"creep_{stress / 1e6:g}", stages=(replace(twin.stages[0], value=stress),)
@@ -38,7 +38,7 @@ def creep_at(stress: float) -> LoadingHistory:
 def joint(tmp_path_factory: pytest.TempPathFactory) -> Fit:
     known = {name: TRUTH[name] for name in default_priors("ice").free if name in TRUTH}
     known = {name: v for name, v in known.items() if name not in ("kelvin_modulus", "stress_noise")}
-    return fit_jointly(
+    return fit(
         [creep_at(stress) for stress in LOADS],
         with_fixed(default_priors("ice"), known),
         out=tmp_path_factory.mktemp("fit") / "run",
@@ -74,7 +74,7 @@ RAMP = 20.0
 class UnderSeries:
     """A fit of a test whose load is said to have been a series."""
 
-    experiment: LoadingHistory
+    experiment: HistoryExperiment
     posterior: xr.DataTree
     priors: PriorSet
 
@@ -82,7 +82,7 @@ class UnderSeries:
 def under_series(fit: Fit, *shares_of_load: tuple[float, float]) -> UnderSeries:
     """As if the stress had been, at some times (s), shares of the load, linear in between."""
     test = fit.experiment
-    assert isinstance(test, LoadingHistory)
+    assert isinstance(test, HistoryExperiment)
     (stage,) = test.stages
     knots = tuple((time, share * stage.value) for time, share in shares_of_load)
     series = replace(stage, control="stress_series", value=0.0, knots=knots)
@@ -134,5 +134,5 @@ def test_loads_that_differ_by_as_much_as_one_varies_are_one(joint: Fit) -> None:
 
 def test_the_page_of_the_joint_fit_has_it(joint: Fit, tmp_path: Path) -> None:
     isochronous(list(joint.tests().values())).savefig(tmp_path / "view.png")
-    figures = views()[joint.problem.protocol.name].joint_figures(list(joint.tests().values()))
+    figures = views()[joint.problem.likelihood.name].joint_figures(list(joint.tests().values()))
     assert [figure.name for figure in figures] == ["isochronous"]

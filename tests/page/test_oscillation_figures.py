@@ -96,7 +96,7 @@ def test_grain_size_starts_where_the_record_says(fit: Fit) -> None:
 
 @pytest.mark.parametrize("recipe", VIEW.figures, ids=lambda recipe: recipe.name)
 def test_a_stress_strain_curve_has_no_figures_of_an_oscillation(
-    recipe: FigureRecipe[Fit], tmp_path: Path
+    recipe: FigureRecipe, tmp_path: Path
 ) -> None:
     with pytest.raises(InputError, match="PIL40: found a test of protocol 'constant_rate'"):
         recipe.draw(make_fit(tmp_path, chains=1, draws=5))

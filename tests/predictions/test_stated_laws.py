@@ -16,7 +16,7 @@ from linear_bodies import LAWS
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.kinds.program_data import given_parameters
 from pyburgers.kinds.stan_data import SolverOptions
@@ -61,7 +61,7 @@ KELVIN: Mapping[str, Mapping[str, float]] = {
 }
 
 
-def creep(duration: float) -> LoadingHistory:
+def creep(duration: float) -> HistoryExperiment:
     return replace(
         history_twin("creep", 2),
         stages=(Stage("stress", 0.0, duration, TEMPERATURE, STRESS),),
@@ -105,7 +105,7 @@ def read_back(experiment: Experiment, values: Mapping[str, float]) -> tuple[Any,
     }
 
 
-def solved(test: LoadingHistory, values: Mapping[str, float], at: FloatArray) -> dict[str, Any]:
+def solved(test: HistoryExperiment, values: Mapping[str, float], at: FloatArray) -> dict[str, Any]:
     solution = simulate(test, values, at=at, solver=EXACT)
     return {str(name): solution[name].to_numpy() for name in solution}
 

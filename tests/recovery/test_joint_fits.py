@@ -13,7 +13,7 @@ from conftest import DUNITE
 from pyburgers.checks.discrepancies import LEVEL
 from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.common.draws import all_draws
-from pyburgers.fitting.fit import Fit, fit, fit_jointly
+from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.model.priors import default_priors
 from pyburgers.posterior.labelled_draws import free_parameters
@@ -49,7 +49,7 @@ def test_a_common_flow_law_is_recovered(
     tmp_path: Path,
     record_property: RecordProperty,
 ) -> None:
-    joint = fit_jointly(experiments, default_priors("ice"), out=tmp_path / "joint", options=OPTIONS)
+    joint = fit(experiments, default_priors("ice"), out=tmp_path / "joint", options=OPTIONS)
     assert [check.sentence for check in joint.checks() if not check.passed] == []
     draws = joint.posterior["posterior"].to_dataset()
     assert set(joint.problem.shared) == set(COMMON)
@@ -72,7 +72,7 @@ def test_measured_dunite_tests_have_a_common_flow_law(tmp_path: Path) -> None:
     one of 500 to 600 replicates of two tests, which the check lets pass or not by the draws.
     """
     names = ("dunite_4580", "dunite_4469", "dunite_4581")
-    joint = fit_jointly(
+    joint = fit(
         [load_constant_rate(DUNITE / f"{name}.toml") for name in names],
         default_priors("dunite"),
         pool=dict.fromkeys(("maxwell_modulus", "kelvin_modulus", "kelvin_viscosity"), "separate"),
@@ -103,7 +103,7 @@ def moments(draws: xr.Dataset) -> dict[str, tuple[xr.Dataset, xr.Dataset]]:
 def test_nothing_pooled_gives_the_single_fits(
     experiments: list[ConstantRateExperiment], single_fits: dict[str, Fit], tmp_path: Path
 ) -> None:
-    joint = fit_jointly(
+    joint = fit(
         [experiments[0], experiments[2]],
         default_priors("ice"),
         pool={"all": "separate"},

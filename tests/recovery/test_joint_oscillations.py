@@ -8,7 +8,7 @@ import pytest
 from oscillation_pair import oscillation_pair
 
 from pyburgers.common.draws import all_draws
-from pyburgers.fitting.fit import fit, fit_jointly
+from pyburgers.fitting.fit import fit
 from pyburgers.model.priors import default_priors
 from pyburgers.sampling.options import SamplerOptions
 
@@ -20,7 +20,7 @@ RecordProperty = Callable[[str, object], None]
 
 def test_a_common_flow_law_is_recovered(tmp_path: Path, record_property: RecordProperty) -> None:
     experiments, priors = oscillation_pair(until=1300.0), default_priors("olivine")
-    joint = fit_jointly(experiments, priors, out=tmp_path / "joint", options=OPTIONS)
+    joint = fit(experiments, priors, out=tmp_path / "joint", options=OPTIONS)
     assert joint.manifest["coordinates"]["system"] == "sheared"
     failed = {check.name: check.sentence for check in joint.checks() if not check.passed}
     assert failed == {}

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from common_flow_law import with_common_flow_law
 
-from pyburgers.comparison.by_tests import compare_by_test, leave_one_test_out
+from pyburgers.comparison.by_tests import compare_by_test
 from pyburgers.comparison.conclusions import sentences_by_test
 from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
 from pyburgers.comparison.results import difference_by_test
-from pyburgers.fitting.fit import Fit, fit, fit_jointly
+from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.model.priors import default_priors
 from pyburgers.sampling.options import SamplerOptions
@@ -32,9 +32,7 @@ def joints(
     folder = tmp_path_factory.mktemp("joint")
     pools = {"default": None, "separate": {"all": "separate"}}
     return {
-        name: fit_jointly(
-            experiments, default_priors("ice"), pool=pool, out=folder / name, options=OPTIONS
-        )
+        name: fit(experiments, default_priors("ice"), pool=pool, out=folder / name, options=OPTIONS)
         for name, pool in pools.items()
     }
 
@@ -43,7 +41,7 @@ def test_marginal_likelihoods_of_separate_tests_multiply(
     experiments: list[ConstantRateExperiment], joints: dict[str, Fit], tmp_path: Path
 ) -> None:
     """Twice: against fits of single tests, and against the joint fit without the other test."""
-    both = leave_one_test_out(joints["separate"], command="test")
+    (both,) = compare_by_test({"fit": joints["separate"]}, command="test").results.values()
     for k, test in enumerate(both.tests):
         (experiment,) = (e for e in experiments if e.id == test)
         alone = fit(experiment, default_priors("ice"), out=tmp_path / test, options=OPTIONS)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from conftest import ICE
 from history_twins import history_twin
+from measures import grain_size_share
 
 from pyburgers.drawing.views.softening import softening_shares
 from pyburgers.fitting.fit import Fit, fit
@@ -16,7 +17,7 @@ from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.model.priors import default_priors
-from pyburgers.posterior.labelled_draws import convergence_table, grain_size_share
+from pyburgers.posterior.labelled_draws import convergence_table
 from pyburgers.sampling.options import SamplerOptions
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("programs")]

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 import xarray as xr
 from conftest import ICE, resolved_priors, with_priors
+from measures import grain_size_share
 
 from pyburgers.common.tasks import Workers
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.constant_rate.experiment import load_constant_rate
 from pyburgers.model.priors import default_priors
-from pyburgers.posterior.labelled_draws import convergence_table, free_parameters, grain_size_share
+from pyburgers.posterior.labelled_draws import convergence_table, free_parameters
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sbc.data_sets import calibration_priors
 from pyburgers.sbc.results import count_sentences

@@ -50,7 +50,7 @@ def deviations(experiment: OscillationExperiment) -> list[float]:
     priors = default_priors("olivine")
     known = {name: truth[name] for name in priors.free if name not in FREE}
     problem = problem_of([experiment], with_fixed(priors, known))
-    model = load_program(problem.protocol.program)
+    model = load_program(problem.likelihood.program)
     data = program_data(problem, solver=SolverOptions(tolerance=1e-8))
     (coordinates,) = problem.coordinates
     at_truth = coordinates.at(truth)

@@ -30,8 +30,8 @@ from pyburgers.checks.verdicts import Verdict
 from pyburgers.drawing.style import image
 from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.fitting.side_by_side import fit_side_by_side
-from pyburgers.kinds.kind import kind_of
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.likelihood import likelihood_of
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.files import load_loading_history
 from pyburgers.model.priors import load_priors, shipped_prior_file
 from pyburgers.model.variants import variant_of
@@ -40,7 +40,7 @@ HALITE = DUNITE.parent / "halite"
 
 
 @pytest.fixture(scope="module")
-def record() -> LoadingHistory:
+def record() -> HistoryExperiment:
     return load_loading_history(HALITE / f"{RECORD}.toml")
 
 
@@ -79,7 +79,7 @@ def test_laws_are_fitted_to_the_same_readings() -> None:
 
 @pytest.mark.slow
 def test_the_closest_law_beats_a_least_squares_fit_of_a_power_law_that_hardens(
-    record: LoadingHistory, tmp_path: Path
+    record: HistoryExperiment, tmp_path: Path
 ) -> None:
     """It leaves 2.8e-4; laws without hardening leave 4.4e-4."""
     task = halite_tasks()[SINE_HARDENING]
@@ -101,7 +101,7 @@ def test_the_closest_law_beats_a_least_squares_fit_of_a_power_law_that_hardens(
     assert rms["unloading"] < 1.5e-4
 
 
-def test_parts_of_the_history(record: LoadingHistory) -> None:
+def test_parts_of_the_history(record: HistoryExperiment) -> None:
     part = parts_of_readings(record)
     hours = record.time / 3600 + 3.167
     assert set(part) == set(PARTS)
@@ -120,7 +120,7 @@ def test_parts_of_the_history(record: LoadingHistory) -> None:
         assert set(part[inside]) == {name}
 
 
-def test_what_is_left_over_is_told_by_part(record: LoadingHistory) -> None:
+def test_what_is_left_over_is_told_by_part(record: HistoryExperiment) -> None:
     part = parts_of_readings(record)
     residual = np.where(part == "unloading", -3e-4, 1e-4)
     table = left_over(record, residual)
@@ -143,7 +143,7 @@ def test_the_document_has_what_the_committed_page_says_is_left_over() -> None:
     assert f"{told}unloading {unloading})" in " ".join(text.split())
 
 
-def test_a_part_without_readings_has_no_row(record: LoadingHistory) -> None:
+def test_a_part_without_readings_has_no_row(record: HistoryExperiment) -> None:
     early = record.time < 3600
     few = replace(
         record,
@@ -155,7 +155,7 @@ def test_a_part_without_readings_has_no_row(record: LoadingHistory) -> None:
 
 
 def test_the_page_says_how_much_is_left_over_and_where(
-    record: LoadingHistory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    record: HistoryExperiment, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     verdicts = {
         kind: Verdict(kind, Outcome.NO, f"The answer about {kind.value}.") for kind in CheckKind
@@ -163,7 +163,7 @@ def test_the_page_says_how_much_is_left_over_and_where(
     monkeypatch.setattr(SampledFit, "verdicts", lambda fit: verdicts)
     # The draws are a substitute of another protocol, which the checks of this one cannot read.
     monkeypatch.setattr(SampledFit, "checks", lambda fit: ())
-    response = kind_of(record).response.name
+    response = likelihood_of(record).response.name
     fits = {}
     for times, (name, task) in enumerate(reversed(halite_tasks().items()), start=1):
         made = make_fit(tmp_path / name, chains=2, draws=50)
@@ -175,7 +175,7 @@ def test_the_page_says_how_much_is_left_over_and_where(
         )
         # `compare` asks where the points lie on the clock of the test.
         points = fit.posterior["constant_data"].to_dataset()
-        fit.posterior["constant_data"] = points.rename(strain=kind_of(record).clock.name)
+        fit.posterior["constant_data"] = points.rename(strain=likelihood_of(record).clock.name)
         fits[name] = fit
     section = halite_section(fits)
     told = " ".join((*section.paragraphs, *section.details))

@@ -7,7 +7,7 @@ from conftest import ICE
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.kinds.constant_rate.experiment import load_constant_rate
-from pyburgers.kinds.constant_rate.kind import KIND as CONSTANT_RATE
+from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.program_data import program_data

@@ -11,7 +11,7 @@ from stan_values import CHARTS
 from truth_as_mode import at_truth
 
 from pyburgers.cmdstan.program import load_program
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stan_data import elements_block
 from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
 from pyburgers.kinds.problem import plain_coordinates, problem_of
@@ -30,7 +30,7 @@ pytestmark = pytest.mark.usefixtures("programs")
 ICE = default_priors("ice")
 
 
-def valley_of(experiment: LoadingHistory) -> ValleyReference:
+def valley_of(experiment: HistoryExperiment) -> ValleyReference:
     test = at_truth(experiment, ICE, SolverOptions())
     reference, _ = LoadingHistoryValley().reference(test)
     return reference
@@ -190,7 +190,7 @@ def test_the_search_for_the_mode_ends_at_one() -> None:
     problem = problem_of([history_twin("relaxation", 40)], ICE)
     found = find_mode(problem, seed=1, solver=SolverOptions()).coordinate
     exact = program_data(problem, solver=SolverOptions(1e-9))
-    program = load_program(problem.protocol.program)
+    program = load_program(problem.likelihood.program)
     # A slope says little by itself: widths of the coordinates are 0.01 to 2.
     assert expected_rise(program, exact, found, laplace_metric(program, exact, found)) < 0.2
 

@@ -51,7 +51,7 @@ def test_chains_start_at_a_tolerance_that_is_not_too_loose(
     laplace = read_json(run.metric_file)
     centre, covariance = (np.array(laplace[key]) for key in ("centre", "covariance"))
     model = load_program(
-        problem_of([small_problem.experiment], small_problem.priors).protocol.program
+        problem_of([small_problem.experiment], small_problem.priors).likelihood.program
     )
     for share, found in ((0.99, 1), (1.01, 0)):
         monkeypatch.setattr(
@@ -84,7 +84,7 @@ def test_a_record_that_the_usual_tolerance_cannot_sample_is_told() -> None:
     chart = chart_at_mode(problem, data, solver, seed=47)
     assert chart.centre is not None
     assert chart.covariance is not None
-    model = load_program(problem.protocol.program)
+    model = load_program(problem.likelihood.program)
     (noisy,) = noisy_tolerances(
         model, {**data, **chart.block}, chart.centre, chart.covariance, seed=47
     )

@@ -13,7 +13,7 @@ from oscillation_pair import TWIN_FILE
 from pyburgers.cmdstan.program import Program, shares_work
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.errors import InputError
-from pyburgers.fitting.fit import Fit, fit_jointly
+from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.priors import default_priors
@@ -29,7 +29,7 @@ def test_threads_share_tests_at_constant_rate_and_no_others(tmp_path: Path) -> N
     assert shared == ["constant_rate"]
     twin = load_experiment(TWIN_FILE)
     with pytest.raises(InputError, match=r"threads_per_chain is 2, expected 1: .*oscillation"):
-        fit_jointly(
+        fit(
             [twin, replace(twin, id="other")],
             default_priors("olivine"),
             out=tmp_path / "run",
@@ -67,7 +67,7 @@ def test_chains_leave_cores_to_the_threads_of_others(
     monkeypatch.setattr(chains, "cores", lambda: 8)
     monkeypatch.setattr(chains, "closing", lambda looks: looks)
     monkeypatch.setattr(chains, "side_by_side", no_looks)
-    options = SMALL_RUN.suited_to(joint.problem.protocol)
+    options = SMALL_RUN.suited_to(joint.problem.likelihood)
     for threads in (1, 3, 9):
         chains.run_side_by_side(Program(Path("program"), threads), joint.directory, [1, 2], options)
     assert seen == [8, 2, 1]

@@ -11,7 +11,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.kinds.constant_rate.valley import ConstantRateValley
 from pyburgers.kinds.coordinates import ProblemMode
-from pyburgers.kinds.kind import ChartUnsuited
+from pyburgers.kinds.likelihood import ChartUnsuited
 from pyburgers.kinds.problem import plain_coordinates, problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions

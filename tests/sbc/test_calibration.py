@@ -23,7 +23,8 @@ from pyburgers.kinds.forced_oscillation.experiment import (
 )
 from pyburgers.kinds.forced_oscillation.preparation import Background, prepare
 from pyburgers.kinds.forward import simulate, simulate_data
-from pyburgers.kinds.kind import kind_of, load_experiment
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import Problem, one_test, problem_of
 from pyburgers.kinds.program_data import given_parameters
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER
@@ -102,7 +103,7 @@ def test_the_trend_leaves_as_much_noise_as_the_likelihood_expects(programs: None
     quiet = simulate_data(
         experiment, {**truth, "stress_noise": 1.0}, np.random.default_rng(1), source="the truth"
     )
-    model = load_program(kind_of(quiet).program)
+    model = load_program(likelihood_of(quiet).program)
 
     def log_likelihood(log_factor: float) -> float:
         values = {**truth, "stress_noise": truth["stress_noise"] * np.exp(log_factor)}
@@ -266,7 +267,7 @@ def test_strains_are_simulated_too_and_their_errors_are_known(
     noise -= strain.trend(record.strain_time)
     assert np.std(noise) == pytest.approx(1e-4, rel=0.2)
     assert simulated.prepared.start_stress == template.prepared.start_stress
-    error = kind_of(simulated).driving_error(simulated, template)
+    error = simulated.driving_error(template)
     assert error.size == (6 if background == "removed" else 8)
     assert 0.1 < np.sqrt(np.mean(error**2)) < 2.5
     change = error @ simulated.prepared.strain_error

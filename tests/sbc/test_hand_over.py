@@ -8,7 +8,9 @@ from typing import NoReturn
 
 import numpy as np
 import pytest
+import simulated_tables
 from conftest import ICE
+from simulated_tables import rank_curve, rank_hand_over, simulate_table
 
 from pyburgers.common.errors import SamplingError
 from pyburgers.flow_law_tables import softening
@@ -27,9 +29,7 @@ from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
-from pyburgers.sbc import hand_over
 from pyburgers.sbc.data_sets import DataSetPlan, Simulated, calibration_priors
-from pyburgers.sbc.hand_over import rank_curve, rank_hand_over, simulate_table
 from pyburgers.sbc.rank_uniformity import judge_ranks, rank_bands
 from pyburgers.sbc.replication import Replication
 
@@ -96,7 +96,7 @@ def test_the_truth_is_none_of_the_materials_that_the_prior_is_simulated_with(
 
 
 def test_priors_that_never_look_like_the_table_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hand_over, "PRIOR_ATTEMPTS", 3)
+    monkeypatch.setattr(simulated_tables, "PRIOR_ATTEMPTS", 3)
     far = replace(template(), stress=1e4 * template().stress)
     with pytest.raises(SamplingError, match="none of 3 draws from the priors has stresses like"):
         simulate_table(far, priors_with_scatter(0.1), default_priors("ice"), seed=1)
@@ -125,7 +125,7 @@ def test_the_curve_is_of_the_material_of_its_table_but_for_the_scatter(
         fitted.append(simulated)
         return Replication(seed=4, n_draws=N_RANKED, n_unsolvable=0)
 
-    monkeypatch.setattr(hand_over, "fit_and_rank", fit_and_rank)
+    monkeypatch.setattr(simulated_tables, "fit_and_rank", fit_and_rank)
     for _ in range(2):
         rank_curve(
             table,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from conftest import DUNITE
 
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.files import load_loading_history
 from pyburgers.model.priors import load_priors, shipped_prior_file
 
@@ -15,7 +15,7 @@ HOUR = 3600.0
 
 
 @pytest.fixture(scope="module")
-def record() -> LoadingHistory:
+def record() -> HistoryExperiment:
     return load_loading_history(HALITE / "halite_z3.toml")
 
 
@@ -29,7 +29,7 @@ def columns() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return time - time[0], stress, strain / 100
 
 
-def test_the_record(record: LoadingHistory) -> None:
+def test_the_record(record: HistoryExperiment) -> None:
     assert record.material == "halite"
     assert record.provenance.kind == "measured"
     assert record.provenance.licence == "CC BY 4.0"
@@ -41,7 +41,7 @@ def test_the_record(record: LoadingHistory) -> None:
     assert np.all(record.response_is_strain)
 
 
-def test_five_loads_are_held_four_days_each(record: LoadingHistory) -> None:
+def test_five_loads_are_held_four_days_each(record: HistoryExperiment) -> None:
     held = [
         leg
         for leg in record.legs
@@ -54,7 +54,7 @@ def test_five_loads_are_held_four_days_each(record: LoadingHistory) -> None:
     assert len(record.legs) == 30
 
 
-def test_the_driver_follows_the_measured_stress(record: LoadingHistory) -> None:
+def test_the_driver_follows_the_measured_stress(record: HistoryExperiment) -> None:
     time, stress, _ = columns()
     corners, line = np.transpose(record.stages[0].knots)
     apart = stress - np.interp(time * HOUR, corners, line) / 1e6
@@ -62,7 +62,7 @@ def test_the_driver_follows_the_measured_stress(record: LoadingHistory) -> None:
     assert np.sqrt(np.mean(apart**2)) < 0.05
 
 
-def test_the_readings_that_are_kept_follow_the_record(record: LoadingHistory) -> None:
+def test_the_readings_that_are_kept_follow_the_record(record: HistoryExperiment) -> None:
     time, _, strain = columns()
     line = np.interp(time * HOUR, record.time, record.response)
     assert np.abs(line - strain).max() < 1e-4

@@ -22,9 +22,10 @@ import pyburgers
 from pyburgers.cli.main import COMMANDS
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.experiment import CONDITION_KEYS
-from pyburgers.kinds.kind import NAMES, load_experiment
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
-from pyburgers.kinds.loading_history.priors import priors_of
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.likelihood import NAMES
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
+from pyburgers.kinds.loading_history.priors import own_priors
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import default_priors
@@ -173,9 +174,9 @@ def test_values_of_parameters_that_are_left_out_are_those_of_a_fit() -> None:
     assert rows["| `kelvin_stress_exponent`"].endswith("| 1 |")
     assert rows["| `breakdown_stress`"].endswith("| 0 Pa |")
     history = load_experiment(SHIPPED["loading_history"])
-    assert isinstance(history, LoadingHistory)
+    assert isinstance(history, HistoryExperiment)
     plain = default_priors(history.material, history.protocol)
-    (priors,) = priors_of([history], plain)
+    (priors,) = own_priors([history], plain)
     for name in FREE_IN_HISTORIES:
         assert name not in plain.priors
         assert not priors[name].is_fixed
@@ -236,8 +237,8 @@ def test_what_depends_on_readings_stands_above_the_tables() -> None:
     page = DATA.parent / "docs" / "reference" / "combinations.md"
     said = " ".join(page.read_text(encoding="utf-8").split())
     history = load_experiment(SHIPPED["loading_history"])
-    assert isinstance(history, LoadingHistory)
-    (priors,) = priors_of([history], default_priors(history.material, history.protocol))
+    assert isinstance(history, HistoryExperiment)
+    (priors,) = own_priors([history], default_priors(history.material, history.protocol))
     law = variant_of(priors, history).residuals
     assert f"whose strain is read takes `residuals={law}`" in said
     without_scatter = [

@@ -7,7 +7,7 @@ functions {
 #include physics/kelvin_element.stan
 #include physics/relaxation_elements.stan
 #include physics/microstructure.stan
-#include protocols/constant_rate_dynamics.stan
+#include kinds/constant_rate_dynamics.stan
 #include charts/plain.stan
 #include charts/sheared.stan
 #include charts/valley/pins.stan

@@ -6,9 +6,9 @@ functions {
 #include physics/kelvin_element.stan
 #include physics/relaxation_elements.stan
 #include physics/microstructure.stan
-#include protocols/loading_history_rates.stan
-#include protocols/loading_history_legs.stan
-#include protocols/loading_history_dynamics.stan
+#include kinds/loading_history_rates.stan
+#include kinds/loading_history_legs.stan
+#include kinds/loading_history_dynamics.stan
 }
 data {
   int<lower=0> n_legs;

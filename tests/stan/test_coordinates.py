@@ -14,7 +14,7 @@ from stan_data import one_test_data, parameter_in
 from truth_as_mode import at_truth
 
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
 from pyburgers.kinds.problem import plain_coordinates
 from pyburgers.kinds.stan_data import SolverOptions
@@ -109,7 +109,7 @@ def test_log_jacobian_of_a_creep_test_is_that_of_the_map(
     reference, _ = LoadingHistoryValley().reference(at_truth(twin, priors, SolverOptions()))
     assert reference.pins.time_spent.all()
     data = one_test_data(twin, priors, solver=SOLVER, reference=reference)
-    program = program_with(kind_of(twin).program, data, tmp_path)
+    program = program_with(likelihood_of(twin).program, data, tmp_path)
     assert_jacobian_is_that_of_the_map(program, plain_coordinates(twin, priors).parameters)
 
 

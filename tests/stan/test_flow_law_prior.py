@@ -24,7 +24,7 @@ from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.constant_rate.experiment import load_constant_rate
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forced_oscillation.experiment import load_forced_oscillation
-from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import values_of_test
 from pyburgers.kinds.stan_data import SolverOptions
@@ -112,7 +112,7 @@ def test_the_density_is_that_of_the_normal_and_of_the_other_priors(system: str) 
         ice = load_constant_rate(ICE / "PIL40.toml")
         valley = valley_of(ice, priors)
         data = one_test_data(ice, priors, solver=SolverOptions(), reference=valley)
-    model = load_program(kind_of(experiment).program)
+    model = load_program(likelihood_of(experiment).program)
     rng = np.random.default_rng(5)
     for _ in range(4):
         position = 0.3 * rng.standard_normal(len(priors.free))

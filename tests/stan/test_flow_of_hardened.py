@@ -9,7 +9,7 @@ from conftest import DUNITE
 from halite import LAWS, RECORD, SINE, SINE_HARDENING, halite_priors
 
 from pyburgers.cmdstan.program import load_program
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.files import load_loading_history
 from pyburgers.kinds.loading_history.stan_data import strain_scale, stress_scale
 from pyburgers.kinds.problem import Problem, problem_of
@@ -38,7 +38,7 @@ def few_readings(name: str) -> Problem:
 def evaluated(problem: Problem, coordinate: FloatArray) -> tuple[dict[str, float], float, float]:
     """Parameters, ln of the reference flow rate, and ln of the Jacobian."""
     data = program_data(problem, solver=SolverOptions(), use_likelihood=False)
-    program = load_program(problem.protocol.program)
+    program = load_program(problem.likelihood.program)
     found = program.evaluate(data, {"coordinate": coordinate.tolist()})
     (row,) = found["parameter"]
     values = {p.name: float(value) for p, value in zip(PROGRAM_PARAMETERS, row, strict=True)}
@@ -54,7 +54,7 @@ def test_it_is_the_rate_of_the_material_that_the_law_is_written_for(name: str) -
     """Hardened by the largest strain with a hyperbolic sine, undeformed with a power law."""
     problem = few_readings(name)
     (test,) = problem.experiments
-    assert isinstance(test, LoadingHistory)
+    assert isinstance(test, HistoryExperiment)
     at = somewhere(problem)
     values, log_rate, _ = evaluated(problem, at)
     stress, n = stress_scale(test), values["stress_exponent"]
@@ -74,7 +74,7 @@ def test_it_is_the_rate_of_the_material_that_the_law_is_written_for(name: str) -
     )
     assert log_rate == pytest.approx(expected, rel=1e-9)
     (coordinates,) = problem.coordinates
-    sampled = coordinates.quantities.index(problem.protocol.reference.name)
+    sampled = coordinates.quantities.index(problem.likelihood.reference.name)
     assert coordinates.value(sampled, at[sampled]) == pytest.approx(expected, rel=1e-9)
 
 

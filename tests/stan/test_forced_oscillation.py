@@ -31,7 +31,7 @@ from pyburgers.kinds.forced_oscillation.preparation import (
     prepare,
 )
 from pyburgers.kinds.forward import simulate
-from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import one_test
 from pyburgers.kinds.program_data import given_parameters, program_data, solve
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER
@@ -253,7 +253,7 @@ def test_errors_of_the_strain_change_what_drives_the_model(twin: OscillationExpe
     data = program_data(
         one_test(test, given_parameters("olivine", truth())), solver=REFERENCE_SOLVER
     )
-    found = load_program(kind_of(test).program).evaluate(data, {"coordinate": error.tolist()})
+    found = load_program(likelihood_of(test).program).evaluate(data, {"coordinate": error.tolist()})
     sine, cosine, background = np.split(error @ prepared.strain_error, [3, 6])
     changed = replace(
         prepared,
@@ -273,7 +273,7 @@ def test_errors_of_the_strain_change_what_drives_the_model(twin: OscillationExpe
         "n_coordinates": 0,
         "unit": [],
     }
-    expected = load_program(kind_of(test).program).evaluate(by_hand)
+    expected = load_program(likelihood_of(test).program).evaluate(by_hand)
     size = np.abs(expected["stress_model"]).max()
     np.testing.assert_allclose(
         found["stress_model"], expected["stress_model"], atol=1e-7 * size, rtol=0
@@ -393,7 +393,7 @@ def test_the_same_seed_gives_the_same_draws(twin: OscillationExperiment, tmp_pat
     )
     draws = [
         sampled(
-            load_program(kind_of(twin).program),
+            load_program(likelihood_of(twin).program),
             data,
             tmp_path / name,
             chains=1,

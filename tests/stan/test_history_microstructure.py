@@ -19,9 +19,9 @@ from truth_as_mode import at_truth
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.kinds.constant_rate.experiment import load_constant_rate
-from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.conversion import as_history
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stan_data import leg_of_times
 from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
 from pyburgers.kinds.microstructure import MeasuredMicrostructure
@@ -58,11 +58,11 @@ PIEZOMETER = {
 }
 
 
-def measured_twin(name: str) -> LoadingHistory:
+def measured_twin(name: str) -> HistoryExperiment:
     return replace(history_twin(name, 12), microstructure=SECTIONS[name])
 
 
-def oracle_microstructure(test: LoadingHistory, values: Mapping[str, float]) -> FloatArray:
+def oracle_microstructure(test: HistoryExperiment, values: Mapping[str, float]) -> FloatArray:
     """Grain size (m) and fabric factor of each section, shape (n, 2), solved with scipy."""
     dense = np.unique(
         np.concatenate(
@@ -89,7 +89,7 @@ def oracle_microstructure(test: LoadingHistory, values: Mapping[str, float]) -> 
     return np.array(found)
 
 
-def expected_log_density(test: LoadingHistory, values: Mapping[str, float]) -> FloatArray:
+def expected_log_density(test: HistoryExperiment, values: Mapping[str, float]) -> FloatArray:
     """Of each grain size and fabric factor."""
     density = np.zeros((len(test.microstructure), 2))
     for row, one, (size, factor) in zip(
@@ -186,6 +186,6 @@ def test_a_curve_has_the_same_density_as_a_history() -> None:
         problem = problem_of([test], with_fixed(default_priors("ice"), known))
         data = program_data(problem, solver=TIGHT)
         point = {"coordinate": np.full(data["n_coordinates"], 0.3).tolist()}
-        draw = load_program(kind_of(test).program).evaluate(data, point)
+        draw = load_program(likelihood_of(test).program).evaluate(data, point)
         found.append(draw["microstructure_log_lik"])
     np.testing.assert_allclose(found[1], found[0], rtol=1e-7)

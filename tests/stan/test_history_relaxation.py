@@ -19,7 +19,7 @@ from truth_as_mode import at_truth
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.kinds.experiment import Provenance
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.kinds.loading_history.stan_data import ELEMENT_ERROR, elements_block
 from pyburgers.kinds.problem import problem_of
@@ -42,7 +42,7 @@ LINEAR = linear_body(VISCOSITY, 3e12, TEMPERATURE, GRAIN_SIZE)
 """Its longest relaxation time is 3000 s."""
 
 
-def imagined_test(legs: Sequence[Sequence[float]]) -> LoadingHistory:
+def imagined_test(legs: Sequence[Sequence[float]]) -> HistoryExperiment:
     """A test of such legs without readings."""
     stages, start = [], 0.0
     for is_stress, duration, stress, rate, temperature in legs:
@@ -53,7 +53,7 @@ def imagined_test(legs: Sequence[Sequence[float]]) -> LoadingHistory:
             else Stage("strain_rate", start, end, temperature, rate)
         )
         start = end
-    return LoadingHistory(
+    return HistoryExperiment(
         id="imagined",
         material="ice",
         temperature=TEMPERATURE,

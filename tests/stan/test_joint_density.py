@@ -15,7 +15,7 @@ from stan_data import one_test_data, parameter_in
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.kinds.constant_rate.experiment import load_constant_rate
-from pyburgers.kinds.constant_rate.kind import KIND as CONSTANT_RATE
+from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.program_data import chart_block, program_data
 from pyburgers.kinds.stan_data import SolverOptions

@@ -42,7 +42,7 @@ def joint_program(joint: Problem, system: str, folder: Path) -> Program:
     data = program_data(joint, solver=SOLVER)
     if system == "sheared":
         data |= chart_block(joint, REFERENCES)
-    return program_with(joint.protocol.program, data, folder)
+    return program_with(joint.likelihood.program, data, folder)
 
 
 @pytest.mark.parametrize("system", SYSTEMS)
@@ -57,7 +57,7 @@ def test_separate_density_is_the_sum_of_single_ones(
     for record, reference, own in zip(records, REFERENCES, np.split(coordinate, 2), strict=True):
         chosen = reference if system == "sheared" else None
         data = one_test_data(record, resolved_priors(record), solver=SOLVER, reference=chosen)
-        single = program_with(joint.protocol.program, data, tmp_path)
+        single = program_with(joint.likelihood.program, data, tmp_path)
         total += single.columns_at({"coordinate": own.tolist()})["lp__"]
     assert density == pytest.approx(total, rel=1e-9)
 

@@ -13,7 +13,7 @@ from pyburgers.cmdstan.draw_files import read_draws
 from pyburgers.cmdstan.program import load_program
 from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
 from pyburgers.fitting.fit import Fit, fit, fit_problem
-from pyburgers.kinds.constant_rate.kind import KIND as CONSTANT_RATE
+from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, solver_block
 from pyburgers.model.pooling import pooling_of

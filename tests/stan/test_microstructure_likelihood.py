@@ -14,7 +14,7 @@ from stan_data import one_test_data, parameters_in
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.comparison.same_data import data_hash
-from pyburgers.fitting.fit import Fit, fit, fit_jointly
+from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.microstructure import MeasuredMicrostructure, strains_of
@@ -101,9 +101,7 @@ def test_draws_keep_it_apart(small_problem: Problem, small_fit: Fit, tmp_path: P
     other = replace(one, id="other", microstructure=())
     measured = replace(one, microstructure=seen)
     single = fit(measured, small_problem.priors, out=tmp_path / "single", options=QUICK)
-    joint = fit_jointly(
-        [other, measured], small_problem.priors, out=tmp_path / "joint", options=QUICK
-    )
+    joint = fit([other, measured], small_problem.priors, out=tmp_path / "joint", options=QUICK)
     for result in (single, joint):
         group = result.posterior["microstructure"].to_dataset()
         assert group["model"].dims == ("chain", "draw", "section", "quantity")

@@ -36,7 +36,7 @@ from pyburgers.kinds.forced_oscillation.stan_data import (
     ShearedReference,
     grid_block,
 )
-from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import one_test, plain_coordinates, problem_of
 from pyburgers.kinds.program_data import chart_block
 from pyburgers.kinds.stan_data import PLAIN, SolverOptions, StanData, solver_block
@@ -107,7 +107,7 @@ def truth_in(experiment: OscillationExperiment, priors: PriorSet) -> Mode:
 
 
 def model_of(experiment: OscillationExperiment) -> CompiledProgram:
-    return load_program(kind_of(experiment).program)
+    return load_program(likelihood_of(experiment).program)
 
 
 def program_in(
@@ -118,7 +118,7 @@ def program_in(
 ) -> Program:
     data = one_test_data(experiment, priors, solver=TIGHT, reference=sheared)
     folder /= "plain" if sheared is None else "sheared"
-    return program_with(kind_of(experiment).program, data, folder)
+    return program_with(likelihood_of(experiment).program, data, folder)
 
 
 def vector(columns: Mapping[str, float], name: str, size: int) -> FloatArray:
@@ -201,7 +201,7 @@ def test_log_jacobian_is_that_of_the_map(short: OscillationExperiment, tmp_path:
     """Closed form of the plain map, numerical determinant of the shears."""
     priors = resolved_priors(short)
     data = one_test_data(short, priors, solver=SolverOptions(1e-3), reference=REFERENCE)
-    program = program_with(kind_of(short).program, two_points(data), tmp_path)
+    program = program_with(likelihood_of(short).program, two_points(data), tmp_path)
     for point in scattered(sheared_truth(short, priors), seed=7, number=2):
         columns = program.columns_at({"coordinate": point.tolist()})
         matrix = np.column_stack(
@@ -457,7 +457,7 @@ def test_a_record_whose_loss_is_all_the_dashpots_is_smooth_in_its_coordinates(
         assert np.linalg.eigvalsh(widths.T @ curvature @ widths).max() < 40
     near = draws[0] + 0.02 * np.random.default_rng(3).standard_normal((8, 9)) @ widths.T
     programs = (
-        program_with(kind_of(experiment).program, content, tmp_path / name)
+        program_with(likelihood_of(experiment).program, content, tmp_path / name)
         for name, content in (("loose", chosen), ("tight", tight))
     )
     loose, exact = (

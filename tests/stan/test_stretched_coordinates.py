@@ -14,7 +14,7 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.attenuation.stretched_chart import StretchedChart
-from pyburgers.kinds.kind import AtMode, ChartUnsuited, kinds
+from pyburgers.kinds.likelihood import AtMode, ChartUnsuited, likelihoods
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import chart_block, program_data
 from pyburgers.kinds.stan_data import SolverOptions
@@ -28,7 +28,7 @@ FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
 TABLE = ICE.parent / "olivine" / "attenuation_A1802.toml"
-PROGRAM = kinds()["attenuation"].program
+PROGRAM = likelihoods()["attenuation"].program
 LAWS = ("linear", "extended", "extended_peak", "andrade")
 
 

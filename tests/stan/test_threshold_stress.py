@@ -28,7 +28,7 @@ from pyburgers.kinds.forced_oscillation.experiment import (
     with_background,
 )
 from pyburgers.kinds.forward import simulate
-from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions
@@ -145,7 +145,7 @@ def test_the_log_likelihood_is_that_of_the_independent_solution(tmp_path: Path) 
     test = load_constant_rate(ICE / "PIL40.toml")
     problem = problem_of([test], with_variant(default_priors("ice"), test, THRESHOLD))
     data = program_data(problem, solver=SolverOptions(1e-10))
-    program = program_with(kind_of(test).program, data, tmp_path / "program")
+    program = program_with(likelihood_of(test).program, data, tmp_path / "program")
     at = np.array(0.2 * np.random.default_rng(4).standard_normal(data["n_coordinates"]))
     columns = program.columns_at({"coordinate": at.tolist()})
     values = parameters_in(columns)
@@ -182,7 +182,7 @@ def test_gradients_are_slopes_of_the_density(kind: str, dashpot: str, tmp_path: 
     test = the_tests()[kind]
     problem = problem_of([test], priors_for(test, dashpot))
     data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
-    program = program_with(kind_of(test).program, data, tmp_path / "program")
+    program = program_with(likelihood_of(test).program, data, tmp_path / "program")
     point = np.array(0.1 * np.random.default_rng(2).standard_normal(data["n_coordinates"]))
     names = list(problem.layout.names)
     free = [names.index("threshold_stress"), names.index("kelvin_viscosity")]

@@ -120,7 +120,7 @@ def program_in(
     for one, places in reversed(list(alone)):
         (experiment,), (coordinates,) = one.experiments, one.coordinates
         values = truth_of(experiment)
-        name = problem.protocol.reference.name
+        name = problem.likelihood.reference.name
         point = simulate(experiment, values, at=experiment.position).attrs[name]
         mode = Mode(
             values, coordinates.at({**values, name: point}), np.zeros(experiment.n_driving_errors)
@@ -128,12 +128,12 @@ def program_in(
         centre[places] = mode.coordinate
         if system != "plain":
             test = at_mode(one, mode, solver)
-            assert problem.protocol.chart is not None
-            reference, centre[places] = problem.protocol.chart.reference(test)
+            assert problem.likelihood.chart is not None
+            reference, centre[places] = problem.likelihood.chart.reference(test)
             covariance = 0.04 * np.eye(len(places))
-            references.insert(0, problem.protocol.chart.rescaled(reference, test, covariance))
+            references.insert(0, problem.likelihood.chart.rescaled(reference, test, covariance))
     data |= chart_block(problem, references)
-    return program_with(problem.protocol.program, data, folder), centre
+    return program_with(problem.likelihood.program, data, folder), centre
 
 
 @pytest.mark.parametrize("source", SOURCES)
@@ -148,7 +148,7 @@ def test_the_density_is_the_same_in_both_coordinates(source: Path, tmp_path: Pat
     plain, _ = program_in(problem, "plain", tmp_path / "plain")
     chart, centre = program_in(problem, "chart", tmp_path / "chart")
     rng = np.random.default_rng(5)
-    name = problem.protocol.reference.name
+    name = problem.likelihood.reference.name
     for width in (0.1, 0.3, 0.6):
         point = centre + width * rng.standard_normal(centre.size)
         there = chart.columns_at({"coordinate": point.tolist()})

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.kinds.experiment import Provenance
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Stage, legs_of
 
 FloatArray = npt.NDArray[np.float64]
@@ -56,7 +56,7 @@ _STAGES: Mapping[str, Sequence[tuple[str, float, float]]] = MappingProxyType(
 
 def history_twin(
     name: str, n_readings: int, seed: int = 20261122, values: Mapping[str, float] = TRUTH
-) -> LoadingHistory:
+) -> HistoryExperiment:
     """One of the histories above, as many readings in each stage, dense at its start."""
     stages, start = [], 0.0
     for control, duration, value in _STAGES[name]:
@@ -74,7 +74,7 @@ def history_twin(
     time = np.concatenate(times)
     factor = np.linalg.cholesky(residual_covariance(values, time, stage, is_strain))
     rng = np.random.default_rng(seed)
-    return LoadingHistory(
+    return HistoryExperiment(
         id=name.replace(" ", "_"),
         material="ice",
         temperature=TEMPERATURE,

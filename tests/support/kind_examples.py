@@ -31,7 +31,7 @@ from pyburgers.kinds.forced_oscillation.experiment import (
 )
 from pyburgers.kinds.forced_oscillation.preparation import Background, prepare
 from pyburgers.kinds.forced_oscillation.stan_data import START_MARGIN
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stan_data import leg_of_times
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
@@ -230,7 +230,7 @@ class ForcedOscillationExample(Example[OscillationExperiment]):
         return found
 
 
-class LoadingHistoryExample(Example[LoadingHistory]):
+class LoadingHistoryExample(Example[HistoryExperiment]):
     """Creep, loading and unloading, relaxation, and all of it in one test."""
 
     twins = ("creep", "load and unload", "relaxation", "mixed")
@@ -247,11 +247,11 @@ class LoadingHistoryExample(Example[LoadingHistory]):
     tight = SolverOptions(tolerance=1e-13, max_num_steps=1_000_000)
     options = SamplerOptions(chains=4, draws=1000, seed=20261122)
 
-    def load(self, name: str) -> LoadingHistory:
+    def load(self, name: str) -> HistoryExperiment:
         return history_twin("mixed", 16) if name in self.quick else history_twin(name, 100)
 
     def solution(
-        self, experiment: LoadingHistory, values: Mapping[str, float], at: FloatArray
+        self, experiment: HistoryExperiment, values: Mapping[str, float], at: FloatArray
     ) -> dict[str, FloatArray]:
         legs = leg_of_times(experiment, at)
         state = history_oracle.history(
@@ -264,7 +264,7 @@ class LoadingHistoryExample(Example[LoadingHistory]):
         return dict(zip(names, state[[0, 1, 2, 5, 6]], strict=True))
 
     def log_likelihood(
-        self, experiment: LoadingHistory, values: Mapping[str, float], response: FloatArray
+        self, experiment: HistoryExperiment, values: Mapping[str, float], response: FloatArray
     ) -> FloatArray:
         covariance = residual_covariance(
             values, experiment.time, experiment.reading_stage, experiment.response_is_strain

@@ -14,7 +14,7 @@ import xarray as xr
 from pyburgers.common.atomic_files import write_json
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
-from pyburgers.kinds.constant_rate.kind import KIND as CONSTANT_RATE
+from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.coordinates import REFERENCE_STRESS
 from pyburgers.kinds.experiment import Experiment, Provenance
 from pyburgers.kinds.problem import problem_of
@@ -180,7 +180,7 @@ def make_fit(
     experiment = make_experiment(name, kind, segments, rng, **changes)
     priors = make_priors(fixed)
     posterior = _posterior(priors, (chains, draws), rng, apart, stuck_chain)
-    at_points, on_grid = experiment.strain, CONSTANT_RATE.prediction_grid(experiment)
+    at_points, on_grid = experiment.strain, CONSTANT_RATE.grid(experiment)
     reference, final = posterior[REFERENCE_STRESS].to_numpy(), _final(posterior)
     noise = posterior["stress_noise"].to_numpy()[..., None]
     model = _curve(at_points, reference, final)

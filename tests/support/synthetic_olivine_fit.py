@@ -18,7 +18,7 @@ from pyburgers.kinds.forced_oscillation.experiment import (
     load_forced_oscillation,
     with_background,
 )
-from pyburgers.kinds.forced_oscillation.kind import KIND as FORCED_OSCILLATION
+from pyburgers.kinds.forced_oscillation.likelihood import LIKELIHOOD as FORCED_OSCILLATION
 from pyburgers.kinds.forced_oscillation.preparation import Background
 from pyburgers.kinds.problem import problem_of
 from pyburgers.model.parameters import PARAMETERS
@@ -119,7 +119,7 @@ def oscillating(
     def with_noise(stress: FloatArray) -> FloatArray:
         return stress + noise * rng.normal(size=stress.shape)
 
-    time = FORCED_OSCILLATION.prediction_grid(experiment)
+    time = FORCED_OSCILLATION.grid(experiment)
     stress = stress_at(time)
     growth = normal(fit, 2.0, 0.3)[..., None]
     predictions = {

@@ -7,7 +7,7 @@ import numpy as np
 from pyburgers.kinds.coordinates import Mode
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate
-from pyburgers.kinds.kind import AtMode
+from pyburgers.kinds.likelihood import AtMode
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
@@ -28,7 +28,7 @@ def at_truth(experiment: E, priors: PriorSet, solver: SolverOptions) -> AtMode[E
         else experiment.true_parameters[p.name]
         for p in PROGRAM_PARAMETERS
     }
-    reference = problem.protocol.reference.name
+    reference = problem.likelihood.reference.name
     found = simulate(experiment, values, at=experiment.position).attrs[reference]
     coordinate = problem.coordinates[0].at({**values, reference: found})
     mode = Mode(values, coordinate, np.zeros(experiment.n_driving_errors))

@@ -10,9 +10,10 @@ from markupsafe import Markup
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 
+from pyburgers.common.draws import FloatArray
 from pyburgers.drawing.fitted import curve_of, mean_of, positions, predicted
 from pyburgers.drawing.fitted import residuals as residuals_of
-from pyburgers.drawing.page_parts import FigureRecipe, PageTable
+from pyburgers.drawing.page_parts import PageTable, recipe
 from pyburgers.drawing.panels import (
     HALF_WIDTH,
     LINES_AND_AREAS,
@@ -23,13 +24,11 @@ from pyburgers.drawing.panels import (
 )
 from pyburgers.drawing.style import BLACK, BLUE, VERMILION
 from pyburgers.drawing.view import View
-from pyburgers.drawing.views.relaxation_spectrum import SPECTRUM_FIGURE
+from pyburgers.drawing.views.relaxation_spectrum import relaxation_spectrum
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment, range_text
 from pyburgers.kinds.attenuation.table import ATTENUATION, MODULUS
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.kind import FittedTest
-
-FloatArray = npt.NDArray[np.float64]
 
 GPA = 1e-9
 PERIOD_LABEL = "period (s)"
@@ -79,14 +78,15 @@ def _spectra(fit: FittedTest) -> list[_Spectrum]:
     return found
 
 
-MASTER_CAPTION = (
+@recipe(
+    "master_curves",
+    "Attenuation and modulus",
     "Attenuation tan δ (the same as 1/Q) and modulus against period, one colour for each "
     "temperature: circles are readings, triangles upper limits, lines posterior medians of the "
     "model and areas 90 % of draws, without the scatter of readings. Where circles leave a line in "
-    "step with the period or with temperature, the law of the relaxation is another one."
+    "step with the period or with temperature, the law of the relaxation is another one.",
+    lambda fit: rms_result(fit),
 )
-
-
 def master_curves(fit: FittedTest) -> Figure:
     """Draw attenuation and modulus against period by temperature."""
     experiment = of_kind(fit.experiment, AttenuationExperiment)
@@ -112,13 +112,14 @@ def master_curves(fit: FittedTest) -> Figure:
     return figure
 
 
-COLE_COLE_CAPTION = (
+@recipe(
+    "cole_cole",
+    "Loss against storage compliance",
     "Loss against storage compliance, one colour for each temperature: circles are readings of tan "
     "δ and modulus together, lines posterior medians over the periods of the table. One relaxation "
-    "time gives half a circle, a band of them a flat arc, a dashpot a line that rises steeply."
+    "time gives half a circle, a band of them a flat arc, a dashpot a line that rises steeply.",
+    lambda fit: rms_result(fit),
 )
-
-
 def cole_cole(fit: FittedTest) -> Figure:
     """Draw loss against storage compliance."""
     experiment = of_kind(fit.experiment, AttenuationExperiment)
@@ -145,14 +146,15 @@ def compliances(tan_delta: FloatArray, modulus: FloatArray) -> tuple[FloatArray,
     return storage, np.asarray(storage * tan_delta)
 
 
-ARRHENIUS_CAPTION = (
+@recipe(
+    "arrhenius",
+    "Relaxation times",
     "Relaxation time of the Kelvin element against inverse temperature, and beside it the Maxwell "
     "time of the dashpot, which is the flow law's: lines are posterior medians, areas 90 % of "
     "draws. The slope of a line is its activation enthalpy. Beyond the periods of the table a time "
-    "is what the law makes of it, not what was seen."
+    "is what the law makes of it, not what was seen.",
+    lambda fit: relaxation_result(fit),
 )
-
-
 def arrhenius(fit: FittedTest) -> Figure:
     """Draw relaxation times against inverse temperature."""
     experiment = of_kind(fit.experiment, AttenuationExperiment)
@@ -176,14 +178,15 @@ def arrhenius(fit: FittedTest) -> Figure:
     return figure
 
 
-RESIDUALS_CAPTION = (
+@recipe(
+    "residuals",
+    "What is left over",
     "What the fit leaves over: ln of the reading less the predictive median of the model, of "
     "attenuation above and of modulus below, against period, one colour for each temperature. The "
     "dotted lines hold 90 % of readings as the fitted scatter has them. A slope or a bow that "
-    "temperatures share is a law that is missing."
+    "temperatures share is a law that is missing.",
+    lambda fit: rms_result(fit),
 )
-
-
 def residuals(fit: FittedTest) -> Figure:
     """Draw residuals against period by temperature."""
     experiment = of_kind(fit.experiment, AttenuationExperiment)
@@ -352,19 +355,7 @@ def facts(experiment: AttenuationExperiment) -> Sequence[tuple[str, str]]:
 
 
 VIEW = View(
-    figures=(
-        FigureRecipe(
-            "master_curves", "Attenuation and modulus", MASTER_CAPTION, master_curves, rms_result
-        ),
-        FigureRecipe("residuals", "What is left over", RESIDUALS_CAPTION, residuals, rms_result),
-        FigureRecipe(
-            "cole_cole", "Loss against storage compliance", COLE_COLE_CAPTION, cole_cole, rms_result
-        ),
-        FigureRecipe(
-            "arrhenius", "Relaxation times", ARRHENIUS_CAPTION, arrhenius, relaxation_result
-        ),
-        SPECTRUM_FIGURE,
-    ),
+    figures=(master_curves, residuals, cole_cole, arrhenius, relaxation_spectrum),
     curve=fitted_curve,
     facts=facts,
     reference_text=Markup(

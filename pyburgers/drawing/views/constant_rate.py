@@ -6,14 +6,14 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from pyburgers.drawing.fitted import curve_of, mean_of, positions, residuals
-from pyburgers.drawing.page_parts import FigureRecipe
+from pyburgers.drawing.page_parts import recipe
 from pyburgers.drawing.panels import (
     HALF_WIDTH,
     STRAIN_LABEL,
     STRESS_LABEL,
     FittedCurve,
+    curve_result,
     curve_with_residuals,
-    result_of,
 )
 from pyburgers.drawing.view import View
 from pyburgers.drawing.views.softening import (
@@ -29,16 +29,18 @@ from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.microstructure import strains_of
 from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, STRESS_UNIT
 
-STRESS_STRAIN_CAPTION = (
+
+@recipe(
+    "stress_strain",
+    "Stress-strain curve",
     "Top: the stress-strain curve (circles), the predictive median (solid line), up to 1000 "
     "retrodictions, that is solutions for single draws from the posterior (thin lines), and the "
     "band that should hold 90 % of new measurements. Dotted vertical lines mark where the "
     "imposed strain rate changes. Bottom: data minus the predictive median, with the band that "
     "should hold 90 % of residuals if they were noise alone; a run of points on one side of "
-    "zero is what the model misses."
+    "zero is what the model misses.",
+    lambda fit: curve_result(fitted_curve(fit)),
 )
-
-
 def stress_strain(fit: FittedTest) -> Figure:
     """Draw data, retrodictions, predictive band and residuals along strain."""
     return curve_with_residuals(fitted_curve(fit))
@@ -68,6 +70,12 @@ def fitted_curve(fit: FittedTest) -> FittedCurve:
     )
 
 
+@recipe(
+    "softening",
+    "What softens the material",
+    softening_caption("final strain"),
+    lambda fit: f"at the final strain {softened_text(fit)}",
+)
 def softening(fit: FittedTest) -> Figure:
     """Draw how grain size and fabric soften the material along strain."""
     experiment = of_kind(fit.experiment, ConstantRateExperiment)
@@ -107,22 +115,7 @@ def _mantissa_and_exponent(number: float) -> tuple[str, str]:
 
 
 VIEW = View(
-    figures=(
-        FigureRecipe(
-            "stress_strain",
-            "Stress-strain curve",
-            STRESS_STRAIN_CAPTION,
-            stress_strain,
-            result_of(fitted_curve),
-        ),
-        FigureRecipe(
-            "softening",
-            "What softens the material",
-            softening_caption("final strain"),
-            softening,
-            lambda fit: f"at the final strain {softened_text(fit)}",
-        ),
-    ),
+    figures=(stress_strain, softening),
     curve=fitted_curve,
     facts=facts,
     reference_text=Markup(

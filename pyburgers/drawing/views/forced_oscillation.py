@@ -3,30 +3,28 @@
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from pyburgers.common.draws import central_band
 from pyburgers.drawing.fitted import curve_of, mean_of, positions, predicted, residuals
-from pyburgers.drawing.page_parts import FigureRecipe
+from pyburgers.drawing.page_parts import recipe
 from pyburgers.drawing.panels import (
     HALF_WIDTH,
     LINES_AND_AREAS,
     MEDIAN_LABEL,
     STRESS_LABEL,
     FittedCurve,
+    curve_result,
     curve_with_residuals,
     draw_band_panel,
     draw_data,
     draw_retrodictions,
     figure_of,
-    result_of,
 )
 from pyburgers.drawing.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION
 from pyburgers.drawing.view import View
 from pyburgers.drawing.views.oscillation_preparation import (
-    PREPARATION_CAPTION,
     TIME_LABEL,
     preparation_of,
 )
@@ -58,19 +56,18 @@ from pyburgers.model.display import (
     unit_text,
 )
 
-FloatArray = npt.NDArray[np.float64]
 
-
-STRESS_TIME_CAPTION = (
+@recipe(
+    "stress_time",
+    "Stress along time",
     "Top: the stress that the model is compared with (circles, bars are one standard "
     "deviation), the predictive median (solid line), up to 1000 retrodictions (thin lines), and "
     "the band that should hold 90 % of new readings of typical uncertainty. Bottom: data minus "
     "the predictive median over the noise of each reading, with the band that should hold 90 % "
     "of residuals if they were noise alone; a run on one side of zero, or an oscillation, is "
-    "what the model misses."
+    "what the model misses.",
+    lambda fit: curve_result(fitted_curve(fit)),
 )
-
-
 def stress_time(fit: FittedTest) -> Figure:
     """Draw data, retrodictions, predictive band and residuals along time."""
     return curve_with_residuals(fitted_curve(fit))
@@ -96,14 +93,15 @@ def fitted_curve(fit: FittedTest) -> FittedCurve:
     )
 
 
-STRESS_LOOP_CAPTION = (
+@recipe(
+    "stress_loop",
+    "Stress against strain",
     "Stress against the strain that drives the model: loops of single draws (thin lines, up to "
     "1000) and the predictive median (solid line). Their area is the work that is lost, their "
     "slope the stiffness at this period. Circles are the data, coloured by time. With the "
-    "background kept, loops move along with the strain."
+    "background kept, loops move along with the strain.",
+    lambda fit: curve_result(fitted_curve(fit)),
 )
-
-
 def stress_loop(fit: FittedTest) -> Figure:
     """Draw stress against driving strain: data and retrodictions."""
     curve, prepared = fitted_curve(fit), of_kind(fit.experiment, OscillationExperiment).prepared
@@ -131,15 +129,16 @@ def stress_loop(fit: FittedTest) -> Figure:
     return figure
 
 
-AMPLITUDE_PHASE_CAPTION = (
+@recipe(
+    "amplitude_phase",
+    "Amplitude and phase lag of the stress",
     "Amplitude of the stress and the phase lag, by which strain follows stress. The cross is "
     "the record, with one standard error. Blue dots are solutions for single draws, orange dots "
     "replicated data, that is solutions with noise, treated like the record. Dashed lines "
     "enclose 90 % of the replicated amplitudes and lags: a model that describes the record has "
-    "the cross inside both pairs, nine times out of ten at least."
+    "the cross inside both pairs, nine times out of ten at least.",
+    lag_result,
 )
-
-
 def amplitude_phase(fit: FittedTest) -> Figure:
     """Draw amplitude and phase lag of the stress: observed, predicted and replicated."""
     experiment = of_kind(fit.experiment, OscillationExperiment)
@@ -187,15 +186,16 @@ def amplitude_phase(fit: FittedTest) -> Figure:
     return figure
 
 
-MICROSTRUCTURE_CAPTION = (
+@recipe(
+    "microstructure",
+    "Grain size and dashpot",
     "What the record does not show directly, in the model's solutions: (a) mean grain size, (b) "
     "strain rate of the dashpot; lines are medians over the posterior, areas hold 90 % of draws. "
     "Grains approach the size that the piezometer gives for the current stress, over strains of "
     "the order of the critical strain; near zero stress the piezometer asks for very large ones. "
-    "The dashpot follows stress by a power law, so it flows mainly while stress is high."
+    "The dashpot follows stress by a power law, so it flows mainly while stress is high.",
+    grains_result,
 )
-
-
 def microstructure(fit: FittedTest) -> Figure:
     """Draw grain size and the dashpot's strain rate along time."""
     experiment = of_kind(fit.experiment, OscillationExperiment)
@@ -268,44 +268,7 @@ def _strain_error_text(prepared: PreparedOscillation) -> str:
 
 
 VIEW = View(
-    figures=(
-        FigureRecipe(
-            "stress_time",
-            "Stress along time",
-            STRESS_TIME_CAPTION,
-            stress_time,
-            result_of(fitted_curve),
-        ),
-        FigureRecipe(
-            "stress_loop",
-            "Stress against strain",
-            STRESS_LOOP_CAPTION,
-            stress_loop,
-            result_of(fitted_curve),
-        ),
-        FigureRecipe(
-            "amplitude_phase",
-            "Amplitude and phase lag of the stress",
-            AMPLITUDE_PHASE_CAPTION,
-            amplitude_phase,
-            lag_result,
-        ),
-        FigureRecipe(
-            "microstructure",
-            "Grain size and dashpot",
-            MICROSTRUCTURE_CAPTION,
-            microstructure,
-            grains_result,
-        ),
-        FigureRecipe(
-            "preparation",
-            "From the record to the model",
-            PREPARATION_CAPTION,
-            preparation_of,
-            lambda _: "",
-            on_every_page=False,
-        ),
-    ),
+    figures=(stress_time, stress_loop, amplitude_phase, microstructure, preparation_of),
     curve=fitted_curve,
     facts=facts,
     reference_text=Markup(

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.figure import Figure
 
-from pyburgers.common.draws import central_band
+from pyburgers.common.draws import FloatArray, central_band
 from pyburgers.drawing.fitted import positions, predicted
 from pyburgers.drawing.page_parts import PageFigure
 from pyburgers.drawing.panels import STRAIN_LABEL, STRESS_LABEL, figure_of
@@ -19,14 +18,12 @@ from pyburgers.kinds.loading_history.creep_intervals import (
     CreepInterval,
     creep_intervals,
 )
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.model.display import (
     STRAIN_FACTOR,
     STRESS_FACTOR,
     time_unit,
 )
-
-FloatArray = npt.NDArray[np.float64]
 
 SHARES = (0.01, 0.05, 0.25, 1.0)
 """Times, over the longest that all tests last under their first load. It stands from the start of
@@ -77,7 +74,7 @@ def isochronous(fits: Sequence[FittedTest]) -> Figure:
                 label=f"{time / seconds:.3g} {unit}",
             )
             for fit, load in loaded:
-                read = _reading_after(of_kind(fit.experiment, LoadingHistory), load, time)
+                read = _reading_after(of_kind(fit.experiment, HistoryExperiment), load, time)
                 axes.plot(
                     STRAIN_FACTOR * read,
                     np.full(read.shape, STRESS_FACTOR * load.stress),
@@ -97,7 +94,7 @@ def _first_loads(fits: Sequence[FittedTest]) -> list[tuple[FittedTest, CreepInte
     """Return the tests whose first stage is creep with their loads, the smallest first."""
     found = []
     for fit in fits:
-        experiment = of_kind(fit.experiment, LoadingHistory)
+        experiment = of_kind(fit.experiment, HistoryExperiment)
         for load in creep_intervals(experiment)[:1]:
             # Solutions are too coarse in time to tell the strain at a corner inside a stage.
             lasts = load.end_time == experiment.stages[0].end_time
@@ -115,7 +112,7 @@ def _strain_after(fit: FittedTest, times: FloatArray) -> FloatArray:
     return np.transpose(central_band(drawn))
 
 
-def _reading_after(experiment: LoadingHistory, load: CreepInterval, time: float) -> FloatArray:
+def _reading_after(experiment: HistoryExperiment, load: CreepInterval, time: float) -> FloatArray:
     """Strain read nearest to a time (s) under a load; empty where none is near it."""
     since = experiment.time - load.start_time
     here = (experiment.reading_stage == load.stage) & (since >= 0)

@@ -1,7 +1,7 @@
 """View of loading histories: figures of a fit with their captions, and facts of a test."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -10,9 +10,9 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pyburgers.common.draws import central_band
+from pyburgers.common.draws import FloatArray, central_band
 from pyburgers.drawing.fitted import curve_of, mean_of, positions, predicted, residuals
-from pyburgers.drawing.page_parts import FigureRecipe
+from pyburgers.drawing.page_parts import recipe
 from pyburgers.drawing.panels import (
     HALF_WIDTH,
     LINES_AND_AREAS,
@@ -21,12 +21,12 @@ from pyburgers.drawing.panels import (
     STRESS_LABEL,
     FittedCurve,
     band_text,
+    curve_result,
     draw_band,
     draw_data,
     draw_retrodictions,
     figure_of,
     legend_above,
-    result_of,
 )
 from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, PURPLE, VERMILION, few_ticks
 from pyburgers.drawing.view import View
@@ -41,7 +41,7 @@ from pyburgers.drawing.views.softening import (
 )
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.kind import FittedTest
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stan_data import stage_of_times
 from pyburgers.kinds.microstructure import MeasuredMicrostructure, strains_of, times_of
 from pyburgers.model.display import (
@@ -51,40 +51,33 @@ from pyburgers.model.display import (
     STRESS_UNIT,
     time_unit,
 )
+from pyburgers.model.read_quantities import Quantity
 from pyburgers.model.variants import variant_of
 
-FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 STAGE_COLOURS = (BLUE, VERMILION, "#009E73", PURPLE, ORANGE, "#56B4E9")
 
 
-@dataclass(frozen=True)
-class _Shown:
-    """How a quantity that is read is shown."""
-
-    name: str
-    label: str
-    unit: str
-    factor: float
+_STRESS = Quantity("stress", "stress_Pa", "Pa", STRESS_UNIT, STRESS_FACTOR)
+_STRAIN = Quantity("strain", "strain", "1", STRAIN_UNIT, STRAIN_FACTOR)
+_LABELS = {"stress": STRESS_LABEL, "strain": STRAIN_LABEL}
 
 
-_STRESS = _Shown("stress", STRESS_LABEL, STRESS_UNIT, STRESS_FACTOR)
-_STRAIN = _Shown("strain", STRAIN_LABEL, STRAIN_UNIT, STRAIN_FACTOR)
-
-HISTORY_CAPTION = (
+@recipe(
+    "history",
+    "Stress and strain along time",
     "The test along time, its stages shaded in turn. Stress and strain: readings (circles) where "
     "one of them was read, the predictive median (solid line), solutions for single draws (thin "
     "lines) and the band that should hold 90 % of new readings, noise included; what is imposed "
     "has no band. Below each: readings minus the predictive median, with the band that should hold "
     "90 % of residuals if they were noise alone; a run on one side of zero means that the model "
-    "misses something there, or that the readings drift."
+    "misses something there, or that the readings drift.",
+    lambda fit: curve_result(fitted_curve(fit)),
 )
-
-
 def history(fit: FittedTest) -> Figure:
     """Draw stress, strain and residuals along time."""
-    experiment = of_kind(fit.experiment, LoadingHistory)
+    experiment = of_kind(fit.experiment, HistoryExperiment)
     curves = {shown.name: _curve(fit, shown) for shown in (_STRESS, _STRAIN)}
     panels = [(name, part) for name in curves for part in ("curve", "residuals")]
     panels = [(n, part) for n, part in panels if part == "curve" or curves[n].position.size > 0]
@@ -105,26 +98,28 @@ def history(fit: FittedTest) -> Figure:
 
 def fitted_curve(fit: FittedTest) -> FittedCurve:
     """Gather what was read along time, and as a fit has it; of two quantities that read more."""
-    return _curve(fit, _main(of_kind(fit.experiment, LoadingHistory)))
+    return _curve(fit, _main(of_kind(fit.experiment, HistoryExperiment)))
 
 
 RECOVERY_SHOWN = 1e-3
 """Slowest rate of recovery that is drawn, over the slowest forward one."""
 
-RESPONSE_CAPTION = (
+
+@recipe(
+    "response",
+    "How the material answers",
     "The same solutions as the field draws them; lines are posterior medians, areas hold 90 % of "
     "draws, a colour for each stage. (a) Stress against strain. (b) Strain rate against strain on "
     "a logarithmic scale: a minimum is where the Kelvin element is exhausted and softening wins; "
     "rates of recovery, which run backwards, are drawn dashed down to a thousandth of the slowest "
     "forward one. (c) What was read in each stage, "
     "against the time since the stage began on a logarithmic scale, over its value at the end of "
-    "the stage: relaxation and transient creep are seen from their first readings on."
+    "the stage: relaxation and transient creep are seen from their first readings on.",
+    lambda fit: response_result(fit),
 )
-
-
 def response(fit: FittedTest) -> Figure:
     """Draw stress against strain, the rate against strain, and stages on logarithmic time."""
-    experiment = of_kind(fit.experiment, LoadingHistory)
+    experiment = of_kind(fit.experiment, HistoryExperiment)
     time = positions(fit, "time")
     values = {name: predicted(fit, name) for name in ("stress", "strain", "strain_rate")}
     middle = {name: np.nanmedian(draws, axis=0) for name, draws in values.items()}
@@ -166,13 +161,13 @@ def response(fit: FittedTest) -> Figure:
     return figure
 
 
-def _main(experiment: LoadingHistory) -> _Shown:
+def _main(experiment: HistoryExperiment) -> Quantity:
     return _STRAIN if 2 * experiment.response_is_strain.sum() >= experiment.n_points else _STRESS
 
 
-def _curve(fit: FittedTest, shown: _Shown) -> FittedCurve:
+def _curve(fit: FittedTest, shown: Quantity) -> FittedCurve:
     """Gather a quantity along time as read and as a fit has it, in display units."""
-    experiment = of_kind(fit.experiment, LoadingHistory)
+    experiment = of_kind(fit.experiment, HistoryExperiment)
     unit, seconds = time_unit(experiment.end_time)
     time = positions(fit, "time")
     imposed = np.array([stage.driven == shown.name for stage in experiment.stages])
@@ -180,15 +175,15 @@ def _curve(fit: FittedTest, shown: _Shown) -> FittedCurve:
     curve = curve_of(
         fit,
         shown.name,
-        shown.factor,
+        shown.display_factor,
         grid=time / seconds,
         position=experiment.time[is_read] / seconds,
-        data=experiment.reading[is_read] * shown.factor,
-        residuals=residuals(fit, "response", experiment.reading)[is_read] * shown.factor,
-        noise_band=HALF_WIDTH * mean_of(fit, f"{shown.name}_noise") * shown.factor,
+        data=experiment.reading[is_read] * shown.display_factor,
+        residuals=residuals(fit, "response", experiment.reading)[is_read] * shown.display_factor,
+        noise_band=HALF_WIDTH * mean_of(fit, f"{shown.name}_noise") * shown.display_factor,
         position_label=f"time ({unit})",
-        label=shown.label,
-        residual_label=f"residual ({shown.unit})",
+        label=_LABELS[shown.name],
+        residual_label=f"residual ({shown.display_unit})",
         marks=[(stage.start_time / seconds, "") for stage in experiment.stages[1:]],
         limits=(0.0, 1.01 * experiment.end_time / seconds),
     )
@@ -197,7 +192,7 @@ def _curve(fit: FittedTest, shown: _Shown) -> FittedCurve:
     return replace(curve, replicated=np.where(is_imposed, curve.solutions, curve.replicated))
 
 
-def _shade_stages(axes: Axes, experiment: LoadingHistory) -> None:
+def _shade_stages(axes: Axes, experiment: HistoryExperiment) -> None:
     _, seconds = time_unit(experiment.end_time)
     for stage in experiment.stages[1::2]:
         axes.axvspan(
@@ -289,22 +284,24 @@ def _label_response(places: dict[str, Axes]) -> None:
 def response_result(fit: FittedTest) -> str:
     """Say where the solutions end."""
     ends = (
-        f"{shown.name} of {band_text(predicted(fit, shown.name)[:, -1] * shown.factor, '')}"
-        f" in the unit of {shown.label}"
+        f"{shown.name} of {band_text(predicted(fit, shown.name)[:, -1] * shown.display_factor, '')}"
+        f" in the unit of {_LABELS[shown.name]}"
         for shown in (_STRAIN, _STRESS)
     )
     return f"the history ends at {' and '.join(ends)}."
 
 
-SOFTENING_CAPTION = (
+@recipe(
+    "softening",
+    "What softens the material",
     f"{softening_caption('end')} What was measured at a path strain stands where the median "
-    "solution reaches it."
+    "solution reaches it.",
+    lambda fit: f"at the end {softened_text(fit)}",
+    suits=lambda fit: evolves(fit),
 )
-
-
 def softening(fit: FittedTest) -> Figure:
     """Draw how grain size and fabric soften the material along time."""
-    experiment = of_kind(fit.experiment, LoadingHistory)
+    experiment = of_kind(fit.experiment, HistoryExperiment)
     unit, seconds = time_unit(experiment.end_time)
     time = positions(fit, "time")
     path_strain = np.nanmedian(predicted(fit, "path_strain"), axis=0)
@@ -332,7 +329,7 @@ def evolves(fit: FittedTest) -> bool:
     return not constant or bool(fit.experiment.microstructure)
 
 
-def facts(experiment: LoadingHistory) -> Sequence[tuple[str, str]]:
+def facts(experiment: HistoryExperiment) -> Sequence[tuple[str, str]]:
     """Return stages and number of readings."""
     n_strain = int(experiment.response_is_strain.sum())
     read = [
@@ -354,7 +351,7 @@ def facts(experiment: LoadingHistory) -> Sequence[tuple[str, str]]:
     )
 
 
-def _place(experiment: LoadingHistory, section: MeasuredMicrostructure) -> str:
+def _place(experiment: HistoryExperiment, section: MeasuredMicrostructure) -> str:
     """Say where a microstructure was measured."""
     if section.time is None:
         return f"a path strain of {(section.strain or 0.0) * STRAIN_FACTOR:.3g} %"
@@ -363,26 +360,7 @@ def _place(experiment: LoadingHistory, section: MeasuredMicrostructure) -> str:
 
 
 VIEW = View(
-    figures=(
-        FigureRecipe(
-            "history",
-            "Stress and strain along time",
-            HISTORY_CAPTION,
-            history,
-            result_of(fitted_curve),
-        ),
-        FigureRecipe(
-            "response", "How the material answers", RESPONSE_CAPTION, response, response_result
-        ),
-        FigureRecipe(
-            "softening",
-            "What softens the material",
-            SOFTENING_CAPTION,
-            softening,
-            lambda fit: f"at the end {softened_text(fit)}",
-            evolves,
-        ),
-    ),
+    figures=(history, response, softening),
     curve=fitted_curve,
     facts=facts,
     reference_text=Markup(

@@ -6,6 +6,7 @@ import pandas as pd
 from markupsafe import Markup
 from scipy.stats import linregress
 
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.units import rounded, span_text
 from pyburgers.drawing.fitted import positions, predicted
 from pyburgers.drawing.page_parts import PageTable
@@ -16,7 +17,7 @@ from pyburgers.kinds.loading_history.creep_intervals import (
     CreepInterval,
     creep_intervals,
 )
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stan_data import stage_of_times
 from pyburgers.model.display import (
     STRAIN_FACTOR,
@@ -26,7 +27,6 @@ from pyburgers.model.display import (
     time_unit,
 )
 
-FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 SAME_RATE = 1e-3
@@ -56,7 +56,7 @@ def minimum_rates(fit: FittedTest) -> pd.DataFrame:
     half); minimum_inside (share of draws whose rate is slower than at both ends in between) and
     least_at_end (share of those whose rate is least, or as good as that, at the end).
     """
-    experiment = of_kind(fit.experiment, LoadingHistory)
+    experiment = of_kind(fit.experiment, HistoryExperiment)
     time = positions(fit, "time")
     rate, strain = predicted(fit, "strain_rate"), predicted(fit, "strain")
     rows = []
@@ -78,7 +78,7 @@ def minimum_rates(fit: FittedTest) -> pd.DataFrame:
 
 
 def _times_inside(
-    experiment: LoadingHistory, interval: CreepInterval, time: FloatArray
+    experiment: HistoryExperiment, interval: CreepInterval, time: FloatArray
 ) -> IntArray:
     """Return which times of a solution lie in an interval.
 
@@ -91,7 +91,7 @@ def _times_inside(
     return np.flatnonzero((stage_of_times(experiment, time) == interval.stage) & begun & goes_on)
 
 
-def _measured(experiment: LoadingHistory, interval: CreepInterval) -> dict[str, float]:
+def _measured(experiment: HistoryExperiment, interval: CreepInterval) -> dict[str, float]:
     """Return the least slope (1/s) of strain readings in an interval, with its standard error.
 
     Slopes are those of least squares over `WINDOW` of the interval or `LEAST_READINGS`, whichever
@@ -139,7 +139,7 @@ def minimum_rate_table(fit: FittedTest) -> tuple[PageTable, ...]:
     found = minimum_rates(fit)
     if found.empty:
         return ()
-    unit, seconds = time_unit(of_kind(fit.experiment, LoadingHistory).end_time)
+    unit, seconds = time_unit(of_kind(fit.experiment, HistoryExperiment).end_time)
     strain = STRAIN_FACTOR * found[["strain", "strain_q5", "strain_q95"]].to_numpy()
     shown = pd.DataFrame(
         {

@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from pyburgers.common.draws import FloatArray
+from pyburgers.drawing.page_parts import recipe
 from pyburgers.drawing.panels import STRAIN_LABEL, STRESS_LABEL, figure_of
 from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, SKY_BLUE, VERMILION
 from pyburgers.kinds.experiment import of_kind
@@ -24,21 +25,11 @@ from pyburgers.model.display import (
     STRESS_FACTOR,
 )
 
-FloatArray = npt.NDArray[np.float64]
-
 TIME_LABEL = "time on the record's clock (s)"
 
 CURVE_POINTS_PER_CYCLE = 100
 RATE_FACTOR = 1e5
 """Strain rates are shown in 1e-5 per second."""
-
-PREPARATION_CAPTION = (
-    "From the raw record to what the model takes: (a) strain readings, with a fit of the "
-    "oscillation, its second and third harmonics and a polynomial trend (dashed); (b) strain "
-    "without the trend; (c) the strain rate that drives the model; (d) stress readings, with "
-    "the same kind of fit; (e) the stress that the model is compared with. Bars are one "
-    "standard deviation of a reading."
-)
 
 
 def preparation(prepared: PreparedOscillation, record: OscillationRecord, heading: str) -> Figure:
@@ -108,6 +99,17 @@ def preparation(prepared: PreparedOscillation, record: OscillationRecord, headin
     return figure
 
 
+@recipe(
+    "preparation",
+    "From the record to the model",
+    "From the raw record to what the model takes: (a) strain readings, with a fit of the "
+    "oscillation, its second and third harmonics and a polynomial trend (dashed); (b) strain "
+    "without the trend; (c) the strain rate that drives the model; (d) stress readings, with "
+    "the same kind of fit; (e) the stress that the model is compared with. Bars are one "
+    "standard deviation of a reading.",
+    lambda _: "",
+    on_every_page=False,
+)
 def preparation_of(fit: FittedTest) -> Figure:
     """Draw the preparation of the record of a fit."""
     experiment = of_kind(fit.experiment, OscillationExperiment)

@@ -4,12 +4,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 from markupsafe import Markup
 
-from pyburgers.common.draws import all_draws, central_band
+from pyburgers.common.draws import FloatArray, all_draws, central_band
 from pyburgers.common.units import rounded
 from pyburgers.drawing.fitted import predicted
 from pyburgers.drawing.page_parts import PageTable
@@ -19,8 +18,6 @@ from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.forced_oscillation.harmonics import fundamentals
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_FACTOR, STRESS_UNIT
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -57,7 +54,18 @@ def observed_response(experiment: OscillationExperiment) -> ObservedResponse:
 
 
 def predicted_response(fit: FittedTest) -> PredictedResponse:
-    """Return amplitude and lag of the model's stress, without noise."""
+    """Return amplitude and lag of the model's stress, without noise.
+
+    Parameters
+    ----------
+    fit : Fit
+        Of one forced oscillation test.
+
+    Returns
+    -------
+    PredictedResponse
+        Amplitudes (Pa) and lags (rad) of the draws that have a solution, shape (n_draws,).
+    """
     experiment = of_kind(fit.experiment, OscillationExperiment)
     stress = fit.posterior["predictions"].to_dataset()["stress"]
     return _response(experiment, stress["time"].to_numpy(), stress)

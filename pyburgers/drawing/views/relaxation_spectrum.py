@@ -1,20 +1,17 @@
 """Figure of the relaxation times that a fit of attenuation finds."""
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pyburgers.common.draws import all_draws, central_band, evenly_spaced
-from pyburgers.drawing.page_parts import FigureRecipe
+from pyburgers.common.draws import FloatArray, all_draws, central_band, evenly_spaced
+from pyburgers.drawing.page_parts import recipe
 from pyburgers.drawing.panels import LINES_AND_AREAS, band_text, draw_band, figure_of
 from pyburgers.drawing.style import BLUE, VERMILION
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.relaxation import KelvinPart, kelvin_part
-
-FloatArray = npt.NDArray[np.float64]
 
 DRAWS = 1000
 """Draws at most that are drawn from."""
@@ -25,15 +22,17 @@ TIMES, DECADES_BEYOND = 400, 2.0
 LEAST = 1e-4
 """Compliance over the elastic one below which nothing is drawn."""
 
-SPECTRUM_CAPTION = (
+
+@recipe(
+    "relaxation_spectrum",
+    "Spectrum of relaxation times",
     "Relaxation times of the Kelvin part at the temperature of the file's head: compliance for "
     "each decade of the time, over the elastic one. A band of times is a ramp with two ends, a "
     "peak a bell, Andrade creep a line without ends; an element of one time is a dot at its "
     "strength, with 90 % of draws as bars. The periods of the table see the grey times, moved to "
-    "that temperature as the fit has it: beyond them a spectrum is what law and prior make of it."
+    "that temperature as the fit has it: beyond them a spectrum is what law and prior make of it.",
+    lambda fit: spectrum_result(fit),
 )
-
-
 def relaxation_spectrum(fit: FittedTest) -> Figure:
     """Draw the compliance of relaxation times with its band."""
     experiment = of_kind(fit.experiment, AttenuationExperiment)
@@ -108,12 +107,3 @@ def spectrum_result(fit: FittedTest) -> str:
         f"the longest relaxation time at {fit.experiment.temperature:g} K is "
         f"{band_text(part.longest_time, 's')}."
     )
-
-
-SPECTRUM_FIGURE = FigureRecipe(
-    "relaxation_spectrum",
-    "Spectrum of relaxation times",
-    SPECTRUM_CAPTION,
-    relaxation_spectrum,
-    spectrum_result,
-)

@@ -4,12 +4,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pyburgers.common.draws import all_draws
+from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.units import with_error
 from pyburgers.drawing.fitted import predicted
 from pyburgers.drawing.panels import LINES_AND_AREAS, band_text, draw_band_panel, figure_of
@@ -18,8 +17,6 @@ from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
-
-FloatArray = npt.NDArray[np.float64]
 
 SHARES = (-1.0, 2.0)
 """Shares of grain size in the softening, the least and the largest, up to which an axis may go."""

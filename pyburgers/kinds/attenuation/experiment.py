@@ -12,6 +12,8 @@ import numpy.typing as npt
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import span_text
 from pyburgers.kinds.attenuation.table import (
+    ATTENUATION,
+    MODULUS,
     CycleConditions,
     Elasticity,
     FloatArray,
@@ -19,6 +21,7 @@ from pyburgers.kinds.attenuation.table import (
 )
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.model.laws import laws_in_closed_form
+from pyburgers.model.read_quantities import LOG_MODULUS, LOG_TAN_DELTA
 
 UNSTATED_STRESS = 1e6
 """Axial stress (Pa) at which the flow rate of a linear dashpot is sampled where none is stated."""
@@ -44,6 +47,7 @@ class AttenuationExperiment(Experiment):
     """
 
     protocol: ClassVar[str] = "attenuation"
+    points_together: ClassVar[str] = "a row of the table gives attenuation and modulus together"
     may_be_uncertain: ClassVar[frozenset[str]] = frozenset()
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
         {
@@ -143,6 +147,32 @@ class AttenuationExperiment(Experiment):
         no_limit = np.zeros(self.readings.modulus.size)
         with np.errstate(divide="ignore"):
             return np.asarray(np.log(np.concatenate([self.readings.limit, no_limit])))
+
+    @property
+    def quantity(self) -> npt.NDArray[np.int64]:
+        """0 of readings of attenuation, 1 of those of the modulus."""
+        sizes = [self.readings.tan_delta.size, self.readings.modulus.size]
+        return np.repeat([ATTENUATION, MODULUS], sizes)
+
+    @property
+    def noises(self) -> Mapping[str, float | None]:
+        """Scatters, which may be none where all errors are stated."""
+        errors = {
+            LOG_TAN_DELTA.noise: self.readings.tan_delta_error,
+            LOG_MODULUS.noise: self.readings.modulus_error,
+        }
+        return {name: 0.0 if np.all(error > 0) else None for name, error in errors.items()}
+
+    @property
+    def stated_errors(self) -> FloatArray:
+        """Stated errors of the logarithms of readings, 0 where there are none, (n_points,)."""
+        readings = self.readings
+        return np.concatenate(
+            [
+                readings.tan_delta_error / np.maximum(readings.tan_delta, readings.limit),
+                readings.modulus_error / readings.modulus,
+            ]
+        )
 
     @property
     def amplitude_is_stated(self) -> bool:

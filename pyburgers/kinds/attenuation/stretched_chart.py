@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.coordinates import Layout
-from pyburgers.kinds.kind import AtMode, Chart, ChartUnsuited
+from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited
 from pyburgers.kinds.stan_data import CHART, StanData
 
 FloatArray = npt.NDArray[np.float64]

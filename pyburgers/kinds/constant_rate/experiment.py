@@ -1,11 +1,12 @@
 """Tests at piecewise constant strain rate: the imposed rates, the measured curve, their files."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
+import numpy.typing as npt
 
 from pyburgers.common.columns import read_columns, write_data
 from pyburgers.common.errors import InputError, all_of
@@ -38,6 +39,10 @@ from pyburgers.kinds.microstructure import (
     microstructure_tables,
     strains_of,
 )
+from pyburgers.model.flow_law_prior import PeakTest
+from pyburgers.model.read_quantities import STRESS
+
+IntArray = npt.NDArray[np.int64]
 
 LEAST_STRAIN = 1e-12
 """Strain from which on there is a solution: the solver cannot stop at rest."""
@@ -78,6 +83,7 @@ class ConstantRateExperiment(Experiment):
     """
 
     protocol: ClassVar[str] = "constant_rate"
+    of_points: ClassVar[tuple[str, ...]] = ("strain", "stress")
     segments: tuple[RateSegment, ...]
     strain: FloatArray
     stress: FloatArray
@@ -131,6 +137,41 @@ class ConstantRateExperiment(Experiment):
     def largest_strain(self) -> float | None:
         """Final strain."""
         return self.final_strain
+
+    @property
+    def noises(self) -> Mapping[str, float | None]:
+        """Noise of the stress."""
+        return {STRESS.noise: self.stress_uncertainty}
+
+    @property
+    def peak(self) -> PeakTest | None:
+        """Largest stress at the first rate."""
+        first = self.reading_segment == 0
+        if not first.any():
+            return None
+        return PeakTest(
+            strain_rate=self.segments[0].strain_rate,
+            stress=float(self.stress[first].max()),
+            temperature=self.temperature,
+            grain_size=self.initial_grain_size,
+        )
+
+    @property
+    def reading_segment(self) -> IntArray:
+        """Segment of each observed point, from 0, shape (n_points,).
+
+        Of points at the strain of a rate step the first is the last one of the segment before, the
+        others are in the one that begins there.
+        """
+        steps = [segment.start_strain for segment in self.segments[1:]]
+        after_another = np.diff(self.strain, prepend=-1.0) == 0
+        at_step = np.isin(self.strain, steps)
+        return np.asarray(self.segment_of(self.strain) + (at_step & after_another))
+
+    def segment_of(self, strain: FloatArray) -> IntArray:
+        """Return the segment of strains, from 0; that of a rate step is the one that ends there."""
+        steps = [segment.start_strain for segment in self.segments[1:]]
+        return np.searchsorted(steps, strain, side="left")
 
     def time_at(self, strain: FloatArray) -> FloatArray:
         """Return the times (s since the start) at which strains are reached.

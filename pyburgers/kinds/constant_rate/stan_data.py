@@ -46,26 +46,8 @@ def solver_strains(
     for step in steps:
         snapped[np.isclose(strain, step, rtol=STEP_ROUNDING, atol=0.0)] = step
     outputs = np.unique(np.concatenate([snapped, steps]))
-    counts = np.bincount(segment_of(experiment, outputs), minlength=len(experiment.segments))
+    counts = np.bincount(experiment.segment_of(outputs), minlength=len(experiment.segments))
     return outputs, counts.tolist(), np.searchsorted(outputs, snapped)
-
-
-def segment_of(experiment: ConstantRateExperiment, strain: FloatArray) -> npt.NDArray[np.int64]:
-    """Segment that strains lie in, from 0; the strain of a rate step lies in the one before."""
-    steps = [segment.start_strain for segment in experiment.segments[1:]]
-    return np.searchsorted(steps, strain, side="left")
-
-
-def segment_of_points(experiment: ConstantRateExperiment) -> npt.NDArray[np.int64]:
-    """Segment of each observed point, from 0.
-
-    Of points at the strain of a rate step the first is the last one of the segment before, the
-    others are in the one that begins there.
-    """
-    strain, segment = experiment.strain, segment_of(experiment, experiment.strain)
-    steps = [segment.start_strain for segment in experiment.segments[1:]]
-    after_another = np.diff(strain, prepend=-1.0) == 0
-    return np.asarray(segment + (np.isin(strain, steps) & after_another))
 
 
 def tests_block(
@@ -97,7 +79,7 @@ def tests_block(
         "measured_end": ends(len(e.microstructure) for e in experiments),
         "strain_of_measured": np.concatenate([places + 1 for places in at_measured]).tolist(),
         "measured": measured_block([e.microstructure for e in experiments]),
-        "point_segment": np.concatenate([segment_of_points(e) for e in experiments]).tolist(),
+        "point_segment": np.concatenate([e.reading_segment for e in experiments]).tolist(),
         "stress_observed": np.concatenate([e.stress for e in experiments]).tolist(),
         "correlated_residuals": int(
             not all(is_fixed_at(own["residual_correlation_strain"], 0.0) for own in priors)
@@ -120,7 +102,7 @@ def grid_block(
         rate = np.array([segment.strain_rate for segment in experiment.segments])
         strains.append(strain)
         counts.append(count)
-        rates.append(rate[segment_of(experiment, strain)])
+        rates.append(rate[experiment.segment_of(strain)])
     return {
         "grid_end": ends(strain.size for strain in strains),
         "grid_strain": np.concatenate(strains).tolist(),

@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, strain_grid
-from pyburgers.kinds.kind import AtMode
+from pyburgers.kinds.likelihood import AtMode
 from pyburgers.kinds.valley import (
     FLOWING_SHARE,
     Pins,
@@ -30,10 +30,7 @@ class ConstantRateValley(ValleyChart[ConstantRateExperiment]):
         pin_strain = quantile_pins(experiment.strain, flowing)
         knots = test.solution(_knot_strain(experiment, pin_strain))
         pin_knot = np.searchsorted(knots["grid_strain"], pin_strain)
-        segment = np.searchsorted(
-            [s.start_strain for s in experiment.segments[1:]], pin_strain, side="left"
-        )
-        rate = np.array([s.strain_rate for s in experiment.segments])[segment]
+        rates = np.array([s.strain_rate for s in experiment.segments])
         first_rate = experiment.segments[0].strain_rate
         stress = knots["grid_stress"]
         time = experiment.time_at(knots["grid_strain"])
@@ -41,7 +38,7 @@ class ConstantRateValley(ValleyChart[ConstantRateExperiment]):
             knot_time=time,
             knot_stress=stress,
             knot=pin_knot,
-            unit=rate,
+            unit=rates[experiment.segment_of(pin_strain)],
             path_strain=pin_strain,
             strain_rate=np.ones_like(pin_strain),
             stress_rate=knots["grid_stress_slope"][pin_knot],

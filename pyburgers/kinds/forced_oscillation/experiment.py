@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field
@@ -36,6 +36,7 @@ from pyburgers.kinds.forced_oscillation.preparation import (
     prepare,
 )
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT
+from pyburgers.model.read_quantities import STRESS
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -59,6 +60,7 @@ class OscillationExperiment(Experiment):
     """
 
     protocol: ClassVar[str] = "forced_oscillation"
+    points_together: ClassVar[str] = "a record of oscillations is prepared as a whole"
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
         {
             **Experiment.laws,
@@ -104,6 +106,27 @@ class OscillationExperiment(Experiment):
     def n_driving_errors(self) -> int:
         """Number of the errors of the driving strain that take part."""
         return len(self.prepared.strain_error)
+
+    def driving_error(self, true: Self) -> FloatArray:
+        """Return the errors of the strain's fit, given a test that knows the true strain."""
+        found, wanted = (
+            np.concatenate([one.strain_sine, one.strain_cosine, one.background_rate])
+            for one in (self.prepared, true.prepared)
+        )
+        error = self.prepared.strain_error
+        if len(error) == 0:
+            return np.empty(0)
+        size = np.sqrt(np.sum(error**2, axis=0))
+        used = size > 0
+        solved: FloatArray = np.linalg.lstsq(
+            (error[:, used] / size[used]).T, (wanted - found)[used] / size[used]
+        )[0]
+        return solved
+
+    @property
+    def noises(self) -> Mapping[str, float | None]:
+        """Noise of the stress, beside its stated errors."""
+        return {STRESS.noise: None}
 
     @property
     def largest_stress(self) -> float:

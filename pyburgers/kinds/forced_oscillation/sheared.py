@@ -21,7 +21,7 @@ from pyburgers.kinds.forced_oscillation.stan_data import (
     sheared_block,
     shifts_block,
 )
-from pyburgers.kinds.kind import AtMode, Chart, ChartUnsuited
+from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited
 from pyburgers.kinds.stan_data import StanData
 from pyburgers.model.prior_families import Prior
 

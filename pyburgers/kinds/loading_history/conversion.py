@@ -3,12 +3,11 @@
 import numpy as np
 
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.kinds.constant_rate.stan_data import segment_of_points
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Stage
 
 
-def as_history(experiment: ConstantRateExperiment) -> LoadingHistory:
+def as_history(experiment: ConstantRateExperiment) -> HistoryExperiment:
     """Return a test at piecewise constant strain rate as a history of such stages.
 
     The model, the readings and their density are the same; a path strain is the strain.
@@ -25,9 +24,9 @@ def as_history(experiment: ConstantRateExperiment) -> LoadingHistory:
         )
         for k, segment in enumerate(experiment.segments)
     )
-    stage = segment_of_points(experiment)
+    stage = experiment.reading_segment
     time = np.clip(experiment.time_at(experiment.strain), times[stage], times[stage + 1])
-    return LoadingHistory(
+    return HistoryExperiment(
         id=experiment.id,
         material=experiment.material,
         temperature=experiment.temperature,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Leg
 
 NEARLY_CONSTANT = 0.02
@@ -41,7 +41,7 @@ class CreepInterval:
         return self.end_time - self.start_time
 
 
-def creep_intervals(experiment: LoadingHistory) -> tuple[CreepInterval, ...]:
+def creep_intervals(experiment: HistoryExperiment) -> tuple[CreepInterval, ...]:
     """Return the creep of a test, in the order of time.
 
     A stage of constant stress is one interval; of one in which the stress varies the longest parts

@@ -18,6 +18,9 @@ from pyburgers.kinds.loading_history.stages import (
     legs_of,
 )
 from pyburgers.model.display import time_unit
+from pyburgers.model.parameters import PARAMETER_BY_NAME
+from pyburgers.model.prior_families import Prior, fixed_prior
+from pyburgers.model.read_quantities import STRAIN, STRESS
 
 IntArray = npt.NDArray[np.int64]
 
@@ -35,9 +38,19 @@ class Stated:
     value: float
     sd: float
 
+    def prior_of(self, name: str) -> Prior:
+        """Return the normal prior of a parameter, cut at zero if it cannot be negative."""
+        parameter, source = PARAMETER_BY_NAME[name], "stated with the test"
+        if self.sd == 0:
+            return fixed_prior(parameter, self.value, source)
+        numbers = {"location": self.value, "scale": self.sd}
+        if name == "apparatus_compliance":
+            numbers["lower"] = 0.0
+        return Prior.of_family(name, "normal", numbers, unit=parameter.si_unit, source=source)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LoadingHistory(Experiment):
+class HistoryExperiment(Experiment):
     """One test under a history of imposed strain and stress, in SI units.
 
     Attributes
@@ -62,6 +75,7 @@ class LoadingHistory(Experiment):
     """
 
     protocol: ClassVar[str] = "loading_history"
+    of_points: ClassVar[tuple[str, ...]] = ("time", "reading_stage", "reading")
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType({})
     residual_correlation: ClassVar[str] = "residual_correlation_time"
     without_effect: ClassVar[frozenset[str]] = frozenset(
@@ -116,11 +130,25 @@ class LoadingHistory(Experiment):
         return is_strain
 
     @property
-    def without_readings(self) -> frozenset[str]:
-        """Sizes of residuals of what is imposed in all stages that are read."""
-        is_strain = self.response_is_strain
-        read = {"strain_noise": is_strain.any(), "stress_noise": (~is_strain).any()}
-        return frozenset(name for name, any_reading in read.items() if not any_reading)
+    def quantity(self) -> IntArray:
+        """0 of readings of the stress, 1 of those of the strain."""
+        return self.response_is_strain.astype(np.int64)
+
+    @property
+    def noises(self) -> Mapping[str, float | None]:
+        """Noises of what is read in its stages."""
+        driven = {stage.driven for stage in self.stages}
+        errors = {
+            STRAIN.noise: ("stress", self.strain_uncertainty),
+            STRESS.noise: ("strain", self.stress_uncertainty),
+        }
+        return {name: error for name, (imposed, error) in errors.items() if imposed in driven}
+
+    @property
+    def stated_priors(self) -> tuple[Prior, ...]:
+        """Priors of the apparatus and of the zero of the strain that the test's file states."""
+        stated = {name: getattr(self, name) for name in ("apparatus_compliance", "strain_offset")}
+        return tuple(one.prior_of(name) for name, one in stated.items() if one is not None)
 
     @property
     def imposed_stresses(self) -> FloatArray:

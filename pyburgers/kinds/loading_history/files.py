@@ -19,7 +19,7 @@ from pyburgers.kinds.experiment import (
     shared_values,
     write_experiment,
 )
-from pyburgers.kinds.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment, Stated
 from pyburgers.kinds.loading_history.measured_sections import SectionTable, read_sections
 from pyburgers.kinds.loading_history.readings import (
     NO_READINGS,
@@ -84,7 +84,7 @@ class _LoadingHistoryFile(ExperimentFile):
     )
 
 
-def load_loading_history(path: str | Path) -> LoadingHistory:
+def load_loading_history(path: str | Path) -> HistoryExperiment:
     """Read and check the file of a loading history and the data file that it names.
 
     Time counts from the start of the first stage. What is turned, smoothed, left out or thinned is
@@ -117,7 +117,7 @@ def load_loading_history(path: str | Path) -> LoadingHistory:
         strain_unit=None if file.data is None else file.data.strain_unit,
         is_rigid=apparatus is None,
     )
-    return LoadingHistory(
+    return HistoryExperiment(
         **values,
         stages=stages,
         time=time,
@@ -133,7 +133,7 @@ def load_loading_history(path: str | Path) -> LoadingHistory:
     )
 
 
-def save_loading_history(experiment: LoadingHistory, directory: Path) -> Path:
+def save_loading_history(experiment: HistoryExperiment, directory: Path) -> Path:
     """Write a self-contained copy, ``experiment.toml`` and ``experiment.csv``, in SI units.
 
     `load_loading_history` reads back exactly equal contents, notices included.
@@ -284,7 +284,7 @@ def _stage_table(stage: Stage) -> dict[str, Any]:
     return table
 
 
-def _write_readings(experiment: LoadingHistory, directory: Path) -> dict[str, Any]:
+def _write_readings(experiment: HistoryExperiment, directory: Path) -> dict[str, Any]:
     """Write the columns; return the table [data]."""
     is_strain = experiment.response_is_strain
     columns: dict[str, FloatArray] = {

@@ -9,7 +9,7 @@ from pydantic_core import PydanticCustomError
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stage_tables import StageSource
 from pyburgers.kinds.loading_history.stages import Conventions, Leg, StageTable
 from pyburgers.kinds.microstructure import (
@@ -139,7 +139,7 @@ def _check_strain(
         )
 
 
-def section_times(experiment: LoadingHistory, priors: PriorSet) -> list[float | None]:
+def section_times(experiment: HistoryExperiment, priors: PriorSet) -> list[float | None]:
     """Return the time (s) at which each section needs the solution of a test fitted with `priors`.
 
     A time is None if the path strain alone says the microstructure. Raise InputError if grains

@@ -12,7 +12,7 @@ from pyburgers.common.units import UNITS, units_text
 from pyburgers.kinds.column_facts import Facts, facts_of, read_together
 from pyburgers.kinds.experiment import FloatArray
 from pyburgers.kinds.limits import slope_of
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.new_file import (
     LAYOUT,
     STRAIN_RATE,
@@ -109,7 +109,7 @@ class LoadingHistoryFile(NewFile):
     the rate.
     """
 
-    experiment = LoadingHistory
+    experiment = HistoryExperiment
     needed = (("time",), ("strain", "stress", "relaxation_modulus"))
     quantities = frozenset({"time", "strain", "stress", "relaxation_modulus"})
     questions = (STRAIN_RATE, STRESS, HOLD_START, HELD_STRAIN, LOADING_TIME)

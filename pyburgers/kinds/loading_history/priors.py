@@ -7,9 +7,9 @@ import numpy as np
 
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
-from pyburgers.kinds.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.model.parameters import PARAMETER_BY_NAME
-from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
+from pyburgers.model.prior_families import fixed_prior, is_fixed_at
 from pyburgers.model.priors import PriorSet, priors_of_freed_parameters
 from pyburgers.model.variants import with_variant
 
@@ -17,8 +17,8 @@ STRAIN_NOISE_SHARE = 0.01
 """Median of the strain noise, over the range of the strain readings."""
 
 
-def priors_of(
-    experiments: Sequence[LoadingHistory | AttenuationExperiment], priors: PriorSet
+def own_priors(
+    experiments: Sequence[HistoryExperiment | AttenuationExperiment], priors: PriorSet
 ) -> tuple[PriorSet, ...]:
     """Return priors of each of some histories, and tables behind them, that are fitted together.
 
@@ -29,7 +29,7 @@ def priors_of(
     has no effect in a table, whose priors are those of the first history. Raise InputError if
     residuals are to correlate along strain.
     """
-    histories = [one for one in experiments if isinstance(one, LoadingHistory)]
+    histories = [one for one in experiments if isinstance(one, HistoryExperiment)]
     for experiment in histories:
         if not is_fixed_at(priors["residual_correlation_strain"], 0.0):
             raise InputError(
@@ -39,14 +39,14 @@ def priors_of(
     reads_strain = any(e.response_is_strain.any() for e in histories)
     reads_stress = any((~e.response_is_strain).any() for e in histories)
     found = tuple(
-        _of_readings(e, priors, reads_strain, reads_stress).exchanging(*stated_priors(e))
+        _of_readings(e, priors, reads_strain, reads_stress).exchanging(*e.stated_priors)
         for e in histories
     )
     return found + found[:1] * (len(experiments) - len(histories))
 
 
 def _of_readings(
-    experiment: LoadingHistory, priors: PriorSet, reads_strain: bool, reads_stress: bool
+    experiment: HistoryExperiment, priors: PriorSet, reads_strain: bool, reads_stress: bool
 ) -> PriorSet:
     if not reads_stress:
         noise = fixed_prior(PARAMETER_BY_NAME["stress_noise"], 1.0, "no stress is read")
@@ -62,22 +62,3 @@ def _of_readings(
     if correlate and experiment.residual_correlation not in priors.priors:
         priors = with_variant(priors, experiment, {"residuals": "autocorrelated"})
     return priors
-
-
-def stated_priors(experiment: LoadingHistory) -> tuple[Prior, ...]:
-    """Return priors of the apparatus and of the zero of the strain that the test's file states."""
-    stated: dict[str, Stated | None] = {
-        name: getattr(experiment, name) for name in ("apparatus_compliance", "strain_offset")
-    }
-    return tuple(_stated_prior(name, one) for name, one in stated.items() if one is not None)
-
-
-def _stated_prior(name: str, stated: Stated) -> Prior:
-    """Return the normal prior of a stated number, cut at zero where it cannot be negative."""
-    parameter, source = PARAMETER_BY_NAME[name], "stated with the test"
-    if stated.sd == 0:
-        return fixed_prior(parameter, stated.value, source)
-    numbers = {"location": stated.value, "scale": stated.sd}
-    if name == "apparatus_compliance":
-        numbers["lower"] = 0.0
-    return Prior.of_family(name, "normal", numbers, unit=parameter.si_unit, source=source)

@@ -4,7 +4,7 @@ import numpy as np
 
 from pyburgers.kinds.experiment import FloatArray
 from pyburgers.kinds.loading_history.creep_intervals import CreepInterval, creep_intervals
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 
 TIMES_IN_A_LOAD = 48
 """Times beside those of its stage in a load that is only part of it: as many as a stage has."""
@@ -17,7 +17,7 @@ SHORTEST_STEP = 1e-4
 """From the start of a load to the first of its times, and from the last to its end, as a share."""
 
 
-def stage_times(experiment: LoadingHistory, shape: FloatArray) -> FloatArray:
+def stage_times(experiment: HistoryExperiment, shape: FloatArray) -> FloatArray:
     """Return times spread in the same way over every stage, from its start to its end: both count.
 
     The start of a later stage is so the second of two equal times, behind a jump of the stress.
@@ -30,7 +30,7 @@ def stage_times(experiment: LoadingHistory, shape: FloatArray) -> FloatArray:
     return np.concatenate(parts)
 
 
-def load_times(experiment: LoadingHistory) -> FloatArray:
+def load_times(experiment: HistoryExperiment) -> FloatArray:
     """Return times inside the loads that are part of a stage, dense at the start of each.
 
     A load that fills its stage has the times of the stage.
@@ -45,11 +45,6 @@ def load_times(experiment: LoadingHistory) -> FloatArray:
     return np.concatenate([np.empty(0), *times])
 
 
-def with_more(times: FloatArray, more: FloatArray) -> FloatArray:
-    """Return times with those of some others that are not among them; equal ones all stay."""
-    return np.sort(np.concatenate([times, np.setdiff1d(more, times)]))
-
-
-def _fills_its_stage(experiment: LoadingHistory, load: CreepInterval) -> bool:
+def _fills_its_stage(experiment: HistoryExperiment, load: CreepInterval) -> bool:
     stage = experiment.stages[load.stage]
     return (load.start_time, load.end_time) == (stage.start_time, stage.end_time)

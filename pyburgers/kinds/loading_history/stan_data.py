@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from pyburgers.kinds.attenuation import stan_data as attenuation
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.measured_sections import section_times
 from pyburgers.kinds.microstructure import measured_block, strains_of
 from pyburgers.kinds.stan_data import StanData, ends
@@ -21,7 +21,7 @@ from pyburgers.model.priors import PriorSet
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-HistoryOrTable = LoadingHistory | AttenuationExperiment
+HistoryOrTable = HistoryExperiment | AttenuationExperiment
 
 REFERENCE_FLOW_RATE_SCALE = 0.2
 """Scale of ln(flow rate s): data fix it to a few hundredths, the prior to about 1."""
@@ -30,7 +30,7 @@ LABORATORY_STRESS, LABORATORY_STRAIN = 1e7, 1e-2
 """Scales (Pa, fraction) of a test that neither imposes them nor has readings."""
 
 
-def stress_scale(experiment: LoadingHistory) -> float:
+def stress_scale(experiment: HistoryExperiment) -> float:
     """Return the stress (Pa) of the reference flow rate, which scales the solver's states too.
 
     The largest one that is imposed or read.
@@ -41,14 +41,14 @@ def stress_scale(experiment: LoadingHistory) -> float:
     return experiment.largest_stress or LABORATORY_STRESS
 
 
-def strain_scale(experiment: LoadingHistory) -> float:
+def strain_scale(experiment: HistoryExperiment) -> float:
     """Return the largest strain that is read, or that is imposed in all."""
     imposed = sum(abs(leg.end_value) for leg in experiment.legs if leg.driven == "strain")
     read = np.abs(experiment.reading[experiment.response_is_strain])
     return max(imposed, float(read.max(initial=0.0))) or LABORATORY_STRAIN
 
 
-def reference_origin(experiment: LoadingHistory) -> tuple[float, float]:
+def reference_origin(experiment: HistoryExperiment) -> tuple[float, float]:
     """Origin and size of ln(flow rate s): strain over time of the test."""
     rate = strain_scale(experiment) / experiment.end_time
     return float(np.log(rate)), REFERENCE_FLOW_RATE_SCALE
@@ -94,10 +94,10 @@ def grid_block(experiments: Sequence[HistoryOrTable], grids: Sequence[FloatArray
 
 def _by_kind(
     experiments: Sequence[HistoryOrTable],
-) -> tuple[list[LoadingHistory | None], list[AttenuationExperiment | None]]:
+) -> tuple[list[HistoryExperiment | None], list[AttenuationExperiment | None]]:
     """Return the histories and the tables, each as long as the tests, with None for the others."""
     return (
-        [one if isinstance(one, LoadingHistory) else None for one in experiments],
+        [one if isinstance(one, HistoryExperiment) else None for one in experiments],
         [one if isinstance(one, AttenuationExperiment) else None for one in experiments],
     )
 
@@ -179,7 +179,7 @@ class Outputs:
     of_sections: IntArray
 
 
-def solver_outputs(experiment: LoadingHistory, sections: Sequence[float | None]) -> Outputs:
+def solver_outputs(experiment: HistoryExperiment, sections: Sequence[float | None]) -> Outputs:
     """Return where the solver reports.
 
     `sections`: times (s) of sections, None for those that need no solution. A section at the time
@@ -198,7 +198,7 @@ def solver_outputs(experiment: LoadingHistory, sections: Sequence[float | None])
     return Outputs(time[order], leg[order], place[: experiment.n_points], of_sections)
 
 
-def leg_of_times(experiment: LoadingHistory, time: FloatArray) -> IntArray:
+def leg_of_times(experiment: HistoryExperiment, time: FloatArray) -> IntArray:
     """Return the leg, from 0, of times (s) that do not decrease.
 
     Of equal times at which two legs meet the first is in the leg that ends there, the others are
@@ -210,13 +210,13 @@ def leg_of_times(experiment: LoadingHistory, time: FloatArray) -> IntArray:
     return np.asarray(leg + (np.isin(time, inner) & repeated), dtype=np.int64)
 
 
-def stage_of_times(experiment: LoadingHistory, time: FloatArray) -> IntArray:
+def stage_of_times(experiment: HistoryExperiment, time: FloatArray) -> IntArray:
     """Return the stage, from 0, of times (s); shared ends count as in `leg_of_times`."""
     stage_of_leg = np.array([leg.stage for leg in experiment.legs], dtype=np.int64)
     return stage_of_leg[leg_of_times(experiment, time)]
 
 
-def times_of_readings(experiment: LoadingHistory) -> tuple[FloatArray, IntArray]:
+def times_of_readings(experiment: HistoryExperiment) -> tuple[FloatArray, IntArray]:
     """Return times at which a solution holds every reading, and the place of each among them.
 
     A reading at the start of a stage stands behind the jump there, so that its time comes twice.
@@ -229,7 +229,7 @@ def times_of_readings(experiment: LoadingHistory) -> tuple[FloatArray, IntArray]
     return time, np.cumsum(1 + is_behind) - 1
 
 
-def leg_of_readings(experiment: LoadingHistory) -> IntArray:
+def leg_of_readings(experiment: HistoryExperiment) -> IntArray:
     """Return the leg of each reading, from 0."""
     time, place = times_of_readings(experiment)
     leg: IntArray = leg_of_times(experiment, time)[place]
@@ -237,7 +237,7 @@ def leg_of_readings(experiment: LoadingHistory) -> IntArray:
 
 
 def _times_in_legs(
-    experiment: LoadingHistory, time: FloatArray, place: IntArray
+    experiment: HistoryExperiment, time: FloatArray, place: IntArray
 ) -> tuple[list[float], list[int]]:
     """Return times since the start of their leg over its duration, and their number in each."""
     start = np.array([leg.start_time for leg in experiment.legs])
@@ -261,7 +261,7 @@ _ONLY, _BAND, _PEAK, _ANDRADE, _FASTER, _SLOWER = map(float, range(6))
 """Parts of a law, as in `stan/physics/relaxation_elements.stan`."""
 
 
-def elements_block(tests: Sequence[tuple[LoadingHistory | None, PriorSet]]) -> StanData:
+def elements_block(tests: Sequence[tuple[HistoryExperiment | None, PriorSet]]) -> StanData:
     """Return the elements for some tests: part of the law, place in it, weight.
 
     `tests`: None for a table of attenuation; priors fixed at the values where a solution is asked
@@ -288,7 +288,7 @@ def _rows(part: float, places: FloatArray, weights: FloatArray) -> list[list[flo
     return [[part, *row] for row in zip(places.tolist(), weights.tolist(), strict=True)]
 
 
-def _log_times(test: LoadingHistory, priors: PriorSet) -> tuple[float, float]:
+def _log_times(test: HistoryExperiment, priors: PriorSet) -> tuple[float, float]:
     """Return ln of the shortest and longest relaxation time (s at T_0 and d_K) that counts.
 
     From a leg, or the first reading of a stage, to the whole test, and further by what temperature

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.kinds.kind import AtMode
-from pyburgers.kinds.loading_history.experiment import LoadingHistory
+from pyburgers.kinds.likelihood import AtMode
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Leg
 from pyburgers.kinds.loading_history.stan_data import leg_of_readings, stress_scale
 from pyburgers.kinds.valley import (
@@ -40,13 +40,13 @@ SLOPE_NOISE = 2 * np.pi
 """Relative noise of a strain rate over that of the strain: of a wave over the flow."""
 
 
-class LoadingHistoryValley(ValleyChart[LoadingHistory]):
+class LoadingHistoryValley(ValleyChart[HistoryExperiment]):
     """Pins lie at readings, where strain advances by flow of the dashpot.
 
     ln S_0 belongs to the rate of the dashpot at a pin in the middle.
     """
 
-    def pins(self, test: AtMode[LoadingHistory]) -> Pins:
+    def pins(self, test: AtMode[HistoryExperiment]) -> Pins:
         """Set the pins where the dashpot carries nearly all of a strain rate that is read.
 
         Of one that is imposed it carries half or more.
@@ -116,7 +116,7 @@ class _Curve:
     settled: BoolArray
 
 
-def _along(test: AtMode[LoadingHistory]) -> _Curve:
+def _along(test: AtMode[HistoryExperiment]) -> _Curve:
     """Solve a test at its mode, dense at the start of every leg, and at the readings."""
     experiment, values = test.experiment, test.mode.values
     legs, of_reading = experiment.legs, leg_of_readings(experiment)
@@ -166,7 +166,7 @@ def _along(test: AtMode[LoadingHistory]) -> _Curve:
     )
 
 
-def _end_before(experiment: LoadingHistory, curve: _Curve, places: IntArray) -> IntArray:
+def _end_before(experiment: HistoryExperiment, curve: _Curve, places: IntArray) -> IntArray:
     """Find the reading up to which the first pin does not reach, where ln S_0 is solved from times.
 
     That is so in tests that start under a constant load and have all pins there: errors of the
@@ -218,7 +218,9 @@ def _independent_readings(time: FloatArray, values: Mapping[str, float]) -> floa
     return float(1 / (share * drifting + (1 - share) / time.size))
 
 
-def _loading_time(experiment: LoadingHistory, curve: _Curve, values: Mapping[str, float]) -> float:
+def _loading_time(
+    experiment: HistoryExperiment, curve: _Curve, values: Mapping[str, float]
+) -> float:
     """Time (s) under a growing stress in which both springs give together.
 
     Under a jump of the stress the first reading sees what the Kelvin element gives up to it, which

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from pyburgers.checks.fit_checks import CheckKind
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import SamplingError
 from pyburgers.flow_law_tables.fit import fit_peak_stress, flow_law_prior
 from pyburgers.flow_law_tables.inputs import (
@@ -31,9 +31,6 @@ from pyburgers.model.priors import PriorSet, with_flow_law
 from pyburgers.sbc.convergence import lengthened
 from pyburgers.sbc.data_sets import DataSetPlan, Simulated, fit_and_rank
 from pyburgers.sbc.replication import Replication
-
-FloatArray = npt.NDArray[np.float64]
-
 
 LARGEST_RATIO = 3.0
 """Of the mean stress of a simulated table to that of its template, or the reverse: others are drawn

@@ -1,0 +1,124 @@
+"""How tests under any loading history are sampled."""
+
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.common.errors import InputError
+from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment
+from pyburgers.kinds.likelihood import Likelihood
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
+from pyburgers.kinds.loading_history.measured_sections import section_times
+from pyburgers.kinds.loading_history.priors import own_priors
+from pyburgers.kinds.loading_history.solution_times import load_times, stage_times
+from pyburgers.kinds.loading_history.stan_data import (
+    grid_block,
+    leg_of_times,
+    reference_origin,
+    tests_block,
+)
+from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
+from pyburgers.model.display import time_unit
+from pyburgers.model.laws import DASHPOT_LAWS, KELVIN_LAWS
+from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
+from pyburgers.model.priors import PriorSet
+from pyburgers.model.read_quantities import STRAIN, STRESS, Quantity
+from pyburgers.model.variants import variant_of
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class HistoryLikelihood(Likelihood[HistoryExperiment]):
+    """Stress is read where strain is imposed, strain where stress is."""
+
+    name = "loading_history"
+    clock = Quantity("time", "time_s", "s", "s", 1.0)
+    read = (STRESS, STRAIN)
+    response = Quantity("response", "response", "SI", "SI", 1.0)
+    reference = REFERENCE_FLOW_RATE_QUANTITY
+    grid_quantities = MappingProxyType(
+        {
+            "grid_stress": ("stress", "Pa"),
+            "grid_stress_replicated": ("stress_replicated", "Pa"),
+            "grid_strain": ("strain", "1"),
+            "grid_strain_replicated": ("strain_replicated", "1"),
+            "grid_strain_rate": ("strain_rate", "1/s"),
+            "grid_kelvin_strain": ("kelvin_strain", "1"),
+            "grid_path_strain": ("path_strain", "1"),
+            "grid_grain_size": ("grain_size", "m"),
+            "grid_fabric_factor": ("fabric_factor", "1"),
+            "grid_grain_size_softening": ("grain_size_softening", "1"),
+            "grid_fabric_softening": ("fabric_softening", "1"),
+        }
+    )
+    warmup = 300
+    # One chain in some has steps half as long again as the others, and at 0.98 loses trajectories
+    # where grains shrink to the bound of their prior (docs/coordinates_trials.md).
+    target_acceptance = 0.99
+    chart = LoadingHistoryValley()
+    reference_origin = staticmethod(reference_origin)
+    tests_block = staticmethod(tests_block)
+    grid_block = staticmethod(grid_block)
+    own_priors = staticmethod(own_priors)
+
+    def grid(self, experiment: HistoryExperiment, *, fine: bool = False) -> FloatArray:
+        """Return times, denser at the start of every stage, and unless fine of every load."""
+        first, n = (1e-5, (80, 81)) if fine else (1e-4, (24, 25))
+        shape = np.union1d(np.geomspace(first, 1, n[0]), np.linspace(0, 1, n[1]))
+        times = stage_times(experiment, shape)
+        if fine:
+            return times
+        # Equal times at which stages meet all stay.
+        return np.sort(np.concatenate([times, np.setdiff1d(load_times(experiment), times)]))
+
+    def shown_clock(self, last: float) -> Quantity:
+        """Return time in a unit of which the test has at least ten."""
+        unit, seconds = time_unit(last)
+        return replace(self.clock, display_unit=unit, display_factor=1.0 / seconds)
+
+    def is_read(self, experiment: HistoryExperiment, at: FloatArray) -> npt.NDArray[np.bool_]:
+        """Return where strain is imposed, so that stress is read, and where stress is."""
+        driven = np.array([leg.driven for leg in experiment.legs])[leg_of_times(experiment, at)]
+        return np.stack([driven == "strain", driven == "stress"])
+
+    def along(self, experiment: HistoryExperiment) -> dict[str, tuple[FloatArray, str]]:
+        """Return times, stages from 0, what is read, and stated errors where all have one."""
+        quantity = experiment.quantity
+        errors = (experiment.stress_uncertainty, experiment.strain_uncertainty)
+        stated = np.array([np.nan if error is None else error for error in errors])[quantity]
+        has_errors = not np.isnan(stated).any()
+        return {
+            **super().along(experiment),
+            "segment": (experiment.reading_stage.astype(np.float64), "1"),
+            **({"reading_error": (stated, "SI")} if has_errors else {}),
+        }
+
+    def check_priors(self, experiment: HistoryExperiment, priors: PriorSet) -> None:
+        """Refuse laws with a stress of their own where the load cell is uncertain.
+
+        Raise InputError, too, if grains follow the stress and measured ones have no time.
+        """
+        section_times(experiment, priors)
+        variant = variant_of(priors, experiment)
+        with_stress = (
+            *(("kelvin", law.name) for law in KELVIN_LAWS.values() if law.own_stress),
+            *(("maxwell", law.name) for law in DASHPOT_LAWS.values() if law.own_stress),
+            ("grain_size", "piezometric"),
+        )
+        for one in experiment.uncertain:
+            for part, law in with_stress:
+                if one.parameter == "stress_calibration_error" and getattr(variant, part) == law:
+                    raise InputError(
+                        f"{experiment.id}: key {CONDITION_KEYS[one.parameter][0]!r}: found "
+                        f"{one.sd:g} with {part} = {law}, expected none because loading histories "
+                        "with that law take the load cell as known."
+                    )
+
+    def as_history(self, experiment: HistoryExperiment) -> Experiment:
+        """Return the test, which is one."""
+        return experiment
+
+
+LIKELIHOOD = HistoryLikelihood()

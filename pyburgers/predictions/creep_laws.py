@@ -1,0 +1,214 @@
+"""Creep laws of a fit as flow codes take them: one state of the material, second invariants, SI.
+
+Axial compression by σ at a rate ε̇ has the second invariants τ = √(s:s/2) = σ/√3 and
+ε̇_II = √(ε̇:ε̇/2) = (√3/2) ε̇. Hence ε̇ = A σ^n d^-p exp(-Q/(R T)) is
+ε̇_II = [3^((n+1)/2)/2] A τ^n d^-p exp(-Q/(R T)).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple, dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.common.draws import all_draws
+from pyburgers.common.errors import InputError
+from pyburgers.common.units import UNITS, number
+from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.sampled_fit import SampledFit
+from pyburgers.flow_law_tables.fit import PeakStressFit
+from pyburgers.kinds.attenuation.table import Elasticity
+from pyburgers.model.arrhenius import GAS_CONSTANT
+from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
+from pyburgers.model.laws import DASHPOT_LAWS
+from pyburgers.predictions.closed_forms import flow_rate
+from pyburgers.predictions.material import Material, fitted_material
+from pyburgers.predictions.stress_cycles import Regime
+
+FloatArray = npt.NDArray[np.float64]
+
+RATE_INVARIANT = float(np.sqrt(3)) / 2
+"""Second invariant of the rate of axial compression, over that rate."""
+
+STRESS_FACTOR = Elasticity("shear").stress_factor
+"""Stress of axial compression over its second invariant."""
+
+LARGEST_EXPONENT = 700.0
+"""Largest |ln A| of a prefactor that all codes can hold as a double number."""
+
+MPA, YEAR = UNITS["stress"]["MPa"], 365.25 * UNITS["time"]["h"] * 24
+"""Units of ice-sheet codes in SI units; the year is the Julian one."""
+
+
+@dataclass(frozen=True)
+class Stated:
+    """Choices beside the fit, in SI units; `pyburgers.export` describes them."""
+
+    microstructure: str | None = None
+    grain_size: float | None = None
+    fabric_factor: float | None = None
+    temperatures: Sequence[float] = ()
+    frequencies: Sequence[float] = ()
+    regime: Regime | None = None
+    poisson_ratio: float | None = None
+    elastic_modulus: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse numbers out of range."""
+        single = {name: getattr(self, name) for name in ("grain_size", "fabric_factor")}
+        for name, values in {
+            **{name: [one] for name, one in single.items() if one is not None},
+            "temperatures": self.temperatures,
+        }.items():
+            wrong = [one for one in values if not (np.isfinite(one) and one > 0)]
+            if wrong:
+                raise InputError(f"{name}: found {wrong[0]:g}, expected a positive number.")
+        if self.poisson_ratio is not None and not -1 < self.poisson_ratio < 0.5:
+            raise InputError(
+                f"poisson_ratio: found {self.poisson_ratio:g}, expected a number from -1 to 0.5."
+            )
+
+
+@dataclass(frozen=True)
+class CreepLaw:
+    """Power law ε̇ = exp(log_factor) σ^n d^-p exp(-Q/(R T)) in axial compression, and d (m)."""
+
+    log_factor: float
+    stress_exponent: float
+    grain_size_exponent: float
+    activation_energy: float
+    grain_size: float
+
+    @property
+    def prefactor(self) -> float:
+        """A of second invariants, Pa^-n m^p s^-1; raises `InputError` if no double number is it."""
+        log_prefactor = (
+            self.log_factor + self.stress_exponent * np.log(STRESS_FACTOR) + np.log(RATE_INVARIANT)
+        )
+        if abs(log_prefactor) > LARGEST_EXPONENT:
+            raise InputError(
+                f"prefactor: found exp({log_prefactor:.4g}), expected at most "
+                f"exp(±{LARGEST_EXPONENT:g}), which a double number holds; use --format json."
+            )
+        return float(np.exp(log_prefactor))
+
+    def at_its_grain_size(self) -> "CreepLaw":
+        """Return the same law with the effect of its grain size in the prefactor, p = 0."""
+        factor = self.log_factor - self.grain_size_exponent * np.log(self.grain_size)
+        return replace(self, log_factor=float(factor), grain_size_exponent=0.0)
+
+    def with_gas_constant(self, gas_constant: float) -> "CreepLaw":
+        """Return the law that has the same rates with another R (J/(mol K))."""
+        return replace(
+            self, activation_energy=self.activation_energy * (gas_constant / GAS_CONSTANT)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class CreepLaws:
+    """Creep laws of all draws: fields of `CreepLaw` (n_draws,), and in words their state."""
+
+    columns: Mapping[str, FloatArray]
+    state: str
+
+    @property
+    def mean(self) -> CreepLaw:
+        """The law whose ln(rate) is everywhere the posterior mean of ln(rate)."""
+        sizes, exponents = self.columns["grain_size"], self.columns["grain_size_exponent"]
+        means = {name: float(one.mean()) for name, one in self.columns.items()}
+        weights = exponents if exponents.sum() else np.ones(exponents.size)
+        means["grain_size"] = float(
+            np.exp(np.average(np.log(sizes), weights=weights)) if np.ptp(sizes) else sizes[0]
+        )
+        return CreepLaw(**means)
+
+    def draw(self, k: int) -> CreepLaw:
+        """Return the law of a draw, counted from 0 along all chains."""
+        return CreepLaw(**{name: float(one[k]) for name, one in self.columns.items()})
+
+
+def rate_factors(laws: Sequence[CreepLaw], temperatures: Sequence[float]) -> FloatArray:
+    """Return A exp(-Q/(R T)) d^-p of laws at temperatures (K), shape (n_laws, n_temperatures).
+
+    They are of second invariants in MPa^-n a^-1, and come from the Stan program.
+    """
+    log_factor, exponent, grain_size_exponent, energy, size = np.array([*map(astuple, laws)]).T
+    parameters = {
+        "stress_exponent": exponent,
+        "grain_size_exponent": grain_size_exponent,
+        "activation_enthalpy": energy,
+        "beta": log_factor / energy,
+    }
+    rates = [
+        flow_rate(parameters, STRESS_FACTOR * MPA, temperature=one, grain_size=size)
+        for one in temperatures
+    ]
+    return np.asarray(np.stack(rates, axis=-1) * RATE_INVARIANT * YEAR)
+
+
+def creep_laws(fit: SampledFit, stated: Stated, code: str) -> CreepLaws:
+    """Return the creep laws of all draws in a stated state.
+
+    Raises `InputError` if the dashpot is no power law, or if its state evolves and none is stated.
+    """
+    draws = fit.posterior["posterior"].to_dataset()
+    exponent, grain_size_exponent, energy, beta = (
+        all_draws(draws[name])
+        for name in ("stress_exponent", "grain_size_exponent", "activation_enthalpy", "beta")
+    )
+    if isinstance(fit, PeakStressFit):
+        if stated.grain_size is None or stated.microstructure == "steady_state":
+            raise InputError(
+                f"{code}: found no grain size of undeformed material, expected --grain-size-um "
+                "because the law of a table holds for that."
+            )
+        fabric = np.full_like(exponent, stated.fabric_factor or 1.0)
+        grain_size = np.full_like(exponent, stated.grain_size)
+        state = f"undeformed, grain size {number(stated.grain_size * LENGTH_FACTOR)} {LENGTH_UNIT}"
+    else:
+        assert isinstance(fit, Fit)
+        if DASHPOT_LAWS[fit.variant.maxwell].own_stress:
+            raise InputError(
+                f"{code}: cannot express the dashpot {fit.variant.maxwell!r} of the fit, expected "
+                "a power law; fit with --variant maxwell=power_law, or use --format json."
+            )
+        material = stated_material(fit, stated, code)
+        grain_size, fabric = material.grain_size.ravel(), material.fabric_factor.ravel()
+        state = material.attributes["microstructure"]
+    columns = {
+        "log_factor": beta * energy - exponent * np.log(fabric),
+        "stress_exponent": exponent,
+        "grain_size_exponent": grain_size_exponent,
+        "activation_energy": energy,
+        "grain_size": grain_size,
+    }
+    return CreepLaws(columns, state)
+
+
+def stated_material(fit: Fit, stated: Stated, code: str) -> Material:
+    """Return the material in its stated state.
+
+    Raises `InputError` if its microstructure evolves and the state is not stated.
+    """
+    variant, chosen = fit.variant, stated.microstructure
+    open_grains = variant.grain_size != "constant" and stated.grain_size is None
+    open_fabric = variant.fabric != "constant" and stated.fabric_factor is None
+    if chosen is None and (open_grains or open_fabric):
+        evolving = " and ".join(["grain size"] * open_grains + ["fabric"] * open_fabric)
+        raise InputError(
+            f"{code}: cannot express the evolving {evolving} of the fit, expected one state: "
+            "--microstructure initial or steady-state, or --grain-size-um and --fabric-factor."
+        )
+    if chosen == "steady_state" and open_grains and variant.grain_size == "piezometric":
+        raise InputError(
+            f"{code}: cannot express a grain size that follows the stress (piezometer), expected "
+            "--grain-size-um for the steady state."
+        )
+    return fitted_material(
+        fit,
+        microstructure=chosen or "initial",
+        temperature=stated.temperatures[0] if stated.temperatures else None,
+        grain_size=stated.grain_size,
+        fabric_factor=stated.fabric_factor,
+        elastic_modulus=stated.elastic_modulus,
+    )

@@ -1,0 +1,286 @@
+"""Results of a fit as files of other codes: the mean of the posterior, and ensembles of draws."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.common.atomic_files import write_text
+from pyburgers.common.errors import InputError, nearest
+from pyburgers.common.paths import given_path
+from pyburgers.common.units import rounded
+from pyburgers.fitting.fit import Fit
+from pyburgers.flow_law_tables.fit import PeakStressFit
+from pyburgers.kinds.conditions import Ranges, beyond_sentences, conditions, ranges_text
+from pyburgers.model.display import shown_quantity
+from pyburgers.model.priors import FLOW_LAW
+from pyburgers.predictions.compliance_formats import (
+    COMPLIANCE_FORMATS,
+    ComplianceFormat,
+    shear_compliances,
+)
+from pyburgers.predictions.creep_formats import CREEP_FORMATS, CreepFormat
+from pyburgers.predictions.creep_laws import Stated, creep_laws, rate_factors
+from pyburgers.predictions.exported import (
+    LOG_FACTOR,
+    Exported,
+    as_csv,
+    as_json,
+    as_latex,
+    exported,
+)
+from pyburgers.predictions.stress_cycles import Regime
+
+AnyFit = Fit | PeakStressFit
+Kept = npt.NDArray[np.int64]
+
+STATE = ("microstructure", "grain_size", "fabric_factor")
+CYCLES = ("frequencies", "regime", "poisson_ratio", "elastic_modulus")
+"""Choices of flow codes, and those of stress cycles beside them."""
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of an export.
+
+    `texts` gives the file of the mean and one of each kept draw; `uses` are choices that it needs
+    or takes (fields of `Stated`, and "draws").
+    """
+
+    ending: str
+    texts: Callable[[AnyFit, Stated, Kept], tuple[str, ...]]
+    uses: tuple[str, ...] = ()
+
+
+def _record(fit: AnyFit, _: Stated, kept: Kept) -> tuple[str, ...]:
+    return (as_json(exported(fit), kept.tolist()),)
+
+
+def _table(write: Callable[[Exported], str], fit: AnyFit, *_: object) -> tuple[str, ...]:
+    return (write(exported(fit)),)
+
+
+def _creep_texts(form: CreepFormat, fit: AnyFit, stated: Stated, kept: Kept) -> tuple[str, ...]:
+    laws, one, ranges = creep_laws(fit, stated, form.code), exported(fit), _ranges(fit)
+    given = tuple(map(float, stated.temperatures))
+    if form.by_temperature and not given:
+        if isinstance(fit, PeakStressFit):
+            raise InputError(f"{form.code}: found no temperature, expected --temperature-K.")
+        given = (fit.experiment.temperature,)
+    common = [
+        *_caution_lines(one, ranges, (min(given), max(given)) if given else None),
+        f"State of the material: {laws.state}. It does not change here.",
+        "Left out: elastic and transient strain; evolution of grain size and fabric.",
+    ]
+    kinds = [
+        "Mean of the posterior: ln(rate) of this law is the mean of ln(rate) of all draws.",
+        *(f"Draw {k + 1} of {one.n_draws}." for k in kept),
+    ]
+    chosen = [laws.mean, *map(laws.draw, kept)]
+    factors = rate_factors(chosen, given).tolist() if given else [[] for _ in chosen]
+    name = f"{one.test} {one.material}"
+    return tuple(
+        form.text(
+            law,
+            name,
+            [_title(one, form.code), kind, *common],
+            dict(zip(given, at_temperatures, strict=True)),
+        )
+        for law, kind, at_temperatures in zip(chosen, kinds, factors, strict=True)
+    )
+
+
+def _compliance_texts(
+    form: ComplianceFormat, fit: AnyFit, stated: Stated, kept: Kept
+) -> tuple[str, ...]:
+    if len(stated.temperatures) > 1:
+        raise InputError(
+            f"{form.code}: found {len(stated.temperatures)} temperatures, expected one in a table."
+        )
+    found, one = shear_compliances(fit, stated, form.code), exported(fit)
+    at = (stated.temperatures[0],) * 2 if stated.temperatures else None
+    common = [*_caution_lines(one, _ranges(fit), at), *found.notes]
+    kinds = [
+        "Mean of the posterior: means of J1 and of J2 over all draws.",
+        *(f"Draw {k + 1} of {one.n_draws}." for k in kept),
+    ]
+    storage = np.vstack([found.storage.mean(axis=0), found.storage[kept]])
+    loss = np.vstack([found.loss.mean(axis=0), found.loss[kept]])
+    return tuple(
+        form.text(found.frequency, j1, j2, [_title(one, form.code), kind, *common])
+        for j1, j2, kind in zip(storage, loss, kinds, strict=True)
+    )
+
+
+def _title(one: Exported, code: str) -> str:
+    return (
+        f"pyburgers export for {code}: {one.test}, {one.material}, run {one.run}, "
+        f"model {one.variant}"
+    )
+
+
+def _caution_lines(one: Exported, ranges: Ranges, at: tuple[float, float] | None) -> list[str]:
+    """Return both verdicts, who decides the flow law, and the conditions of the tests.
+
+    `at` are the lowest and the highest temperature (K) of the file.
+    """
+    decided = []
+    for name in (*FLOW_LAW, LOG_FACTOR):
+        k = one.names.index(name)
+        unit = "" if name == LOG_FACTOR else shown_quantity(name).si_unit
+        spread = f" +- {rounded(one.sd[k], one.sd[k])}" if one.sd[k] else ""
+        by = f"{one.decided_by[k]} {one.by_prior_of[k]}".strip() or "unknown"
+        decided.append(f"{name} {rounded(one.mean[k], one.sd[k])}{spread} {unit} ({by})")
+    beyond = () if at is None else beyond_sentences({"temperature": at}, [ranges])
+    return [
+        f"Sampled well: {one.sampled_well}. Describes the data: {one.describes_data}.",
+        f"Decided by: {'; '.join(decided)}.",
+        *one.notes,
+        f"Conditions of the fitted tests: {ranges_text(ranges)}. The law extrapolates elsewhere.",
+        *beyond,
+    ]
+
+
+def _ranges(fit: AnyFit) -> Ranges:
+    """Return the conditions of the test, or of the tests of a table."""
+    if isinstance(fit, Fit):
+        groups = (fit.posterior[name].to_dataset() for name in ("predictions", "posterior"))
+        return conditions(fit.experiment, *groups)
+    data = fit.data
+    columns = {
+        "temperature": data.temperature,
+        "initial grain size": data.grain_size,
+        "strain rate": data.strain_rate,
+        "stress": data.stress,
+    }
+    return {name: (float(one.min()), float(one.max())) for name, one in columns.items()}
+
+
+FORMATS: Mapping[str, Format] = MappingProxyType(
+    {
+        "json": Format(".json", _record, ("draws",)),
+        "csv": Format(".csv", partial(_table, as_csv)),
+        "latex": Format(".tex", partial(_table, as_latex)),
+        **{
+            name: Format(
+                form.ending,
+                partial(_creep_texts, form),
+                ("draws", *STATE, *(["temperatures"] if form.by_temperature else [])),
+            )
+            for name, form in CREEP_FORMATS.items()
+        },
+        **{
+            name: Format(
+                form.ending,
+                partial(_compliance_texts, form),
+                ("draws", "temperatures", *STATE, *CYCLES),
+            )
+            for name, form in COMPLIANCE_FORMATS.items()
+        },
+    }
+)
+"""All formats by name."""
+
+
+def export(
+    fit: AnyFit,
+    file_format: str,
+    *,
+    out: str | Path | None = None,
+    draws: int = 0,
+    seed: int = 1,
+    microstructure: str | None = None,
+    grain_size: float | None = None,
+    fabric_factor: float | None = None,
+    temperatures: Sequence[float] = (),
+    frequencies: Sequence[float] = (),
+    regime: Regime | None = None,
+    poisson_ratio: float | None = None,
+    elastic_modulus: float | None = None,
+) -> tuple[str, ...]:
+    """Return a fit in the syntax of another code: the mean, then an ensemble of draws.
+
+    Parameters
+    ----------
+    fit : Fit or PeakStressFit
+        A fit of one test (of a joint fit: ``fit["ID"]``), or of a table of peak stresses.
+    file_format : str
+        aspect, elmer, geoparams, icepack, lamem, pism or underworld for the creep law; specfem or
+        tidalpy for compliances in shear; json, csv or latex for all parameters.
+    out : path, optional
+        File of the mean. Draws go to files beside it, with ``_1`` and so on behind its name.
+    draws : int
+        Number of draws, without replacement. With json they stand in the file, as ``sample``.
+    seed : int
+        Of the choice of draws.
+    microstructure : {"initial", "steady_state"}, optional
+        State of a material whose microstructure evolves; required for it by flow codes.
+    grain_size, fabric_factor : float, optional
+        m and 1; take the place of those of `microstructure`.
+    temperatures : sequence of float
+        K, for icepack; one for specfem and tidalpy. Default that of the test.
+    frequencies : sequence of float
+        Hz; default those of `pyburgers.predict_attenuation`.
+    regime : Regime, optional
+        Axial stress of the cycles; required unless the dashpot is linear.
+    poisson_ratio : float, optional
+        Required for compliances in shear.
+    elastic_modulus : float, optional
+        Young's modulus in Pa, in place of E_M.
+
+    Returns
+    -------
+    tuple of str
+        Text of the mean, then of each draw.
+
+    Raises
+    ------
+    InputError
+        If the format cannot express the law of the fit, or a choice is missing, wrong or unused.
+    ToolchainError
+        If CmdStan or a compiler is missing (icepack, specfem, tidalpy).
+    """
+    if file_format not in FORMATS:
+        raise InputError(
+            f"file_format: unknown format {file_format!r}, {nearest(file_format, FORMATS)}"
+        )
+    chosen = FORMATS[file_format]
+    stated = Stated(
+        microstructure,
+        grain_size,
+        fabric_factor,
+        tuple(temperatures),
+        tuple(frequencies),
+        regime,
+        poisson_ratio,
+        elastic_modulus,
+    )
+    given = {**vars(stated), "draws": draws or None}
+    for name, value in given.items():
+        if value not in (None, ()) and name not in chosen.uses:
+            raise InputError(
+                f"{name}: found {value}, expected none: {file_format} does not use it."
+            )
+    texts = chosen.texts(fit, stated, _kept(fit, draws, seed))
+    if out is not None:
+        for path, text in zip(export_files(given_path(out), len(texts)), texts, strict=True):
+            write_text(path, text)
+    return texts
+
+
+def export_files(out: Path, n_texts: int) -> list[Path]:
+    """Return the files of so many texts: that of the mean, and those of the draws beside it."""
+    return [out, *(out.with_name(f"{out.stem}_{k}{out.suffix}") for k in range(1, n_texts))]
+
+
+def _kept(fit: AnyFit, draws: int, seed: int) -> Kept:
+    """Return the numbers of chosen draws, counted from 0 along all chains."""
+    sizes = fit.posterior["posterior"].sizes
+    there = sizes["chain"] * sizes["draw"]
+    if not 0 <= draws <= there:
+        raise InputError(f"draws: found {draws}, expected at most {there}, the draws of the fit.")
+    return np.sort(np.random.default_rng(seed).choice(there, draws, replace=False))

@@ -1,0 +1,352 @@
+"""Exports for other codes: readers of each syntax, with the code's own formula, give our rate."""
+
+import io
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+import pytest
+import xarray as xr
+from flow_codes import READERS
+from linear_bodies import LAWS
+from oracle import dashpot_rate
+from refusals import assert_refused
+from synthetic_fit import make_fit
+
+import pyburgers
+from pyburgers.cli.main import main
+from pyburgers.common.errors import InputError
+from pyburgers.fitting.fit import Fit
+from pyburgers.flow_law_tables.fit import PeakStressFit
+from pyburgers.kinds.problem import problem_of
+from pyburgers.model.laws import DASHPOT_LAWS, KELVIN_LAWS
+from pyburgers.model.variants import with_variant
+from pyburgers.predictions.exports import FORMATS, export
+from pyburgers.predictions.stress_cycles import Regime
+
+FloatArray = npt.NDArray[np.float64]
+pytestmark = pytest.mark.usefixtures("programs")
+
+STRESS, TEMPERATURES = 2.1e6, (243.0, 260.0, 268.5)
+POWER_LAWS = [name for name, law in DASHPOT_LAWS.items() if not law.own_stress]
+OTHER_LAWS = [name for name in DASHPOT_LAWS if name not in POWER_LAWS]
+REGIME = Regime(1e6, 0.3e6)
+SHEAR: dict[str, Any] = {"regime": REGIME, "poisson_ratio": 0.3}
+NOTHING: Mapping[str, float] = {}
+FROZEN: Mapping[str, Any] = {"grain_size": "constant", "fabric": "constant"}
+CHANGES: Mapping[str, float] = {
+    "breakdown_stress": 2e6,
+    "threshold_stress": 1e5,
+    "kelvin_stress_exponent": 2.0,
+}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Fit:
+    """Made-up fit of 4 chains of 30 draws."""
+    return make_fit(tmp_path_factory.mktemp("made") / "run", draws=30)
+
+
+def fit_of(made: Fit, changes: Mapping[str, float] = NOTHING, **laws: str) -> Fit:
+    """The fit with other laws, whose parameters take the values of their priors, or others."""
+    priors = with_variant(made.priors, made.experiment, laws)
+    draws = made.posterior["posterior"].to_dataset()
+    values: dict[str, Any] = {}
+    for name, prior in priors.priors.items():
+        if prior.is_fixed or name not in draws:
+            values[name] = CHANGES.get(name, prior.location)
+    if laws.get("maxwell") == "linear":
+        energy, exponent = draws["activation_enthalpy"], draws["stress_exponent"]
+        values["beta"] = draws["beta"] + (exponent - 1) * np.log(1e6) / energy
+    values |= changes
+    full = {
+        name: one if isinstance(one, xr.DataArray) else xr.full_like(draws["beta"], one)
+        for name, one in values.items()
+    }
+    groups = {**made.posterior.to_dict(), "/posterior": draws.assign(full)}
+    return replace(
+        made,
+        posterior=xr.DataTree.from_dict(groups),
+        problem=problem_of([made.experiment], priors),
+    )
+
+
+def columns(fit: Fit) -> dict[str, FloatArray]:
+    return {
+        str(name): one.to_numpy().ravel()
+        for name, one in fit.posterior["posterior"].to_dataset().data_vars.items()
+    }
+
+
+def chosen(fit: Fit, n: int, seed: int) -> npt.NDArray[np.int64]:
+    return np.sort(np.random.default_rng(seed).choice(120, n, replace=False))
+
+
+def rates(fit: Fit, temperature: float, grain_size: FloatArray, fabric: FloatArray) -> FloatArray:
+    """The program's rate of axial compression, as second invariants."""
+    known, axial = columns(fit), np.sqrt(3) * STRESS
+    rate = pyburgers.flow_rate(
+        known, axial, temperature=temperature, grain_size=grain_size, fabric_factor=fabric
+    )
+    return np.asarray(rate * (np.sqrt(3) / 2))
+
+
+STATES: Mapping[str, Mapping[str, Any]] = {
+    "frozen": {},
+    "initial": {"microstructure": "initial"},
+    "steady": {"microstructure": "steady_state"},
+    "given": {"grain_size": 1e-3, "fabric_factor": 0.7},
+    "no grain size": {"microstructure": "initial"},
+}
+
+
+@pytest.mark.parametrize("state", STATES)
+@pytest.mark.parametrize("law", POWER_LAWS)
+def test_each_code_gives_the_rate_of_the_program(law: str, state: str, made: Fit) -> None:
+    frozen: Mapping[str, Any] = FROZEN if state == "frozen" else {}
+    without = {"grain_size_exponent": 0.0} if state == "no grain size" else {}
+    fit = fit_of(made, without, maxwell=law, **frozen)
+    known = columns(fit)
+    size, fabric = np.full(120, fit.experiment.initial_grain_size), np.ones(120)
+    if state == "steady":
+        size, fabric = known["steady_state_grain_size"], known["steady_state_fabric_factor"]
+    if state == "given":
+        size, fabric = np.full(120, 1e-3), np.full(120, 0.7)
+    expected = {one: rates(fit, one, size, fabric) for one in TEMPERATURES}
+    for code, read in READERS.items():
+        at: dict[str, Any] = {"temperatures": TEMPERATURES} if code == "icepack" else {}
+        mean, *texts = map(read, export(fit, code, draws=100, seed=3, **STATES[state], **at))
+        assert len(texts) == 100
+        for temperature, of_all in expected.items():
+            kept = of_all[chosen(fit, 100, 3)]
+            found = [rate(STRESS, own, temperature) for rate, own in zip(texts, kept, strict=True)]
+            np.testing.assert_allclose(found, kept, rtol=1e-10, err_msg=code)
+            typical = float(np.exp(np.log(of_all).mean()))
+            assert mean(STRESS, typical, temperature) == pytest.approx(typical, rel=1e-10)
+
+
+def test_invariants_are_those_of_tensors() -> None:
+    """The factor of second invariants, from the tensors of axial compression."""
+    stress = np.diag([-1.0, 0.0, 0.0])
+    deviator = stress - np.trace(stress) / 3 * np.eye(3)
+    rate = np.diag([-1.0, 0.5, 0.5])
+    both = [np.sqrt(np.sum(one * one) / 2) for one in (deviator, rate)]
+    np.testing.assert_allclose(both, [1 / np.sqrt(3), np.sqrt(3) / 2], rtol=1e-15)
+
+
+@pytest.mark.parametrize("law", OTHER_LAWS)
+def test_a_law_that_codes_lack_is_refused(law: str, made: Fit) -> None:
+    fit = fit_of(made, maxwell=law)
+    for code in READERS:
+        with pytest.raises(InputError, match=f"cannot express the dashpot '{law}'.*power law"):
+            export(fit, code, microstructure="initial")
+
+
+@pytest.mark.parametrize(
+    ("laws", "evolving"),
+    [
+        ({}, "grain size and fabric"),
+        ({"fabric": "constant"}, "grain size"),
+        ({"grain_size": "constant"}, "fabric"),
+    ],
+)
+def test_a_microstructure_that_evolves_is_refused(
+    laws: Mapping[str, Any], evolving: str, made: Fit
+) -> None:
+    fit = fit_of(made, **laws)
+    for code in (*READERS, "tidalpy", "specfem"):
+        with pytest.raises(InputError, match=f"evolving {evolving} of the fit, expected one state"):
+            export(fit, code, **({} if code in READERS else SHEAR))
+
+
+def table(text: str) -> pd.DataFrame:
+    return pd.read_csv(io.StringIO(text), comment="#")
+
+
+def compliances(text: str) -> FloatArray:
+    read = table(text)
+    return np.asarray(1 / (read["G1_Pa"] + 1j * read["G2_Pa"]))
+
+
+@pytest.mark.parametrize("maxwell", [law for law in DASHPOT_LAWS if DASHPOT_LAWS[law].closed_form])
+@pytest.mark.parametrize("kelvin", [law for law in KELVIN_LAWS if KELVIN_LAWS[law].closed_form])
+def test_tables_in_shear_have_the_compliances_of_the_program(
+    kelvin: str, maxwell: str, made: Fit
+) -> None:
+    fit = fit_of(made, LAWS[kelvin], maxwell=maxwell, **FROZEN)
+    frequencies = [1e-5, 1e-3, 0.1]
+    given: dict[str, Any] = {**SHEAR, "frequencies": frequencies, "temperatures": [250.0]}
+    given |= {"draws": 100, "seed": 3}
+    mean, *texts = export(fit, "tidalpy", **given)
+    q_of_mean, *q_texts = export(fit, "specfem", **given)
+    spectrum = pyburgers.predict_attenuation(fit, frequencies, [REGIME], temperature=250.0)
+    axial = (spectrum["storage_compliance"] - 1j * spectrum["loss_compliance"]).to_numpy()
+    spring = 1 / columns(fit)["maxwell_modulus"][:, np.newaxis]
+    shear = 2 * 1.3 * spring + 3 * (axial.reshape(120, 3) - spring)
+    kept = shear[chosen(fit, 100, 3)]
+    np.testing.assert_allclose([compliances(text) for text in texts], kept, rtol=1e-10)
+    read = table(texts[7])
+    np.testing.assert_allclose(read["J1_per_Pa"] - 1j * read["J2_per_Pa"], kept[7], rtol=1e-10)
+    assert (read["G2_Pa"] > 0).all()
+    np.testing.assert_allclose(compliances(mean), shear.mean(axis=0), rtol=1e-10)
+    quality = kept.real / -kept.imag
+    np.testing.assert_allclose([table(one)["Q_mu"] for one in q_texts], quality, rtol=1e-10)
+    moduli = [table(one)["shear_modulus_Pa"] for one in q_texts]
+    np.testing.assert_allclose(moduli, (1 / kept).real, rtol=1e-10)
+    np.testing.assert_allclose(table(q_of_mean)["frequency_Hz"], frequencies, rtol=1e-15)
+
+
+def test_a_linear_body_is_the_burgers_model_in_shear_of_tidal_codes(made: Fit) -> None:
+    """Their formula has the sign exp(+i omega t), and needs no stress."""
+    fit = fit_of(made, maxwell="linear", **FROZEN)
+    _, text = export(fit, "tidalpy", draws=1, seed=4, poisson_ratio=0.25)
+    (k,) = chosen(fit, 1, 4)
+    one = {name: float(values[k]) for name, values in columns(fit).items()}
+    state = (np.array(1e6), np.array(fit.experiment.initial_grain_size), np.array(1.0))
+    fluidity = float(dashpot_rate(one, fit.experiment.temperature, *state)) / 1e6
+    mu, viscosity = one["maxwell_modulus"] / 2.5, 1 / (3 * fluidity)
+    mu_2, viscosity_2 = one["kelvin_modulus"] / 3, one["kelvin_viscosity"] / 3
+    read = table(text)
+    s = 2j * np.pi * read["frequency_Hz"].to_numpy()
+    modulus = (mu * s * (s + mu_2 / viscosity_2)) / (
+        s**2
+        + s * (mu / viscosity + (mu + mu_2) / viscosity_2)
+        + mu * mu_2 / (viscosity * viscosity_2)
+    )
+    np.testing.assert_allclose(read["G1_Pa"] + 1j * read["G2_Pa"], modulus, rtol=1e-9)
+
+
+@pytest.mark.parametrize("code", ["tidalpy", "specfem"])
+@pytest.mark.parametrize(
+    ("laws", "given", "reason"),
+    [
+        ({}, {"regime": REGIME}, "no Poisson's ratio"),
+        ({}, {"poisson_ratio": 0.3}, "no stress"),
+        ({"maxwell": "threshold_stress"}, SHEAR, "threshold_stress: .*no closed form"),
+        ({"kelvin": "power_law"}, SHEAR, "kelvin_stress_exponent: .*linear Kelvin part"),
+        ({}, {**SHEAR, "temperatures": [250.0, 260.0]}, "2 temperatures, expected one"),
+        ({}, {**SHEAR, "poisson_ratio": 0.6}, "poisson_ratio: found 0.6"),
+    ],
+)
+def test_compliances_that_cannot_be_given_are_refused(
+    code: str, laws: Mapping[str, Any], given: Mapping[str, Any], reason: str, made: Fit
+) -> None:
+    with pytest.raises(InputError, match=reason):
+        export(fit_of(made, **laws, **FROZEN), code, **given)
+
+
+@pytest.mark.parametrize(
+    ("code", "given", "reason"),
+    [
+        ("aspec", {}, "did you mean 'aspect'"),
+        ("aspect", {"temperatures": [250.0]}, "temperatures: .*aspect does not use it"),
+        ("csv", {"draws": 3}, "draws: .*csv does not use it"),
+        ("lamem", {"draws": 121}, "at most 120"),
+        ("lamem", {"draws": -1}, "at most 120"),
+        ("pism", {"grain_size": -1.0}, "grain_size: found -1, expected a positive number"),
+        ("pism", {"microstructure": "final"}, "'initial' or 'steady_state'"),
+    ],
+)
+def test_a_wrong_choice_is_refused(
+    code: str, given: Mapping[str, Any], reason: str, made: Fit
+) -> None:
+    with pytest.raises(InputError, match=reason):
+        export(fit_of(made, **FROZEN), code, **given)
+
+
+def test_a_prefactor_that_no_number_holds_is_refused(made: Fit) -> None:
+    fit = fit_of(made, {"beta": -0.02}, **FROZEN)
+    with pytest.raises(InputError, match=r"found exp\(-1\d{3}\)"):
+        export(fit, "aspect")
+
+
+@pytest.mark.parametrize("code", sorted({*FORMATS} - {"json", "csv", "latex"}))
+def test_comments_say_how_far_to_trust_the_numbers(code: str, made: Fit) -> None:
+    fit = fit_of(made, **FROZEN)
+    given: dict[str, Any] = {} if code in READERS else SHEAR
+    if "temperatures" in FORMATS[code].uses:
+        given = {**given, "temperatures": [230.0]}
+    mean, draw = export(fit, code, draws=1, **given)
+    if code == "underworld":
+        (record,) = json.loads(mean).values()
+        comments = "\n".join(record["notes"])
+    else:
+        mark = "!" if code == "elmer" else "#"
+        comments = "\n".join(line for line in mean.splitlines() if line.startswith(f"{mark} "))
+    verdicts = f"Sampled well: {fit.sampled_well.value}. Describes the data: "
+    assert verdicts + f"{fit.describes_data.value}." in comments
+    decided = fit.influences()["PIL40"]["stress_exponent"].origin.value
+    assert re.search(rf"stress_exponent 3\.\d+ \+- 0\.\d+ 1 \({decided}", comments)
+    for note in (*fit.prior_conflicts(), *fit.prior_decisions()):
+        assert note in comments
+    assert (
+        "Conditions of the fitted tests: temperature 260 K; initial grain size 230 um" in comments
+    )
+    assert ("Beyond what was fitted: temperature 230 K" in comments) == bool(
+        given.get("temperatures")
+    )
+    assert "Mean of the posterior" in comments
+    assert "of 120." in draw
+
+
+def test_json_holds_the_same_draws(made: Fit) -> None:
+    fit = fit_of(made, **FROZEN)
+    content = json.loads(*export(fit, "json", draws=5, seed=3))
+    sample = np.array(content["sample"])
+    known, kept = columns(fit), chosen(fit, 5, 3)
+    for name in ("stress_exponent", "beta"):
+        expected = known[name][kept]
+        np.testing.assert_array_equal(sample[:, content["names"].index(name)], expected)
+    assert "sample" not in json.loads(*export(fit, "json"))
+
+
+def test_a_table_of_peak_stresses_has_a_law_of_undeformed_material(
+    peak_stress: PeakStressFit,
+) -> None:
+    with pytest.raises(InputError, match="no grain size of undeformed material"):
+        export(peak_stress, "geoparams")
+    with pytest.raises(InputError, match="no temperature"):
+        export(peak_stress, "icepack", grain_size=1e-3)
+    with pytest.raises(InputError, match="fit of a table"):
+        export(peak_stress, "tidalpy", **SHEAR)
+    draws = peak_stress.posterior["posterior"].to_dataset()
+    known = {str(name): one.to_numpy().ravel() for name, one in draws.data_vars.items()}
+    axial = np.sqrt(3) * STRESS
+    expected = pyburgers.flow_rate(known, axial, temperature=255.0, grain_size=1e-3)
+    typical = float(np.exp(np.log(expected).mean()) * np.sqrt(3) / 2)
+    for code in ("geoparams", "icepack"):
+        given: dict[str, Any] = {"temperatures": [255.0]} if code == "icepack" else {}
+        (text,) = export(peak_stress, code, grain_size=1e-3, **given)
+        assert READERS[code](text)(STRESS, typical, 255.0) == pytest.approx(typical, rel=1e-10)
+        assert "Conditions of the fitted tests: temperature" in text
+
+
+def test_the_command_writes_the_mean_and_each_draw(
+    small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run, out = str(small_fit.directory.path), tmp_path / "ice.prm"
+    state = ["--microstructure", "steady-state", "--draws", "2", "--seed", "5"]
+    arguments = ["export", run, "--format", "aspect", "--out", str(out), *state]
+    for _ in range(2):  # an export may be written over
+        assert main(arguments) == 0
+        printed = capsys.readouterr().out.splitlines()
+        assert [Path(line).name for line in printed] == ["ice.prm", "ice_1.prm", "ice_2.prm"]
+    texts = pyburgers.export(small_fit, "aspect", microstructure="steady_state", draws=2, seed=5)
+    for name, text in zip(printed, texts, strict=True):
+        assert (tmp_path / Path(name).name).read_text(encoding="utf-8") == text
+    (tmp_path / "ice_2.prm").write_text("mine", encoding="utf-8")
+    assert_refused(main(arguments), capsys, "ice_2.prm", "holds something else")
+    assert_refused(main([*arguments[:4], *state]), capsys, "--draws", "expected the file")
+    table_arguments = ["export", run, "--format", "tidalpy", "--microstructure", "initial"]
+    cycles = ["--median-stress-MPa", "1", "--poisson-ratio", "0.3"]
+    assert_refused(main([*table_arguments, *cycles]), capsys, "--amplitude-MPa", "both or none")
+    assert main([*table_arguments, *cycles, "--amplitude-MPa", "0.3"]) == 0
+    (text,) = export(small_fit, "tidalpy", microstructure="initial", **SHEAR)
+    assert table(capsys.readouterr().out)["frequency_Hz"].size == 60
+    assert compliances(text).size == 60

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from kind_examples import EXAMPLES
 from refusals import refusal
@@ -87,7 +87,13 @@ def drawn_tests(draw: st.DrawFn, kind: str) -> Experiment:
 
 @pytest.mark.parametrize("kind", EXAMPLES)
 def test_a_saved_test_is_read_back_whatever_it_holds(kind: str) -> None:
-    @settings(max_examples=20, deadline=None, database=None, derandomize=True)
+    @settings(
+        max_examples=20,
+        deadline=None,
+        database=None,
+        derandomize=True,
+        suppress_health_check=list(HealthCheck),
+    )
     @given(drawn_tests(kind))
     def run(test: Experiment) -> None:
         with tempfile.TemporaryDirectory() as folder:

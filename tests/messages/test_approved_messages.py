@@ -111,7 +111,8 @@ def as_read(path: Path) -> Iterator[str]:
     experiment = load_experiment(path)
     likelihood = likelihood_of(experiment)
     columns = {name: values for name, (values, _) in likelihood.along(experiment).items()}
-    for name, values in {**columns, likelihood.response.name: experiment.response}.items():
+    columns = {**columns, likelihood.response.name: experiment.response}
+    for name, values in sorted(columns.items()):
         shown = " ".join(map(digits, np.asarray(values)[:MAX_NUMBERS]))
         yield f"{name}: {shown}"
     if isinstance(experiment, HistoryExperiment):

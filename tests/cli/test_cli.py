@@ -13,7 +13,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import ICE, Problem
-from refusals import assert_refused
 from small_inputs import CURVE, EXPERIMENT, PRIORS
 
 import pyburgers
@@ -33,13 +32,10 @@ Parameters = Callable[..., Path]
 
 @pytest.fixture
 def write(tmp_path: Path) -> Write:
-    """Write the input files, some text replaced, and return the arguments of a fit."""
+    """Write the input files, and return the arguments of a fit."""
 
-    def write(name: str = "", old: str = "", new: str = "") -> list[str]:
+    def write() -> list[str]:
         for file, text in {"test.toml": EXPERIMENT, "curve.csv": CURVE, "p.toml": PRIORS}.items():
-            if file == name:
-                assert old in text
-                text = text.replace(old, new, 1)
             (tmp_path / file).write_text(text, encoding="utf-8")
         files = [str(tmp_path / "test.toml"), "--priors", str(tmp_path / "p.toml")]
         return ["fit", *files, "--out", str(tmp_path / "run")]
@@ -187,45 +183,6 @@ def test_the_printed_beta_is_warned_about(
     assert code in (0, 1)
     assert "beta is positive" in error
     assert "misprint" in error
-
-
-@pytest.mark.parametrize(
-    ("content", "word"),
-    [
-        ({"viscosity": 1.0}, "viscosity"),
-        ({"maxwell_modulus": -1.0}, "maxwell_modulus"),
-        ({"beta": "small"}, "beta"),
-        ({"steady_state_fabric_factor": 0.0}, "steady_state_fabric_factor"),
-        ({"kelvin_modulus": True}, "kelvin_modulus"),
-        *((text, "parameters.json") for text in (None, "{", "[1, 2]", '{"beta": -7.29e-4}')),
-    ],
-)
-def test_simulate_refuses_wrong_parameters(
-    content: dict[str, object] | str | None,
-    word: str,
-    parameters: Parameters,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    """Changed values, another text of the file, or no file."""
-    out, file = tmp_path / "curve.csv", tmp_path / "parameters.json"
-    if isinstance(content, dict):
-        parameters(**content)
-    elif content is not None:
-        file.write_text(content, encoding="utf-8")
-    files = ["--parameters", str(file), "--out", str(out)]
-    assert_refused(main(["simulate", str(ICE / "PIL40.toml"), *files]), capsys, word)
-    assert not out.exists()
-
-
-def test_simulate_refuses_an_unwritable_file(
-    programs: None, parameters: Parameters, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for out in (tmp_path, tmp_path / "no" / "folder.csv"):
-        files = ["--parameters", str(parameters()), "--out", str(out)]
-        code = main(["simulate", str(ICE / "PIL40.toml"), *files])
-        assert_refused(code, capsys, str(out))
-    assert not list(tmp_path.glob(".*"))
 
 
 def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,14 +1,13 @@
 """`pyburgers new`: a file that can be read, whose guesses are right and told."""
 
-import io
 import math
 import shutil
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from small_inputs import DATA
+from terminal import answer_with
 
 from pyburgers.cli.main import main
 from pyburgers.common.text_tables import look_at
@@ -98,10 +97,7 @@ def test_in_a_terminal_it_asks_again_until_it_understands(
     path = tmp_path / "curve.csv"
     path.write_text("strain,stress\n0.001,2\n0.02,3\n", encoding="utf-8")
     answers = iter(["", "ice", "cold", "263", "", "1e-3", "1e-5", "guess", "measured", "me, 2026"])
-    terminal = io.StringIO()
-    monkeypatch.setattr(terminal, "isatty", lambda: True)
-    monkeypatch.setattr(sys, "stdin", terminal)
-    monkeypatch.setattr("builtins.input", lambda question: next(answers))
+    answer_with(monkeypatch, lambda question: next(answers))
     assert main(["new", str(path)]) == 0
     test = load_experiment(path.with_suffix(".toml"))
     assert (test.id, test.material, test.temperature) == ("curve", "ice", 263.0)

@@ -1,9 +1,7 @@
 """Options of `pyburgers new`: held by the file or refused, never dropped; relaxations."""
 
-import io
 import json
 import math
-import sys
 import tomllib
 from collections.abc import Iterator, Sequence
 from itertools import combinations
@@ -12,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from history_twins import TRUTH
+from terminal import answer_with
 
 from pyburgers.cli.main import main
 from pyburgers.kinds.kind import load_experiment
@@ -155,10 +154,7 @@ def test_what_is_asked_next_depends_on_the_answers(
         assert len(asked) < 50, question
         return next((text for words, text in answers.items() if words in question), "")
 
-    terminal = io.StringIO()
-    monkeypatch.setattr(terminal, "isatty", lambda: True)
-    monkeypatch.setattr(sys, "stdin", terminal)
-    monkeypatch.setattr("builtins.input", answer)
+    answer_with(monkeypatch, answer)
     assert main(["new", str(path), *KNOWN, "--protocol", protocol]) == 0
     assert all(sum(words in question for question in asked) == 1 for words in answers)
     assert needless is None or not any(needless in question for question in asked)
@@ -175,10 +171,7 @@ def test_what_is_typed_has_to_be_text(
         given = next(typed) if "name of the test" in question else ""
         return given if isinstance(given, str) else given.decode("utf-8")
 
-    terminal = io.StringIO()
-    monkeypatch.setattr(terminal, "isatty", lambda: True)
-    monkeypatch.setattr(sys, "stdin", terminal)
-    monkeypatch.setattr("builtins.input", answer)
+    answer_with(monkeypatch, answer)
     assert main(["new", str(path), *KNOWN, "--strain-rate-per-s", "1e-5"]) == 0
     assert capsys.readouterr().out.count("found bytes that are no text, expected text") == 2
     assert load_experiment(path.with_suffix(".toml")).id == "mine"

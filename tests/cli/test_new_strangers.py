@@ -1,13 +1,12 @@
 """`pyburgers new` of files as others write them: which column is what, which kind of test it is."""
 
-import io
 import math
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
+from terminal import answer_with
 
 from pyburgers.cli.main import main
 from pyburgers.common.text_tables import look_at
@@ -131,11 +130,8 @@ def test_rivals_that_nothing_decides_are_asked_about(
     )
     assert main([*command, "--strain-column", "Strain B (%)", "--out", str(path) + "2.toml"]) == 0
     by_option = load_experiment(Path(f"{path}2.toml"))
-    terminal = io.StringIO()
     answers = iter(["Strain C", "Strain B (%)", "", "", ""])
-    monkeypatch.setattr(terminal, "isatty", lambda: True)
-    monkeypatch.setattr(sys, "stdin", terminal)
-    monkeypatch.setattr("builtins.input", lambda question: next(answers))
+    answer_with(monkeypatch, lambda question: next(answers))
     assert main(command) == 0
     asked = load_experiment(path.with_suffix(".toml"))
     np.testing.assert_allclose(asked.position, by_option.position)
@@ -396,10 +392,7 @@ def test_an_answer_that_the_file_cannot_hold_is_asked_for_again_with_the_reason(
         asked.append(name)
         return replies[name].pop(0)
 
-    terminal = io.StringIO()
-    monkeypatch.setattr(terminal, "isatty", lambda: True)
-    monkeypatch.setattr(sys, "stdin", terminal)
-    monkeypatch.setattr("builtins.input", answer)
+    answer_with(monkeypatch, answer)
     assert main(["new", str(path)]) == 0
     out = capsys.readouterr().out
     for words in (

@@ -47,7 +47,7 @@ def changed(files: Mapping[str, str], changes: Mapping[str, Any]) -> dict[str, s
     """Exchange a file by its name, a table by its header, or a text; `false` removes either."""
     found: dict[str, Any] = dict(files)
     for old, new in changes.items():
-        if old.endswith((".csv", ".toml")):
+        if old.endswith((".csv", ".json", ".toml")):
             found[old] = new
             continue
         name = next((name for name, text in found.items() if text and old in text), None)
@@ -86,12 +86,16 @@ CASES = tuple(cases())
 @pytest.fixture(scope="module")
 def approved() -> Iterator[dict[str, dict[str, str]]]:
     """Texts by group and case, written after the tests where that is asked for."""
-    if not WRITE:
-        yield tomllib.loads(APPROVED.read_text(encoding="utf-8"))
-        return
     found: dict[str, dict[str, str]] = {}
+    if APPROVED.is_file():
+        found = tomllib.loads(APPROVED.read_text(encoding="utf-8"))
     yield found
-    APPROVED.write_text(tomli_w.dumps(found, multiline_strings=True), encoding="utf-8")
+    if WRITE:
+        kept: dict[str, dict[str, str]] = {case.group: {} for case in CASES}
+        for case in CASES:
+            if case.name in found.get(case.group, {}):
+                kept[case.group][case.name] = found[case.group][case.name]
+        APPROVED.write_text(tomli_w.dumps(kept, multiline_strings=True), encoding="utf-8")
 
 
 def said(capsys: pytest.CaptureFixture[str], words: list[str]) -> tuple[int, str, str]:

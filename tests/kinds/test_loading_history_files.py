@@ -1,13 +1,11 @@
 """Files of loading histories: what is read and turned, what is refused, what is written."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from refusals import written
-from same_contents import assert_equal
 
 from pyburgers.kinds.loading_history.files import load_loading_history
 from pyburgers.kinds.loading_history.stages import Stage
@@ -121,101 +119,8 @@ class TestReading:
         assert test.n_readings_in_file == 8
         assert test.notices == ("The reading at the start was dropped: the model starts at rest.",)
 
-    def test_legs_follow_the_stages(self, write: Write) -> None:
-        legs = load_loading_history(write(MIXED, ROWS)).legs
-        assert [(leg.driven, leg.start_value, leg.rate, leg.temperature) for leg in legs] == [
-            ("strain", 0.0, 1e-5, 263.0),
-            ("strain", 0.0, 0.0, 263.0),
-            ("stress", 2e6, 0.0, 265.0),
-            ("stress", 2e6, -1e5 / 60, 263.0),
-        ]
-        assert [leg.stage for leg in legs] == [0, 1, 2, 3]
-        assert legs[-1].end_value == pytest.approx(1e6)
-
-    def test_time_counts_from_the_first_stage(self, write: Write) -> None:
-        rows = table(("time", np.array([110.0, 120.0])), ("strain", np.array([0.1, 0.2])))
-        text = one_stage('control = "stress"\nstress = 1e6', 120.0)
-        path = write(
-            text,
-            rows,
-            ("start_time = 0", "start_time = 100"),
-            ('stress_column = "stress"\nstress_unit = "MPa"\n', ""),
-        )
-        test = load_loading_history(path)
-        assert (test.stages[0].start_time, test.end_time) == (0, 20)
-        np.testing.assert_array_equal(test.time, [10, 20])
-
-    def test_times_of_changes_are_equal_in_any_unit(self, write: Write) -> None:
-        # 2.2 h are more than 132 min, and 4.1 h less than 246 min, by the rounding of a product.
-        assert 2.2 * 3600 > 132 * 60
-        assert 4.1 * 3600 < 246 * 60
-        stages = "".join(
-            '[[stages]]\ncontrol = "stress"\n'
-            f"start_time = {start}\nend_time = {end}\nstress = {load}\n"
-            for start, end, load in ((0.0, 2.2, 2e6), (2.2, 4.1, 1e6))
-        )
-        rows = "time,stress,strain\n60,,0.1\n132,,0.2\n246,,0.3\n"
-        test = load_loading_history(write(f'{HEAD}stage_time_unit = "h"\n{stages}{TAIL}', rows))
-        np.testing.assert_array_equal(test.reading_stage, [0, 1, 1])
-        np.testing.assert_array_equal(test.time[1:], [stage.end_time for stage in test.stages])
-
 
 class TestTurning:
-    def test_compression_negative(self, write: Write) -> None:
-        negative = ROWS.replace(",1", ",-1").replace(",2", ",-2").replace(",0.", ",-0.")
-        path = write(
-            MIXED,
-            negative,
-            ("stage_time_unit", 'compression = "negative"\nstage_time_unit'),
-            ("= 1e-5", "= -1e-5"),
-            ("stress = 2.0", "stress = -2.0"),
-            ("stress_rate = -0.1", "stress_rate = 0.1"),
-        )
-        turned, plain = load_loading_history(path), load_loading_history(write(MIXED, ROWS))
-        assert "Compression is negative in the file: the signs were turned." in turned.notices
-        assert_equal(replace(turned, notices=()), replace(plain, notices=()))
-
-    def test_engineering_readings(self, write: Write) -> None:
-        time, strain = np.array([10.0, 20.0]), np.array([10.0, 20.0])
-        rows = table(("time", time), ("stress", np.array([1.0, 2.0])), ("strain", strain))
-        text = one_stage(
-            'control = "strain_rate"\nstrain_rate_per_s = 1e-2',
-            20.0,
-            'stress_measure = "engineering"',
-            'strain_measure = "engineering"',
-        )
-        test = load_loading_history(write(text, rows))
-        np.testing.assert_allclose(test.response, [0.9e6, 1.6e6], rtol=1e-14)
-
-    def test_engineering_strain(self, write: Write) -> None:
-        rows = table(("time", np.array([10.0, 20.0])), ("strain", np.array([10.0, -20.0])))
-        text = one_stage(
-            'control = "stress"\nstress = 1e6', 20.0, 'strain_measure = "engineering"'
-        ).replace('stress_column = "stress"\nstress_unit = "MPa"\n', "")
-        test = load_loading_history(write(text, rows))
-        np.testing.assert_allclose(test.response, [-np.log(0.9), -np.log(1.2)], rtol=1e-14)
-
-    def test_the_zero_of_an_engineering_strain_is_no_shortening(self, write: Write) -> None:
-        """Readings are what the model has beside them: true strain and the offset."""
-        time, shortening = np.array([10.0, 20.0]), np.array([0.1, 0.2])
-        rows = table(
-            ("time", time), ("stress", np.array([1.0, 2.0])), ("strain", 100 * (shortening + 0.02))
-        )
-        measures = ('stress_measure = "engineering"', 'strain_measure = "engineering"')
-        zero = '[strain_offset]\nvalue = 2.0\nsd = 0.01\nunit = "percent"\n\n[data]'
-        rate = 'control = "strain_rate"\nstrain_rate_per_s = 1e-2'
-        pressed = one_stage(rate, 20.0, *measures).replace("[data]", zero)
-        loaded = load_loading_history(write(pressed, rows))
-        np.testing.assert_allclose(loaded.response, [0.9e6, 1.6e6], rtol=1e-14)
-        rows = table(("time", time), ("strain", 100 * (shortening + 0.02)))
-        crept = (
-            one_stage('control = "stress"\nstress = 1e6', 20.0, measures[1])
-            .replace('stress_column = "stress"\nstress_unit = "MPa"\n', "")
-            .replace("[data]", zero)
-        )
-        test = load_loading_history(write(crept, rows))
-        np.testing.assert_allclose(test.response, 0.02 - np.log1p(-shortening), rtol=1e-14)
-
     @pytest.mark.parametrize("zero", [0.0, 2.0], ids="a zero of {} percent".format)
     def test_constant_force(self, write: Write, zero: float) -> None:
         time = np.linspace(0.0, 1000.0, 101)
@@ -262,25 +167,6 @@ class TestTurning:
             middle = 1e-3 / (1 - 1e-3 * (leg.start_time + leg.end_time) / 2)
             assert leg.rate == pytest.approx(middle, rel=1e-4)
 
-    def test_a_displacement_rate_after_a_load_goes_on_from_the_length(self, write: Write) -> None:
-        """The strain that is read of a sample at rest is no part of its shortening."""
-        rows = table(
-            ("time", np.array([50.0, 100.0, 200.0])),
-            ("stress", np.array([1.0, 1.0, 2.0])),
-            ("strain", np.array([7.0, 12.0, 22.0])),
-        )
-        after = '[[stages]]\ncontrol = "strain_rate"\nstrain_rate_per_s = 1e-3\n'
-        text = one_stage(
-            'control = "stress"\nstress = 1e6', 100.0, 'strain_measure = "engineering"'
-        ).replace(
-            "[data]",
-            f"{after}start_time = 100.0\nend_time = 200.0\n\n"
-            '[strain_offset]\nvalue = 2.0\nsd = 0.01\nunit = "percent"\n\n[data]',
-        )
-        legs = load_loading_history(write(text, rows)).stages[1].knots
-        (_, first), (_, last) = legs[0], legs[-1]
-        assert last - first == pytest.approx(np.log(0.9 / 0.8), rel=1e-12)
-
     def test_a_stress_series_becomes_legs(self, write: Write) -> None:
         time = np.linspace(0.0, 1000.0, 501)
         true = np.interp(time, [0, 100, 600, 700, 1000], [0, 10, 10, 3, 3])
@@ -305,16 +191,6 @@ class TestTurning:
             line = np.interp(time, *np.transpose(test.stages[0].knots))
             assert np.abs(line - 1e6 * np.sqrt(time)).max() < 1.5 * tolerance
         assert "within about 2 MPa" in coarse.notices[0]
-
-    def test_a_jump_of_the_stress_stays(self, write: Write) -> None:
-        time = np.linspace(0.0, 100.0, 101)
-        rows = table(
-            ("time", time), ("stress", np.where(time < 50, 2.0, 5.0)), ("strain", 0.01 * time)
-        )
-        test = load_loading_history(write(one_stage('control = "stress_series"', 100.0), rows))
-        stress = np.interp(time, *np.transpose(test.stages[0].knots)) / 1e6
-        np.testing.assert_allclose(stress, np.where(time < 50, 2.0, 5.0), rtol=1e-6)
-        assert len(test.legs) == 3
 
     def test_a_strain_series_becomes_legs(self, write: Write) -> None:
         time = np.linspace(0.0, 100.0, 101)

@@ -69,7 +69,8 @@ def drawn_tests(draw: st.DrawFn, kind: str) -> Experiment:
     if isinstance(test, ConstantRateExperiment):
         size = draw(st.sampled_from([0, test.n_points]))
         more["strain"], more["stress"] = test.strain[:size], rng.lognormal(16, size=size)
-        more["stress_uncertainty"] = draw(st.none() | st.floats(1.0, 1e6))
+        # A file states the error of readings beside them.
+        more["stress_uncertainty"] = draw(st.floats(1.0, 1e6)) if size else None
         more["microstructure"] = draw(sections(test.final_strain))
     elif isinstance(test, HistoryExperiment):
         more["reading"] = test.reading * rng.lognormal(size=test.n_points)

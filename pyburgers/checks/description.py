@@ -1,5 +1,7 @@
 """Checks of whether the model describes the data: what is missed, where, and what to try."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 
@@ -41,7 +43,6 @@ from pyburgers.checks.told import (
     beside,
     finding_of,
     points_of_segment,
-    segment_name,
 )
 from pyburgers.common.draws import TAIL
 from pyburgers.posterior.labelled_draws import response_in
@@ -82,7 +83,7 @@ def check_segments(draws: CheckedDraws) -> Finding:
     """No segment lies off the model, or tilts against it, as a whole, and no quantity does."""
     found = finding_of(draws, (SEGMENT_TREND, OFFSET), _tell_segment)
     of_tests = found.table.sort_values("probability", kind="stable").drop_duplicates("test")
-    return found._replace(table=of_tests.sort_index())
+    return replace(found, table=of_tests.sort_index())
 
 
 @check("largest residual", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
@@ -119,7 +120,7 @@ def check_size(draws: CheckedDraws) -> Finding:
     worst = next((one for kind in SEVERITY for one in findings if one.outcome is kind), unsaid)
     note = f"{left[0].lower()}{left[1:]}"
     meaning = f"{left}; {worst.meaning[0].lower()}{worst.meaning[1:]}"
-    return worst._replace(meaning=meaning, note=note)
+    return replace(worst, meaning=meaning, note=note)
 
 
 def _against_limits(draws: CheckedDraws, family: Family) -> list[Finding]:
@@ -151,7 +152,8 @@ def _against_neighbours(draws: CheckedDraws, family: Family, sizes: pd.DataFrame
         found = finding_of(draws, (OVER_SCATTER,), _tell_size)
         passed = found.outcome is Outcome.YES
         findings.append(
-            found._replace(
+            replace(
+                found,
                 outcome=Outcome.YES if passed else Outcome.CANNOT_TELL,
                 table=sizes.join(family.table.loc[OVER_SCATTER]),
                 meaning=f"{UNSTATED}; {found.meaning}",
@@ -237,8 +239,7 @@ def _tell_segment(leftover: Leftover, family: Family, row: Row) -> Told:
     if row["discrepancy"] == OFFSET:
         return _tell_offset(leftover, row)
     trend, _ = segment_parts(leftover.residual[None], leftover.segment, leftover.position)
-    points = points_of_segment(leftover, int(trend[:, 0].argmax()))
-    where = segment_name(leftover, points)
+    points, where = points_of_segment(leftover, int(trend[:, 0].argmax()))
     line = straight_line(leftover.position[points], leftover.residual[points])
     offset = (
         f"a straight line through the residuals of {leftover.name}, {where}, starts "
@@ -337,8 +338,7 @@ def _tell_size(leftover: Leftover, family: Family, row: Row) -> Told:
             leftover.place(0, -1),
         )
     _, spread = segment_parts(leftover.residual[None], leftover.segment, leftover.position)
-    points = points_of_segment(leftover, int(spread[:, 0].argmax()))
-    where = segment_name(leftover, points)
+    points, where = points_of_segment(leftover, int(spread[:, 0].argmax()))
     found = f"residuals of {leftover.name}, {where}, are {ratio:.2f} times those of the whole test"
     return Told(
         f"{found}, no more than chance (at most {most:.2f}).",

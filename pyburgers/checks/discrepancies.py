@@ -34,7 +34,7 @@ from pyburgers.checks.residual_numbers import (
     signed_ranks,
 )
 from pyburgers.checks.tails import Tail
-from pyburgers.common.draws import TAIL, FloatArray
+from pyburgers.common.draws import TAIL, FloatArray, all_draws
 from pyburgers.common.units import span_text
 from pyburgers.kinds.likelihood import Likelihood, likelihoods
 from pyburgers.posterior.labelled_draws import CORRELATED, groups_of_tests, response_in
@@ -282,27 +282,22 @@ def _leftover(name: str, group: xr.DataTree, number: int) -> Leftover:
     along = group["constant_data"].to_dataset()
     likelihood = likelihoods()[group.attrs["protocol"]]
     position = along[likelihood.clock.name].to_numpy()
-    segment = (
-        along["segment"].to_numpy().astype(np.int64)
-        if "segment" in along
-        else np.zeros(position.size, dtype=np.int64)
-    )
-    quantity = (
-        along["quantity"].to_numpy().astype(np.int64)
-        if "quantity" in along
-        else np.zeros(position.size, dtype=np.int64)
+    segment, quantity = (
+        (along[name].to_numpy() if name in along else np.zeros(position.size)).astype(np.int64)
+        for name in ("segment", "quantity")
     )
     error = along["reading_error"].to_numpy() if "reading_error" in along else None
     spread = along["typical_error"].to_numpy() if "typical_error" in along else error
-    observed, replicated = (_by_draw(values - model) for values in (read, replicas))
+    observed, replicated = (
+        all_draws(values - model).astype(np.float64) for values in (read, replicas)
+    )
     weight = _of_one_size(replicated, quantity) if spread is None else spread.mean() / spread
     observed, replicated = observed * weight, replicated * weight
-    of_replicas = _by_draw(replicas)
-    band = np.quantile(of_replicas, (TAIL, 1.0 - TAIL), axis=0)
+    band = np.quantile(all_draws(replicas).astype(np.float64), (TAIL, 1.0 - TAIL), axis=0)
     pairs = data_and_refits(
         observed,
         replicated,
-        (band - _by_draw(model).mean(axis=0)) * weight,
+        (band - all_draws(model).astype(np.float64).mean(axis=0)) * weight,
         partial(_numbers, segment=segment, position=position, quantity=quantity),
         correlated=CORRELATED in group.children,
     )
@@ -388,9 +383,3 @@ def _numbers(
         OFFSET: np.abs(offsets(residuals, quantity)).max(axis=0),
     }
     return found if len(spread) == 1 else {**found, SEGMENT_SPREAD: np.sqrt(spread.max(axis=0))}
-
-
-def _by_draw(values: xr.DataArray) -> FloatArray:
-    """Draws of points, shape (draws, n)."""
-    ordered = values.transpose("chain", "draw", "point").to_numpy()
-    return np.asarray(ordered.reshape(-1, ordered.shape[-1]), dtype=np.float64)

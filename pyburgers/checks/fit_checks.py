@@ -5,9 +5,8 @@ A new one is a function with a name and a kind in a module of this folder, where
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -54,7 +53,8 @@ class CheckedDraws:
     other_modes: tuple[OtherMode, ...] = ()
 
 
-class Finding(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Finding:
     """What a check found: the answer, the numbers behind it, what they mean, and what to do.
 
     The meaning is a sentence for a non-specialist, without full stop where a remedy follows. What
@@ -88,27 +88,21 @@ class Check:
         n_draws = draws.posterior["sample_stats"]["diverging"].size
         if n_draws < self.least_draws:
             found = _too_few("draws", n_draws, self.least_draws, "raise --draws", unusable=True)
-            return CheckResult(self, *found)
+            return CheckResult(**vars(found), check=self)
         if self.least_readings > 0:
-            most = _most_readings(draws.posterior)
+            groups = groups_of_tests(draws.posterior).values()
+            most = max(group["observed_data"].sizes["point"] for group in groups)
             if most < self.least_readings:
-                return CheckResult(
-                    self, *_too_few("readings", most, self.least_readings, "add readings")
-                )
-        return CheckResult(self, *self.find(draws))
+                few = _too_few("readings", most, self.least_readings, "add readings")
+                return CheckResult(**vars(few), check=self)
+        return CheckResult(**vars(self.find(draws)), check=self)
 
 
 @dataclass(frozen=True, eq=False)
-class CheckResult:
-    """What a check found: the check, and the parts of its `Finding`."""
+class CheckResult(Finding):
+    """What a check found, and the check."""
 
-    check: Check
-    outcome: Outcome
-    table: pd.DataFrame
-    meaning: str
-    remedy: str = ""
-    unusable: bool = False
-    note: str = ""
+    check: Check = field(kw_only=True)
 
     @property
     def passed(self) -> bool:
@@ -136,12 +130,6 @@ def _too_few(what: str, n: int, least: int, remedy: str, *, unusable: bool = Fal
         remedy,
         unusable=unusable,
     )
-
-
-def _most_readings(posterior: xr.DataTree) -> int:
-    """Return the number of readings of the test that has most."""
-    groups = groups_of_tests(posterior).values()
-    return max(group["observed_data"].sizes["point"] for group in groups)
 
 
 def check(

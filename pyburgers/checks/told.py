@@ -46,17 +46,12 @@ def finding_of(draws: CheckedDraws, discrepancies: tuple[str, ...], tell: Tell) 
     return family.finding(worst, table, told.good, told.bad, told.remedy)
 
 
-def points_of_segment(leftover: Leftover, number: int) -> npt.NDArray[np.int64]:
-    """Return the readings of a segment by its place among the segments."""
-    return np.flatnonzero(leftover.segment == np.unique(leftover.segment)[number])
-
-
-def segment_name(leftover: Leftover, points: npt.NDArray[np.int64]) -> str:
-    """Return the number and the place of a segment, the place alone of the only one."""
+def points_of_segment(leftover: Leftover, number: int) -> tuple[npt.NDArray[np.int64], str]:
+    """Return the readings of a segment by its place among the segments, and where they lie."""
+    segments = np.unique(leftover.segment)
+    points = np.flatnonzero(leftover.segment == segments[number])
     place = leftover.place(int(points[0]), int(points[-1]))
-    if np.unique(leftover.segment).size == 1:
-        return place
-    return f"segment {leftover.segment[points[0]] + 1} ({place})"
+    return points, place if segments.size == 1 else f"segment {segments[number] + 1} ({place})"
 
 
 def beside(leftover: Leftover, residual: float, point: int) -> str:

@@ -6,13 +6,13 @@ from pathlib import Path
 from pyburgers.cli.shared import command_line, exit_code, writing
 from pyburgers.cli.terminal import print_table
 from pyburgers.cli.workers import add_worker_options, require_no_worker_options, workers_of
+from pyburgers.common.atomic_files import write_text
 from pyburgers.common.paths import shown
 from pyburgers.fitting.campaign import (
     load_campaign,
     run_campaign,
     shown_status_table,
     status_table,
-    write_status,
 )
 from pyburgers.page.campaign_page import write_page
 from pyburgers.sampling.manifest import COMPLETE
@@ -50,7 +50,9 @@ def run(options: argparse.Namespace) -> int:
     for name, error in failed.items():
         print(f"{name}: could not be done: {error}")
     with writing(out):
-        print(shown(f"table: {write_status(table, out)}"))
+        out.mkdir(parents=True, exist_ok=True)
+        write_text(out / "status.csv", table.to_csv())
+        print(shown(f"table: {out / 'status.csv'}"))
     if options.part is None and (table["status"] == COMPLETE).any():
         print(shown(f"The page is {write_page(campaign, out, command=command)}"))
     if failed:

@@ -26,8 +26,8 @@ def run(options: argparse.Namespace) -> int:
     fit = kind.load(options.directory)
     if renewed := renew_tables(fit):
         logger.info(
-            f"{fit.directory.path}: {' and '.join(renewed)}, which did not hold what follows from "
-            f"the draws, {'was' if len(renewed) == 1 else 'were'} written again."
+            f"{fit.directory.path}: {' and '.join(renewed)} did not agree with the draws; the "
+            "command has written the correct content."
         )
     code = print_checks(fit.checks(), fit.prior_conflicts(), fit.prior_decisions())
     if isinstance(fit, Fit):

@@ -9,6 +9,7 @@ from pyburgers.cli.outputs import check_output
 from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
+from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.common.paths import shown
 from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit
@@ -19,7 +20,6 @@ from pyburgers.predictions.other_tests import (
     band_table,
     overview_table,
     reading_table,
-    save_prediction,
     score_sentence,
     score_table,
 )
@@ -95,6 +95,6 @@ def _write(prediction: Prediction, scores: pd.DataFrame | None, out: Path) -> li
     with writing(out):
         for file, table in tables.items():
             write_text(file, table.to_csv(index=False))
-        save_prediction(prediction, out.with_suffix(".nc"))
+        write_netcdf(out.with_suffix(".nc"), prediction.posterior)
         write_images(prediction_figure(prediction), out)
     return [*files, *(file for file in tables if file != out)]

@@ -37,19 +37,18 @@ COMPARISON_TEXT = (
     f"{NO_DIFFERENCE:g} or more that is also {CLEAR:g} or more of its standard errors; fits are "
     f"alike where even {CLEAR:g} standard errors further apart they would differ by less than "
     f"{NO_DIFFERENCE:g}; else the data cannot tell. Points with a Pareto k above {PARETO_K_LIMIT} "
-    "are not reliable; pyburgers compare leaves them out by fitting again. Until then it cannot be "
-    "told which of two fits is better where the other points by themselves do not say the same; "
-    "nor where a fit was not sampled well, with all points or without one, nor of "
-    f"fewer than {LEAST_UNITS} points. Weights are "
-    "those of the best mixture of the fits, and arbitrary between fits that predict alike."
+    "are not reliable; pyburgers compare leaves them out by fitting again. The data cannot tell "
+    "which fit is better if the reliable points by themselves say something else, if a fit was not "
+    f"sampled well, or if there are fewer than {LEAST_UNITS} points. Weights are those of the best "
+    "mixture of the fits, and arbitrary between fits that predict alike."
 )
 
 BY_TEST_TEXT = (
     "Measure: log density of each whole test given the others, stresses in Pa; higher is better. "
     "The fits were repeated without each test, and the density is a ratio of marginal likelihoods, "
     "by bridge sampling. A test's own parameters are averaged under their priors, which costs as "
-    "much as the test narrows them. Of two tests, or where a fit was not sampled well, it cannot "
-    "be told which of two fits is better."
+    "much as the test narrows them. With two tests, or if a fit was not sampled well, the data "
+    "cannot tell which fit is better."
 )
 
 
@@ -277,12 +276,6 @@ class ComparisonByTest:
         return all(result.reliable for result in self.results.values())
 
 
-def elpd_difference(one: LeaveOneOut, other: LeaveOneOut) -> tuple[float, float]:
-    """Elpd of one fit less that of another, and its standard error over the points."""
-    pointwise = one.elpd - other.elpd
-    return float(pointwise.sum()), standard_error(pointwise)
-
-
 def has_several_tests(comparison: Comparison) -> bool:
     """Tell whether the points are those of several tests."""
     return "test" in comparison.position.coords
@@ -312,13 +305,13 @@ def comparison_table(comparison: Comparison) -> pd.DataFrame:
     best = next(iter(comparison.results.values()))
     rows = {}
     for (name, result), weight in zip(comparison.results.items(), comparison.weights, strict=True):
-        difference, difference_se = elpd_difference(result, best)
+        pointwise = result.elpd - best.elpd
         rows[name] = {
             "variant": comparison.variants[name],
             "elpd": result.total,
             "se": standard_error(result.elpd),
-            "difference": difference,
-            "difference_se": difference_se,
+            "difference": float(pointwise.sum()),
+            "difference_se": standard_error(pointwise),
             "weight": float(weight),
             "n_effective": result.n_effective,
             "high_k": int(np.sum(result.pareto_k > PARETO_K_LIMIT)),

@@ -119,15 +119,19 @@ def band_text(draws: FloatArray, unit: str) -> str:
     return f"{median} {unit}".rstrip() + f" ({low} to {high})"
 
 
-def draw_curve(axes: Axes, curve: FittedCurve) -> None:
-    """Draw data, retrodictions, predictive median and band, and where the imposed changes."""
-    low, _, high = central_band(curve.replicated)
-    axes.fill_between(
-        curve.grid, low, high, color=ORANGE, alpha=0.35, linewidth=0, label="90 % predictive band"
-    )
+def draw_curve(axes: Axes, curve: FittedCurve, *, is_read: bool = True) -> None:
+    """Draw data, retrodictions, predictive median and band, and where the imposed changes.
+
+    A quantity that is not read has neither data nor a band.
+    """
+    if is_read:
+        low, _, high = central_band(curve.replicated)
+        band = axes.fill_between(curve.grid, low, high, color=ORANGE, alpha=0.35, linewidth=0)
+        band.set_label("90 % predictive band")
     draw_retrodictions(axes, curve.grid, curve.solutions)
     axes.plot(curve.grid, curve.median, color=VERMILION, linewidth=1.6, label=MEDIAN_LABEL)
-    draw_data(axes, curve.position, curve.data, curve.error, curve.data_label)
+    if is_read:
+        draw_data(axes, curve.position, curve.data, curve.error, curve.data_label)
     for position, text in curve.marks:
         _draw_mark(axes, position)
         # Ahead of the mark, where stress is high: behind it may be low readings.

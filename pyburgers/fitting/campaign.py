@@ -15,7 +15,6 @@ import pandas as pd
 from pydantic import Field
 
 from pyburgers.checks.fit_checks import CheckKind
-from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError, PyburgersError
 from pyburgers.common.tasks import ALL_HERE, Workers
 from pyburgers.common.toml_files import NAME, Table, read_json, read_toml
@@ -211,14 +210,6 @@ def shown_status_table(table: pd.DataFrame) -> pd.DataFrame:
             "chains took (s)": table["chain_seconds"].map("{:.0f}".format),
         }
     )
-
-
-def write_status(table: pd.DataFrame, out: Path) -> Path:
-    """Write ``status.csv`` of a campaign; return the file."""
-    out.mkdir(parents=True, exist_ok=True)
-    file = out / "status.csv"
-    write_text(file, table.to_csv())
-    return file
 
 
 def run_folder(out: Path, one: Combination) -> Path:

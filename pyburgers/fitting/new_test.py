@@ -13,6 +13,7 @@ from pyburgers.kinds.coordinates import CENTRE, SPREAD
 from pyburgers.kinds.experiment import Experiment, UncertainCondition
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.problem import Problem
+from pyburgers.kinds.stated_priors import stated_priors
 from pyburgers.model.display import unit_text
 from pyburgers.model.parameters import (
     CONDITIONS,
@@ -122,7 +123,7 @@ def apparatus_values(
     fitted = _that_was_fitted(source, experiment)
     drawn = xr.Dataset() if fitted is None else fitted.posterior["posterior"].to_dataset()
     same = [] if fitted is None else _same_of_a_test(fitted.experiment, experiment)
-    stated = _stated(experiment)
+    stated = stated_priors(experiment)
     values = {}
     for name in TEST_PARAMETERS:
         if name in same and name in drawn:
@@ -150,17 +151,12 @@ def _is_same_test(fitted: Experiment, experiment: Experiment) -> bool:
     return fitted.protocol == experiment.protocol and (fitted.id == experiment.id or same_readings)
 
 
-def _stated(experiment: Experiment) -> dict[str, Prior]:
-    """Return priors of what the file of a test states, by the parameter."""
-    return {prior.parameter: prior for prior in experiment.stated_priors}
-
-
 def _same_of_a_test(fitted: Experiment, experiment: Experiment) -> list[str]:
     """Return which of `TEST_PARAMETERS` the file of the same test states as when it was fitted."""
     if not _is_same_test(fitted, experiment):
         return []
     before, now = (
-        {name: (one.location, one.scale) for name, one in _stated(test).items()}
+        {name: (one.value, one.sd) for name, one in test.stated.items()}
         for test in (fitted, experiment)
     )
     none = (np.nan, np.nan)

@@ -33,11 +33,12 @@ from pyburgers.flow_law_tables.description import LOG_STRESS, TABLE_CHECKS
 from pyburgers.flow_law_tables.groups import GRID_STRESSES, groups
 from pyburgers.flow_law_tables.inputs import (
     FLOW_LAW_PARAMETERS,
+    SI_UNITS,
+    UNCERTAINTY,
     PeakStressData,
     load_peak_stress,
     load_peak_stress_priors,
     save_peak_stress,
-    save_peak_stress_priors,
 )
 from pyburgers.flow_law_tables.softening import N_SOFTENING, SofteningPrior, softening_prior
 from pyburgers.kinds.coordinates import REFERENCE_FLOW_RATE, PlainCoordinates
@@ -47,7 +48,7 @@ from pyburgers.kinds.program_data import prior_block
 from pyburgers.kinds.stan_data import StanData
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, PRIOR_QUANTITIES, FlowLawPrior
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
-from pyburgers.model.priors import PriorSet, default_priors, note_other_material
+from pyburgers.model.priors import PriorSet, default_priors, note_other_material, save_priors
 from pyburgers.posterior.labelled_draws import (
     keep_posterior,
     label_draws,
@@ -61,10 +62,8 @@ from pyburgers.sampling.run import complete_chains, fingerprint, run_record
 from pyburgers.sampling.run_directory import RunDirectory
 
 AT_POINTS = {
-    "temperature": "K",
-    "strain_rate": "1/s",
-    "grain_size": "m",
-    "relative_stress_uncertainty": "1",
+    **{name: SI_UNITS[name] for name in ("temperature", "strain_rate", "grain_size")},
+    UNCERTAINTY: "1",
 }
 """What draws keep of the rows of a table, with its units."""
 
@@ -296,7 +295,7 @@ def fit_peak_stress(
     def sample() -> PeakStressFit:
         with run.claimed(identity):
             save_peak_stress(data, run.inputs)
-            save_peak_stress_priors(priors, run.priors_file)
+            save_priors(priors, run.priors_file, FLOW_LAW_PARAMETERS)
             softening.save(run.inputs / SOFTENING_FILE)
             write_json(run.stan_data_file, stan_data)
             run.update_manifest(

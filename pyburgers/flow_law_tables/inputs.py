@@ -21,10 +21,11 @@ from pyburgers.common.toml_files import NAME, Table, checked, read_tables, read_
 from pyburgers.kinds.doubts import unlikely_stress
 from pyburgers.kinds.experiment import Experiment, Provenance, ProvenanceTable
 from pyburgers.kinds.limits import TEMPERATURES, impossible_conditions, refuse_impossible
-from pyburgers.model.flow_law_prior import Conditions, PeakTest
+from pyburgers.model.flow_law_prior import Conditions
 from pyburgers.model.parameters import PARAMETER_BY_NAME, STRESS_SCATTER, Parameter
+from pyburgers.model.peak_test import PeakTest
 from pyburgers.model.prior_families import PriorTable, check_beta, load_prior
-from pyburgers.model.priors import FLOW_LAW, PriorFile, PriorSet, save_priors, shipped_prior_file
+from pyburgers.model.priors import FLOW_LAW, PriorFile, PriorSet, shipped_prior_file
 
 KIND = "peak_stress"
 """Key `protocol` of such tables."""
@@ -360,11 +361,6 @@ def load_peak_stress_priors(path: str | Path) -> PriorSet:
     }
     check_beta(f"{path}: [parameters.beta]", priors["beta"])
     return file.prior_set(path, priors)
-
-
-def save_peak_stress_priors(priors: PriorSet, path: Path) -> None:
-    """Write a prior file in SI units that `load_peak_stress_priors` reads back equal."""
-    save_priors(priors, path, FLOW_LAW_PARAMETERS)
 
 
 def default_peak_stress_priors(material: str) -> PriorSet:

@@ -129,8 +129,7 @@ def with_stated(experiment: Experiment, values: Mapping[str, float]) -> dict[str
 
     `values`: SI values by name.
     """
-    stated = {prior.parameter: prior.location for prior in experiment.stated_priors}
-    return {**values, **{name: one for name, one in stated.items() if name not in values}}
+    return {**values, **{k: one.value for k, one in experiment.stated.items() if k not in values}}
 
 
 def with_laws(

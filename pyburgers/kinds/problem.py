@@ -9,8 +9,9 @@ import numpy as np
 
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.coordinates import Layout, PlainCoordinates, layout_of
-from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment
+from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import Likelihood, likelihood_of, likelihoods
+from pyburgers.kinds.stated_priors import check_conditions, condition_priors
 from pyburgers.model.parameters import (
     CONDITIONS,
     PARAMETER_BY_NAME,
@@ -18,7 +19,7 @@ from pyburgers.model.parameters import (
     Parameter,
 )
 from pyburgers.model.pooling import SEPARATE, Pooling
-from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
+from pyburgers.model.prior_families import fixed_prior, is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import WITHOUT_EFFECT, check_variant, variant_of
 
@@ -393,50 +394,3 @@ def _check_pooling(problem: Problem) -> None:
             f"--pool: found {', '.join(f'{n}={problem.pooling.kinds[n]}' for n in FLOW_LAW)}, "
             "expected all shared or all separate because they have a joint prior."
         )
-
-
-def condition_priors(experiment: Experiment) -> tuple[Prior, ...]:
-    """Return the priors of the errors of a test's conditions."""
-    return tuple(
-        Prior.of_family(
-            condition.parameter,
-            "normal",
-            {"location": 0.0, "scale": condition.sd},
-            unit=PARAMETER_BY_NAME[condition.parameter].si_unit,
-            source="stated in the file of the test",
-        )
-        for condition in experiment.uncertain
-    )
-
-
-def check_conditions(experiments: Sequence[Experiment]) -> None:
-    """Ask for the same uncertain conditions in all tests, and one error of one apparatus.
-
-    Raise InputError if a test cannot have such an error, or lacks one that another has.
-    """
-    for experiment in experiments:
-        for one in experiment.uncertain:
-            if one.parameter not in experiment.may_be_uncertain:
-                raise InputError(
-                    f"{experiment.id}: key {CONDITION_KEYS[one.parameter][0]!r}: found {one.sd:g}, "
-                    f"expected none because tests of the protocol {experiment.protocol} take it as "
-                    "known."
-                )
-    for name, (sd_key, apparatus_key) in CONDITION_KEYS.items():
-        stated = {
-            test.id: one for test in experiments for one in test.uncertain if one.parameter == name
-        }
-        missing = [test.id for test in experiments if test.id not in stated]
-        if stated and missing:
-            raise InputError(
-                f"{missing[0]}: key {sd_key!r} is missing, expected it because {min(stated)} of "
-                "the same joint fit has it; a condition that is well known has a small one."
-            )
-        for test, one in stated.items():
-            for other, again in stated.items():
-                same = one.apparatus is not None and one.apparatus == again.apparatus
-                if same and one.sd != again.sd:
-                    raise InputError(
-                        f"{test}: key {sd_key!r} is {one.sd:g}, in {other} it is {again.sd:g}, "
-                        f"expected one number for the {apparatus_key} {one.apparatus!r}."
-                    )

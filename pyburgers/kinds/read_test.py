@@ -9,10 +9,20 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.common.errors import InputError
-from pyburgers.model.flow_law_prior import PeakTest
-from pyburgers.model.prior_families import Prior
+from pyburgers.model.peak_test import PeakTest
 
 FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Stated:
+    """A number that a file states with its uncertainty, in SI.
+
+    `value`, `sd`: mean and standard deviation; with an sd of 0 the number is known.
+    """
+
+    value: float
+    sd: float
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -61,9 +71,9 @@ class ReadTest(ABC):
         """
 
     @property
-    def stated_priors(self) -> tuple[Prior, ...]:
-        """Priors of what belongs to the test itself, as far as its file states some."""
-        return ()
+    def stated(self) -> Mapping[str, Stated]:
+        """Parameters of the test and its apparatus that its file states."""
+        return {}
 
     @property
     def peak(self) -> PeakTest | None:

@@ -19,6 +19,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, read_json
 from pyburgers.model.arrhenius import GAS_CONSTANT
+from pyburgers.model.peak_test import PeakTest
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -27,10 +28,6 @@ PRIOR_QUANTITIES = ("stress_exponent", "grain_size_exponent", "log_reference_flo
 
 FLOW_LAW_PRIOR_FILE = "flow_law_prior.json"
 """Name of a saved flow law in a run directory."""
-
-SAME_RATE, SAME_STRESS, SAME_GRAIN_SIZE, SAME_TEMPERATURE = 0.01, 0.05, 0.05, 5.0
-"""Differences up to which two records may be of one test: of logarithms, and in kelvin. A peak
-is read off noisy stresses, and the temperature of a sample is not that of the machine."""
 
 MOMENT_DRAWS = 20_000
 """Draws for the marginal moments of Q_M, which is not one of the quantities."""
@@ -43,38 +40,6 @@ class Conditions:
     temperature: float
     stress: float
     grain_size: float
-
-
-@dataclass(frozen=True)
-class PeakTest:
-    """The peak of a test at constant strain rate.
-
-    It has the imposed rate (1/s), the stress at the peak (Pa), the temperature (K), and the grain
-    size at the start (m).
-    """
-
-    strain_rate: float
-    stress: float
-    temperature: float
-    grain_size: float
-
-    def may_be(self, other: "PeakTest") -> bool:
-        """Whether two records may be of one test, given how they are rounded and reported."""
-        ratios = [
-            (self.strain_rate / other.strain_rate, SAME_RATE),
-            (self.stress / other.stress, SAME_STRESS),
-            (self.grain_size / other.grain_size, SAME_GRAIN_SIZE),
-        ]
-        return abs(self.temperature - other.temperature) <= SAME_TEMPERATURE and all(
-            abs(np.log(ratio)) <= same for ratio, same in ratios
-        )
-
-    def __str__(self) -> str:
-        """Return the conditions in words."""
-        return (
-            f"{self.strain_rate:.3g} 1/s, {self.stress / 1e6:.3g} MPa, {self.temperature:.4g} K "
-            f"and {self.grain_size * 1e3:.3g} mm"
-        )
 
 
 @dataclass(frozen=True, eq=False)

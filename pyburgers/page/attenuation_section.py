@@ -68,8 +68,8 @@ def attenuation_section(
             elastic_modulus_sentence(spectra[first]),
         ),
         details=(
-            "What the fitted material would do under another load: stress cycles about a constant "
-            "median stress. Strain lags stress by the angle δ, and tan δ is the attenuation 1/Q; "
+            "These spectra are predictions for another load: stress cycles about a constant median "
+            "stress. Strain lags stress by the angle δ, and tan δ is the attenuation 1/Q; "
             "every draw of the posterior gives a spectrum in closed form. Tables give the median "
             "and 5 and 95 % of the draws; the CSV files hold all frequencies.",
             f"{first}: {frozen_sentence(spectra[first])}",

@@ -145,14 +145,10 @@ def by_points_section(fits: Mapping[str, Fit], keys: Mapping[str, str]) -> tuple
 def _points_to_fit_again(comparison: Comparison, fits: Mapping[str, Fit]) -> tuple[str, ...]:
     """Say which command leaves points out in earnest, which a page never does."""
     count = sum(int(result.unreliable.sum()) for result in comparison.results.values())
-    if not count or not all(map(_has_single_points, fits.values())):
+    if not count or any(fit.is_joint or fit.experiment.points_together for fit in fits.values()):
         return ()
     runs = " ".join(shlex.quote(shown(fit.directory.path)) for fit in fits.values())
     return (f"To fit again without {count_points(count)} of that kind: pyburgers compare {runs}",)
-
-
-def _has_single_points(fit: Fit) -> bool:
-    return not fit.is_joint and not fit.experiment.points_together
 
 
 def by_tests_section(joints: Mapping[str, Fit], keys: Mapping[str, str]) -> tuple[PageSection, ...]:
@@ -259,14 +255,14 @@ def flow_law_source_section(
             f"The other source is {law.source}. {alone} is the fit of the curve alone with the "
             f"material's own priors; {both} has the other source as a joint prior of n, p, "
             f"{rate}, and beta in their place.",
-            "Mean ± standard deviation. Where both together are wider than the curve alone, the "
-            "curve's number was that of its own prior, which the other source replaces.",
+            "Mean ± standard deviation. If both together are wider than the curve alone, the "
+            "curve's number came from its own prior, which the other source replaces.",
             _temperature_correction(law, experiment, draws["other source alone"]),
         ),
         tables=(
             PageTable(
                 "sources",
-                "What each source knows",
+                "Flow law by source, in numbers",
                 _shown_sources(table),
                 table.reset_index(),
                 words=("quantity", "unit"),

@@ -7,8 +7,8 @@ from markupsafe import Markup, escape
 from pyburgers.model.laws import DASHPOT_LAWS
 
 DEFINITIONS = {
-    "posterior": "What is known about the parameters after the data: prior times likelihood.",
-    "prior": "What is known about a parameter before the data.",
+    "posterior": "Knowledge of the parameters after the data: prior times likelihood.",
+    "prior": "Knowledge of a parameter before the data.",
     "sd / prior sd": "Share of the prior's width that is left; near 1 the data said nothing. A "
     "small one may come from the prior of another quantity.",
     "decided by": "Who decides the number: data, a prior and of which quantity, both, or a bound.",
@@ -29,7 +29,7 @@ DEFINITIONS = {
     "replicated data": "Readings that draws of the posterior would have given.",
     "predictive band": "Where new readings are expected, noise included.",
     "retrodictions": "Solutions of the model for single draws, without noise.",
-    "residual": "What is left when the model's response is taken from a reading.",
+    "residual": "A reading less the response of the model.",
     "likelihood": "Probability of the data given the parameters.",
     "draws": "Samples of the posterior.",
     "chains": "Independent runs of the sampler.",

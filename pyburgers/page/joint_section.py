@@ -270,8 +270,8 @@ def _bought(table: pd.DataFrame) -> tuple[str, ...]:
         else f"that of {alone[0]} alone"
     )
     return (
-        "What pooling bought: standard deviation of the shared parameters over "
-        f"{others}: {listed}.",
+        "Standard deviation of each shared parameter in the joint fit over "
+        f"{others}: {listed}. Pooling narrows a parameter whose number is below 1.",
     )
 
 

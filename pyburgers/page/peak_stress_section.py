@@ -70,10 +70,10 @@ def peak_stress_section(fit: PeakStressFit, key: str = PEAK_STRESS_KEY) -> PageS
             _softening_text(fit),
             _temperature_text(fit),
             "Least squares of ln(peak stress) on ln(strain rate) and ln(grain size) knows neither "
-            "softening nor temperature: its exponents are those across peaks. Where softening "
-            "grows with the rate, that of the flow law is smaller. Of Q_M and beta a table at "
-            "about one temperature says one number, the rate: it ties them to each other, and how "
-            "wide each is comes from the priors of both.",
+            "softening nor temperature: its exponents are those across peaks. If softening "
+            "grows with the rate, the exponent of the flow law is smaller. A table at about one "
+            "temperature says one number of Q_M and beta, the rate. It ties them to each other; "
+            "the width of each comes from the priors of both.",
         ),
         tables=(
             _table("posterior", "Posterior", flow_law_table(fit), fit.summary("SI").reset_index()),

@@ -93,8 +93,9 @@ NARROW = 0.12
     "share of the prior's: near 100 % the data say nothing; a small one may come from the prior "
     "of another quantity. Where the posterior is much "
     "narrower, a panel shows only the part around it and states the range of the prior. A "
-    "reference stress or flow rate has no prior of its own: the others imply it. What spans "
-    "decades is shown by its logarithm. Dashed: true values, of synthetic data.",
+    "reference stress or flow rate has no prior of its own: the others imply it. A "
+    "quantity that spans decades is shown by its logarithm. Dashed: true values, of synthetic "
+    "data.",
     narrowed,
 )
 def prior_posterior(fit: FittedTest) -> Figure:

@@ -26,15 +26,11 @@ def runs_table(named: Sequence[tuple[str, SampledFit]]) -> pd.DataFrame:
         [
             {"fit": name}
             | {title: fit.manifest[key] for title, key in _OF_A_RUN.items()}
-            | {"all chains": duration_text(_seconds(fit))}
+            | {"all chains": duration_text(sum(one["wall_seconds"] for one in chains))}
             for name, fit in named
+            for chains in (fit.manifest["chains"].values(),)
         ]
     )
-
-
-def _seconds(fit: SampledFit) -> float:
-    """Wall time of all chains."""
-    return sum(float(record["wall_seconds"]) for record in fit.manifest["chains"].values())
 
 
 def report_manifest(

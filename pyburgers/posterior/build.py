@@ -102,14 +102,14 @@ def _groups_of(
     tests = {}
     for e, (experiment, priors) in enumerate(zip(experiments, problem.by_effect(), strict=True)):
         points = at_points.isel(point=slice(ends[e], ends[e + 1]))
-        tests[experiment.id] = groups_of_test(
-            draws[experiment.id],
-            _points_of_test(points, likelihood, experiment, priors),
-            stats,
-            checked.isel(on_grids[e]),
-            experiment,
-            priors,
-        )
+        of_test = draws[experiment.id]
+        tests[experiment.id] = {
+            "posterior": of_test,
+            "sample_stats": stats,
+            **groups_at_points(_points_of_test(points, likelihood, experiment, priors), experiment),
+            "predictions": grid_group(checked.isel(on_grids[e]), experiment),
+            "posterior_mean_solution": _solution_at_mean(of_test, priors, experiment),
+        }
     common = point_groups(at_points, experiments)
     total = at_points["log_lik"].sum("point", skipna=False)
     if microstructure.LOG_LIKELIHOOD in fit:
@@ -254,24 +254,6 @@ def stats_with_solver(
         else xr.zeros_like(reference)  # the solver has no part in the prior
     )
     return stats
-
-
-def groups_of_test(
-    draws: xr.Dataset,
-    at_points: xr.Dataset,
-    stats: xr.Dataset,
-    checked: xr.Dataset,
-    experiment: Experiment,
-    priors: PriorSet,
-) -> dict[str, xr.Dataset]:
-    """Return the groups of one test, its priors resolved, from draws and reference solutions."""
-    return {
-        "posterior": draws,
-        "sample_stats": stats,
-        **groups_at_points(at_points, experiment),
-        "predictions": grid_group(checked, experiment),
-        "posterior_mean_solution": _solution_at_mean(draws, priors, experiment),
-    }
 
 
 def reference_solution(

@@ -188,7 +188,7 @@ def frozen_sentence(spectrum: xr.Dataset) -> str:
     )
     return (
         f"{start} (median {float(np.median(critical)):.2g}). The hold strains by "
-        f"{strains} (medians). Where it fails in most draws, curves are pale; a solution in time "
+        f"{strains} (medians). If it fails in most draws, curves are pale; a solution in time "
         "with evolving microstructure (--evolving) says by how much they are off."
     )
 
@@ -216,8 +216,7 @@ def elastic_modulus_sentence(spectrum: xr.Dataset) -> str:
     if given:
         return f"The elastic modulus is given: {given}."
     return (
-        "The elastic modulus is E_M of the fit. Where strain was read off the machine, as in most "
-        "tests at constant rate, that is mostly the stiffness of the apparatus, and tan δ at high "
-        "frequency is then too small; a modulus of the material can be given in its place "
-        "(--elastic-modulus-Pa)."
+        "The elastic modulus is E_M of the fit. If strain was read off the machine, as in most "
+        "tests at constant rate, E_M is mostly the stiffness of the apparatus. Then tan δ at high "
+        "frequency is too small; --elastic-modulus-Pa gives a modulus of the material instead."
     )

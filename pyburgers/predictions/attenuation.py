@@ -27,7 +27,9 @@ import xarray as xr
 
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.netcdf_files import write_netcdf
+from pyburgers.common.units import UNITS
 from pyburgers.kinds.kind import FittedTest
+from pyburgers.model.display import STRESS_UNIT
 from pyburgers.model.relaxation import kelvin_part
 from pyburgers.predictions.assumptions import (
     CRITICAL_SHARE,
@@ -284,6 +286,22 @@ def flat_draws(values: xr.DataArray) -> FloatArray:
     ordered = values.transpose(..., "regime", "frequency").to_numpy()
     flat: FloatArray = ordered.reshape(-1, *ordered.shape[-2:])
     return flat
+
+
+def condition_columns(spectrum: xr.Dataset) -> dict[str, FloatArray]:
+    """Return the first columns of tables with a row for each regime and frequency.
+
+    They are median_stress_MPa, amplitude_MPa and frequency_Hz.
+    """
+    frequency = spectrum["frequency"].to_numpy()
+    stresses = {
+        f"{name}_{STRESS_UNIT}": spectrum[name].to_numpy() / UNITS["stress"][STRESS_UNIT]
+        for name in ("median_stress", "amplitude")
+    }
+    return {
+        **{name: np.repeat(values, frequency.size) for name, values in stresses.items()},
+        "frequency_Hz": np.tile(frequency, spectrum["regime"].size),
+    }
 
 
 def regime_peaks(spectrum: xr.Dataset) -> BoolArray:

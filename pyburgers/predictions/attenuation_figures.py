@@ -76,7 +76,7 @@ DRAWS_CAPTION = (
 )
 
 AMPLITUDE_CAPTION = (
-    "What the amplitude of the cycles does at one median stress. Left: attenuation, median and "
+    "Effect of the amplitude of the cycles at one median stress. Left: attenuation, median and "
     "90 % of draws. Right: attenuation over that of the smallest amplitude, draw by draw, so that "
     "what all amplitudes share drops out. A linear material would have the ratio one throughout. "
     "Lines are thin and pale where frozen microstructure fails in most draws."

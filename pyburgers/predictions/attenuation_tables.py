@@ -5,15 +5,13 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.common.draws import FloatArray
-from pyburgers.common.units import UNITS
-from pyburgers.model.display import STRESS_UNIT
 from pyburgers.predictions.assumptions import (
     cycle_fails,
     frozen_limit_texts,
     hold_fails,
     probability,
 )
-from pyburgers.predictions.attenuation import flat_draws, regime_peaks
+from pyburgers.predictions.attenuation import condition_columns, flat_draws, regime_peaks
 
 QUANTILES = (5, 25, 50, 75, 95)
 """Percentages of `quantile_table`."""
@@ -31,18 +29,11 @@ def quantile_table(spectrum: xr.Dataset) -> pd.DataFrame:
     microstructure.
     """
     tan_delta = flat_draws(spectrum["tan_delta"])
-    n_regimes, n_frequencies = tan_delta.shape[1:]
+    n_frequencies = tan_delta.shape[2]
     by_quantile = np.quantile(tan_delta, np.array(QUANTILES) / 100, axis=0)
-    stresses = {
-        f"{name}_{STRESS_UNIT}": np.repeat(
-            spectrum[name].to_numpy() / UNITS["stress"][STRESS_UNIT], n_frequencies
-        )
-        for name in ("median_stress", "amplitude")
-    }
     return pd.DataFrame(
         {
-            **stresses,
-            "frequency_Hz": np.tile(spectrum["frequency"].to_numpy(), n_regimes),
+            **condition_columns(spectrum),
             "mean": tan_delta.mean(axis=0).ravel(),
             "sd": tan_delta.std(axis=0).ravel(),
             **{f"q{q}": values.ravel() for q, values in zip(QUANTILES, by_quantile, strict=True)},

@@ -22,9 +22,8 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, number
 from pyburgers.kinds.forced_oscillation.harmonics import CUBIC, fit_harmonics
 from pyburgers.kinds.stan_data import SolverOptions
-from pyburgers.model.display import STRESS_UNIT
 from pyburgers.model.relaxation import kelvin_part
-from pyburgers.predictions.attenuation import attenuation_spectrum, flat_draws
+from pyburgers.predictions.attenuation import attenuation_spectrum, condition_columns, flat_draws
 from pyburgers.predictions.imposed_stress import solve_imposed_stress
 from pyburgers.predictions.material import Material
 from pyburgers.predictions.stress_cycles import (
@@ -141,14 +140,7 @@ def evolving_table(comparison: xr.Dataset) -> pd.DataFrame:
     frequency_Hz; frozen_q5 to frozen_q95, evolving_q5 to evolving_q95, fluidity_ratio_q5 to _q95;
     medians of path_strain, grain_size_m, fabric_factor at the end of the cycles; cycles and draws.
     """
-    n_draws, _, n_frequencies = flat_draws(comparison["tan_delta_frozen"]).shape
-    table = {
-        f"{name}_{STRESS_UNIT}": np.repeat(
-            comparison[name].to_numpy() / UNITS["stress"][STRESS_UNIT], n_frequencies
-        )
-        for name in ("median_stress", "amplitude")
-    }
-    table["frequency_Hz"] = np.tile(comparison["frequency"].to_numpy(), comparison["regime"].size)
+    table = condition_columns(comparison)
     for column, name in (
         ("frozen", "tan_delta_frozen"),
         ("evolving", "tan_delta_evolving"),
@@ -162,7 +154,9 @@ def evolving_table(comparison: xr.Dataset) -> pd.DataFrame:
         ("fabric_factor", "fabric_factor"),
     ):
         table[column] = evolving_quantiles(comparison[name])[1].ravel()
-    return pd.DataFrame(table).assign(cycles=int(comparison["cycles"]), draws=n_draws)
+    return pd.DataFrame(table).assign(
+        cycles=int(comparison["cycles"]), draws=comparison.sizes["draw"]
+    )
 
 
 def evolving_overview(comparison: xr.Dataset) -> pd.DataFrame:

@@ -1,7 +1,5 @@
 """What a fit predicts of another test, as tables: bands along its clock, readings, scores."""
 
-from pathlib import Path
-
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
@@ -9,7 +7,6 @@ from scipy.special import log_ndtr, logsumexp, ndtri_exp
 
 from pyburgers.common.draws import FloatArray, all_draws, evenly_spaced
 from pyburgers.common.errors import InputError
-from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.common.units import count_points
 from pyburgers.fitting.prediction import Prediction
 from pyburgers.kinds.experiment import Experiment
@@ -226,11 +223,6 @@ def surprise_sentence(prediction: Prediction, scores: pd.DataFrame) -> str:
 def _share(scores: pd.DataFrame, row: str, column: str) -> str:
     share = dict(zip(scores.index, scores[column].to_numpy(np.float64), strict=True))[row]
     return f"{100 * share:.0f} %"
-
-
-def save_prediction(prediction: Prediction, path: Path) -> None:
-    """Write all draws of a prediction as netCDF, in one step."""
-    write_netcdf(path, prediction.posterior)
 
 
 def _with_data(prediction: Prediction) -> Experiment:

@@ -201,6 +201,5 @@ def checked_frequencies(frequencies: Sequence[float] | FloatArray) -> FloatArray
 
 def checked_hold_time(hold_time: float) -> float:
     """Return the length of the hold (s); raise `InputError` if it is not positive and finite."""
-    if not (np.isfinite(hold_time) and hold_time > 0):
-        raise InputError(f"hold_time: found {hold_time:g}, expected a positive number of s.")
+    _check_positive("hold_time", "of s", np.asarray(hold_time, dtype=np.float64))
     return float(hold_time)

@@ -3,6 +3,7 @@
 import csv
 from collections.abc import Container, Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from pydantic import ConfigDict, Field
@@ -120,27 +121,12 @@ def read_replication_table(file: Path, n_draws: int) -> tuple[Replication, ...]:
 def _of_row(row: Mapping[str, str], n_draws: int) -> Replication:
     # Tables of fits that never went on with shorter steps do not say so.
     row = {"shortened": "0", **row}
-    cells = {name: row[column] for name, column in _COLUMNS.items()}
-    return Replication(
-        seed=int(cells["seed"]),
-        # Quantities are in their order in the table; numbers beside missing ones have a point.
-        ranks={
-            name: int(float(row[name]))
-            for name in row
-            if name not in _COLUMNS.values() and row[name]
-        },
-        n_draws=n_draws,
-        n_unsolvable=int(cells["n_unsolvable"]),
-        n_outside=int(cells["n_outside"]),
-        n_refits=int(cells["n_refits"]),
-        n_shortened=int(cells["n_shortened"]),
-        failure=cells["failure"] or None,
-        failed_checks=tuple(filter(None, cells["failed_checks"].split(_SEPARATOR))),
-        divergences=int(cells["divergences"]),
-        rhat=float(cells["rhat"]) if cells["rhat"] else None,
-        least_ess=float(cells["least_ess"]) if cells["least_ess"] else None,
-        coordinates=cells["coordinates"] or None,
-    )
+    cells: dict[str, Any] = {name: row[column] for name, column in _COLUMNS.items()}
+    cells["failed_checks"] = tuple(filter(None, cells["failed_checks"].split(_SEPARATOR)))
+    # Quantities are in their order in the table; numbers beside missing ones have a point.
+    ranks = {name: row[name] for name in row if name not in _COLUMNS.values() and row[name]}
+    known = {name: cell for name, cell in cells.items() if cell}
+    return Replication.model_validate({**known, "ranks": ranks, "n_draws": n_draws}, strict=False)
 
 
 def replications(run: RunDirectory, seeds: Iterable[int], n_draws: int) -> tuple[Replication, ...]:

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ from pyburgers.model.display import (
     STRESS_UNIT,
     shown_quantity,
 )
+from pyburgers.model.parameters import Parameter
 from pyburgers.sbc.convergence import LONGER, RHAT_LIMIT
 from pyburgers.sbc.data_sets import LOG_LIKELIHOOD
 from pyburgers.sbc.rank_uniformity import VERDICTS_TEXT, RankBands, RankVerdict, counts_at_most
@@ -27,12 +28,12 @@ from pyburgers.sbc.replication import RANKS, replication_table
 from pyburgers.sbc.run import Calibration
 
 
-def ranked_label(name: str) -> str:
-    """Plain words for a ranked quantity."""
+def _called(name: str, quantity_text: Callable[[Parameter], str]) -> str:
+    """Return what tables or figures call a ranked quantity, given what they call its parameter."""
     if name == LOG_LIKELIHOOD:
         return "log likelihood"
     quantity, _, test = name.partition("[")
-    return shown_quantity(quantity).label + (f" [{test}" if test else "")
+    return quantity_text(shown_quantity(quantity)) + (f" [{test}" if test else "")
 
 
 def verdict_table(calibration: Calibration) -> pd.DataFrame:
@@ -57,7 +58,7 @@ def shown_verdict_table(calibration: Calibration) -> pd.DataFrame:
     table = verdict_table(calibration)
     return pd.DataFrame(
         {
-            "quantity": table["quantity"].map(ranked_label),
+            "quantity": [_called(name, lambda one: one.label) for name in table["quantity"]],
             "mean rank": table["mean_rank"].map("{:.3f}".format),
             "spread": table["rank_spread"].map("{:.3f}".format),
             "verdict": table["verdict"],
@@ -120,16 +121,12 @@ def calibration_text(calibration: Calibration) -> str:
             f"- Priors: {calibration.template.priors[0].title}.",
             f"- Command: `{calibration.command}`",
             "",
-            *(_table_row(row) for row in rows),
+            *(f"| {' | '.join(row)} |" for row in rows),
             "",
             VERDICTS_TEXT,
             "",
         ]
     )
-
-
-def _table_row(cells: Sequence[str]) -> str:
-    return f"| {' | '.join(cells)} |"
 
 
 def save_calibration(calibration: Calibration, folder: Path) -> None:
@@ -151,7 +148,7 @@ def rank_differences(calibration: Calibration) -> Figure:
         panels = figure.subplots(n_rows, COLUMNS, sharex=True, sharey=True, squeeze=False).ravel()
         for axes, name in zip(panels, names, strict=False):
             _draw(axes, calibration.ranks[name], calibration.verdicts[name], calibration.bands)
-            axes.set_title(_heading(name), loc="left")
+            axes.set_title(_called(name, lambda one: f"${one.symbol}$"), loc="left")
         for axes in panels[len(names) :]:
             axes.set_axis_off()
         for axes in panels[max(0, len(names) - COLUMNS) : len(names)]:
@@ -194,10 +191,3 @@ def _draw(axes: Axes, ranks: list[int], verdict: RankVerdict, bands: RankBands) 
         axes.set_title(
             verdict.verdict, loc="right", fontsize=9.0, color=VERMILION if wrong else BLACK
         )
-
-
-def _heading(name: str) -> str:
-    if name == LOG_LIKELIHOOD:
-        return "log likelihood"
-    quantity, _, test = name.partition("[")
-    return f"${shown_quantity(quantity).symbol}$" + (f" [{test}" if test else "")

@@ -27,7 +27,7 @@ def nothing(draws: CheckedDraws) -> Finding:
 def result(name: str, kind: CheckKind, outcome: Outcome, *, unusable: bool = False) -> CheckResult:
     check = Check(name, kind, nothing)
     return CheckResult(
-        check, outcome, pd.DataFrame({"x": [1]}), f"The {name} says so", "do", unusable
+        outcome, pd.DataFrame({"x": [1]}), f"The {name} says so", "do", unusable, check=check
     )
 
 

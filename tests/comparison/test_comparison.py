@@ -20,7 +20,7 @@ from pyburgers.comparison.by_points import compare, leave_one_out, leave_out_exa
 from pyburgers.comparison.conclusions import sentences
 from pyburgers.comparison.figures import pointwise_differences
 from pyburgers.comparison.pairs import PairOutcome
-from pyburgers.comparison.results import Comparison, LeaveOneOut, comparison_table, elpd_difference
+from pyburgers.comparison.results import Comparison, LeaveOneOut, comparison_table, standard_error
 from pyburgers.comparison.same_data import data_hash, stacking_weights
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit, fit
@@ -124,9 +124,11 @@ def comparison_of(*results: tuple[str, LeaveOneOut]) -> Comparison:
 def test_difference_has_the_standard_error_of_a_sum_over_points() -> None:
     rng = np.random.default_rng(8)
     one, other = rng.normal(size=(2, 50))
-    difference, error = elpd_difference(result(one), result(other))
-    assert difference == pytest.approx(float((one - other).sum()))
-    assert error == pytest.approx(float(np.sqrt(50) * np.std(one - other, ddof=1)))
+    error = float(np.sqrt(50) * np.std(one - other, ddof=1))
+    assert standard_error(one - other) == pytest.approx(error)
+    (pair,) = comparison_of(("one", result(one)), ("other", result(other))).pairs()
+    assert pair.difference == pytest.approx(abs(float((one - other).sum())))
+    assert pair.error == pytest.approx(error)
 
 
 def test_a_sentence_for_each_pair() -> None:

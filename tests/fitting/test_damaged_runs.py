@@ -215,9 +215,7 @@ def test_a_check_writes_tables_again_that_are_not_those_of_the_draws(
         assert contents(copy) == before
         again, log = capsys.readouterr()
         assert again == out
-        assert note(log).startswith(
-            f"{' and '.join(names)}, which did not hold what follows from the"
-        )
+        assert note(log).startswith(f"{' and '.join(names)} did not agree with the draws")
 
 
 def test_a_check_leaves_tables_to_a_run_that_has_not_written_them(copy: Path) -> None:

@@ -128,7 +128,7 @@ def test_page_shows_joint_and_separate_fits(
         extras=[joint_section(joint_key(key), name, joint, separate)],
     ).read_text(encoding="utf-8")
     assert f"Joint fit {name}" in page
-    assert "What pooling bought" in page
+    assert "Standard deviation of each shared parameter" in page
     assert f"{name}, all tests together" in page
     assert page.count(f'href="#joint_{key}"') >= 2
     assert (tmp_path / "report" / "tables" / f"joint_{key}_pooling.csv").is_file()

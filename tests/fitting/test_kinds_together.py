@@ -297,7 +297,7 @@ def test_what_was_measured_is_on_the_page(measured: Fit, tmp_path: Path) -> None
     text = page.read_text(encoding="utf-8")
     assert "fabric factor 0.740 ± 0.030 at 66.7 min" in text
     assert "160.0 ± 8.0 µm at a path strain of 5 %" in text
-    assert "What softens the material" in text
+    assert "Softening by grain size and fabric" in text
     assert "at the end grains have" in text
 
 

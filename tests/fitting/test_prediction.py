@@ -14,6 +14,7 @@ from scipy import stats
 from scipy.special import logsumexp
 
 from pyburgers.common.errors import InputError
+from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.new_test import Source, add_noises, parameters_for_other_test
 from pyburgers.fitting.prediction import Prediction, predict_test
@@ -28,9 +29,10 @@ from pyburgers.kinds.forced_oscillation.experiment import (
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.likelihood import likelihood_of
-from pyburgers.kinds.loading_history.experiment import HistoryExperiment, Stated
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.kinds.problem import one_test, problem_of
+from pyburgers.kinds.read_test import Stated
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import PriorSet
 from pyburgers.predictions.other_test_figures import prediction_figure
@@ -41,7 +43,6 @@ from pyburgers.predictions.other_tests import (
     band_table,
     overview_table,
     reading_table,
-    save_prediction,
     score_table,
 )
 
@@ -281,7 +282,7 @@ def test_what_cannot_be_predicted_is_refused(joint: Fit, small_fit: Fit) -> None
 def test_all_is_kept_in_the_file(small_fit: Fit, tmp_path: Path) -> None:
     target = another_test(small_fit.problem.experiments[0])  # type: ignore[arg-type]
     prediction = small_fit.predict(target, draws=4)
-    save_prediction(prediction, tmp_path / "draws.nc")
+    write_netcdf(tmp_path / "draws.nc", prediction.posterior)
     with xr.open_datatree(tmp_path / "draws.nc", engine="h5netcdf") as kept:
         assert kept.attrs["fitted_to"] == "PIL40"
         assert kept.attrs["cautions"].splitlines() == list(prediction.cautions)

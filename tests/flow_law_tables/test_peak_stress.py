@@ -19,11 +19,11 @@ from pyburgers.flow_law_tables.inputs import (
     load_peak_stress,
     load_peak_stress_priors,
     save_peak_stress,
-    save_peak_stress_priors,
     without_test,
 )
 from pyburgers.kinds.kind import load_experiment
-from pyburgers.model.flow_law_prior import PeakTest
+from pyburgers.model.peak_test import PeakTest
+from pyburgers.model.priors import save_priors
 
 TABLE = """\
 id = "table-1"
@@ -206,7 +206,7 @@ def test_wrong_keys_are_refused_in_one_sentence(
 def test_saved_priors_are_read_back_unchanged(tmp_path: Path) -> None:
     priors = default_peak_stress_priors("ice")
     assert list(priors.priors) == [parameter.name for parameter in FLOW_LAW_PARAMETERS]
-    save_peak_stress_priors(priors, tmp_path / "ice.toml")
+    save_priors(priors, tmp_path / "ice.toml", FLOW_LAW_PARAMETERS)
     assert load_peak_stress_priors(tmp_path / "ice.toml") == priors
 
 

@@ -23,8 +23,9 @@ from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.experiment import Experiment, Provenance, UncertainCondition
 from pyburgers.kinds.kind import load_experiment, save_experiment
-from pyburgers.kinds.loading_history.experiment import HistoryExperiment, Stated
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.microstructure import MeasuredMicrostructure
+from pyburgers.kinds.read_test import Stated
 
 TEXT = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=20)
 MAYBE_TEXT = st.none() | TEXT

@@ -33,8 +33,8 @@ from pyburgers.model.flow_law_prior import (
     PRIOR_QUANTITIES,
     Conditions,
     FlowLawPrior,
-    PeakTest,
 )
+from pyburgers.model.peak_test import PeakTest
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import (
     FLOW_LAW,

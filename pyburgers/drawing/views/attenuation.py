@@ -83,8 +83,8 @@ def _spectra(fit: FittedTest) -> list[_Spectrum]:
     "Attenuation and modulus",
     "Attenuation tan δ (the same as 1/Q) and modulus against period, one colour for each "
     "temperature: circles are readings, triangles upper limits, lines posterior medians of the "
-    "model and areas 90 % of draws, without the scatter of readings. Where circles leave a line in "
-    "step with the period or with temperature, the law of the relaxation is another one.",
+    "model and areas 90 % of draws, without the scatter of readings. If circles leave a line in "
+    "step with the period or with temperature, the relaxation follows another law.",
     lambda fit: rms_result(fit),
 )
 def master_curves(fit: FittedTest) -> Figure:
@@ -180,8 +180,8 @@ def arrhenius(fit: FittedTest) -> Figure:
 
 @recipe(
     "residuals",
-    "What is left over",
-    "What the fit leaves over: ln of the reading less the predictive median of the model, of "
+    "Residuals against period",
+    "Residuals of the fit: ln of the reading less the predictive median of the model, of "
     "attenuation above and of modulus below, against period, one colour for each temperature. The "
     "dotted lines hold 90 % of readings as the fitted scatter has them. A slope or a bow that "
     "temperatures share is a law that is missing.",
@@ -273,7 +273,7 @@ def rms_table(fit: FittedTest) -> PageTable:
     )
     return PageTable(
         "left_over",
-        "What is left over by temperature",
+        "Residuals by temperature",
         shown,
         table,
         text=Markup(

@@ -72,7 +72,7 @@ def fitted_curve(fit: FittedTest) -> FittedCurve:
 
 @recipe(
     "softening",
-    "What softens the material",
+    "Softening by grain size and fabric",
     softening_caption("final strain"),
     lambda fit: f"at the final strain {softened_text(fit)}",
 )

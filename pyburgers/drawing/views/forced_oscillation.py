@@ -189,8 +189,8 @@ def amplitude_phase(fit: FittedTest) -> Figure:
 @recipe(
     "microstructure",
     "Grain size and dashpot",
-    "What the record does not show directly, in the model's solutions: (a) mean grain size, (b) "
-    "strain rate of the dashpot; lines are medians over the posterior, areas hold 90 % of draws. "
+    "Two quantities that the record does not show directly: (a) mean grain size, (b) strain rate "
+    "of the dashpot; lines are medians over the posterior, areas hold 90 % of draws. "
     "Grains approach the size that the piezometer gives for the current stress, over strains of "
     "the order of the critical strain; near zero stress the piezometer asks for very large ones. "
     "The dashpot follows stress by a power law, so it flows mainly while stress is high.",

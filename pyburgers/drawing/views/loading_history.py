@@ -16,19 +16,18 @@ from pyburgers.drawing.page_parts import recipe
 from pyburgers.drawing.panels import (
     HALF_WIDTH,
     LINES_AND_AREAS,
-    MEDIAN_LABEL,
     STRAIN_LABEL,
     STRESS_LABEL,
     FittedCurve,
     band_text,
     curve_result,
     draw_band,
-    draw_data,
-    draw_retrodictions,
+    draw_curve,
+    draw_residuals,
     figure_of,
     legend_above,
 )
-from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, PURPLE, VERMILION, few_ticks
+from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, PURPLE, VERMILION
 from pyburgers.drawing.view import View
 from pyburgers.drawing.views.isochronous import isochronous_figure
 from pyburgers.drawing.views.minimum_rates import minimum_rate_table
@@ -86,10 +85,11 @@ def history(fit: FittedTest) -> Figure:
         axes = figure.subplots(len(panels), 1, sharex=True, height_ratios=heights)
         for panel, (name, part) in zip(axes, panels, strict=True):
             _shade_stages(panel, experiment)
+            shown = replace(curves[name], heading="", marks=(), position_label="")
             if part == "curve":
-                _draw_solutions(panel, curves[name], is_read=curves[name].position.size > 0)
+                draw_curve(panel, shown, is_read=shown.position.size > 0)
             else:
-                _draw_residuals(panel, curves[name])
+                draw_residuals(panel, shown)
         axes[-1].set_xlabel(curves["stress"].position_label)
         axes[0].set_title(experiment.title, loc="left")
         legend_above(figure, [axes[[name for name, _ in panels].index(_main(experiment).name)]])
@@ -112,7 +112,7 @@ RECOVERY_SHOWN = 1e-3
     "draws, a colour for each stage. (a) Stress against strain. (b) Strain rate against strain on "
     "a logarithmic scale: a minimum is where the Kelvin element is exhausted and softening wins; "
     "rates of recovery, which run backwards, are drawn dashed down to a thousandth of the slowest "
-    "forward one. (c) What was read in each stage, "
+    "forward one. (c) Readings of each stage, "
     "against the time since the stage began on a logarithmic scale, over its value at the end of "
     "the stage: relaxation and transient creep are seen from their first readings on.",
     lambda fit: response_result(fit),
@@ -204,30 +204,6 @@ def _shade_stages(axes: Axes, experiment: HistoryExperiment) -> None:
         )
 
 
-def _draw_solutions(axes: Axes, curve: FittedCurve, *, is_read: bool) -> None:
-    if is_read:
-        low, _, high = central_band(curve.replicated)
-        axes.fill_between(
-            curve.grid, low, high, color=ORANGE, alpha=0.35, linewidth=0, label="90 % band"
-        )
-    draw_retrodictions(axes, curve.grid, curve.solutions)
-    axes.plot(curve.grid, curve.median, color=VERMILION, linewidth=1.4, label=MEDIAN_LABEL)
-    if is_read:
-        draw_data(axes, curve.position, curve.data, curve.error, curve.data_label)
-    axes.set_xlim(*(curve.limits or (None, None)))
-    axes.set_ylabel(curve.label)
-
-
-def _draw_residuals(axes: Axes, curve: FittedCurve) -> None:
-    axes.axhspan(-curve.noise_band, curve.noise_band, color=ORANGE, alpha=0.35, linewidth=0)
-    axes.axhline(0.0, color=BLUE, linewidth=1.0)
-    axes.plot(
-        curve.position, curve.residuals, linestyle="none", marker="o", markersize=3, color=BLACK
-    )
-    axes.yaxis.set_major_locator(few_ticks(4))
-    axes.set_ylabel(curve.residual_label)
-
-
 def _draw_rate(axes: Axes, strain: FloatArray, rates: FloatArray, colour: str) -> None:
     """Draw the magnitude of strain rates (1/s), those that run backwards dashed."""
     low, middle, high = central_band(rates)
@@ -293,9 +269,9 @@ def response_result(fit: FittedTest) -> str:
 
 @recipe(
     "softening",
-    "What softens the material",
-    f"{softening_caption('end')} What was measured at a path strain stands where the median "
-    "solution reaches it.",
+    "Softening by grain size and fabric",
+    f"{softening_caption('end')} A measurement at a path strain stands where the median "
+    "solution reaches that strain.",
     lambda fit: f"at the end {softened_text(fit)}",
     suits=lambda fit: evolves(fit),
 )

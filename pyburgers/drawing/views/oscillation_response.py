@@ -129,9 +129,8 @@ def response_page_table(fit: FittedTest) -> PageTable:
         shown_response_table(table),
         table.reset_index(),
         text=Markup(
-            "What a fit of harmonics and a trend finds in the record, and in replicated data: "
-            "solutions for draws from the posterior with noise added at the times of the readings. "
-            + verdict
+            "A fit of harmonics and a trend gives these numbers for the record and for replicated "
+            "data, which are solutions for draws from the posterior with noise added. " + verdict
         ),
         words=("quantity", "unit"),
         bad={"in 90 % band": [not inside for inside in table["inside"]]},

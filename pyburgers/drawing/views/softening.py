@@ -56,9 +56,9 @@ def softening_caption(end: str) -> str:
         "isotropic), (c) the factors by which grain size and fabric change the flow stress, and "
         "their product; lines are posterior medians, areas hold 90 % of draws. (d) Share of grain "
         f"size in the total softening (logarithms) at the {end}; below 0 or above 1 one of the two "
-        "hardens, and the outermost 1 % of draws may be cut off. Where this histogram is broad, "
-        "the data do not tell which mechanism did it. Circles with bars: measured, with standard "
-        "deviation."
+        "hardens, and the outermost 1 % of draws may be cut off. If this histogram is broad, "
+        "the data do not tell which mechanism softened the material. Circles with bars: measured, "
+        "with standard deviation."
     )
 
 

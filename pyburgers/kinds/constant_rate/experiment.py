@@ -39,7 +39,7 @@ from pyburgers.kinds.microstructure import (
     microstructure_tables,
     strains_of,
 )
-from pyburgers.model.flow_law_prior import PeakTest
+from pyburgers.model.peak_test import PeakTest
 from pyburgers.model.read_quantities import STRESS
 
 IntArray = npt.NDArray[np.int64]

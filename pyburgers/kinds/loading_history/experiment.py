@@ -17,36 +17,14 @@ from pyburgers.kinds.loading_history.stages import (
     imposed_stresses,
     legs_of,
 )
+from pyburgers.kinds.read_test import Stated
 from pyburgers.model.display import time_unit
-from pyburgers.model.parameters import PARAMETER_BY_NAME
-from pyburgers.model.prior_families import Prior, fixed_prior
 from pyburgers.model.read_quantities import STRAIN, STRESS
 
 IntArray = npt.NDArray[np.int64]
 
 MAX_UNREAD_SHARE = 0.5
 """Share of a stage at either end of the readings from which on their times are doubted."""
-
-
-@dataclass(frozen=True)
-class Stated:
-    """A number that a file states with its uncertainty, in SI.
-
-    `value`, `sd`: mean and standard deviation; with an sd of 0 the number is known.
-    """
-
-    value: float
-    sd: float
-
-    def prior_of(self, name: str) -> Prior:
-        """Return the normal prior of a parameter, cut at zero if it cannot be negative."""
-        parameter, source = PARAMETER_BY_NAME[name], "stated with the test"
-        if self.sd == 0:
-            return fixed_prior(parameter, self.value, source)
-        numbers = {"location": self.value, "scale": self.sd}
-        if name == "apparatus_compliance":
-            numbers["lower"] = 0.0
-        return Prior.of_family(name, "normal", numbers, unit=parameter.si_unit, source=source)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -145,10 +123,13 @@ class HistoryExperiment(Experiment):
         return {name: error for name, (imposed, error) in errors.items() if imposed in driven}
 
     @property
-    def stated_priors(self) -> tuple[Prior, ...]:
-        """Priors of the apparatus and of the zero of the strain that the test's file states."""
-        stated = {name: getattr(self, name) for name in ("apparatus_compliance", "strain_offset")}
-        return tuple(one.prior_of(name) for name, one in stated.items() if one is not None)
+    def stated(self) -> Mapping[str, Stated]:
+        """Compliance of the apparatus and zero of the strain, where the file states them."""
+        stated = {
+            "apparatus_compliance": self.apparatus_compliance,
+            "strain_offset": self.strain_offset,
+        }
+        return {name: one for name, one in stated.items() if one is not None}
 
     @property
     def imposed_stresses(self) -> FloatArray:

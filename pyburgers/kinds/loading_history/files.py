@@ -19,7 +19,7 @@ from pyburgers.kinds.experiment import (
     shared_values,
     write_experiment,
 )
-from pyburgers.kinds.loading_history.experiment import HistoryExperiment, Stated
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.measured_sections import SectionTable, read_sections
 from pyburgers.kinds.loading_history.readings import (
     NO_READINGS,
@@ -50,6 +50,7 @@ from pyburgers.kinds.loading_history.true_readings import (
     without_states_before,
 )
 from pyburgers.kinds.microstructure import microstructure_tables
+from pyburgers.kinds.read_test import Stated
 
 
 class _ApparatusTable(Table):

@@ -8,6 +8,7 @@ import numpy as np
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
+from pyburgers.kinds.stated_priors import stated_priors
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.prior_families import fixed_prior, is_fixed_at
 from pyburgers.model.priors import PriorSet, priors_of_freed_parameters
@@ -39,7 +40,7 @@ def own_priors(
     reads_strain = any(e.response_is_strain.any() for e in histories)
     reads_stress = any((~e.response_is_strain).any() for e in histories)
     found = tuple(
-        _of_readings(e, priors, reads_strain, reads_stress).exchanging(*e.stated_priors)
+        _of_readings(e, priors, reads_strain, reads_stress).exchanging(*stated_priors(e).values())
         for e in histories
     )
     return found + found[:1] * (len(experiments) - len(histories))

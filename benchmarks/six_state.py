@@ -22,7 +22,6 @@ from chain_files import read_chain
 from processes import Cost, run_together
 
 from pyburgers.cmdstan.program import compile_program
-from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.messages import messages_to
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.coordinates import PlainCoordinates
@@ -193,7 +192,7 @@ def _seconds_per_gradient(command: list[str], folder: Path) -> float:
 
 def _paper_form(fit: Fit) -> tuple[Path, tuple[str, ...]]:
     """Program in the paper's form, and the parameters that it declares."""
-    folder = stan_directory() / "reference"
+    folder = Path(__file__).parent
     if isinstance(fit.experiment, OscillationExperiment):
         return folder / "six_state_oscillation.stan", fit.priors.free
     return folder / "six_state.stan", tuple(p.name for p in PARAMETERS)

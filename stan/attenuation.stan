@@ -8,7 +8,8 @@
 functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
-#include physics/kelvin_element.stan
+#include physics/dashpot_laws.stan
+#include physics/kelvin_laws.stan
 #include physics/relaxation.stan
 #include physics/stress_cycles.stan
 #include statistics/priors.stan
@@ -58,11 +59,8 @@ transformed parameters {
                                    given, replaced_parameter[e], 0, log(stress_scale[e]),
                                    initial_grain_size[e], temperature[e]);
     parameter[e] = head(mapped, n_parameters());
-    log_reference[e] = log_flow_rate(stress_scale[e], initial_grain_size[e], temperature[e],
-                                     parameter[e][i_stress_exponent()],
-                                     parameter[e][i_grain_size_exponent()],
-                                     parameter[e][i_activation_enthalpy()],
-                                     parameter[e][i_beta()]);
+    log_reference[e] = log_flow_rate_at(stress_scale[e], initial_grain_size[e], temperature[e],
+                                        parameter[e]);
     log_jacobian += pooled[n_parameters() + 1] + plain[size(own) + 1]
                     + mapped[n_parameters() + 1];
     log_pooling += pooled[n_parameters() + 2];
@@ -73,16 +71,7 @@ model {
   target += lprior + log_jacobian + log_pooling;
   if (use_likelihood) {
     for (e in 1 : n_tests) {
-      array[row_end[e + 1] - row_end[e]] int here = part(row_end, e);
-      array[regime_end[e + 1] - regime_end[e]] int regimes = part(regime_end, e);
-      array[reading_end[e + 1] - reading_end[e]] int readings = part(reading_end, e);
-      vector[2 * size(readings)] law
-        = table_reading_law(parameter[e], frequency[here], row_temperature[here],
-                            initial_grain_size[e], conversion[e], regime[here],
-                            median_stress[regimes], amplitude[regimes],
-                            node_end[regime_end[e] + 1 : regime_end[e + 1] + 1], node,
-                            reading[readings], quantity_of_point[readings],
-                            stated_error[readings]);
+#include kinds/attenuation_law.stan
       target += sum(log_reading_densities(log_reading_observed[readings], is_limit[readings],
                                           law));
     }

@@ -10,8 +10,7 @@ functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
 #include physics/dashpot_laws.stan
-#include physics/reference_stress.stan
-#include physics/kelvin_element.stan
+#include physics/kelvin_laws.stan
 #include physics/relaxation_elements.stan
 #include physics/microstructure.stan
 #include kinds/constant_rate_dynamics.stan
@@ -75,7 +74,7 @@ model {
   // In a fixed order of summation, whichever thread is ready first.
   target += reduce_sum_static(
     constant_rate_log_density, test, 1, coordinate, parameter, gives, pooled_spread,
-    temperature, initial_grain_size, point_end, use_likelihood, power_law_kelvin,
+    temperature, initial_grain_size, point_end, use_likelihood, kelvin_law,
     stress_observed, segment_end, segment_start, segment_rate, strain_end, strain,
     n_strains_in_segment, strain_of_point, point_strain, point_segment, measured_end,
     strain_of_measured, measured, correlated_residuals,
@@ -133,24 +132,19 @@ generated quantities {
                                n_strains_in_segment[part(segment_end, e)],
                                segment_start[part(segment_end, e)],
                                segment_rate[part(segment_end, e)], initial_grain_size[e],
-                               temperature[e], power_law_kelvin, tolerance, max_num_steps);
+                               temperature[e], kelvin_law, tolerance, max_num_steps);
     stress_model[points] = stress_reading_factor(parameter[e])
                            * to_vector(solution[strain_of_point[points], 1]);
     stress_replicated[points] = stress_model[points]
                                 + residuals_rng(point_strain[points], point_segment[points],
                                                 noise, correlation_strain, share);
-    if (correlated_residuals) {
-      vector[size(points)] residual = stress_observed[points] - stress_model[points];
-      log_lik[points] = residual_log_densities(residual, noise, point_strain[points],
-                                               point_segment[points], correlation_strain,
-                                               share);
-      log_lik_given_others[points]
-        = residual_log_densities_given_others(residual, noise, point_strain[points],
-                                              point_segment[points], correlation_strain,
-                                              share);
-    } else {
-      for (i in points) {
-        log_lik[i] = normal_lpdf(stress_observed[i] | stress_model[i], noise);
+    {
+      matrix[size(points), 2] log_density_of_points = log_densities_of_residuals(
+        stress_observed[points] - stress_model[points], noise, correlated_residuals,
+        point_strain[points], point_segment[points], correlation_strain, share);
+      log_lik[points] = log_density_of_points[ : , 1];
+      if (correlated_residuals) {
+        log_lik_given_others[points] = log_density_of_points[ : , 2];
       }
     }
     if (size(sections) > 0) {

@@ -9,7 +9,7 @@ functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
 #include physics/dashpot_laws.stan
-#include physics/kelvin_element.stan
+#include physics/kelvin_laws.stan
 #include physics/microstructure.stan
 #include kinds/forced_oscillation_dynamics.stan
 #include statistics/priors.stan
@@ -84,12 +84,8 @@ transformed parameters {
                                    given, replaced_parameter[e], 0, log(stress_scale[e]),
                                    initial_grain_size[e], temperature[e]);
     parameter[e] = head(mapped, n_parameters());
-    log_reference[e] = log_flow_rate(stress_scale[e], initial_grain_size[e],
-                                     true_temperature(parameter[e], temperature[e]),
-                                     parameter[e][i_stress_exponent()],
-                                     parameter[e][i_grain_size_exponent()],
-                                     parameter[e][i_activation_enthalpy()],
-                                     parameter[e][i_beta()]);
+    log_reference[e] = log_flow_rate_at(stress_scale[e], initial_grain_size[e], temperature[e],
+                                        parameter[e]);
     log_jacobian += pooled[n_parameters() + 1] + plain[size(own) + 1]
                     + mapped[n_parameters() + 1];
     log_pooling += pooled[n_parameters() + 2]
@@ -110,7 +106,7 @@ model {
                           coordinate[strain_error_position[part(error_end, e)]],
                           uncertain_calibration[e], initial_grain_size[e], temperature[e],
                           start_stress[e], stress_scale[e], strain_scale[e],
-                          power_law_kelvin, tolerance, max_num_steps);
+                          kelvin_law, tolerance, max_num_steps);
       vector[size(points)] stress = to_vector(solution[ : , 1]);
       real noise = parameter[e][i_stress_noise()];
       stress -= trend_shape[points] * (trend_fit[points]' * (stress - stress_observed[points]));
@@ -155,7 +151,7 @@ generated quantities {
                         coordinate[strain_error_position[part(error_end, e)]],
                         uncertain_calibration[e], initial_grain_size[e], temperature[e],
                         start_stress[e], stress_scale[e], strain_scale[e],
-                        power_law_kelvin, tolerance, max_num_steps);
+                        kelvin_law, tolerance, max_num_steps);
     stress_model[points] = to_vector(solution[1 : size(points), 1]);
     trend[e] = trend_fit[points]' * (stress_model[points] - stress_observed[points]);
     stress_model[points] -= trend_shape[points] * trend[e];

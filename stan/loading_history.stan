@@ -14,8 +14,7 @@ functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
 #include physics/dashpot_laws.stan
-#include physics/reference_stress.stan
-#include physics/kelvin_element.stan
+#include physics/kelvin_laws.stan
 #include physics/relaxation.stan
 #include physics/relaxation_elements.stan
 #include physics/stress_cycles.stan
@@ -67,11 +66,10 @@ transformed data {
   array[n_tests] vector[n_parameters()] prior_mass
     = prior_log_masses(prior_family, prior_location, prior_scale, prior_lower, prior_upper);
   for (e in 1 : n_tests) {
-    fixed[part(leg_end, e)] = fixed_rates(prior_location[e], leg[part(leg_end, e)],
-                                          initial_grain_size[e], stress_scale[e],
-                                          strain_scale[e]);
     test[e] = history_constants(prior_location[e], initial_grain_size[e], stress_scale[e],
-                                strain_scale[e]);
+                                strain_scale[e], kelvin_law);
+    fixed[part(leg_end, e)] = fixed_rates(prior_location[e], leg[part(leg_end, e)],
+                                          initial_grain_size[e], test[e]);
   }
 #include charts/valley_references.stan
 }
@@ -98,12 +96,8 @@ transformed parameters {
                      initial_grain_size[e], temperature[e]);
     parameter[e] = head(resolved, n_parameters());
     log_reference[e] = shift
-                       + log_flow_rate(stress_scale[e], initial_grain_size[e],
-                                       true_temperature(parameter[e], temperature[e]),
-                                       parameter[e][i_stress_exponent()],
-                                       parameter[e][i_grain_size_exponent()],
-                                       parameter[e][i_activation_enthalpy()],
-                                       parameter[e][i_beta()]);
+                       + log_flow_rate_at(stress_scale[e], initial_grain_size[e], temperature[e],
+                                          parameter[e]);
     log_jacobian += plain[size(own) + 1] + mapped[n_parameters() + 1]
                     + resolved[n_parameters() + 1];
     // A table has nothing to say of what is partially pooled: it carries another test's value.
@@ -119,32 +113,13 @@ model {
   if (use_likelihood) {
     for (e in 1 : n_tests) {
       if (row_end[e + 1] > row_end[e]) {
-        array[row_end[e + 1] - row_end[e]] int here = part(row_end, e);
-        array[regime_end[e + 1] - regime_end[e]] int regimes = part(regime_end, e);
-        array[reading_end[e + 1] - reading_end[e]] int readings = part(reading_end, e);
-        vector[2 * size(readings)] law
-          = table_reading_law(parameter[e], frequency[here], row_temperature[here],
-                              initial_grain_size[e], conversion[e], regime[here],
-                              median_stress[regimes], amplitude[regimes],
-                              node_end[regime_end[e] + 1 : regime_end[e + 1] + 1], node,
-                              reading[readings], quantity_of_point[readings],
-                              stated_error[readings]);
+#include kinds/attenuation_law.stan
         target += sum(log_reading_densities(log_reading_observed[readings], is_limit[readings],
                                             law));
       } else {
         array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
         array[measured_end[e + 1] - measured_end[e]] int sections = part(measured_end, e);
-        matrix[output_end[e + 1] - output_end[e], 5 + n_summed(element)] states
-          = history_states(parameter[e], prior_location[e], varying, leg[part(leg_end, e)],
-                           fixed[part(leg_end, e)], test[e], element,
-                           output_time_in_leg[part(output_end, e)],
-                           n_outputs_in_leg[part(leg_end, e)], initial_grain_size[e], tolerance,
-                           max_num_steps);
-        matrix[size(points), 2] stress_and_strain
-          = history_response(states[output_of_point[points]], parameter[e], test[e]);
-        vector[size(points)] response
-          = history_readings(stress_and_strain, is_strain[points], parameter[e]);
-        vector[size(points)] noise = reading_noise(is_strain[points], parameter[e]);
+#include kinds/loading_history_response.stan
         // Residuals over their standard deviations, so that stress and strain have one process.
         target += stress_log_density(rep_vector(0, size(points)),
                                      (response - response_observed[points]) ./ noise, 1,
@@ -204,38 +179,21 @@ generated quantities {
         log_lik_given_others[points] = log_density_of_readings; // a table's never are
       }
     } else {
-      vector[size(points)] noise = reading_noise(is_strain[points], parameter[e]);
       real correlation_time = parameter[e][i_residual_correlation_time()];
       real share = parameter[e][i_residual_correlated_share()];
-      matrix[output_end[e + 1] - output_end[e], 5 + n_summed(element)] states
-        = history_states(parameter[e], prior_location[e], varying, leg[part(leg_end, e)],
-                         fixed[part(leg_end, e)], test[e], element,
-                         output_time_in_leg[part(output_end, e)],
-                         n_outputs_in_leg[part(leg_end, e)], initial_grain_size[e], tolerance,
-                         max_num_steps);
-      matrix[size(points), 2] stress_and_strain
-        = history_response(states[output_of_point[points]], parameter[e], test[e]);
-      response_model[points]
-        = history_readings(stress_and_strain, is_strain[points], parameter[e]);
+#include kinds/loading_history_response.stan
+      response_model[points] = response;
       response_replicated[points]
         = response_model[points]
           + noise
             .* residuals_rng(point_time[points], point_stage[points], 1, correlation_time, share);
       {
-        vector[size(points)] residual
-          = (response_observed[points] - response_model[points]) ./ noise;
+        matrix[size(points), 2] log_density_of_points = log_densities_of_residuals(
+          (response_observed[points] - response_model[points]) ./ noise, 1, correlated_residuals,
+          point_time[points], point_stage[points], correlation_time, share);
+        log_lik[points] = log_density_of_points[ : , 1] - log(noise);
         if (correlated_residuals) {
-          log_lik[points] = residual_log_densities(residual, 1, point_time[points],
-                                                   point_stage[points], correlation_time, share)
-                            - log(noise);
-          log_lik_given_others[points]
-            = residual_log_densities_given_others(residual, 1, point_time[points],
-                                                  point_stage[points], correlation_time, share)
-              - log(noise);
-        } else {
-          for (i in 1 : size(points)) {
-            log_lik[points[i]] = std_normal_lpdf(residual[i]) - log(noise[i]);
-          }
+          log_lik_given_others[points] = log_density_of_points[ : , 2] - log(noise);
         }
       }
       if (size(sections) > 0) {

@@ -11,8 +11,7 @@ functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
 #include physics/dashpot_laws.stan
-#include physics/reference_stress.stan
-#include physics/kelvin_element.stan
+#include physics/kelvin_laws.stan
 #include physics/microstructure.stan
 #include kinds/constant_rate_dynamics.stan
 
@@ -20,18 +19,18 @@ functions {
    * Largest stress of a test from rest, by a parabola in ln(strain) through the three outputs
    * about it; the last stress where a test still hardens there.
    *
-   * @param parameter, constant, power_law_kelvin see constant_rate_solution()
+   * @param parameter, constant, kelvin_law see constant_rate_solution()
    * @param strain output strains, a geometric series
    * @return [ln(peak stress/Pa), strain of the peak]
    */
   vector peak_of_test(vector parameter, data vector constant, data array[] real strain,
                       data real strain_rate, data real initial_grain_size,
-                      data real temperature, data int power_law_kelvin, data real tolerance,
+                      data real temperature, data int kelvin_law, data real tolerance,
                       data int max_num_steps) {
     int n = size(strain);
     vector[n] stress = to_vector(constant_rate_solution(parameter, constant, strain, {n}, {0.0},
                                                         {strain_rate}, initial_grain_size,
-                                                        temperature, power_law_kelvin,
+                                                        temperature, kelvin_law,
                                                         tolerance, max_num_steps)[ : , 1]);
     int i = sort_indices_desc(stress)[1];
     real rise;
@@ -65,7 +64,7 @@ functions {
   vector test_with_peak(real log_peak_stress, vector parameter, data vector constant,
                         data array[] real strain, data real strain_rate,
                         data real initial_grain_size, data real temperature,
-                        data int power_law_kelvin, data real tolerance,
+                        data int kelvin_law, data real tolerance,
                         data int max_num_steps) {
     vector[n_parameters()] moved = parameter;
     real log_reference = log_peak_stress;
@@ -81,7 +80,7 @@ functions {
                                           parameter[i_grain_size_exponent()],
                                           parameter[i_beta()]);
         peak = peak_of_test(moved, constant, strain, strain_rate, initial_grain_size,
-                            temperature, power_law_kelvin, tolerance, max_num_steps);
+                            temperature, kelvin_law, tolerance, max_num_steps);
       }
     }
     return append_row(log_reference, peak);
@@ -90,7 +89,7 @@ functions {
 data {
   int<lower=1> n_materials;
   array[n_materials] vector[n_parameters()] parameter; // in the order of physics/parameters.stan
-  int<lower=0, upper=1> power_law_kelvin;
+  int<lower=0, upper=n_parameters()> kelvin_law; // as in data/tests.stan
   int<lower=1> n_conditions;
   vector<lower=0>[n_conditions] strain_rate; // 1/s
   vector<lower=0>[n_conditions] grain_size; // at the start, m
@@ -111,12 +110,12 @@ generated quantities {
       if (wanted_peak_stress[i] > 0) {
         found = test_with_peak(log(wanted_peak_stress[i]), parameter[m], parameter[m], strain,
                                strain_rate[i], grain_size[i], temperature[i],
-                               power_law_kelvin, tolerance, max_num_steps);
+                               kelvin_law, tolerance, max_num_steps);
       } else {
         found[1] = log_reference_stress_at(parameter[m], strain_rate[i], grain_size[i],
                                            temperature[i]);
         found[2 : 3] = peak_of_test(parameter[m], parameter[m], strain, strain_rate[i],
-                                    grain_size[i], temperature[i], power_law_kelvin,
+                                    grain_size[i], temperature[i], kelvin_law,
                                     tolerance, max_num_steps);
       }
       log_peak_stress[m, i] = found[2];

@@ -5,7 +5,7 @@ functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
 #include physics/dashpot_laws.stan
-#include physics/kelvin_element.stan
+#include physics/kelvin_laws.stan
 #include physics/relaxation.stan
 #include physics/microstructure.stan
 #include physics/stress_cycles.stan

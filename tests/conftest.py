@@ -195,8 +195,6 @@ def programs() -> None:
                     "stress_cycles",
                     "peak_stress",
                     "peaks",
-                    "reference/six_state",
-                    "reference/six_state_oscillation",
                 )
             ),
             *sorted((TESTS / "stan").glob("*.stan")),

@@ -223,14 +223,8 @@ class PeakStressFit(SampledFit):
         posterior = load_posterior(run, manifest)
         if posterior is None or "model_response" not in posterior.children:
             posterior = _build_posterior(run, data, priors, manifest)
-        return cls(
-            run,
-            posterior,
-            {**manifest, "chains": run.chain_records()},
-            data,
-            priors,
-            softening,
-        )
+        manifest = {**manifest, "chains": run.chain_records()}
+        return cls(run, posterior, manifest, data, priors, softening)
 
 
 def fit_peak_stress(

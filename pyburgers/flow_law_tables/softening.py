@@ -22,8 +22,8 @@ from pyburgers.common.toml_files import Table, read_json_table
 from pyburgers.flow_law_tables.inputs import PeakStrain, PeakStressData, least_squares
 from pyburgers.kinds.program_data import given_parameters
 from pyburgers.kinds.stan_data import SolverOptions, StanData, solver_block
+from pyburgers.model.kelvin_laws import nonlinear_kelvin_law
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
-from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 
 SOLVER = SolverOptions(tolerance=1e-6)
@@ -136,12 +136,11 @@ def simulate_peaks(
     """
     given = [given_parameters(material, one) for one in values]
     wanted = np.zeros(strain_rate.size) if peak_stress is None else peak_stress
-    linear = all(is_fixed_at(one["kelvin_stress_exponent"], 1.0) for one in given)
     found = load_program(stan_directory() / "peaks.stan").evaluate(
         {
             "n_materials": len(given),
             "parameter": [[one[p.name].location for p in PROGRAM_PARAMETERS] for one in given],
-            "power_law_kelvin": int(not linear),
+            "kelvin_law": nonlinear_kelvin_law(one.priors for one in given),
             "n_conditions": strain_rate.size,
             "strain_rate": strain_rate.tolist(),
             "grain_size": grain_size.tolist(),

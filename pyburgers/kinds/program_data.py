@@ -28,6 +28,7 @@ from pyburgers.kinds.stan_data import (
     solver_block,
 )
 from pyburgers.model.flow_law_prior import FlowLawPrior
+from pyburgers.model.kelvin_laws import nonlinear_kelvin_law
 from pyburgers.model.parameters import (
     PARAMETER_BY_NAME,
     PIEZOMETER,
@@ -35,7 +36,7 @@ from pyburgers.model.parameters import (
     PROGRAM_PARAMETERS,
     Parameter,
 )
-from pyburgers.model.prior_families import FAMILIES, fixed_prior, is_fixed_at
+from pyburgers.model.prior_families import FAMILIES, fixed_prior
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import variant_of
 
@@ -81,9 +82,7 @@ def tests_block(problem: Problem, *, use_likelihood: bool) -> StanData:
         "initial_grain_size": [e.initial_grain_size for e in experiments],
         "point_end": ends(e.n_points for e in experiments),
         "use_likelihood": int(use_likelihood),
-        "power_law_kelvin": int(
-            not all(is_fixed_at(own["kelvin_stress_exponent"], 1.0) for own in problem.priors)
-        ),
+        "kelvin_law": nonlinear_kelvin_law(own.priors for own in problem.priors),
         **problem.likelihood.tests_block(experiments, problem.priors),
     }
 

@@ -1,13 +1,14 @@
 """Laws of the dashpot and of the Kelvin part: a record for each.
 
 Priors, choices, export, advice and tables of combinations follow from the records. The equations
-are in `stan/physics/dashpot_laws.stan`, `stan/physics/kelvin_element.stan` and
+are in `stan/physics/dashpot_laws.stan`, `stan/physics/kelvin_laws.stan` and
 `stan/physics/relaxation.stan`, the parameters in `pyburgers.model.parameters`.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,21 @@ class DashpotLaw(Law):
         )
 
 
+@dataclass(frozen=True)
+class KelvinLaw(Law):
+    """A law of the Kelvin part.
+
+    Priors have the law if exactly its `switches` are not left at their standard values, and
+    `without` are. `weak_priors` replace the numbers of the weak priors of freed parameters.
+    `conventions` are fixed at their prior means, because data fix them only together with others.
+    """
+
+    switches: tuple[str, ...] = ()
+    without: tuple[str, ...] = ()
+    weak_priors: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    conventions: tuple[str, ...] = ()
+
+
 _DRIVING = "(stress - kelvin_modulus*kelvin_strain)"
 _RATE = f"kelvin_strain_rate = {_DRIVING}{{nonlinear}}/(kelvin_viscosity{{{{slower}}}})"
 _TIME = "kelvin_viscosity/kelvin_modulus{slower}"
@@ -63,45 +79,101 @@ _PEAK = (
     f"*(1 - exp(-time/(({_TIME})*10^-peak_time_decades*exp(peak_width*x)))), x, -8, 8)"
 )
 _SECOND = f" + peak_strength/maxwell_modulus*(1 - exp(-time/(({_TIME})*10^-peak_time_decades)))"
+_CREEP = "kelvin_strain/stress = "
 _BAND_PARAMETERS = ("relaxation_time_decades", "relaxation_exponent")
 
 
-def _creep(name: str, parameters: tuple[str, ...], creep: str) -> Law:
-    """Return a linear law by its Kelvin strain over the stress that was put on a time ago."""
-    return Law(name, parameters, f"kelvin_strain/stress = {creep}", one_time=False)
+def _nonlinear(name: str, parameter: str, factor: str) -> KelvinLaw:
+    """Return a law of one element by the factor of its linear rate, which is 1 if it is linear.
+
+    The viscosity is that at the driving stress `kelvin_reference_stress`.
+    """
+    return KelvinLaw(
+        name,
+        (parameter,),
+        _RATE.format(nonlinear=f"*{factor}"),
+        own_stress=True,
+        closed_form=False,
+        switches=(parameter,),
+    )
 
 
-KELVIN_LAWS: Mapping[str, Law] = MappingProxyType(
+_STRENGTH = "peak_strength"
+
+KELVIN_LAWS: Mapping[str, KelvinLaw] = MappingProxyType(
     {
         law.name: law
         for law in (
-            Law("linear", (), _RATE.format(nonlinear="")),
-            Law(
+            KelvinLaw("linear", (), _RATE.format(nonlinear="")),
+            _nonlinear(
                 "power_law",
-                ("kelvin_stress_exponent",),
-                _RATE.format(
-                    nonlinear=f"*abs({_DRIVING}/kelvin_reference_stress)"
-                    "^(kelvin_stress_exponent - 1)"
-                ),
-                own_stress=True,
-                closed_form=False,
+                "kelvin_stress_exponent",
+                f"abs({_DRIVING}/kelvin_reference_stress)^(kelvin_stress_exponent - 1)",
             ),
-            _creep("two_elements", ("peak_strength", "peak_time_decades"), _ELEMENT + _SECOND),
-            _creep("extended", _BAND_PARAMETERS, _BAND),
-            _creep(
+            KelvinLaw(
+                "two_elements",
+                (_STRENGTH, "peak_time_decades"),
+                f"{_CREEP}{_ELEMENT}{_SECOND}",
+                one_time=False,
+                switches=(_STRENGTH,),
+                without=("peak_width",),
+                weak_priors={
+                    _STRENGTH: {
+                        "location": 0.3,
+                        "scale": 1.5,
+                        "source": "Not in the paper: a second element of a thirtieth of the "
+                        "elastic compliance up to thrice it",
+                    }
+                },
+            ),
+            KelvinLaw(
+                "extended",
+                _BAND_PARAMETERS,
+                f"{_CREEP}{_BAND}",
+                one_time=False,
+                switches=_BAND_PARAMETERS[:1],
+            ),
+            KelvinLaw(
                 "extended_peak",
-                (*_BAND_PARAMETERS, "peak_strength", "peak_time_decades", "peak_width"),
-                _BAND + _PEAK,
+                (*_BAND_PARAMETERS, _STRENGTH, "peak_time_decades", "peak_width"),
+                f"{_CREEP}{_BAND}{_PEAK}",
+                one_time=False,
+                switches=(_BAND_PARAMETERS[0], _STRENGTH),
             ),
-            _creep(
+            KelvinLaw(
                 "andrade",
                 ("andrade_exponent",),
-                f"(time/({_TIME}))^andrade_exponent/kelvin_modulus",
+                f"{_CREEP}(time/({_TIME}))^andrade_exponent/kelvin_modulus",
+                one_time=False,
+                switches=("andrade_exponent",),
+                conventions=("kelvin_modulus",),
             ),
         )
     }
 )
 """Laws of the Kelvin part by name; modulus and viscosity are parameters of all."""
+
+KELVIN_SWITCHES: tuple[str, ...] = tuple(
+    dict.fromkeys(name for law in KELVIN_LAWS.values() for name in law.switches)
+)
+"""Parameters whose standard value takes a law of the Kelvin part out."""
+
+NONLINEAR_KELVIN_PARAMETERS: tuple[str, ...] = tuple(
+    law.parameters[0] for law in KELVIN_LAWS.values() if law.own_stress
+)
+"""Parameters of the laws of one Kelvin element beside the linear one: one each."""
+
+SPECTRUM_SWITCHES: tuple[str, ...] = tuple(
+    name for name in KELVIN_SWITCHES if name not in NONLINEAR_KELVIN_PARAMETERS
+)
+"""Parameters whose standard value takes a law with several relaxation times out."""
+
+SPECTRUM_PARAMETERS: tuple[str, ...] = tuple(
+    dict.fromkeys(
+        name for law in KELVIN_LAWS.values() if not law.one_time for name in law.parameters
+    )
+)
+"""Parameters of the laws with several relaxation times."""
 
 DASHPOT_LAWS: Mapping[str, DashpotLaw] = MappingProxyType(
     {

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from pyburgers.common.units import UNITS
+from pyburgers.model.laws import NONLINEAR_KELVIN_PARAMETERS
 
 
 @dataclass(frozen=True)
@@ -19,7 +20,7 @@ class Parameter:
     `symbol`: the paper's symbol as matplotlib mathtext, without dollar signs.
     `label`: plain words for tables and axes.
     `quantity`: physical quantity, a key of `pyburgers.common.units.UNITS`.
-    `si_unit`, `display_unit`: unit of stored values, and unit of figures and tables.
+    `display_unit`: unit of figures and tables.
     `standard`: SI value of a parameter of a variant where nothing is said about it: the value that
         leaves it without effect. None for parameters that always have to be given.
     """
@@ -27,10 +28,14 @@ class Parameter:
     name: str
     symbol: str
     label: str
-    quantity: str
-    si_unit: str
-    display_unit: str
+    quantity: str = "dimensionless"
+    display_unit: str = "1"
     standard: float | None = None
+
+    @property
+    def si_unit(self) -> str:
+        """Unit of stored values."""
+        return next(unit for unit, factor in UNITS[self.quantity].items() if factor == 1.0)
 
     @property
     def display_factor(self) -> float:
@@ -39,30 +44,20 @@ class Parameter:
 
 
 PARAMETERS: tuple[Parameter, ...] = (
-    Parameter("maxwell_modulus", r"E_M", "Maxwell modulus", "stress", "Pa", "GPa"),
-    Parameter("kelvin_modulus", r"E_K", "Kelvin modulus", "stress", "Pa", "GPa"),
-    Parameter("kelvin_viscosity", r"\eta_K", "Kelvin viscosity", "viscosity", "Pa s", "GPa s"),
-    Parameter("stress_exponent", r"n", "stress exponent", "dimensionless", "1", "1"),
-    Parameter("grain_size_exponent", r"p", "grain size exponent", "dimensionless", "1", "1"),
-    Parameter(
-        "activation_enthalpy", r"Q_M", "activation enthalpy", "molar energy", "J/mol", "kJ/mol"
-    ),
-    Parameter("beta", r"\beta", "pre-exponent ln(A)/Q", "inverse molar energy", "mol/J", "mol/kJ"),
-    Parameter("steady_state_grain_size", r"d_{ss}", "steady-state grain size", "length", "m", "um"),
-    Parameter(
-        "steady_state_fabric_factor",
-        r"F_{ss}",
-        "steady-state fabric factor",
-        "dimensionless",
-        "1",
-        "1",
-    ),
+    Parameter("maxwell_modulus", r"E_M", "Maxwell modulus", "stress", "GPa"),
+    Parameter("kelvin_modulus", r"E_K", "Kelvin modulus", "stress", "GPa"),
+    Parameter("kelvin_viscosity", r"\eta_K", "Kelvin viscosity", "viscosity", "GPa s"),
+    Parameter("stress_exponent", r"n", "stress exponent"),
+    Parameter("grain_size_exponent", r"p", "grain size exponent"),
+    Parameter("activation_enthalpy", r"Q_M", "activation enthalpy", "molar energy", "kJ/mol"),
+    Parameter("beta", r"\beta", "pre-exponent ln(A)/Q", "inverse molar energy", "mol/kJ"),
+    Parameter("steady_state_grain_size", r"d_{ss}", "steady-state grain size", "length", "um"),
+    Parameter("steady_state_fabric_factor", r"F_{ss}", "steady-state fabric factor"),
     Parameter(
         "critical_strain_grain_size",
         r"\epsilon_{c1}",
         "critical strain of grain size",
         "strain",
-        "fraction",
         "fraction",
     ),
     Parameter(
@@ -71,28 +66,18 @@ PARAMETERS: tuple[Parameter, ...] = (
         "critical strain of fabric",
         "strain",
         "fraction",
-        "fraction",
     ),
-    Parameter("stress_noise", r"s", "stress residual", "stress", "Pa", "MPa"),
+    Parameter("stress_noise", r"s", "stress residual", "stress", "MPa"),
 )
 """Every parameter that a prior file has to name, in the order of the Stan programs."""
 
 VARIANT_PARAMETERS: tuple[Parameter, ...] = (
-    Parameter(
-        "kelvin_stress_exponent",
-        r"n_K",
-        "Kelvin stress exponent",
-        "dimensionless",
-        "1",
-        "1",
-        standard=1.0,
-    ),
+    Parameter("kelvin_stress_exponent", r"n_K", "Kelvin stress exponent", standard=1.0),
     Parameter(
         "kelvin_activation_enthalpy",
         r"Q_K",
         "Kelvin activation enthalpy",
         "molar energy",
-        "J/mol",
         "kJ/mol",
         standard=0.0,
     ),
@@ -101,7 +86,6 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         r"q_0",
         "driving stress of the Kelvin viscosity",
         "stress",
-        "Pa",
         "MPa",
         standard=1e6,
     ),
@@ -111,7 +95,6 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         "temperature of the Kelvin viscosity",
         "temperature",
         "K",
-        "K",
         standard=273.15,
     ),
     Parameter(
@@ -120,7 +103,6 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         "correlation strain of residuals",
         "strain",
         "fraction",
-        "fraction",
         standard=0.0,
     ),
     Parameter(
@@ -128,25 +110,15 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         r"d_1",
         "grain size of the piezometer at 1 MPa",
         "length",
-        "m",
         "mm",
         standard=0.0,
     ),
-    Parameter(
-        "piezometer_exponent",
-        r"m",
-        "stress exponent of the piezometer",
-        "dimensionless",
-        "1",
-        "1",
-        standard=1.0,
-    ),
+    Parameter("piezometer_exponent", r"m", "stress exponent of the piezometer", standard=1.0),
     Parameter(
         "piezometer_stress_floor",
         r"\sigma_f",
         "least stress of the piezometer",
         "stress",
-        "Pa",
         "MPa",
         standard=1e6,
     ),
@@ -155,25 +127,15 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         r"\sigma_L",
         "stress at which power-law creep breaks down",
         "stress",
-        "Pa",
         "MPa",
         standard=0.0,
     ),
-    Parameter(
-        "residual_correlated_share",
-        r"w",
-        "share of residuals that correlate",
-        "dimensionless",
-        "1",
-        "1",
-        standard=1.0,
-    ),
+    Parameter("residual_correlated_share", r"w", "share of residuals that correlate", standard=1.0),
     Parameter(
         "modulus_temperature_coefficient",
         r"a_E",
         "relative change of the Maxwell modulus with temperature",
         "inverse temperature",
-        "1/K",
         "1e-6/K",
         standard=0.0,
     ),
@@ -183,42 +145,16 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         "temperature of the Maxwell modulus",
         "temperature",
         "K",
-        "K",
         standard=300.0,
     ),
-    Parameter(
-        "attenuation_scatter",
-        r"s_Q",
-        "scatter of ln tan delta",
-        "dimensionless",
-        "1",
-        "1",
-        standard=0.0,
-    ),
-    Parameter(
-        "modulus_scatter",
-        r"s_G",
-        "scatter of ln modulus",
-        "dimensionless",
-        "1",
-        "1",
-        standard=0.0,
-    ),
-    Parameter(
-        "strain_noise",
-        r"s_\epsilon",
-        "strain residual",
-        "strain",
-        "fraction",
-        "percent",
-        standard=1.0,
-    ),
+    Parameter("attenuation_scatter", r"s_Q", "scatter of ln tan delta", standard=0.0),
+    Parameter("modulus_scatter", r"s_G", "scatter of ln modulus", standard=0.0),
+    Parameter("strain_noise", r"s_\epsilon", "strain residual", "strain", "percent", standard=1.0),
     Parameter(
         "residual_correlation_time",
         r"\tau_r",
         "correlation time of residuals",
         "time",
-        "s",
         "h",
         standard=0.0,
     ),
@@ -227,7 +163,6 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         r"\epsilon_0",
         "strain read at zero strain",
         "strain",
-        "fraction",
         "percent",
         standard=0.0,
     ),
@@ -236,7 +171,6 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         r"C",
         "compliance of the apparatus",
         "compliance",
-        "1/Pa",
         "1/GPa",
         standard=0.0,
     ),
@@ -244,63 +178,24 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         "relaxation_time_decades",
         r"\delta_\tau",
         "width of the band of relaxation times in decades",
-        "dimensionless",
-        "1",
-        "1",
         standard=0.0,
     ),
     Parameter(
-        "relaxation_exponent",
-        r"\alpha",
-        "exponent of the band of relaxation times",
-        "dimensionless",
-        "1",
-        "1",
-        standard=0.5,
+        "relaxation_exponent", r"\alpha", "exponent of the band of relaxation times", standard=0.5
     ),
-    Parameter(
-        "peak_strength",
-        r"\Delta_P",
-        "relaxation strength of the peak",
-        "dimensionless",
-        "1",
-        "1",
-        standard=0.0,
-    ),
+    Parameter("peak_strength", r"\Delta_P", "relaxation strength of the peak", standard=0.0),
     Parameter(
         "peak_time_decades",
         r"\delta_P",
         "decades from the peak to the longest relaxation time",
-        "dimensionless",
-        "1",
-        "1",
         standard=0.0,
     ),
-    Parameter(
-        "peak_width",
-        r"\sigma_P",
-        "width of the peak in ln(relaxation time)",
-        "dimensionless",
-        "1",
-        "1",
-        standard=0.0,
-    ),
-    Parameter(
-        "andrade_exponent",
-        r"a",
-        "exponent of Andrade creep",
-        "dimensionless",
-        "1",
-        "1",
-        standard=0.0,
-    ),
+    Parameter("peak_width", r"\sigma_P", "width of the peak in ln(relaxation time)", standard=0.0),
+    Parameter("andrade_exponent", r"a", "exponent of Andrade creep", standard=0.0),
     Parameter(
         "kelvin_grain_size_exponent",
         r"m_K",
         "grain size exponent of relaxation times",
-        "dimensionless",
-        "1",
-        "1",
         standard=0.0,
     ),
     Parameter(
@@ -308,7 +203,6 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         r"d_K",
         "grain size of the Kelvin viscosity",
         "length",
-        "m",
         "um",
         standard=1e-5,
     ),
@@ -317,7 +211,6 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         r"\sigma_t",
         "stress up to which the dashpot does not flow",
         "stress",
-        "Pa",
         "MPa",
         standard=0.0,
     ),
@@ -331,7 +224,6 @@ CONDITION_PARAMETERS: tuple[Parameter, ...] = (
         "true less stated temperature",
         "temperature",
         "K",
-        "K",
         standard=0.0,
     ),
     Parameter(
@@ -339,7 +231,6 @@ CONDITION_PARAMETERS: tuple[Parameter, ...] = (
         r"c",
         "relative error of the load cell",
         "relative error",
-        "1",
         "percent",
         standard=0.0,
     ),
@@ -383,7 +274,7 @@ CONDITIONS = frozenset(p.name for p in CONDITION_PARAMETERS)
 
 KELVIN_REFERENCES: Mapping[str, str] = MappingProxyType(
     {
-        "kelvin_stress_exponent": "kelvin_reference_stress",
+        **dict.fromkeys(NONLINEAR_KELVIN_PARAMETERS, "kelvin_reference_stress"),
         "kelvin_activation_enthalpy": "kelvin_reference_temperature",
         "kelvin_grain_size_exponent": "kelvin_reference_grain_size",
     }
@@ -408,18 +299,13 @@ PARAMETER_BY_NAME: Mapping[str, Parameter] = MappingProxyType(
 )
 
 REFERENCE_STRESS_QUANTITY = Parameter(
-    "reference_stress", r"S_0", "reference stress", "stress", "Pa", "MPa"
+    "reference_stress", r"S_0", "reference stress", "stress", "MPa"
 )
 """The stress at which undeformed material flows at the first imposed rate; it follows from the
 parameters and has no prior of its own."""
 
 REFERENCE_FLOW_RATE_QUANTITY = Parameter(
-    "reference_flow_rate",
-    r"\dot\epsilon_0",
-    "reference flow rate",
-    "strain rate",
-    "1/s",
-    "1e-6/s",
+    "reference_flow_rate", r"\dot\epsilon_0", "reference flow rate", "strain rate", "1e-6/s"
 )
 """The rate at which undeformed material flows at an observed stress (bias, or amplitude where the
 bias is removed); it follows from the parameters and has no prior of its own."""
@@ -429,8 +315,6 @@ REFERENCE_QUANTITIES: Mapping[str, Parameter] = MappingProxyType(
 )
 """Points of the flow law that are sampled, by their logarithms, in place of a parameter."""
 
-STRESS_SCATTER = Parameter(
-    "stress_scatter", r"s_\sigma", "scatter of ln(peak stress)", "dimensionless", "1", "1"
-)
+STRESS_SCATTER = Parameter("stress_scatter", r"s_\sigma", "scatter of ln(peak stress)")
 """Standard deviation of ln(peak stress) between tests, beyond what known uncertainties explain;
 tables of peak stresses have it."""

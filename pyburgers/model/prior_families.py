@@ -19,7 +19,7 @@ from scipy.special import ndtri_exp
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, factor_to_si
-from pyburgers.model.laws import DASHPOT_STRESSES
+from pyburgers.model.laws import DASHPOT_STRESSES, NONLINEAR_KELVIN_PARAMETERS
 from pyburgers.model.parameters import CONDITIONS, CONSTANTS, STANDARD_VALUES, Parameter
 
 if TYPE_CHECKING:
@@ -84,6 +84,7 @@ BOUNDED_AWAY_FROM_ZERO = frozenset(
         "critical_strain_grain_size",
         "critical_strain_fabric",
         *DASHPOT_STRESSES,
+        *NONLINEAR_KELVIN_PARAMETERS,
         "relaxation_exponent",
         "peak_width",
     }

@@ -14,7 +14,11 @@ from scipy.special import gamma
 from pyburgers.common.errors import InputError
 from pyburgers.model.arrhenius import log_slowdown
 from pyburgers.model.kelvin_elements import band_elements, peak_elements
-from pyburgers.model.laws import KELVIN_LAWS
+from pyburgers.model.laws import (
+    NONLINEAR_KELVIN_PARAMETERS,
+    SPECTRUM_PARAMETERS,
+    SPECTRUM_SWITCHES,
+)
 from pyburgers.model.parameters import KELVIN_REFERENCES, STANDARD_VALUES
 
 FloatArray = npt.NDArray[np.float64]
@@ -23,8 +27,7 @@ ERROR = 1e-8
 """Of the sums, relative to the relaxed compliance."""
 
 RELAXATION_PARAMETERS = (
-    *KELVIN_LAWS["extended_peak"].parameters,
-    *KELVIN_LAWS["andrade"].parameters,
+    *SPECTRUM_PARAMETERS,
     *KELVIN_REFERENCES,
     *KELVIN_REFERENCES.values(),
 )
@@ -45,8 +48,7 @@ class KelvinPart:
     @property
     def is_one_element(self) -> bool:
         """Whether it has one relaxation time in every draw."""
-        switches = ("relaxation_time_decades", "peak_strength", "andrade_exponent")
-        return not any(self.values[name].any() for name in switches)
+        return not any(self.values[name].any() for name in SPECTRUM_SWITCHES)
 
     @property
     def _is_andrade(self) -> bool:
@@ -155,12 +157,13 @@ def kelvin_part(
             *RELAXATION_PARAMETERS,
         )
     }
-    if (values["kelvin_stress_exponent"] != 1).any():
-        raise InputError(
-            "kelvin_stress_exponent: found values other than 1, expected a linear Kelvin part "
-            "because the spectrum in closed form needs it; "
-            "pyburgers.predictions.imposed_stress simulates the cycles of any other."
-        )
+    for name in NONLINEAR_KELVIN_PARAMETERS:
+        if (values[name] != STANDARD_VALUES[name]).any():
+            raise InputError(
+                f"{name}: found values other than {STANDARD_VALUES[name]:g}, expected a linear "
+                "Kelvin part because the spectrum in closed form needs it; "
+                "pyburgers.predictions.imposed_stress simulates the cycles of any other."
+            )
     slower = log_slowdown(
         values["kelvin_activation_enthalpy"], temperature, values["kelvin_reference_temperature"]
     )
@@ -175,12 +178,7 @@ def require_one_relaxation_time(parameters: Mapping[str, npt.ArrayLike]) -> None
     Raise InputError if the Kelvin part has many relaxation times, or one that depends on grain
     size.
     """
-    for name in (
-        "relaxation_time_decades",
-        "peak_strength",
-        "andrade_exponent",
-        "kelvin_grain_size_exponent",
-    ):
+    for name in (*SPECTRUM_SWITCHES, "kelvin_grain_size_exponent"):
         if np.any(np.asarray(parameters.get(name, 0.0)) != 0):
             raise InputError(
                 f"{name}: found values other than 0, expected a Kelvin part of one relaxation time "

@@ -302,7 +302,7 @@ def _fixed(name: str, value: float, choice: str) -> Prior:
 
 def _choose_kelvin(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
     references = {"kelvin_reference_temperature": experiment.temperature}
-    if choice == "power_law":
+    if KELVIN_LAWS[choice].own_stress:
         stress = REFERENCE_STRESS_SHARE * _largest_stress(experiment)
         references["kelvin_reference_stress"] = float(f"{stress:.0e}")
     else:

@@ -47,7 +47,6 @@ def logarithm_of(quantity: Parameter) -> Parameter:
         quantity,
         symbol=rf"\log_{{10}}({quantity.symbol}{'' if quantity.si_unit == '1' else over})",
         quantity="dimensionless",
-        si_unit="1",
         display_unit="1",
     )
 

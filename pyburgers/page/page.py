@@ -81,8 +81,8 @@ def write_report(
         Fits that one of the extras is about, by its key. They have no section of their own. Both
         verdicts on them stand at the top of the page.
     to_come : mapping of str to str
-        Parts that a later call is to add: the name of the test by that of the run, of other parts
-        an empty text by their name.
+        Parts that a later call is to add, by name. Those that are runs have the name of their
+        test, others an empty text.
     drawn : dict of Path to str, optional
         Pictures of earlier calls by their files, which are not drawn again; those of this call are
         added.

@@ -45,7 +45,6 @@ class ComplianceFormat:
 
     code: str
     columns: Callable[[FloatArray, FloatArray, FloatArray], dict[str, FloatArray]]
-    ending: str = ".csv"
 
     def text(
         self, frequency: FloatArray, storage: FloatArray, loss: FloatArray, notes: Sequence[str]

@@ -25,7 +25,6 @@ class CreepFormat:
     """
 
     code: str
-    ending: str
     body: Callable[[CreepLaw, str, Factors], list[str]]
     comment: str = "#"
     gas_constant: float = GAS_CONSTANT
@@ -201,12 +200,12 @@ def _icepack(law: CreepLaw, name: str, factors: Factors) -> list[str]:
 
 
 CREEP_FORMATS = {
-    "aspect": CreepFormat("ASPECT", ".prm", _aspect, gas_constant=8.3144621),
-    "elmer": CreepFormat("Elmer/Ice", ".sif", _elmer, "!", gas_constant=8.314),
-    "geoparams": CreepFormat("GeoParams.jl", ".jl", _geoparams),
-    "icepack": CreepFormat("icepack", ".csv", _icepack, by_temperature=True),
-    "lamem": CreepFormat("LaMEM", ".dat", _lamem, gas_constant=8.3144621),
-    "pism": CreepFormat("PISM", ".opts", _pism, gas_constant=8.31441),
-    "underworld": CreepFormat("UWGeodynamics", ".json", _underworld, "", gas_constant=8.3144621),
+    "aspect": CreepFormat("ASPECT", _aspect, gas_constant=8.3144621),
+    "elmer": CreepFormat("Elmer/Ice", _elmer, "!", gas_constant=8.314),
+    "geoparams": CreepFormat("GeoParams.jl", _geoparams),
+    "icepack": CreepFormat("icepack", _icepack, by_temperature=True),
+    "lamem": CreepFormat("LaMEM", _lamem, gas_constant=8.3144621),
+    "pism": CreepFormat("PISM", _pism, gas_constant=8.31441),
+    "underworld": CreepFormat("UWGeodynamics", _underworld, "", gas_constant=8.3144621),
 }
 """Creep laws by the name of the format."""

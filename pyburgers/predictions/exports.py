@@ -1,6 +1,6 @@
 """Results of a fit as files of other codes: the mean of the posterior, and ensembles of draws."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -51,7 +51,6 @@ class Format:
     or takes (fields of `Stated`, and "draws").
     """
 
-    ending: str
     texts: Callable[[AnyFit, Stated, Kept], tuple[str, ...]]
     uses: tuple[str, ...] = ()
 
@@ -65,32 +64,26 @@ def _table(write: Callable[[Exported], str], fit: AnyFit, *_: object) -> tuple[s
 
 
 def _creep_texts(form: CreepFormat, fit: AnyFit, stated: Stated, kept: Kept) -> tuple[str, ...]:
-    laws, one, ranges = creep_laws(fit, stated, form.code), exported(fit), _ranges(fit)
+    laws, one = creep_laws(fit, stated, form.code), exported(fit)
     given = tuple(map(float, stated.temperatures))
     if form.by_temperature and not given:
         if isinstance(fit, PeakStressFit):
             raise InputError(f"{form.code}: found no temperature, expected --temperature-K.")
         given = (fit.experiment.temperature,)
-    common = [
-        *_caution_lines(one, ranges, (min(given), max(given)) if given else None),
+    notes = [
+        *_caution_lines(one, _ranges(fit), given),
         f"State of the material: {laws.state}. It does not change here.",
         "Left out: elastic and transient strain; evolution of grain size and fabric.",
     ]
-    kinds = [
-        "Mean of the posterior: ln(rate) of this law is the mean of ln(rate) of all draws.",
-        *(f"Draw {k + 1} of {one.n_draws}." for k in kept),
-    ]
+    mean = "Mean of the posterior: ln(rate) of this law is the mean of ln(rate) of all draws."
     chosen = [laws.mean, *map(laws.draw, kept)]
     factors = rate_factors(chosen, given).tolist() if given else [[] for _ in chosen]
     name = f"{one.test} {one.material}"
     return tuple(
-        form.text(
-            law,
-            name,
-            [_title(one, form.code), kind, *common],
-            dict(zip(given, at_temperatures, strict=True)),
+        form.text(law, name, [*head, *notes], dict(zip(given, at_temperatures, strict=True)))
+        for law, head, at_temperatures in zip(
+            chosen, _heads(one, form.code, mean, kept), factors, strict=True
         )
-        for law, kind, at_temperatures in zip(chosen, kinds, factors, strict=True)
     )
 
 
@@ -102,31 +95,28 @@ def _compliance_texts(
             f"{form.code}: found {len(stated.temperatures)} temperatures, expected one in a table."
         )
     found, one = shear_compliances(fit, stated, form.code), exported(fit)
-    at = (stated.temperatures[0],) * 2 if stated.temperatures else None
-    common = [*_caution_lines(one, _ranges(fit), at), *found.notes]
-    kinds = [
-        "Mean of the posterior: means of J1 and of J2 over all draws.",
-        *(f"Draw {k + 1} of {one.n_draws}." for k in kept),
-    ]
-    storage = np.vstack([found.storage.mean(axis=0), found.storage[kept]])
-    loss = np.vstack([found.loss.mean(axis=0), found.loss[kept]])
+    notes = [*_caution_lines(one, _ranges(fit), stated.temperatures), *found.notes]
+    mean = "Mean of the posterior: means of J1 and of J2 over all draws."
+    storage, loss = (
+        np.vstack([values.mean(axis=0), values[kept]]) for values in (found.storage, found.loss)
+    )
     return tuple(
-        form.text(found.frequency, j1, j2, [_title(one, form.code), kind, *common])
-        for j1, j2, kind in zip(storage, loss, kinds, strict=True)
+        form.text(found.frequency, j1, j2, [*head, *notes])
+        for j1, j2, head in zip(storage, loss, _heads(one, form.code, mean, kept), strict=True)
     )
 
 
-def _title(one: Exported, code: str) -> str:
-    return (
-        f"pyburgers export for {code}: {one.test}, {one.material}, run {one.run}, "
-        f"model {one.variant}"
-    )
+def _heads(one: Exported, code: str, mean: str, kept: Kept) -> Iterator[tuple[str, str]]:
+    """Yield the first two notes of the mean and of each kept draw."""
+    title = f"pyburgers export for {code}: {one.test}, {one.material}, run {one.run}"
+    for kind in (mean, *(f"Draw {k + 1} of {one.n_draws}." for k in kept)):
+        yield f"{title}, model {one.variant}", kind
 
 
-def _caution_lines(one: Exported, ranges: Ranges, at: tuple[float, float] | None) -> list[str]:
+def _caution_lines(one: Exported, ranges: Ranges, at: Sequence[float]) -> list[str]:
     """Return both verdicts, who decides the flow law, and the conditions of the tests.
 
-    `at` are the lowest and the highest temperature (K) of the file.
+    `at` are the temperatures (K) of the file, if it is of some.
     """
     decided = []
     for name in (*FLOW_LAW, LOG_FACTOR):
@@ -135,7 +125,7 @@ def _caution_lines(one: Exported, ranges: Ranges, at: tuple[float, float] | None
         spread = f" +- {rounded(one.sd[k], one.sd[k])}" if one.sd[k] else ""
         by = f"{one.decided_by[k]} {one.by_prior_of[k]}".strip() or "unknown"
         decided.append(f"{name} {rounded(one.mean[k], one.sd[k])}{spread} {unit} ({by})")
-    beyond = () if at is None else beyond_sentences({"temperature": at}, [ranges])
+    beyond = beyond_sentences({"temperature": (min(at), max(at))}, [ranges]) if at else ()
     return [
         f"Sampled well: {one.sampled_well}. Describes the data: {one.describes_data}.",
         f"Decided by: {'; '.join(decided)}.",
@@ -162,22 +152,19 @@ def _ranges(fit: AnyFit) -> Ranges:
 
 FORMATS: Mapping[str, Format] = MappingProxyType(
     {
-        "json": Format(".json", _record, ("draws",)),
-        "csv": Format(".csv", partial(_table, as_csv)),
-        "latex": Format(".tex", partial(_table, as_latex)),
+        "json": Format(_record, ("draws",)),
+        "csv": Format(partial(_table, as_csv)),
+        "latex": Format(partial(_table, as_latex)),
         **{
             name: Format(
-                form.ending,
                 partial(_creep_texts, form),
-                ("draws", *STATE, *(["temperatures"] if form.by_temperature else [])),
+                ("draws", *STATE, *["temperatures"] * form.by_temperature),
             )
             for name, form in CREEP_FORMATS.items()
         },
         **{
             name: Format(
-                form.ending,
-                partial(_compliance_texts, form),
-                ("draws", "temperatures", *STATE, *CYCLES),
+                partial(_compliance_texts, form), ("draws", "temperatures", *STATE, *CYCLES)
             )
             for name, form in COMPLIANCE_FORMATS.items()
         },

@@ -36,9 +36,7 @@ real bounded_from_real(real u, data row_vector quantity) {
   return quantity[i_lower()] + (quantity[i_upper()] - quantity[i_lower()]) * inv_logit(u);
 }
 
-/**
- * x where it is well above a least value, which it nears smoothly from above as x falls.
- */
+/** x where it is well above a least value, which it nears smoothly from above as x falls. */
 real kept_above(real x, data real least) {
   return least * (1 + log1p_exp(x / least - 1));
 }
@@ -67,9 +65,7 @@ real real_from_bounded(real value, data row_vector quantity) {
          - log(kept_above(1 - place, least_below_upper()));
 }
 
-/**
- * ln of the derivative of bounded_from_real() with respect to u.
- */
+/** ln of the derivative of bounded_from_real() with respect to u. */
 real log_slope_of_bounded(real u, data row_vector quantity) {
   if (is_inf(quantity[i_lower()])) {
     return log(quantity[i_scale()]);
@@ -128,7 +124,6 @@ vector resolve_flow(vector parameter, data int replaced_parameter, data int samp
  * @param own_parameter place of the parameter that each of them stands for
  * @param quantity a row for each of them
  * @param given parameter vector; entries that have a coordinate are overwritten
- * @param replaced_parameter, samples_stress, given_flow see resolve_flow()
  * @return parameters in the order of physics/parameters.stan, then ln |d parameter/d plain|
  */
 vector parameters_from_plain(vector plain, data array[] int own_parameter, data matrix quantity,

@@ -58,7 +58,6 @@ vector pooled_number(real coordinate, real centre, real spread, data real refere
  * Log density of a partially pooled parameter, on the scale of the parameter itself.
  *
  * @param u real number behind it
- * @param quantity see bounded_from_real()
  */
 real pooled_log_density(real u, real centre, real spread, data row_vector quantity) {
   return normal_lpdf(u | centre, spread) - log_slope_of_bounded(u, quantity);
@@ -70,8 +69,6 @@ real pooled_log_density(real u, real centre, real spread, data row_vector quanti
  * @param coordinate of the pooled parameters of this test
  * @param centre, spread of their real numbers
  * @param pooled_parameter places of the parameters
- * @param quantity a row for each, see bounded_from_real()
- * @param reference, data_precision see pooled_number()
  * @return parameters, then ln |d(pooled parameters)/d(coordinate)| and their ln density
  */
 vector with_pooled(vector value, vector coordinate, vector centre, vector spread,

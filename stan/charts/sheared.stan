@@ -48,9 +48,7 @@ real rough_growth(real critical_strain_grain_size, data real growth_limit,
   return log_relative_microstructure(path_strain, -growth_limit, 1 / critical_strain_grain_size);
 }
 
-/**
- * Derivative of rough_growth() by epsilon_c1.
- */
+/** Derivative of rough_growth() by epsilon_c1. */
 real rough_growth_slope(real critical_strain_grain_size, data real growth_limit,
                         data real path_strain) {
   real left = exp(-path_strain / critical_strain_grain_size);
@@ -80,7 +78,6 @@ real flow_shift(vector parameter, data vector flow_slope, data vector flow_refer
  * linear in that of the flow rate.
  *
  * @param log_rate ln(flow rate s) without its shift
- * @param record see its places above
  * @return 1/Pa
  */
 real dashpot_compliance(real log_rate, data vector record) {
@@ -104,7 +101,6 @@ real least_left_over() { return 0.1; }
  * a small change of the flow rate, and the data want no such element there.
  *
  * @param compliance observed storage and loss compliance, 1/Pa
- * @param dashpot value of dashpot_compliance()
  */
 vector kelvin_left_over(real maxwell_modulus, real dashpot, data vector compliance,
                         data real period) {
@@ -146,8 +142,6 @@ real probable_beta(real log_rate, real stress_exponent, real grain_size_exponent
  * @param quantity a row for each of them (charts/plain.stan)
  * @param replaced_parameter Q_M or beta: the flow rate is sampled in its place; 0: it is given
  * @param location, scale of the priors
- * @param flow_slope, flow_reference see flow_shift()
- * @param record see its places above
  */
 vector shears(vector plain, vector given, data array[] int place, data matrix quantity,
               data int replaced_parameter, data vector location, data vector scale,
@@ -175,9 +169,8 @@ vector shears(vector plain, vector given, data array[] int place, data matrix qu
                               record[r_path_strain()])
                    / quantity[flow, i_scale()];
   } else {
-    log_rate = log_flow_rate(record[r_flow_stress()], record[r_grain_size()],
-                             true_temperature(parameter, record[r_temperature()]), n, p,
-                             parameter[i_activation_enthalpy()], parameter[i_beta()]);
+    log_rate = log_flow_rate_at(record[r_flow_stress()], record[r_grain_size()],
+                                record[r_temperature()], parameter);
   }
   if (replaced_parameter == i_activation_enthalpy() && place[i_beta()] > 0) {
     shifts[place[i_beta()]] = probable_beta(log_rate, n, p, log(record[r_flow_stress()]),
@@ -205,8 +198,6 @@ vector shears(vector plain, vector given, data array[] int place, data matrix qu
  * Plain coordinates at given sheared ones, and ln |d plain/d sheared|.
  *
  * Each pass puts one more link of the chain of shifts right: epsilon_c1, the flow rate, the rest.
- *
- * @param arguments as those of shears()
  */
 vector plain_from_sheared(vector sheared, vector given, data array[] int place,
                           data matrix quantity, data int replaced_parameter,
@@ -231,9 +222,7 @@ vector plain_from_sheared(vector sheared, vector given, data array[] int place,
   return append_row(plain, log_jacobian);
 }
 
-/**
- * Sheared coordinates at given plain ones: plain_from_sheared() inverted.
- */
+/** Sheared coordinates at given plain ones: plain_from_sheared() inverted. */
 vector sheared_from_plain(vector plain, vector given, data array[] int place,
                           data matrix quantity, data int replaced_parameter,
                           data vector location, data vector scale, data vector flow_slope,

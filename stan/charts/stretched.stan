@@ -75,9 +75,7 @@ vector band_from_plain(vector plain, vector given, data array[] int place, data 
 /**
  * By how much the plain coordinate of E_K lies above that of the density of the band.
  *
- * @param band see band_from_plain()
  * @param log_longest_time ln(tau_H/s)
- * @param log_middle_time see the places in a reference
  */
 real density_shift(vector band, real log_longest_time, data real log_middle_time) {
   return band[2] > 0
@@ -87,7 +85,6 @@ real density_shift(vector band, real log_longest_time, data real log_middle_time
 /**
  * Plain coordinates at given stretched ones, and ln |d plain/d stretched|.
  *
- * @param given, place, quantity see band_from_plain()
  * @param flow place of the flow rate among the test's own ones, 0 where it is none of them
  * @param unit of the coordinates, 1 of the flow rate
  * @param slope of coordinates by the rate, 0 of its own
@@ -120,9 +117,7 @@ vector plain_from_stretched(vector stretched, vector given, data array[] int pla
   return append_row(plain, log_jacobian);
 }
 
-/**
- * Stretched coordinates at given plain ones: plain_from_stretched() inverted.
- */
+/** Stretched coordinates at given plain ones: plain_from_stretched() inverted. */
 vector stretched_from_plain(vector plain, vector given, data array[] int place,
                             data matrix quantity, data int flow, data vector unit,
                             data vector slope, data vector reference) {

@@ -5,4 +5,4 @@ array[n_tests] real<lower=0> temperature; // K
 array[n_tests] real<lower=0> initial_grain_size; // m
 array[n_tests + 1] int<lower=0> point_end;
 int<lower=0, upper=1> use_likelihood; // 0: prior only
-int<lower=0, upper=1> power_law_kelvin; // 0: n_K is 1 and the Kelvin element linear
+int<lower=0, upper=n_parameters()> kelvin_law; // of kelvin_law_parameters(); 0: linear

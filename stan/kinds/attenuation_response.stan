@@ -47,8 +47,6 @@ vector log_relaxation_times(vector parameter, data vector temperature, data real
  * ln(tan delta), then ln(modulus / Pa), of every reading; the modulus is 1/|J|.
  *
  * @param frequency angular, rad/s
- * @param conversion see above
- * @param log_of_fluidity value of log_fluidity()
  */
 vector log_tan_delta_and_modulus(vector parameter, data vector frequency,
                                  data vector temperature, data real grain_size,
@@ -63,11 +61,7 @@ vector log_tan_delta_and_modulus(vector parameter, data vector frequency,
   return append_row(log(loss) - log(storage), -0.5 * log(square(storage) + square(loss)));
 }
 
-/**
- * ln of the largest share of the loss compliance that the dashpot carries in a row of a table.
- *
- * @param arguments as those of log_fluidity() and log_tan_delta_and_modulus()
- */
+/** ln of the largest share of the loss compliance that the dashpot carries in a row of a table. */
 real largest_log_dashpot_share(vector parameter, data vector frequency, data vector temperature,
                                data real grain_size, data vector conversion,
                                data array[] int regime, data vector median_stress,
@@ -112,8 +106,6 @@ vector log_reading_law(vector parameter, vector log_reading, data array[] int qu
  * log_reading_law() of the readings of a table.
  *
  * @param frequency, temperature, regime of every row
- * @param conversion see above
- * @param median_stress, amplitude, node_end, node see log_fluidity()
  * @param reading which each is, among ln(tan delta) of rows and then ln(modulus) of rows
  * @param quantity, stated_error of each reading
  */
@@ -136,11 +128,7 @@ real log_reading_density(data real observed, data int is_limit, real centre, rea
          : normal_lpdf(observed | centre, spread);
 }
 
-/**
- * Log density of every reading of a table.
- *
- * @param law centres and standard deviations, see log_reading_law()
- */
+/** Log density of every reading of a table. */
 vector log_reading_densities(data vector observed, data array[] int is_limit, vector law) {
   int n = num_elements(observed);
   vector[n] log_density;

@@ -17,14 +17,13 @@
  * @param parameter of every test that gives parameters to others, in the order of
  *   physics/parameters.stan; of the others only what is fixed
  * @param gives 1: other tests share parameters of this one, whose map is already taken and counted
- * @param pooled_spread see charts/pooling.stan
  */
 real constant_rate_log_density(
     data array[] int test, data int first, data int last, vector coordinate,
     array[] vector parameter, data array[] int gives, vector pooled_spread,
     // data/tests.stan
     data array[] real temperature, data array[] real initial_grain_size, data array[] int point_end,
-    data int use_likelihood, data int power_law_kelvin,
+    data int use_likelihood, data int kelvin_law,
     // data/constant_rate.stan
     data vector stress_observed, data array[] int segment_end, data array[] real segment_start,
     data array[] real segment_rate, data array[] int strain_end, data array[] real strain,
@@ -73,7 +72,7 @@ real constant_rate_log_density(
                                           segment_start[part(segment_end, e)],
                                           segment_rate[part(segment_end, e)],
                                           initial_grain_size[e], temperature[e],
-                                          power_law_kelvin, tolerance, max_num_steps);
+                                          kelvin_law, tolerance, max_num_steps);
       log_density += stress_log_density(stress_observed[points],
                                         stress_reading_factor(value)
                                         * to_vector(solution[strain_of_point[points], 1]),

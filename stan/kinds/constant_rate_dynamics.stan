@@ -11,7 +11,7 @@
  *
  * v_K and v_d are the rates of the Kelvin element and of the dashpot over the imposed rate; S_0
  * is the reference stress (physics/flow_law.stan) at the rate of the first segment, rate_0.
- * Where the Kelvin element is a power law (physics/kelvin_element.stan), v_K as given is its
+ * Where the Kelvin element is a power law (physics/kelvin_laws.stan), v_K as given is its
  * driving stress in the unit eta_K rate, and the rate follows from that. With another law of the
  * dashpot (physics/dashpot_laws.stan) the equivalent stress stands for y in v_d.
  *
@@ -39,17 +39,18 @@ int n_constant_rate_states(data vector constant) {
  * @param fabric_deficit 1 - F_ss
  * @param inverse_critical_strain 1/epsilon_c1, 1/epsilon_c2
  * @param grains 1 - d_ss/d_0, or where the grain size is a state S_0 (Pa)
- * @param kelvin of a power-law Kelvin element: n_K, ln(eta_K rate/q_0)
+ * @param kelvin of a Kelvin element that is not linear: the number of its law, ln(eta_K rate/q_0)
  * @param dashpot of another law than the power law: its stress over S_0
- * @param law of dashpot_law()
+ * @param law, kelvin_law of dashpot_law() and kelvin_law_at()
  * @param start_strain, log_rate_ratio of the segment: its start and ln(rate_0/rate)
  * @param piezometer d_1/d_0, exponent, stress floor (Pa), see piezometer_grain_size()
  */
 vector constant_rate_rhs(real run, vector state, real stiffness, real kelvin_fluidity,
                          real kelvin_decay, real stress_exponent, real grain_size_exponent,
                          real fabric_deficit, vector inverse_critical_strain, vector grains,
-                         vector kelvin, vector dashpot, data int law, data real start_strain,
-                         data real log_rate_ratio, data vector piezometer) {
+                         vector kelvin, vector dashpot, data int law, data int kelvin_law,
+                         data real start_strain, data real log_rate_ratio,
+                         data vector piezometer) {
   int n_states = num_elements(state);
   real kelvin_rate = kelvin_fluidity * state[1] - state[2];
   real log_fabric = log_relative_microstructure(start_strain + run, fabric_deficit,
@@ -61,8 +62,8 @@ vector constant_rate_rhs(real run, vector state, real stiffness, real kelvin_flu
   real flow_stress = state[1];
   real dashpot_rate;
   vector[n_states] slope;
-  if (num_elements(kelvin) > 0) {
-    kelvin_rate = linear_driving_stress(kelvin_rate, kelvin[1], kelvin[2]);
+  if (kelvin_law > 0) {
+    kelvin_rate = linear_driving_stress(kelvin_rate, kelvin_law, kelvin[1], kelvin[2]);
   }
   if (law > 0) {
     flow_stress = equivalent_stress(flow_stress, law, dashpot[1], exp(log_fabric),
@@ -93,7 +94,6 @@ vector constant_rate_rhs(real run, vector state, real stiffness, real kelvin_flu
  * @param log_rate_ratio ln(rate_0/rate)
  * @param reference_stress S_0, Pa
  * @param kelvin_viscosity eta_K at the temperature of the test, Pa s
- * @param parameter, constant, power_law_kelvin see constant_rate_solution()
  * @return array over strain of [y, z], or [y, z, w]
  */
 array[] vector constant_rate_segment(vector initial_state, data real start_strain,
@@ -101,17 +101,17 @@ array[] vector constant_rate_segment(vector initial_state, data real start_strai
                                      data real log_rate_ratio, real reference_stress,
                                      real kelvin_viscosity, vector parameter,
                                      data vector constant, data real initial_grain_size,
-                                     data int power_law_kelvin, data real tolerance,
+                                     data int kelvin_law, data real tolerance,
                                      data int max_num_steps) {
   int law = dashpot_law(constant);
   int has_grains = constant[i_piezometer_reference_grain_size()] > 0;
   vector[1] grains = [has_grains
                       ? reference_stress
                       : 1 - parameter[i_steady_state_grain_size()] / initial_grain_size]';
-  vector[2 * power_law_kelvin] kelvin;
+  vector[kelvin_law > 0 ? 2 : 0] kelvin;
   vector[law > 0] dashpot;
-  if (power_law_kelvin) {
-    kelvin = [parameter[i_kelvin_stress_exponent()],
+  if (kelvin_law > 0) {
+    kelvin = [parameter[kelvin_law],
               log(kelvin_viscosity * strain_rate / constant[i_kelvin_reference_stress()])]';
   }
   if (law > 0) {
@@ -126,7 +126,7 @@ array[] vector constant_rate_segment(vector initial_state, data real start_strai
                      1 - parameter[i_steady_state_fabric_factor()],
                      [1 / parameter[i_critical_strain_grain_size()],
                       1 / parameter[i_critical_strain_fabric()]]',
-                     grains, kelvin, dashpot, law, start_strain, log_rate_ratio,
+                     grains, kelvin, dashpot, law, kelvin_law, start_strain, log_rate_ratio,
                      [constant[i_piezometer_reference_grain_size()] / initial_grain_size,
                       constant[i_piezometer_exponent()],
                       constant[i_piezometer_stress_floor()]]');
@@ -147,7 +147,7 @@ array[] vector constant_rate_segment(vector initial_state, data real start_strai
  * @param segment_rate imposed strain rate of each segment, 1/s
  * @param initial_grain_size m
  * @param temperature stated, K
- * @param power_law_kelvin 0: the Kelvin element is linear, and n_K and q_0 have no effect
+ * @param kelvin_law of kelvin_law_at(), also where its parameter is still unknown
  * @return array over output strains of [stress (Pa), kelvin strain], and the grain size (m) where
  *   it is a third state
  */
@@ -157,7 +157,7 @@ array[] vector constant_rate_solution(vector parameter, data vector constant,
                                       data array[] real segment_start,
                                       data array[] real segment_rate,
                                       data real initial_grain_size, data real temperature,
-                                      data int power_law_kelvin, data real tolerance,
+                                      data int kelvin_law, data real tolerance,
                                       data int max_num_steps) {
   int n_states = n_constant_rate_states(constant);
   real reference_stress = exp(log_reference_stress_at(parameter, segment_rate[1],
@@ -179,14 +179,14 @@ array[] vector constant_rate_solution(vector parameter, data vector constant,
                                                   rep_vector(1, n_states - 2)),
                                        segment_start[k], strain[1 : n], segment_rate[k], 0,
                                        reference_stress, kelvin_viscosity, parameter, constant,
-                                       initial_grain_size, power_law_kelvin, tolerance,
+                                       initial_grain_size, kelvin_law, tolerance,
                                        max_num_steps);
       } else {
         state[2] *= segment_rate[k - 1] / segment_rate[k];
         scaled = constant_rate_segment(state, segment_start[k], strain[before + 1 : before + n],
                                        segment_rate[k], log(segment_rate[1] / segment_rate[k]),
                                        reference_stress, kelvin_viscosity, parameter, constant,
-                                       initial_grain_size, power_law_kelvin, tolerance,
+                                       initial_grain_size, kelvin_law, tolerance,
                                        max_num_steps);
       }
       for (i in 1 : n) {
@@ -207,9 +207,7 @@ array[] vector constant_rate_solution(vector parameter, data vector constant,
 /**
  * Grain size (m) and fabric factor along a solution.
  *
- * @param solution value of constant_rate_solution()
  * @param strain of its rows
- * @param parameter, initial_grain_size as there
  * @return columns: grain size, fabric factor
  */
 matrix microstructure_along(array[] vector solution, data array[] real strain, vector parameter,

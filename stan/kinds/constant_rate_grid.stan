@@ -16,7 +16,7 @@
                                n_grid_in_segment[part(segment_end, e)],
                                segment_start[part(segment_end, e)],
                                segment_rate[part(segment_end, e)], initial_grain_size[e],
-                               temperature[e], power_law_kelvin, tolerance, max_num_steps);
+                               temperature[e], kelvin_law, tolerance, max_num_steps);
     matrix[size(here), 2] microstructure
       = microstructure_along(solution, grid_strain[here], parameter[e], initial_grain_size[e]);
     for (j in 1 : size(here)) {
@@ -28,7 +28,7 @@
       grid_grain_size[i] = microstructure[j, 1];
       grid_fabric_factor[i] = microstructure[j, 2];
       kelvin_rate = linear_driving_stress(stress - kelvin_modulus * grid_kelvin_strain[i],
-                                          parameter[e][i_kelvin_stress_exponent()],
+                                          kelvin_law, kelvin_law_number(parameter[e], kelvin_law),
                                           -log(prior_location[e][i_kelvin_reference_stress()]))
                     / kelvin_viscosity;
       grid_dashpot_share[i] = dashpot_rate_at(stress, grid_grain_size[i], grid_fabric_factor[i],

@@ -9,7 +9,7 @@
  *   dw/d tau = |r| (e/epsilon_c1) (d_piezometer(stress)/d_u - w),
  *   v_K = (S period/(eta_K e)) (y - z),  v_d = v_d0 sgn(y) |y|^n (d/d_0)^-p.
  *
- * With a power-law Kelvin element (physics/kelvin_element.stan) the linear driving stress stands
+ * With a power-law Kelvin element (physics/kelvin_laws.stan) the linear driving stress stands
  * for y - z in the rates, and with another law of the dashpot (physics/dashpot_laws.stan) the
  * equivalent stress for y in v_d. Numbers that only some laws need are vectors, empty in the others:
  * every number costs the solver sensitivities.
@@ -63,7 +63,6 @@ real oscillating_rate(real tau, data row_vector harmonics, data int n_harmonics,
  *
  * @param harmonics a row of most probable amplitudes, then a row for each error
  * @param error standardised errors
- * @param tau, n_harmonics, background_range, first_tau see oscillating_rate()
  */
 real driving_rate(real tau, data matrix harmonics, vector error, data int n_harmonics,
                   data vector background_range, data real first_tau) {
@@ -90,13 +89,12 @@ matrix harmonics_of(data vector sine, data vector cosine, data vector background
  * @param kelvin_decay E_K period/eta_K
  * @param log_dashpot_rate ln v_d0
  * @param inverse_critical_strain 1/epsilon_c1
- * @param harmonics, error, n_harmonics, background_range, first_tau see driving_rate()
  * @param stress_scale, strain_scale S (Pa) and e
  * @param unit d_u, m
  * @param piezometer d_1 (m), exponent and stress floor (Pa), see piezometer_grain_size()
- * @param kelvin of a power-law Kelvin element: n_K, ln(S/q_0)
+ * @param kelvin of a Kelvin element that is not linear: the number of its law, ln(S/q_0)
  * @param dashpot of another law than the power law: its stress over S
- * @param law of dashpot_law()
+ * @param law, kelvin_law of dashpot_law() and kelvin_law_at()
  */
 vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvin_fluidity,
                               real kelvin_decay, real stress_exponent,
@@ -106,15 +104,15 @@ vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvi
                               data vector background_range, data real first_tau,
                               real stress_scale, data real strain_scale,
                               data real unit, data vector piezometer, vector kelvin,
-                              vector dashpot, data int law) {
+                              vector dashpot, data int law, data int kelvin_law) {
   real rate = driving_rate(tau, harmonics, error, n_harmonics, background_range, first_tau)
               / strain_scale;
   real kelvin_excess = state[1] - state[2];
   real flow_stress = state[1];
   real growth = 0;
   real dashpot_rate;
-  if (num_elements(kelvin) > 0) {
-    kelvin_excess = linear_driving_stress(kelvin_excess, kelvin[1], kelvin[2]);
+  if (kelvin_law > 0) {
+    kelvin_excess = linear_driving_stress(kelvin_excess, kelvin_law, kelvin[1], kelvin[2]);
   }
   if (law > 0) {
     flow_stress = equivalent_stress(flow_stress, law, dashpot[1], 1, stress_exponent);
@@ -147,12 +145,11 @@ vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvi
  * @param tau output times in periods, not decreasing, all after first_tau
  * @param start_tau, first_tau start of the spin-up and of the record, in periods
  * @param period s
- * @param harmonics, error, n_harmonics, background_range see driving_rate()
  * @param initial_grain_size d_0, m
  * @param temperature stated, K
  * @param relative_start stress at the start of the spin-up over S: the bias of the record
  * @param stress_scale, strain_scale S (Pa) and e
- * @param power_law_kelvin 0: the Kelvin element is linear, and n_K and q_0 have no effect
+ * @param kelvin_law of kelvin_law_at(), also where its parameter is still unknown
  * @return array over times of [stress (Pa), Kelvin strain, grain size (m)]
  */
 array[] vector forced_oscillation_solution(vector parameter, data vector constant,
@@ -164,7 +161,7 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
                                            data real initial_grain_size,
                                            data real temperature, data real relative_start,
                                            real stress_scale, data real strain_scale,
-                                           data int power_law_kelvin, data real tolerance,
+                                           data int kelvin_law, data real tolerance,
                                            data int max_num_steps) {
   real at_temperature = true_temperature(parameter, temperature);
   real kelvin_modulus = parameter[i_kelvin_modulus()];
@@ -178,17 +175,15 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
   real stiffness = parameter[i_maxwell_modulus()] * strain_scale / stress_scale;
   real kelvin_fluidity = stress_scale * period / (kelvin_viscosity * strain_scale);
   real kelvin_decay = kelvin_modulus * period / kelvin_viscosity;
-  real log_dashpot_rate = log(exp(log_flow_rate(stress_scale, initial_grain_size, at_temperature,
-                                                stress_exponent, grain_size_exponent,
-                                                parameter[i_activation_enthalpy()],
-                                                parameter[i_beta()]))
+  real log_dashpot_rate = log(exp(log_flow_rate_at(stress_scale, initial_grain_size,
+                                                   temperature, parameter))
                               * period / strain_scale);
   int law = dashpot_law(constant);
-  vector[2 * power_law_kelvin] kelvin;
+  vector[kelvin_law > 0 ? 2 : 0] kelvin;
   vector[law > 0] dashpot;
   array[size(tau)] vector[3] solution;
-  if (power_law_kelvin) {
-    kelvin = [parameter[i_kelvin_stress_exponent()],
+  if (kelvin_law > 0) {
+    kelvin = [parameter[kelvin_law],
               log(stress_scale / constant[i_kelvin_reference_stress()])]';
   }
   if (law > 0) {
@@ -206,7 +201,7 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
                            grain_size_unit() * initial_grain_size,
                            constant[{i_piezometer_reference_grain_size(),
                                      i_piezometer_exponent(), i_piezometer_stress_floor()}],
-                           kelvin, dashpot, law);
+                           kelvin, dashpot, law, kelvin_law);
   }
   for (i in 1 : size(tau)) {
     solution[i] = solution[i]
@@ -235,7 +230,7 @@ array[] vector driven_solution(vector parameter, data vector constant, data arra
                                data real initial_grain_size, data real temperature,
                                data real start_stress, data real stress_scale,
                                data real strain_scale,
-                               data int power_law_kelvin, data real tolerance,
+                               data int kelvin_law, data real tolerance,
                                data int max_num_steps) {
   real factor = stress_reading_factor(parameter);
   array[size(tau)] vector[3] solution;
@@ -245,14 +240,14 @@ array[] vector driven_solution(vector parameter, data vector constant, data arra
                                        error, num_elements(sine), background_range,
                                        initial_grain_size, temperature,
                                        start_stress / stress_scale, stress_scale, strain_scale,
-                                       power_law_kelvin, tolerance, max_num_steps);
+                                       kelvin_law, tolerance, max_num_steps);
   }
   solution = forced_oscillation_solution(parameter, constant, tau, start_tau, first_tau, period,
                                          harmonics_of(sine, cosine, background, error_factor),
                                          error, num_elements(sine), background_range,
                                          initial_grain_size, temperature,
                                          start_stress / stress_scale, stress_scale / factor,
-                                         strain_scale, power_law_kelvin, tolerance,
+                                         strain_scale, kelvin_law, tolerance,
                                          max_num_steps);
   for (i in 1 : size(tau)) {
     solution[i][1] *= factor;

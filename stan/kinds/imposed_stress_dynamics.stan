@@ -9,7 +9,7 @@
  *   w = angular_frequency dashpot_strain/g(sigma_max, d_0, F_0),
  *
  * (with a power-law Kelvin element its linear driving stress in place of sigma/sigma_max - z, see
- * physics/kelvin_element.stan), with g the flow law (physics/flow_law.stan) and
+ * physics/kelvin_laws.stan), with g the flow law (physics/flow_law.stan) and
  * sigma_max = median_stress + amplitude. z is O(1), and w counts the radians that the dashpot would
  * need at its fastest.
  *
@@ -48,7 +48,8 @@ vector imposed_stress_rhs(real time, vector state, data real median_stress, data
                           parameter[i_kelvin_reference_temperature()]);
   real driving_stress
     = linear_driving_stress(stress / largest_stress - state[1],
-                            parameter[i_kelvin_stress_exponent()],
+                            kelvin_law_at(parameter),
+                            kelvin_law_number(parameter, kelvin_law_at(parameter)),
                             log(largest_stress / parameter[i_kelvin_reference_stress()]));
   real grain_size = evolves ? state[4] * initial[1] : initial[1];
   real fabric_factor = evolves
@@ -83,7 +84,6 @@ vector imposed_stress_rhs(real time, vector state, data real median_stress, data
  * @param time increasing, greater than -hold_time, s; 0, the end of the hold, is one of them
  * @param n_in_hold number of times up to 0
  * @param hold_time s, positive
- * @param parameter, temperature, initial see imposed_stress_rhs()
  * @param evolves 0: the microstructure is frozen
  * @return array over time of [kelvin strain, dashpot strain], and where the microstructure evolves
  *   gamma and the grain size (m)

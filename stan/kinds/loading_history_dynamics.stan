@@ -14,12 +14,11 @@ int l_temperature() { return 5; } // K
 
 /** What each leg is solved with at given parameters, which are data. */
 array[] vector fixed_rates(data vector parameter, data matrix leg, data real initial_grain_size,
-                           data real stress_scale, data real strain_scale) {
+                           data vector test) {
   array[rows(leg)] vector[n_history_rates()] fixed;
   for (k in 1 : rows(leg)) {
     fixed[k] = history_rates(parameter, parameter, leg[k, l_duration()],
-                             leg[k, l_temperature()], initial_grain_size, stress_scale,
-                             strain_scale);
+                             leg[k, l_temperature()], initial_grain_size, test);
   }
   return fixed;
 }
@@ -31,7 +30,6 @@ array[] vector fixed_rates(data vector parameter, data matrix leg, data real ini
  * @param constant parameters that are never inferred, at their places in the same order, and those
  *   that no test infers; the others in it have no effect
  * @param varying places of what varies (varying_rates())
- * @param leg a row for each leg, see the places above
  * @param fixed what each leg is solved with at `constant` (fixed_rates())
  * @param test constants of the test (history_constants())
  * @param element elements of the Kelvin part (history_elements())
@@ -55,7 +53,7 @@ matrix history_states(vector parameter, data vector constant, data array[] int v
     int n = n_in_leg[k];
     vector[n_history_rates()] every
       = history_rates(parameter, constant, leg[k, l_duration()], leg[k, l_temperature()],
-                      initial_grain_size, test[c_stress_scale()], test[c_strain_scale()]);
+                      initial_grain_size, test);
     matrix[n + 1, n_states] states;
     if (leg[k, l_driven()] > 0) {
       real y_0 = leg[k, l_driven()] == 2
@@ -109,8 +107,7 @@ matrix history_states(vector parameter, data vector constant, data array[] int v
  * @param states of history_states()
  */
 matrix history_response(matrix states, vector parameter, data vector test) {
-  vector[3] compliance = history_compliances(parameter, test[c_stress_scale()],
-                                             test[c_strain_scale()]);
+  vector[3] compliance = history_compliances(parameter, test);
   return append_col(test[c_stress_scale()] * states[ : , 1],
                     test[c_strain_scale()]
                     * (compliance[1] * states[ : , 2]
@@ -121,7 +118,6 @@ matrix history_response(matrix states, vector parameter, data vector test) {
  * Stress, strains and microstructure along a test.
  *
  * @param states of history_states()
- * @param parameter, constant and the others as there
  * @return columns: stress as read (Pa), strain (that of the apparatus included), Kelvin strain, path
  *   strain of the specimen, dashpot strain, d/d_0 (1 where it follows no piezometer), rate of the
  *   Kelvin strain (1/s)
@@ -132,7 +128,7 @@ matrix history_solution(matrix states, vector parameter, data vector constant,
                         data real initial_grain_size) {
   array[n_history_rates()] int place = place_among(varying);
   real strain_scale = test[c_strain_scale()];
-  real kelvin = history_compliances(parameter, test[c_stress_scale()], strain_scale)[1];
+  real kelvin = history_compliances(parameter, test)[1];
   matrix[rows(states), 7] solution;
   int before = 0;
   solution[ : , 1 : 2] = history_response(states, parameter, test);
@@ -143,7 +139,7 @@ matrix history_solution(matrix states, vector parameter, data vector constant,
   for (k in 1 : rows(leg)) {
     vector[size(varying)] rates
       = history_rates(parameter, constant, leg[k, l_duration()], leg[k, l_temperature()],
-                      initial_grain_size, test[c_stress_scale()], test[c_strain_scale()])[varying];
+                      initial_grain_size, test)[varying];
     matrix[rows(element), 2] elements = history_elements(element, rates, place, fixed[k]);
     for (i in before + 1 : before + n_in_leg[k]) {
       solution[i, 7]
@@ -232,7 +228,6 @@ real history_strain_rate(row_vector state, data row_vector leg, vector parameter
 /**
  * Readings: stress (Pa), or strain with the offset of its zero.
  *
- * @param response at the readings, see history_response()
  * @param is_strain of each reading: 1 or 0
  */
 vector history_readings(matrix response, data array[] int is_strain, vector parameter) {

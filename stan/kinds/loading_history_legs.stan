@@ -82,7 +82,6 @@ vector kelvin_states(row_vector state, data matrix element) {
  *   apparatus is compliant
  * @param start_path g at the start of the leg
  * @param rate r
- * @param varying, place, fixed, test, element see loading_history_rates.stan
  */
 vector strain_driven_rhs(real t, vector state, real start_path, vector varying, data real rate,
                          data array[] int place, data vector fixed, data vector test,
@@ -127,7 +126,7 @@ vector stress_driven_rhs(real t, vector state, real start_path, vector start_kel
                          data vector test, data matrix element) {
   int n_states = num_elements(state);
   int n_kelvin = rows(element);
-  int solves_kelvin = in_use(h_kelvin_stress_exponent(), place, fixed, 1);
+  int solves_kelvin = test[c_kelvin_law()] > 0;
   real y = y_0 + rate * t;
   matrix[n_kelvin, 2] elements = history_elements(element, varying, place, fixed);
   vector[n_kelvin] z = solves_kelvin
@@ -158,7 +157,6 @@ vector stress_driven_rhs(real t, vector state, real start_path, vector start_kel
  *
  * @param state [x] since the start of the leg
  * @param start_path g less the elastic and the Kelvin strain of the specimen at the start of the leg
- * @param start_kelvin, varying and the others as for stress_driven_rhs()
  */
 vector growing_strain_rhs(real t, vector state, real start_path, vector start_kelvin,
                           vector varying, data real y_0, data real rate, data array[] int place,
@@ -260,7 +258,7 @@ matrix stress_driven_leg(row_vector start, data int at_rest, data array[] real t
                          data vector fixed, data vector test, data matrix element,
                          data real tolerance, data int max_num_steps) {
   int has_grains = test[c_piezometer()] > 0;
-  int solves_kelvin = in_use(h_kelvin_stress_exponent(), place, fixed, 1);
+  int solves_kelvin = test[c_kelvin_law()] > 0;
   int n_kelvin = rows(element);
   vector[n_kelvin] start_kelvin = kelvin_states(start, element);
   int grows = !has_grains && !solves_kelvin && strain_only_grows(start_kelvin, y_0, rate);

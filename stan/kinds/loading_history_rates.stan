@@ -14,7 +14,7 @@
  *   v_d = v_0 sgn(y) (|y|/F)^n (d/d_0)^-p,
  *
  * v_0 the rate of the undeformed dashpot at stress S. With a power-law Kelvin element its linear
- * driving stress stands for q (physics/kelvin_element.stan), with another law of the dashpot
+ * driving stress stands for q (physics/kelvin_laws.stan), with another law of the dashpot
  * (physics/dashpot_laws.stan) the equivalent stress for y in v_d. A Kelvin part with many relaxation times
  * (physics/relaxation_elements.stan) is a sum of elements, each with a z_k of its own:
  *
@@ -25,7 +25,7 @@
  * rest, as the whole microstructure where it is constant, is data.
  */
 
-int n_history_rates() { return 20; }
+int n_history_rates() { return 13 + n_relaxation_numbers(); }
 
 int h_log_dashpot_rate() { return 1; } // ln v_0
 int h_stress_exponent() { return 2; } // n
@@ -38,18 +38,12 @@ int h_grain_size_deficit() { return 8; } // 1 - d_ss/d_0
 int h_grain_size_decay() { return 9; } // e/epsilon_c1
 int h_fabric_deficit() { return 10; } // 1 - F_ss
 int h_fabric_decay() { return 11; } // e/epsilon_c2
-int h_kelvin_stress_exponent() { return 12; } // n_K
+int h_kelvin_law() { return 12; } // parameter of a Kelvin element that is not linear
 int h_dashpot_stress() { return 13; } // of another law than the power law (physics/dashpot_laws.stan), over S
-int h_band_width() { return 14; } // ln(tau_H/tau_L)
-int h_band_exponent() { return 15; } // alpha
-int h_peak_strength() { return 16; } // Delta_P E_K/E_M
-int h_peak_shift() { return 17; } // ln(tau_H/tau_P)
-int h_peak_width() { return 18; } // sigma_P
-int h_log_relaxation_time() { return 19; } // ln(tau/s) at T_0 and d_K
-int h_andrade_exponent() { return 20; } // a
+int h_relaxation() { return 14; } // the first of relaxation_numbers()
 
 /** Places in the constants of a test, which are data. */
-int n_history_constants() { return 7; }
+int n_history_constants() { return 8; }
 
 int c_stress_scale() { return 1; } // S, Pa
 int c_strain_scale() { return 2; } // e
@@ -58,27 +52,25 @@ int c_piezometer() { return 4; } // d_1/d_0; 0: the grain size has a steady stat
 int c_piezometer_exponent() { return 5; }
 int c_piezometer_stress_floor() { return 6; } // Pa
 int c_dashpot_law() { return 7; } // of dashpot_law()
+int c_kelvin_law() { return 8; } // of kelvin_law_at()
 
 /** Constants of a test: see their places. */
 vector history_constants(data vector constant, data real initial_grain_size,
-                         data real stress_scale, data real strain_scale) {
+                         data real stress_scale, data real strain_scale,
+                         data int kelvin_law) {
   return [stress_scale, strain_scale,
           log(stress_scale / constant[i_kelvin_reference_stress()]),
           constant[i_piezometer_reference_grain_size()] / initial_grain_size,
           constant[i_piezometer_exponent()], constant[i_piezometer_stress_floor()],
-          dashpot_law(constant)]';
+          dashpot_law(constant), kelvin_law]';
 }
 
-/**
- * Compliances in the units of the states: S/(E_K e), S/(E_M e), C S/e.
- *
- * @param parameter, reading_scale, strain_scale as for history_rates()
- */
-vector history_compliances(vector parameter, real reading_scale, real strain_scale) {
-  real stress_scale = reading_scale / stress_reading_factor(parameter);
-  return [stress_scale / (parameter[i_kelvin_modulus()] * strain_scale),
-          stress_scale / (parameter[i_maxwell_modulus()] * strain_scale),
-          parameter[i_apparatus_compliance()] * reading_scale / strain_scale]';
+/** Compliances in the units of the states: S/(E_K e), S/(E_M e), C S/e. */
+vector history_compliances(vector parameter, data vector test) {
+  real stress_scale = test[c_stress_scale()] / stress_reading_factor(parameter);
+  return [stress_scale / (parameter[i_kelvin_modulus()] * test[c_strain_scale()]),
+          stress_scale / (parameter[i_maxwell_modulus()] * test[c_strain_scale()]),
+          parameter[i_apparatus_compliance()] * test[c_stress_scale()] / test[c_strain_scale()]]';
 }
 
 /**
@@ -88,23 +80,22 @@ vector history_compliances(vector parameter, real reading_scale, real strain_sca
  * @param constant parameters that are never inferred, at their places in the same order
  * @param duration D, s
  * @param temperature of the leg as stated, K
- * @param reading_scale S as the load cell reads it: all stresses of a history are its readings, and
- *   the unit S of the states is the stress behind this reading
+ * @param test constants of the test, see their places. All stresses of a history are readings of the
+ *   load cell, and so is the scale in them; the unit S of the states is the stress behind it
  */
 vector history_rates(vector parameter, data vector constant, data real duration,
-                     data real temperature, data real initial_grain_size,
-                     data real reading_scale, data real strain_scale) {
-  real stress_scale = reading_scale / stress_reading_factor(parameter);
-  vector[3] compliance = history_compliances(parameter, reading_scale, strain_scale);
+                     data real temperature, data real initial_grain_size, data vector test) {
+  real strain_scale = test[c_strain_scale()];
+  real stress_scale = test[c_stress_scale()] / stress_reading_factor(parameter);
+  vector[3] compliance = history_compliances(parameter, test);
   real at_temperature = true_temperature(parameter, temperature);
   real kelvin_viscosity = kelvin_viscosity_at(parameter[i_kelvin_viscosity()],
                                               parameter[i_kelvin_activation_enthalpy()],
                                               at_temperature,
                                               constant[i_kelvin_reference_temperature()]);
   real log_coarser = log(initial_grain_size / constant[i_kelvin_reference_grain_size()]);
-  return [log_flow_rate(stress_scale, initial_grain_size, at_temperature,
-                        parameter[i_stress_exponent()], parameter[i_grain_size_exponent()],
-                        parameter[i_activation_enthalpy()], parameter[i_beta()])
+  return append_row(
+         [log_flow_rate_at(stress_scale, initial_grain_size, temperature, parameter)
           + log(duration / strain_scale),
           parameter[i_stress_exponent()], parameter[i_grain_size_exponent()],
           duration * parameter[i_kelvin_modulus()] / kelvin_viscosity
@@ -114,24 +105,9 @@ vector history_rates(vector parameter, data vector constant, data real duration,
           strain_scale / parameter[i_critical_strain_grain_size()],
           1 - parameter[i_steady_state_fabric_factor()],
           strain_scale / parameter[i_critical_strain_fabric()],
-          parameter[i_kelvin_stress_exponent()],
-          dashpot_stress(parameter, dashpot_law(constant)) / stress_scale,
-          log(10) * parameter[i_relaxation_time_decades()], parameter[i_relaxation_exponent()],
-          parameter[i_peak_strength()] * parameter[i_kelvin_modulus()]
-          / parameter[i_maxwell_modulus()],
-          log(10) * parameter[i_peak_time_decades()], parameter[i_peak_width()],
-          log(parameter[i_kelvin_viscosity()] / parameter[i_kelvin_modulus()]),
-          parameter[i_andrade_exponent()]]';
-}
-
-/** Whether elements of a part are among them. */
-int has_part(data matrix element, data int which) {
-  for (k in 1 : rows(element)) {
-    if (element[k, 1] == which) {
-      return 1;
-    }
-  }
-  return 0;
+          kelvin_law_number(parameter, test[c_kelvin_law()]),
+          dashpot_stress(parameter, dashpot_law(constant)) / stress_scale]',
+         relaxation_numbers(parameter));
 }
 
 /**
@@ -161,18 +137,9 @@ array[] int varying_rates(data array[] int is_free, data matrix element) {
   varies[h_grain_size_decay()] = is_free[i_critical_strain_grain_size()];
   varies[h_fabric_deficit()] = is_free[i_steady_state_fabric_factor()];
   varies[h_fabric_decay()] = is_free[i_critical_strain_fabric()];
-  varies[h_kelvin_stress_exponent()] = is_free[i_kelvin_stress_exponent()];
+  varies[h_kelvin_law()] = max(is_free[kelvin_law_parameters()]);
   varies[h_dashpot_stress()] = max(is_free[dashpot_stresses()]);
-  varies[h_band_width()] = is_free[i_relaxation_time_decades()];
-  varies[h_band_exponent()] = is_free[i_relaxation_exponent()];
-  varies[h_peak_strength()] = has_part(element, is_of_peak())
-                              * max(is_free[{i_peak_strength(), i_kelvin_modulus(),
-                                             i_maxwell_modulus()}]);
-  varies[h_peak_shift()] = is_free[i_peak_time_decades()];
-  varies[h_peak_width()] = is_free[i_peak_width()];
-  varies[h_log_relaxation_time()] = has_part(element, is_of_andrade())
-                                    * max(is_free[{i_kelvin_modulus(), i_kelvin_viscosity()}]);
-  varies[h_andrade_exponent()] = is_free[i_andrade_exponent()];
+  varies[h_relaxation() : ] = relaxation_numbers_vary(is_free, element);
   n_varying = sum(varies);
   {
     array[n_varying] int places;
@@ -216,26 +183,22 @@ int in_use(data int which, data array[] int place, data vector fixed, data real 
 /**
  * Decay c_k D E_K/eta_K and compliance w_k of each element of the Kelvin part.
  *
- * @param element see relaxation_elements()
  * @return (n, 2)
  */
 matrix history_elements(data matrix element, vector varying, data array[] int place,
                         data vector fixed) {
   int n = rows(element);
   real decay = history_rate(h_kelvin_decay(), varying, place, fixed);
+  vector[n_relaxation_numbers()] number;
   matrix[n, 2] elements;
   if (n == 1) {
     elements[1] = [decay, 1];
     return elements;
   }
-  elements = relaxation_elements(element,
-                                 history_rate(h_band_width(), varying, place, fixed),
-                                 history_rate(h_band_exponent(), varying, place, fixed),
-                                 history_rate(h_peak_strength(), varying, place, fixed),
-                                 history_rate(h_peak_shift(), varying, place, fixed),
-                                 history_rate(h_peak_width(), varying, place, fixed),
-                                 history_rate(h_log_relaxation_time(), varying, place, fixed),
-                                 history_rate(h_andrade_exponent(), varying, place, fixed));
+  for (k in 1 : n_relaxation_numbers()) {
+    number[k] = history_rate(h_relaxation() + k - 1, varying, place, fixed);
+  }
+  elements = relaxation_elements(element, number);
   elements[ : , 1] *= decay;
   return elements;
 }
@@ -248,11 +211,10 @@ matrix history_elements(data matrix element, vector varying, data array[] int pl
  */
 vector history_kelvin_rates(real y, vector z, matrix elements, vector varying,
                             data array[] int place, data vector fixed, data vector test) {
-  if (in_use(h_kelvin_stress_exponent(), place, fixed, 1)) {
+  if (test[c_kelvin_law()] > 0) {
     return [elements[1, 1]
-            * linear_driving_stress(y - z[1],
-                                    history_rate(h_kelvin_stress_exponent(), varying, place,
-                                                 fixed),
+            * linear_driving_stress(y - z[1], test[c_kelvin_law()],
+                                    history_rate(h_kelvin_law(), varying, place, fixed),
                                     test[c_log_kelvin_unit()])]';
   }
   return elements[ : , 1] .* (y - z);

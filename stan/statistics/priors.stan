@@ -7,9 +7,7 @@
  * 4: part of the joint prior of the flow law (flow_law_prior_log_density), only bounds here.
  */
 
-/**
- * ln of the mass that truncation leaves; a constant of the data, computed once.
- */
+/** ln of the mass that truncation leaves; a constant of the data, computed once. */
 real prior_log_mass(data int family, data real location, data real scale, data real lower_bound,
                     data real upper_bound) {
   if (family == 2) {
@@ -21,11 +19,7 @@ real prior_log_mass(data int family, data real location, data real scale, data r
   return 0;
 }
 
-/**
- * Normalised log density of one parameter, SI units; minus infinity outside its support.
- *
- * @param log_mass value of prior_log_mass()
- */
+/** Normalised log density of one parameter, SI units; minus infinity outside its support. */
 real prior_log_density(real value, data int family, data real location, data real scale,
                        data real lower_bound, data real upper_bound, data real log_mass) {
   if (family == 0) {
@@ -49,9 +43,7 @@ real prior_log_density(real value, data int family, data real location, data rea
   reject("prior family: found ", family, ", expected a number from 0 to 4");
 }
 
-/**
- * ln of the mass that truncation leaves, of every parameter of every test.
- */
+/** ln of the mass that truncation leaves, of every parameter of every test. */
 array[] vector prior_log_masses(data array[,] int family, data array[] vector location,
                                 data array[] vector scale, data array[] vector lower_bound,
                                 data array[] vector upper_bound) {
@@ -65,9 +57,7 @@ array[] vector prior_log_masses(data array[,] int family, data array[] vector lo
   return log_mass;
 }
 
-/**
- * Log density of independent priors of a whole parameter vector.
- */
+/** Log density of independent priors of a whole parameter vector. */
 real joint_prior_log_density(vector parameter, data array[] int family, data vector location,
                              data vector scale, data vector lower_bound, data vector upper_bound,
                              data vector log_mass) {

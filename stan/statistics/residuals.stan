@@ -45,30 +45,11 @@ matrix correlated_part_given_before(vector residual, data vector strain,
 }
 
 /**
- * Log density of every residual given all those before it; their sum is the joint density.
- *
- * @param stress_noise s, Pa
- * @param residual and the others as for correlated_part_given_before()
- */
-vector residual_log_densities(vector residual, real stress_noise, data vector strain,
-                              data array[] int segment, real correlation_strain, real share) {
-  int n = num_elements(residual);
-  vector[n] log_density;
-  matrix[n, 2] part = correlated_part_given_before(residual, strain, segment,
-                                                   correlation_strain, share);
-  for (i in 1 : n) {
-    log_density[i] = normal_lpdf(residual[i] | part[i, 1],
-                                 stress_noise * sqrt(part[i, 2] + 1 - share));
-  }
-  return log_density;
-}
-
-/**
  * Joint log density of observed stresses.
  *
  * @param observed, predicted Pa
  * @param correlated 0: residuals are independent, and strain, epsilon_r and w have no effect
- * @param stress_noise and the others as for residual_log_densities()
+ * @param stress_noise s, Pa
  */
 real stress_log_density(data vector observed, vector predicted, real stress_noise,
                         data int correlated, data vector strain, data array[] int segment,
@@ -84,29 +65,34 @@ real stress_log_density(data vector observed, vector predicted, real stress_nois
 }
 
 /**
- * Log density of every residual given all others, those after it too.
- *
- * What those before and those after say about the correlated part is multiplied, its prior
- * taken out once.
- *
- * @param residual and the others as for residual_log_densities()
+ * Log density of every residual, as columns: given all those before it, the sum of which is the joint
+ * density, and given all others. What those before and those after say about the correlated part is
+ * multiplied, its prior taken out once.
  */
-vector residual_log_densities_given_others(vector residual, real stress_noise,
-                                           data vector strain, data array[] int segment,
-                                           real correlation_strain, real share) {
+matrix log_densities_of_residuals(vector residual, real stress_noise, data int correlated,
+                                  data vector strain, data array[] int segment,
+                                  real correlation_strain, real share) {
   int n = num_elements(residual);
-  vector[n] log_density;
-  matrix[n, 2] before = correlated_part_given_before(residual, strain, segment,
-                                                     correlation_strain, share);
-  matrix[n, 2] after = correlated_part_given_before(reverse(residual), reverse(strain),
-                                                    reverse(segment), correlation_strain,
-                                                    share);
+  matrix[n, 2] log_density;
+  matrix[n, 2] before;
+  matrix[n, 2] after;
+  if (!correlated) {
+    for (i in 1 : n) {
+      log_density[i] = rep_row_vector(normal_lpdf(residual[i] | 0, stress_noise), 2);
+    }
+    return log_density;
+  }
+  before = correlated_part_given_before(residual, strain, segment, correlation_strain, share);
+  after = correlated_part_given_before(reverse(residual), reverse(strain), reverse(segment),
+                                       correlation_strain, share);
   for (i in 1 : n) {
     int j = n + 1 - i;
     real precision = 1 / before[i, 2] + 1 / after[j, 2] - 1 / share;
     real mean = (before[i, 1] / before[i, 2] + after[j, 1] / after[j, 2]) / precision;
-    log_density[i] = normal_lpdf(residual[i] | mean,
-                                 stress_noise * sqrt(1 / precision + 1 - share));
+    log_density[i, 1] = normal_lpdf(residual[i] | before[i, 1],
+                                    stress_noise * sqrt(before[i, 2] + 1 - share));
+    log_density[i, 2] = normal_lpdf(residual[i] | mean,
+                                    stress_noise * sqrt(1 / precision + 1 - share));
   }
   return log_density;
 }
@@ -115,7 +101,6 @@ vector residual_log_densities_given_others(vector residual, real stress_noise,
  * Random residuals, Pa.
  *
  * @param correlation_strain epsilon_r; 0: independent residuals
- * @param strain and the others as for residual_log_densities()
  */
 vector residuals_rng(data vector strain, data array[] int segment, real stress_noise,
                      real correlation_strain, real share) {

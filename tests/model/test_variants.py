@@ -37,7 +37,14 @@ from pyburgers.model.parameters import (
     PROGRAM_PARAMETERS,
     STANDARD_VALUES,
 )
-from pyburgers.model.priors import PriorSet, default_priors, load_priors, save_priors, with_flow_law
+from pyburgers.model.priors import (
+    PriorSet,
+    default_priors,
+    load_priors,
+    priors_of_freed_parameters,
+    save_priors,
+    with_flow_law,
+)
 from pyburgers.model.variants import (
     CHOICES,
     ModelVariant,
@@ -383,8 +390,8 @@ VARIANT_TABLES = {
 }
 
 
-def prior_file(folder: Path, tables: dict[str, str]) -> Path:
-    save_priors(default_priors("ice"), folder / "priors.toml")
+def prior_file(folder: Path, tables: dict[str, str], priors: PriorSet | None = None) -> Path:
+    save_priors(priors or default_priors("ice"), folder / "priors.toml")
     text = (folder / "priors.toml").read_text(encoding="utf-8")
     for name, table in tables.items():
         text += f'\n[parameters.{name}]\nfamily = {table}\nsource = "test"\n'
@@ -393,7 +400,11 @@ def prior_file(folder: Path, tables: dict[str, str]) -> Path:
 
 
 def test_prior_files_may_name_the_parameters_of_variants(tmp_path: Path) -> None:
-    priors = load_priors(prior_file(tmp_path, VARIANT_TABLES))
+    """Those of the tables, and all others with their weak priors."""
+    freed = priors_of_freed_parameters().items()
+    others = (prior for name, prior in freed if name not in VARIANT_TABLES)
+    ice = default_priors("ice").exchanging(*others)
+    priors = load_priors(prior_file(tmp_path, VARIANT_TABLES, ice))
     assert list(priors.priors) == [p.name for p in MATERIAL_PARAMETERS]
     assert priors["kelvin_activation_enthalpy"].location == 60e3
     assert priors["residual_correlation_strain"].location == 0.01

@@ -3,8 +3,7 @@ functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
 #include physics/dashpot_laws.stan
-#include physics/reference_stress.stan
-#include physics/kelvin_element.stan
+#include physics/kelvin_laws.stan
 #include physics/relaxation_elements.stan
 #include physics/microstructure.stan
 #include kinds/constant_rate_dynamics.stan

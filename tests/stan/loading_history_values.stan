@@ -3,7 +3,7 @@ functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
 #include physics/dashpot_laws.stan
-#include physics/kelvin_element.stan
+#include physics/kelvin_laws.stan
 #include physics/relaxation_elements.stan
 #include physics/microstructure.stan
 #include kinds/loading_history_rates.stan
@@ -25,10 +25,11 @@ data {
   matrix[n_elements, 3] element;
 }
 transformed data {
-  array[n_legs] vector[n_history_rates()] fixed
-    = fixed_rates(parameter, leg, initial_grain_size, stress_scale, strain_scale);
   vector[n_history_constants()] test
-    = history_constants(parameter, initial_grain_size, stress_scale, strain_scale);
+    = history_constants(parameter, initial_grain_size, stress_scale, strain_scale,
+                        kelvin_law_at(parameter));
+  array[n_legs] vector[n_history_rates()] fixed
+    = fixed_rates(parameter, leg, initial_grain_size, test);
 }
 generated quantities {
   matrix[n_times, 7] solution

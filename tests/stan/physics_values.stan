@@ -1,7 +1,10 @@
-// Values of the constitutive functions and of the densities of residuals, one row of data each.
+// Values of the constitutive functions and of the densities of residuals and priors, for tests.
 functions {
+#include physics/parameters.stan
 #include physics/flow_law.stan
-#include physics/kelvin_element.stan
+#include physics/kelvin_laws.stan
+#include physics/relaxation.stan
+#include physics/stress_cycles.stan
 #include physics/microstructure.stan
 #include statistics/residuals.stan
 #include statistics/priors.stan
@@ -38,6 +41,20 @@ data {
   int<lower=0> n_driving;
   vector[n_driving] driving_stress;
   int prior_family;
+  // Fluidity of the dashpot under stress cycles.
+  int<lower=0> n_cycles;
+  vector[n_cycles] median_stress;
+  vector[n_cycles] amplitude;
+  vector[n_cycles] cyclic_exponent;
+  vector[n_cycles] breakdown_stress;
+  int<lower=0> n_nodes;
+  array[n_cycles] matrix[n_nodes, 2] node; // rows of 0 behind those of a case
+  // Compliance of the Kelvin part.
+  int<lower=0> n_rows;
+  vector<lower=0>[n_rows] angular_frequency; // rad/s
+  vector<lower=0>[n_rows] row_temperature; // K
+  vector<lower=0>[n_rows] row_grain_size; // m
+  array[n_rows] vector[n_parameters()] parameter;
 }
 transformed data {
   // Here a refusal stops the program.
@@ -91,21 +108,36 @@ generated quantities {
                                              critical_strain,
                                              grain_size_exponent / stress_exponent);
   }
-  vector[n] log_density = residual_log_densities(residual, stress_noise, strain, segment,
-                                                 correlation_strain, correlated_share);
-  vector[n] log_density_given_others
-    = residual_log_densities_given_others(residual, stress_noise, strain, segment,
-                                          correlation_strain, correlated_share);
+  matrix[n, 2] log_densities // given those before, and given all others
+    = log_densities_of_residuals(residual, stress_noise, 1, strain, segment, correlation_strain,
+                                 correlated_share);
   array[n_replications] vector[n] replicated;
   vector[n_driving] kelvin_rate;
+  vector[n_cycles] log_fluidity;
+  vector[n_cycles] log_fluidity_by_nodes;
+  matrix[n_rows, 2] compliance; // storage and loss, 1/Pa
   for (i in 1 : n_replications) {
     replicated[i] = residuals_rng(strain, segment, stress_noise, correlation_strain,
                                   correlated_share);
   }
   for (i in 1 : n_driving) {
-    kelvin_rate[i] = linear_driving_stress(driving_stress[i], kelvin_stress_exponent,
-                                           -log(reference_stress))
+    kelvin_rate[i] = linear_driving_stress(driving_stress[i], i_kelvin_stress_exponent(),
+                                           kelvin_stress_exponent, -log(reference_stress))
                      / kelvin_viscosity_at(viscosity, kelvin_activation_enthalpy, temperature,
                                            reference_temperature);
+  }
+  for (i in 1 : n_cycles) {
+    log_fluidity[i] = log_fluidity_of_stress(median_stress[i], amplitude[i], cyclic_exponent[i],
+                                             breakdown_stress[i], node[i][ : , 1],
+                                             node[i][ : , 2]);
+    log_fluidity_by_nodes[i] = log_fluidity_about(median_stress[i], amplitude[i],
+                                                  cyclic_exponent[i], breakdown_stress[i],
+                                                  node[i][ : , 1], node[i][ : , 2]);
+  }
+  for (i in 1 : n_rows) {
+    compliance[i] = kelvin_compliance([log(angular_frequency[i])
+                                       + log_relaxation_time(parameter[i], row_temperature[i],
+                                                             row_grain_size[i])]',
+                                      parameter[i])[1];
   }
 }

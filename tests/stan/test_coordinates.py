@@ -9,6 +9,7 @@ import numpy.typing as npt
 import pytest
 from conftest import ICE, resolved_priors, valley_of, with_fixed
 from history_twins import TRUTH, history_twin
+from jacobians import assert_jacobian_is_that_of_the_map
 from log_density import Program, constant_rate_program, program_with
 from stan_data import one_test_data, parameter_in
 from truth_as_mode import at_truth
@@ -49,38 +50,14 @@ def stress_at(program: Program, coordinate: FloatArray) -> FloatArray:
     return np.array([columns[name] for name in columns if name.startswith("stress_model.")])
 
 
-def parameters_at(program: Program, names: Sequence[str], coordinate: FloatArray) -> FloatArray:
-    columns = program.columns_at({"coordinate": coordinate.tolist()})
-    return np.array([parameter_in(columns, name) for name in names])
-
-
-def derivative(
-    program: Program, names: Sequence[str], coordinate: FloatArray, k: int
-) -> FloatArray:
-    """Derivative of the parameters by a coordinate, fourth order in the step."""
-    step = 2e-3 * np.eye(coordinate.size)[k]
-    one, two = (
-        parameters_at(program, names, coordinate + m * step)
-        - parameters_at(program, names, coordinate - m * step)
-        for m in (1, 2)
-    )
-    slope: FloatArray = (8 * one - two) / (12 * 2e-3)
-    return slope
-
-
-def assert_jacobian_is_that_of_the_map(program: Program, names: Sequence[str]) -> None:
+def assert_jacobian_at_three_points(program: Program, names: Sequence[str]) -> None:
     rng = np.random.default_rng(12)
     for _ in range(3):
-        coordinate = rng.standard_normal(len(names))
-        columns = program.columns_at({"coordinate": coordinate.tolist()})
-        jacobian = np.column_stack(
-            [derivative(program, names, coordinate, k) for k in range(len(names))]
+        assert_jacobian_is_that_of_the_map(
+            program,
+            rng.standard_normal(len(names)),
+            lambda columns: np.array([parameter_in(columns, name) for name in names]),
         )
-        # Parameters in SI differ by many powers of ten.
-        scale = np.abs(parameters_at(program, names, coordinate))
-        sign, logarithm = np.linalg.slogdet(jacobian / scale[:, None])
-        assert sign != 0
-        assert columns["log_jacobian"] == pytest.approx(logarithm + np.log(scale).sum(), abs=1e-5)
 
 
 @pytest.mark.parametrize("system", ["plain", "valley"])
@@ -92,7 +69,7 @@ def test_log_jacobian_is_that_of_the_map(
     priors = with_variant(resolved_priors(experiment), experiment, variant)
     valley = valley_of(experiment, priors) if system == "valley" else None
     program = program_for(experiment, priors, valley, tmp_path)
-    assert_jacobian_is_that_of_the_map(program, plain_coordinates(experiment, priors).parameters)
+    assert_jacobian_at_three_points(program, plain_coordinates(experiment, priors).parameters)
 
 
 @pytest.mark.parametrize("variant", [*VARIANTS, {"kelvin": "two_elements"}], ids=str)
@@ -110,7 +87,7 @@ def test_log_jacobian_of_a_creep_test_is_that_of_the_map(
     assert reference.pins.time_spent.all()
     data = one_test_data(twin, priors, solver=SOLVER, reference=reference)
     program = program_with(likelihood_of(twin).program, data, tmp_path)
-    assert_jacobian_is_that_of_the_map(program, plain_coordinates(twin, priors).parameters)
+    assert_jacobian_at_three_points(program, plain_coordinates(twin, priors).parameters)
 
 
 @pytest.mark.parametrize("variant", VARIANTS, ids=str)

@@ -3,6 +3,7 @@
 import numpy as np
 from attenuation_oracle import fluidity_of_stress
 from conftest import FunctionValues
+from stan_values import PHYSICS
 
 from pyburgers.kinds.attenuation.stan_data import stress_nodes
 
@@ -30,12 +31,13 @@ def test_fluidity_is_its_integral_whatever_the_median_stress(
     nodes = [stress_nodes(*pair) for pair in zip(medians, amplitudes, strict=True)]
     longest = max(len(own) for own in nodes)
     found = function_values(
-        "fluidity_values",
+        "physics_values",
         {
-            "n": len(CASES),
+            **PHYSICS,
+            "n_cycles": len(CASES),
             "median_stress": medians.tolist(),
             "amplitude": amplitudes.tolist(),
-            "stress_exponent": exponents.tolist(),
+            "cyclic_exponent": exponents.tolist(),
             "breakdown_stress": breakdowns.tolist(),
             "n_nodes": longest,
             "node": [np.vstack([own, np.zeros((longest - len(own), 2))]).tolist() for own in nodes],
@@ -50,12 +52,13 @@ def test_cycles_that_were_not_stated_meet_a_linear_dashpot(
     function_values: FunctionValues,
 ) -> None:
     found = function_values(
-        "fluidity_values",
+        "physics_values",
         {
-            "n": 2,
+            **PHYSICS,
+            "n_cycles": 2,
             "median_stress": [0.0, 0.0],
             "amplitude": [0.0, 3e6],
-            "stress_exponent": [1.0, 1.0],
+            "cyclic_exponent": [1.0, 1.0],
             "breakdown_stress": [0.0, 0.0],
             "n_nodes": 1,
             "node": [[[1.0, 1.0]]] * 2,

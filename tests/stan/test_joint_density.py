@@ -1,21 +1,27 @@
-"""Density of joint fits: against fits of single tests, by hand, its gradient, and in threads."""
+"""Density of joint fits of two kinds: as single fits, by hand, its gradient, in threads."""
 
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import ICE, resolved_priors, valley_of
 from default_chains import sampled
-from log_density import Program, assert_gradient_is_slope, constant_rate_program
+from jacobians import assert_jacobian_is_that_of_the_map
+from log_density import Program, assert_gradient_is_slope, program_with
+from oscillation_pair import oscillation_pair
 from scipy import stats
-from stan_data import one_test_data, parameter_in
+from stan_data import one_test_data, parameter_in, sheared_reference
 
 from pyburgers.cmdstan.program import load_program
-from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.program_data import chart_block, program_data
 from pyburgers.kinds.stan_data import SolverOptions
@@ -26,135 +32,153 @@ FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
 SOLVER = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
-EXPERIMENTS = [load_constant_rate(ICE / f"{name}.toml") for name in ("PIL40", "PIL105")]
-
-
-MICROSTRUCTURE = {
-    "steady_state_grain_size": "partial",
-    "steady_state_fabric_factor": "partial",
-    "critical_strain_grain_size": "partial",
-    "critical_strain_fabric": "partial",
-}
-"""More than by default."""
-
-PARTIAL = {
-    "plain": MICROSTRUCTURE,
+CURVES = [load_constant_rate(ICE / f"{name}.toml") for name in ("PIL40", "PIL105")]
+SHEARED = [
+    sheared_reference([-0.7, 2.5, 0.8], [2.7, 0.6, 0.3]),
+    sheared_reference([0.4, -1.0, 1.2], [3.2, 0.9, 0.2]),
+]
+PARTIAL: Mapping[str, Mapping[str, str]] = {
+    "plain": dict.fromkeys(
+        (
+            "steady_state_grain_size",
+            "steady_state_fabric_factor",
+            "critical_strain_grain_size",
+            "critical_strain_fabric",
+        ),
+        "partial",
+    ),
     # The valley does not know of a pooling of the parameters that it solves for.
-    "valley": {
-        "steady_state_grain_size": "partial",
-        "kelvin_modulus": "partial",
-        "kelvin_viscosity": "partial",
-    },
+    "valley": dict.fromkeys(
+        ("steady_state_grain_size", "kelvin_modulus", "kelvin_viscosity"), "partial"
+    ),
+    "plain oscillation": {"kelvin_viscosity": "partial"},
+    "sheared oscillation": {"kelvin_viscosity": "partial"},
 }
+"""More than by default, for each system of coordinates."""
+
+CURVE_SYSTEMS = ("plain", "valley")
 
 
-def problem(**pool: str) -> Problem:
-    return problem_of(EXPERIMENTS, default_priors("ice"), pooling_of(pool))
+@pytest.fixture(scope="module")
+def records(programs: None) -> list[OscillationExperiment]:
+    return oscillation_pair(until=700.0)
+
+
+@pytest.fixture(params=PARTIAL)
+def system(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def tests(system: str, records: list[OscillationExperiment]) -> Sequence[Experiment]:
+    return CURVES if system in CURVE_SYSTEMS else records
+
+
+def joint_of(tests: Sequence[Experiment], **pool: str) -> Problem:
+    return problem_of(tests, default_priors(tests[0].material), pooling_of(pool))
+
+
+def references_of(joint: Problem, system: str) -> Sequence[Any]:
+    if system == "valley":
+        return [valley_of(test, resolved_priors(test)) for test in CURVES]
+    return SHEARED if system == "sheared oscillation" else [None] * 2
 
 
 def joint_program(joint: Problem, system: str, folder: Path) -> Program:
     data = program_data(joint, solver=SOLVER)
+    references = references_of(joint, system)
     if system == "valley":
-        references = [valley_of(e, resolved_priors(e)) for e in EXPERIMENTS]
         pooled = [own.coordinate[joint.layout.pooled] for own in references]
         pooling = np.linspace(-0.5, 0.5, 2 * len(joint.partial)).reshape(2, -1)
         data |= chart_block(joint, references, pooled=np.array(pooled), pooling=pooling)
-    return constant_rate_program(data, folder)
+    elif references[0] is not None:
+        data |= chart_block(joint, references)
+    return program_with(joint.likelihood.program, data, folder)
 
 
-@pytest.mark.parametrize("system", ["plain", "valley"])
-def test_separate_density_is_the_sum_of_single_ones(system: str, tmp_path: Path) -> None:
-    joint = joint_program(problem(all="separate"), system, tmp_path)
-    coordinate = 0.5 * np.random.default_rng(3).standard_normal(24)
-    density = joint.columns_at({"coordinate": coordinate.tolist()})["lp__"]
+def test_separate_density_is_the_sum_of_single_ones(
+    system: str, tests: Sequence[Experiment], tmp_path: Path
+) -> None:
+    joint = joint_of(tests, all="separate")
+    coordinate = 0.3 * np.random.default_rng(3).standard_normal(joint.layout.size)
+    program = joint_program(joint, system, tmp_path)
+    density = program.columns_at({"coordinate": coordinate.tolist()})["lp__"]
     total = 0.0
-    for experiment, own in zip(EXPERIMENTS, np.split(coordinate, 2), strict=True):
-        priors = resolved_priors(experiment)
-        valley = valley_of(experiment, priors) if system == "valley" else None
-        data = one_test_data(experiment, priors, solver=SOLVER, reference=valley)
-        single = constant_rate_program(data, tmp_path)
+    for test, reference, own in zip(
+        tests, references_of(joint, system), np.split(coordinate, 2), strict=True
+    ):
+        data = one_test_data(test, resolved_priors(test), solver=SOLVER, reference=reference)
+        single = program_with(joint.likelihood.program, data, tmp_path)
         total += single.columns_at({"coordinate": own.tolist()})["lp__"]
     assert density == pytest.approx(total, rel=1e-9)
 
 
-@pytest.mark.parametrize("system", ["plain", "valley"])
-def test_pooled_density_is_that_made_by_hand(system: str, tmp_path: Path) -> None:
+def log_likelihood_of(test: Experiment, stress: FloatArray, noise: float) -> float:
+    if isinstance(test, ConstantRateExperiment):
+        return float(np.sum(stats.norm.logpdf(test.stress, stress, noise)))
+    assert isinstance(test, OscillationExperiment)
+    deviation = noise * test.prepared.relative_uncertainty
+    # As many coefficients of the noise went with the trend.
+    taken = (test.prepared.stress_fit.degree + 1) * stats.norm.logpdf(0.0, scale=noise)
+    return float(np.sum(stats.norm.logpdf(test.stress, stress, deviation)) - taken)
+
+
+def test_pooled_density_is_that_made_by_hand(
+    system: str, tests: Sequence[Experiment], tmp_path: Path
+) -> None:
     """Shared parameters count once; partially pooled ones are normal on the real line."""
-    joint = problem(**PARTIAL[system])
-    layout = joint.layout
+    joint = joint_of(tests, **PARTIAL[system])
     program = joint_program(joint, system, tmp_path)
-    coordinate = 0.3 * np.random.default_rng(4).standard_normal(layout.size)
+    coordinate = 0.3 * np.random.default_rng(4).standard_normal(joint.layout.size)
     columns = program.columns_at({"coordinate": coordinate.tolist()})
     total, first = 0.0, 1
-    for e, (experiment, priors) in enumerate(zip(EXPERIMENTS, joint.priors, strict=True), start=1):
-        stress = np.array(
-            [columns[f"stress_model.{i}"] for i in range(first, first + experiment.n_points)]
-        )
-        first += experiment.n_points
-        noise = parameter_in(columns, "stress_noise", e)
-        total += float(np.sum(stats.norm.logpdf(experiment.stress, stress, noise)))
-        separate = joint.pooling.of_kind("separate", joint.free)
-        names = [*separate, *(joint.shared if e == 1 else ())]
-        total += sum(
-            priors[name].distribution().logpdf(parameter_in(columns, name, e)) for name in names
-        )
+    for e, (test, priors) in enumerate(zip(tests, joint.priors, strict=True), start=1):
+        places = range(first, first + test.n_points)
+        first += test.n_points
+        stress = np.array([columns[f"stress_model.{i}"] for i in places])
+        total += log_likelihood_of(test, stress, parameter_in(columns, "stress_noise", e))
+        own = [*joint.pooling.of_kind("separate", joint.free), *(joint.shared if e == 1 else ())]
+        total += sum(priors[n].distribution().logpdf(parameter_in(columns, n, e)) for n in own)
         for h, name in enumerate(joint.partial, start=1):
             low, high = priors[name].lower, priors[name].upper
-            logit = [
-                np.log((value - low) / (high - value))
-                for value in (
-                    parameter_in(columns, name, e),
-                    columns[f"pooled_centre.{h}"],
-                )
-            ]
+            value, centre = parameter_in(columns, name, e), columns[f"pooled_centre.{h}"]
             spread = columns[f"pooled_spread.{h}"]
-            value = parameter_in(columns, name, e)
+            u, middle = (np.log((x - low) / (high - x)) for x in (value, centre))
             slope = (value - low) * (high - value) / (high - low)
-            total += stats.norm.logpdf(logit[0], logit[1], spread) - np.log(slope)
+            total += stats.norm.logpdf(u, middle, spread) - np.log(slope)
             if e == 1:
-                total += priors[name].distribution().logpdf(columns[f"pooled_centre.{h}"])
+                total += priors[name].distribution().logpdf(centre)
                 total += stats.halfnorm.logpdf(spread, scale=joint.pooling.spread_scales[name])
-    exponents = [parameter_in(columns, "stress_exponent", e) for e in (1, 2)]
-    assert exponents[0] == exponents[1]
+    for name in joint.shared:
+        assert parameter_in(columns, name, 1) == parameter_in(columns, name, 2)
     assert columns["lp__"] == pytest.approx(total + columns["log_jacobian"], rel=1e-8)
 
 
-@pytest.mark.parametrize("system", ["plain", "valley"])
+@pytest.mark.parametrize("system", CURVE_SYSTEMS)
 def test_jacobian_is_that_of_the_map(system: str, tmp_path: Path) -> None:
     """Of shared and own parameters, centres and spreads by the coordinates."""
-    joint = problem(**PARTIAL[system])
-    layout = joint.layout
+    joint = joint_of(CURVES, **PARTIAL[system])
     program = joint_program(joint, system, tmp_path)
-    start = 0.3 * np.random.default_rng(5).standard_normal(layout.size)
+    own = [*joint.partial, *joint.pooling.of_kind("separate", joint.free)]
 
-    def quantities(coordinate: FloatArray) -> tuple[FloatArray, float]:
-        columns = program.columns_at({"coordinate": coordinate.tolist()})
-        values = []
-        for e in range(1, len(joint.priors) + 1):
-            own = [*joint.partial, *joint.pooling.of_kind("separate", joint.free)]
-            names = [*joint.shared, *own] if e == 1 else own
-            values += [parameter_in(columns, name, e) for name in names]
+    def quantities(columns: Mapping[str, float]) -> FloatArray:
+        values = [
+            parameter_in(columns, name, e)
+            for e in (1, 2)
+            for name in (*(joint.shared if e == 1 else ()), *own)
+        ]
         for h in range(1, len(joint.partial) + 1):
             values += [columns[f"pooled_centre.{h}"], columns[f"pooled_spread.{h}"]]
-        return np.array(values), columns["log_jacobian"]
+        return np.array(values)
 
-    values, log_jacobian = quantities(start)
-    step = 2e-3
-    columns = []
-    for k in range(layout.size):
-        shift = step * np.eye(layout.size)[k]
-        one, two = (
-            quantities(start + m * shift)[0] - quantities(start - m * shift)[0] for m in (1, 2)
-        )
-        columns.append((8 * one - two) / (12 * step))
-    scale = np.abs(values)
-    _, logarithm = np.linalg.slogdet(np.column_stack(columns) / scale[:, None])
-    assert log_jacobian == pytest.approx(logarithm + np.log(scale).sum(), abs=1e-4)
+    start = 0.3 * np.random.default_rng(5).standard_normal(joint.layout.size)
+    assert_jacobian_is_that_of_the_map(program, start, quantities, within=1e-4)
 
 
-@pytest.mark.parametrize("system", ["plain", "valley"])
-def test_gradient_is_the_slope_of_the_density(system: str, tmp_path: Path) -> None:
-    joint = problem(**PARTIAL[system])
+def test_gradient_is_the_slope_of_the_density(
+    system: str, tests: Sequence[Experiment], tmp_path: Path
+) -> None:
+    joint = joint_of(tests, **PARTIAL[system])
     size = joint.layout.size
     program = joint_program(joint, system, tmp_path)
     coordinate = 0.2 * np.random.default_rng(6).standard_normal(size)
@@ -162,9 +186,9 @@ def test_gradient_is_the_slope_of_the_density(system: str, tmp_path: Path) -> No
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("system", ["plain", "valley"])
+@pytest.mark.parametrize("system", CURVE_SYSTEMS)
 def test_threads_change_neither_density_nor_gradient(system: str, tmp_path: Path) -> None:
-    joint = problem(**PARTIAL[system])
+    joint = joint_of(CURVES, **PARTIAL[system])
     alone = joint_program(joint, system, tmp_path)
     shared = load_program(CONSTANT_RATE.program, threads=2)
     shared_program = replace(alone, executable=shared.executable, threads=shared.threads)
@@ -181,8 +205,7 @@ def test_threads_change_neither_density_nor_gradient(system: str, tmp_path: Path
 @pytest.mark.slow
 def test_draws_do_not_depend_on_the_number_of_threads(tmp_path: Path) -> None:
     """Terms are summed up in one order, whichever thread is ready first."""
-    joint = problem()
-    joint_program(joint, "valley", tmp_path)
+    joint_program(joint_of(CURVES), "valley", tmp_path)
     data = json.loads((tmp_path / "data.json").read_text(encoding="utf-8"))
     one, two, three = (
         sampled(

@@ -1,23 +1,18 @@
-"""The program against the paper's form: log density and gradient in six and in two states."""
+"""The log density at constant rate: an independent solution, priors and the map's determinant."""
 
-import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import oracle
 import pytest
 from conftest import ICE, resolved_priors
-from log_density import Program, assert_gradient_is_slope
+from log_density import Program, assert_gradient_is_slope, constant_rate_program
 from oracle import GAS_CONSTANT
 from scipy import stats
-from scipy.special import logit
 from stan_data import one_test_data, parameter_in
 
-from pyburgers.cmdstan.program import compile_program
-from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.kinds.constant_rate.experiment import (
     ConstantRateExperiment,
     RateSegment,
@@ -26,192 +21,84 @@ from pyburgers.kinds.constant_rate.experiment import (
 from pyburgers.kinds.coordinates import REFERENCE_STRESS, PlainCoordinates
 from pyburgers.kinds.problem import plain_coordinates
 from pyburgers.kinds.stan_data import SolverOptions
-from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import PriorSet
 
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-MakePair = Callable[[ConstantRateExperiment], "Pair"]
 pytestmark = pytest.mark.usefixtures("programs")
+
+ONE_RATE, STEPS = ((0.0, 8e-5),), ((0.0, 8e-5), (0.04, 2e-5), (0.1, 3e-4))
 
 
 @dataclass(frozen=True)
-class Pair:
-    """Both programs with the same data."""
+class Setting:
+    """A test, its priors and its program."""
 
-    experiment: ConstantRateExperiment
+    test: ConstantRateExperiment
     priors: PriorSet
     coordinates: PlainCoordinates
-    reduced: Program
-    six_state: Program
+    program: Program
+
+    def coordinate_at(self, values: Mapping[str, float]) -> list[float]:
+        """Plain coordinates of parameters; ln S_0 stands for Q_M."""
+        enthalpy, n = values["activation_enthalpy"], values["stress_exponent"]
+        log_factor = enthalpy * (values["beta"] - 1 / (GAS_CONSTANT * self.test.temperature))
+        log_size = values["grain_size_exponent"] * np.log(self.test.initial_grain_size)
+        log_stress = (np.log(self.test.segments[0].strain_rate) + log_size - log_factor) / n
+        at = self.coordinates.at({**values, REFERENCE_STRESS: float(np.exp(log_stress))})
+        return list(at.tolist())
+
+    def log_likelihood(self, values: Mapping[str, float]) -> float:
+        """Of the paper's six states, solved with scipy."""
+        segments = tuple((s.start_strain, s.strain_rate) for s in self.test.segments)
+        conditions = (self.test.temperature, self.test.initial_grain_size)
+        stress = oracle.six_states(values, *conditions, segments, self.test.strain)[0]
+        return float(stats.norm.logpdf(self.test.stress, stress, values["stress_noise"]).sum())
+
+    def log_determinant(self, values: Mapping[str, float]) -> float:
+        """Of the parameters by the coordinates, written out from the bounds of the priors."""
+        total = np.log(values["stress_exponent"])  # of Q_M by ln S_0
+        total -= np.log(1 / (GAS_CONSTANT * self.test.temperature) - values["beta"])
+        plain = self.coordinates
+        for k, name in enumerate(plain.quantities):
+            low, high = plain.lower[k], plain.upper[k]
+            if name == REFERENCE_STRESS or np.isinf(low):
+                total += np.log(plain.scale[k])
+            elif np.isinf(high):
+                total += np.log(values[name] - low)
+            else:
+                total += np.log((values[name] - low) * (high - values[name]) / (high - low))
+        return float(total)
 
 
-@pytest.fixture
-def make_pair(tmp_path: Path) -> MakePair:
-    def make(experiment: ConstantRateExperiment) -> Pair:
-        priors = resolved_priors(experiment)
-        data = one_test_data(
-            experiment, priors, solver=SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
-        )
-        data_file = tmp_path / "data.json"
-        data_file.write_text(json.dumps(data), encoding="utf-8")
-        size = len(PARAMETERS)
-
-        def position(columns: Mapping[str, float]) -> FloatArray:
-            return np.array([columns[f"coordinate.{k}"] for k in range(1, size + 1)])
-
-        def unconstrained(columns: Mapping[str, float]) -> FloatArray:
-            return np.array([_unconstrained(priors, p.name, columns[p.name]) for p in PARAMETERS])
-
-        # The six-state program samples unbounded parameters in SI.
-        scale = [
-            1.0 if np.isfinite(priors[p.name].lower) else priors[p.name].scale for p in PARAMETERS
-        ]
-        return Pair(
-            experiment,
-            priors,
-            plain_coordinates(experiment, priors),
-            Program(
-                compile_program(stan_directory() / "constant_rate.stan"),
-                data_file,
-                tmp_path,
-                position,
-                np.ones(size),
-            ),
-            Program(
-                compile_program(stan_directory() / "reference" / "six_state.stan"),
-                data_file,
-                tmp_path,
-                unconstrained,
-                np.array(scale),
-            ),
-        )
-
-    return make
-
-
-def _unconstrained(priors: PriorSet, name: str, value: float) -> float:
-    """Stan's own transform of a bounded parameter."""
-    prior = priors[name]
-    if np.isinf(prior.lower):
-        return value
-    if np.isinf(prior.upper):
-        return float(np.log(value - prior.lower))
-    return float(logit((value - prior.lower) / (prior.upper - prior.lower)))
-
-
-def six_state_position(pair: Pair, coordinate: ComplexArray) -> tuple[ComplexArray, complex]:
-    """Coordinates of the six-state program at plain ones, and ln of the map's determinant.
-
-    Written out for ice, where all parameters are free and ln S_0 stands for Q_M. Takes complex
-    numbers, so that a step along the imaginary axis gives exact derivatives.
-    """
-    value: dict[str, complex] = {}
-    position: dict[str, complex] = {}
-    log_determinant: complex = 0.0
-    plain = pair.coordinates
-    for k, name in enumerate(plain.quantities):
-        u, low, high = coordinate[k], plain.lower[k], plain.upper[k]
-        if np.isinf(low):
-            value[name] = position[name] = plain.shift[k] + plain.scale[k] * u
-            log_determinant += np.log(plain.scale[k])
-        elif np.isinf(high):
-            value[name] = low + plain.scale[k] * np.exp(u)
-            position[name] = np.log(plain.scale[k]) + u
-        else:
-            value[name] = low + (high - low) / (1 + np.exp(-u))
-            position[name] = u
-    inverse_rt = 1 / (GAS_CONSTANT * pair.experiment.temperature)
-    position["activation_enthalpy"] = (
-        np.log(pair.experiment.segments[0].strain_rate)
-        + value["grain_size_exponent"] * np.log(pair.experiment.initial_grain_size)
-        - value["stress_exponent"] * value[REFERENCE_STRESS]
-    ) / (value["beta"] - inverse_rt)
-    log_determinant += np.log(value["stress_exponent"]) - np.log(inverse_rt - value["beta"])
-    return np.array([position[p.name] for p in PARAMETERS]), log_determinant
-
-
-def log_reference_stress(experiment: ConstantRateExperiment, values: Mapping[str, float]) -> float:
-    log_factor = values["activation_enthalpy"] * (
-        values["beta"] - 1 / (GAS_CONSTANT * experiment.temperature)
-    )
-    log_grain_size = np.log(experiment.initial_grain_size)
-    return (
-        float(
-            np.log(experiment.segments[0].strain_rate)
-            + values["grain_size_exponent"] * log_grain_size
-            - log_factor
-        )
-        / values["stress_exponent"]
-    )
-
-
-def prior_draws(pair: Pair, seed: int, number: int) -> list[dict[str, float]]:
-    rng = np.random.default_rng(seed)
-    return [
-        {name: prior.sample(rng) for name, prior in pair.priors.priors.items()}
-        for _ in range(number)
-    ]
-
-
-def assert_programs_agree(pair: Pair, points: Sequence[Mapping[str, float]]) -> None:
-    assert pair.coordinates.replaced_parameter == "activation_enthalpy"
-    for values in points:
-        reference_stress = np.exp(log_reference_stress(pair.experiment, values))
-        coordinate = pair.coordinates.at({**values, REFERENCE_STRESS: reference_stress})
-        reduced = pair.reduced.at({"coordinate": coordinate.tolist()})
-        paper = pair.six_state.at(values)
-
-        np.testing.assert_allclose(
-            [parameter_in(reduced.columns, p.name) for p in PARAMETERS],
-            list(values.values()),
-            rtol=1e-9,
-        )
-        _, log_determinant = six_state_position(pair, coordinate.astype(np.complex128))
-        assert reduced.log_density == pytest.approx(
-            paper.log_density + log_determinant.real, rel=1e-6
-        )
-
-        jacobian, slope = np.empty((coordinate.size,) * 2), np.empty(coordinate.size)
-        for k in range(coordinate.size):
-            shifted = coordinate.astype(np.complex128)
-            shifted[k] += 1e-30j
-            position, logarithm = six_state_position(pair, shifted)
-            jacobian[:, k], slope[k] = position.imag / 1e-30, logarithm.imag / 1e-30
-        terms = jacobian * paper.gradient[:, None]
-        # Relative to the largest of the terms that make up a component.
-        size = np.abs(terms).max(axis=0)
-        deviation = np.abs(reduced.gradient - terms.sum(axis=0) - slope) / size
-        assert deviation.max() < 1e-6
-
-
-def test_programs_agree_at_prior_draws(make_pair: MakePair) -> None:
-    pair = make_pair(load_constant_rate(ICE / "PIL72.toml"))
-    assert_programs_agree(pair, prior_draws(pair, seed=3, number=10))
-
-
-def test_density_with_rate_steps(make_pair: MakePair) -> None:
-    """Against an independent solver, since the six states in SI are too stiff to restart."""
-    segments = ((0.0, 8e-5), (0.04, 2e-5), (0.1, 3e-4))
-    stepped = replace(
+@pytest.fixture(params=[ONE_RATE, STEPS], ids=["one rate", "rate steps"])
+def setting(request: pytest.FixtureRequest, tmp_path: Path) -> Setting:
+    test = replace(
         load_constant_rate(ICE / "PIL72.toml"),
-        segments=tuple(RateSegment(start, rate) for start, rate in segments),
+        segments=tuple(RateSegment(start, rate) for start, rate in request.param),
     )
-    pair = make_pair(stepped)
-    truth = stepped.true_parameters
+    priors = resolved_priors(test)
+    solver = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
+    data = one_test_data(test, priors, solver=solver)
+    coordinates = plain_coordinates(test, priors)
+    assert coordinates.replaced_parameter == "activation_enthalpy"
+    return Setting(test, priors, coordinates, constant_rate_program(data, tmp_path))
+
+
+def test_the_density_is_likelihood_prior_and_determinant_at_prior_draws(setting: Setting) -> None:
+    rng, truth = np.random.default_rng(3), setting.test.true_parameters
     assert truth is not None
-    for draw in prior_draws(pair, seed=4, number=3):
-        values = {name: truth[name] + 0.1 * (draw[name] - truth[name]) for name in draw}
-        stress = oracle.six_states(
-            values, stepped.temperature, stepped.initial_grain_size, segments, stepped.strain
-        )[0]
-        residual = stats.norm.logpdf(stepped.stress, stress, values["stress_noise"])
+    # With steps of the rate, scipy cannot follow the stiffest materials of the priors.
+    share = 1.0 if len(setting.test.segments) == 1 else 0.1
+    for number in range(10):
+        drawn = {name: prior.sample(rng) for name, prior in setting.priors.priors.items()}
+        values = {name: truth[name] + share * (drawn[name] - truth[name]) for name in drawn}
+        coordinate = setting.coordinate_at(values)
+        columns = setting.program.columns_at({"coordinate": coordinate})
+        for name, value in values.items():
+            assert parameter_in(columns, name) == pytest.approx(value, rel=1e-9), name
         prior = sum(
-            prior.distribution().logpdf(values[name]) for name, prior in pair.priors.priors.items()
+            own.distribution().logpdf(values[name]) for name, own in setting.priors.priors.items()
         )
-        reference_stress = np.exp(log_reference_stress(stepped, values))
-        coordinate = pair.coordinates.at({**values, REFERENCE_STRESS: reference_stress})
-        columns = pair.reduced.columns_at({"coordinate": coordinate.tolist()})
-        expected = residual.sum() + prior + columns["log_jacobian"]
+        expected = setting.log_likelihood(values) + prior + setting.log_determinant(values)
         assert columns["lp__"] == pytest.approx(expected, rel=1e-6)
-        assert_gradient_is_slope(pair.reduced, coordinate)
+        if number < 4:
+            assert_gradient_is_slope(setting.program, np.array(coordinate))

@@ -6,14 +6,13 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-import arviz as az
 import numpy as np
 import pytest
 from conftest import ICE, FunctionValues, valley_of, with_fixed
-from default_chains import sampled
 from independent_table import TRUTHS
 from log_density import constant_rate_program
 from oracle import GAS_CONSTANT
+from prior_marginals import assert_prior_marginals
 from scipy import stats
 from stan_data import one_test_data, parameter_in
 from stan_values import PHYSICS
@@ -25,8 +24,8 @@ from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, loa
 from pyburgers.kinds.coordinates import REFERENCE_STRESS
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.kinds.problem import plain_coordinates
-from pyburgers.kinds.stan_data import SolverOptions, StanData
-from pyburgers.model.parameters import PARAMETERS, PLACE
+from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.prior_families import FAMILIES, Family, Prior
 from pyburgers.model.priors import PriorSet, default_priors
 
@@ -94,32 +93,6 @@ def test_prior_density_is_the_sum_of_the_families(
                 assert found == priors[parameter.name].location
 
 
-def assert_prior_marginals(
-    data: StanData, priors: PriorSet, folder: Path, *, draws: int, least_size: int
-) -> None:
-    """Sample and compare every marginal with its prior (Kolmogorov-Smirnov)."""
-    sample = sampled(
-        load_program(stan_directory() / "constant_rate.stan"),
-        data,
-        folder,
-        chains=4,
-        seed=20,
-        warmup=500,
-        draws=draws,
-        algorithm=("metric=dense_e", "adapt", "delta=0.9"),
-    )
-    parameters = sample.dataset(["parameter"])["parameter"].isel(parameter_dim_0=0)
-    family_wise_level = 1e-3
-    for name in priors.free:
-        values = parameters.isel(parameter_dim_1=PLACE[name] - 1).to_dataset(name=name)
-        size = az.ess(values)[name].item()
-        assert size > least_size, name
-        step = int(np.ceil(values[name].size / size))
-        independent = values[name].to_numpy().ravel()[::step]
-        p_value = stats.kstest(independent, priors[name].distribution().cdf).pvalue
-        assert p_value > family_wise_level / len(priors.free), name
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_without_likelihood_draws_have_the_priors_marginals(
@@ -127,7 +100,14 @@ def test_without_likelihood_draws_have_the_priors_marginals(
 ) -> None:
     priors = priors_of(kind).resolved(8e6)
     data = one_test_data(short_test, priors, solver=SolverOptions(), use_likelihood=False)
-    assert_prior_marginals(data, priors, tmp_path, draws=4000, least_size=1000)
+    assert_prior_marginals(
+        load_program(stan_directory() / "constant_rate.stan"),
+        data,
+        priors,
+        tmp_path,
+        draws=4000,
+        least_size=1000,
+    )
 
 
 NARROW = {
@@ -171,7 +151,14 @@ def test_valley_coordinates_leave_the_prior_as_it_is(
     data = one_test_data(
         short_test, priors, solver=SolverOptions(), use_likelihood=False, reference=valley
     )
-    assert_prior_marginals(data, priors, tmp_path, draws=750, least_size=400)
+    assert_prior_marginals(
+        load_program(stan_directory() / "constant_rate.stan"),
+        data,
+        priors,
+        tmp_path,
+        draws=750,
+        least_size=400,
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,21 +1,19 @@
 """Laws of the Kelvin part against direct numerical integration."""
 
 from collections.abc import Callable, Mapping
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import pytest
+from conftest import FunctionValues
 from scipy.special import gamma
+from stan_values import PHYSICS
 
-from pyburgers.cmdstan.program import load_program
 from pyburgers.model.kelvin_elements import band_elements, peak_elements
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.relaxation import kelvin_part
 
 FloatArray = npt.NDArray[np.float64]
-
-PROGRAM = Path(__file__).with_name("relaxation_values.stan")
 
 N_SETS = 200
 GAS_CONSTANT = 8.31446261815324
@@ -176,15 +174,19 @@ def relative_error(found: FloatArray, expected: FloatArray) -> FloatArray:
 
 
 @pytest.mark.parametrize("law", OF_LAW)
-def test_compliance_is_that_of_direct_integration(law: str) -> None:
+def test_compliance_is_that_of_direct_integration(
+    law: str, function_values: FunctionValues
+) -> None:
     sets = random_sets(law, seed=len(law))
     temperature, grain_size, omega = conditions()
-    found = load_program(PROGRAM).evaluate(
+    found = function_values(
+        "physics_values",
         {
-            "n": N_SETS,
+            **PHYSICS,
+            "n_rows": N_SETS,
             "angular_frequency": omega.tolist(),
-            "temperature": temperature.tolist(),
-            "grain_size": grain_size.tolist(),
+            "row_temperature": temperature.tolist(),
+            "row_grain_size": grain_size.tolist(),
             "parameter": [list(values.values()) for values in sets],
         },
     )["compliance"]

@@ -4,17 +4,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-import arviz as az
 import numpy as np
 import numpy.typing as npt
 import oracle
 import pytest
 from charts_at_modes import chart_at_mode
 from conftest import ICE, fixed, resolved_priors, with_fixed, with_priors
-from default_chains import sampled
+from jacobians import assert_jacobian_is_that_of_the_map
 from kind_examples import short_twin
 from log_density import Program, program_with
-from scipy import stats
+from prior_marginals import assert_prior_marginals
 from stan_data import one_test_data, parameter_in, parameters_in, sheared_reference
 
 from pyburgers.cmdstan.program import Program as CompiledProgram
@@ -40,7 +39,7 @@ from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import one_test, plain_coordinates, problem_of
 from pyburgers.kinds.program_data import chart_block
 from pyburgers.kinds.stan_data import PLAIN, SolverOptions, StanData, solver_block
-from pyburgers.model.parameters import PARAMETERS, PLACE
+from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, load_priors
 from pyburgers.sampling.charts import ChosenChart, at_mode, choose_chart
@@ -166,18 +165,6 @@ def test_plain_and_sheared_densities_differ_by_the_jacobian(
         )
 
 
-def derivative(program: Program, name: str, point: FloatArray, k: int) -> FloatArray:
-    """Derivative of a vector of the output by a coordinate, fourth order in the step."""
-    size, step = point.size, 1e-3 * np.eye(point.size)[k]
-    one, two = (
-        vector(program.columns_at({"coordinate": (point + m * step).tolist()}), name, size)
-        - vector(program.columns_at({"coordinate": (point - m * step).tolist()}), name, size)
-        for m in (1, 2)
-    )
-    slope: FloatArray = (8 * one - two) / (12 * 1e-3)
-    return slope
-
-
 def plain_log_jacobian(experiment: OscillationExperiment, values: Mapping[str, float]) -> float:
     """ln |d parameters/d plain coordinates| where all that is free is as in olivine.toml.
 
@@ -203,14 +190,13 @@ def test_log_jacobian_is_that_of_the_map(short: OscillationExperiment, tmp_path:
     data = one_test_data(short, priors, solver=SolverOptions(1e-3), reference=REFERENCE)
     program = program_with(likelihood_of(short).program, two_points(data), tmp_path)
     for point in scattered(sheared_truth(short, priors), seed=7, number=2):
-        columns = program.columns_at({"coordinate": point.tolist()})
-        matrix = np.column_stack(
-            [derivative(program, "plain_coordinate", point, k) for k in range(point.size)]
+        assert_jacobian_is_that_of_the_map(
+            program,
+            point,
+            lambda columns: vector(columns, "plain_coordinate", len(FREE)),
+            beside=lambda columns: plain_log_jacobian(short, parameters_in(columns)),
+            within=1e-6,
         )
-        sign, logarithm = np.linalg.slogdet(matrix)
-        assert sign > 0
-        expected = logarithm + plain_log_jacobian(short, parameters_in(columns))
-        assert columns["log_jacobian"] == pytest.approx(expected, abs=1e-6)
 
 
 def two_points(data: StanData) -> StanData:
@@ -526,24 +512,12 @@ def test_without_likelihood_draws_have_the_priors_marginals(
         use_likelihood=False,
         reference=sheared,
     )
-    sample = sampled(
+    assert_prior_marginals(
         model_of(experiment),
         two_points(data),
+        priors,
         tmp_path,
-        chains=4,
-        seed=20,
-        warmup=500,
         draws=3000,
+        least_size=1000,
         thin=3,  # successive draws are antithetic
-        algorithm=("metric=dense_e", "adapt", "delta=0.9"),
     )
-    parameters = sample.dataset(["parameter"])["parameter"].isel(parameter_dim_0=0)
-    family_wise_level = 1e-3
-    for name in FREE:
-        values = parameters.isel(parameter_dim_1=PLACE[name] - 1).to_dataset(name=name)
-        size = az.ess(values)[name].item()
-        assert size > 1000, name
-        step = int(np.ceil(values[name].size / size))
-        independent = values[name].to_numpy().ravel()[::step]
-        p_value = stats.kstest(independent, priors[name].distribution().cdf).pvalue
-        assert p_value > family_wise_level / len(FREE), name

@@ -1,5 +1,6 @@
 """Errors of temperature and load cell: what they do to a solution, density and coordinates."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import ICE
+from jacobians import assert_jacobian_is_that_of_the_map
 from kind_examples import short_twin
 from log_density import Program, assert_gradient_is_slope, program_with
 from scipy import stats
@@ -171,21 +173,13 @@ def test_the_jacobian_is_that_of_the_map(source: Path, system: str, tmp_path: Pa
     problem = problem_of([uncertain(source)], default_priors(load_experiment(source).material))
     # The map knows of no solution.
     program, centre = program_in(problem, system, tmp_path, SolverOptions())
-    free, size = problem.free, len(problem.free)
     start = centre + 0.2 * np.random.default_rng(7).standard_normal(centre.size)
 
-    def parameters(coordinate: FloatArray) -> FloatArray:
-        values = parameters_in(program.columns_at({"coordinate": coordinate.tolist()}))
-        return np.array([values[name] for name in free])
+    def parameters(columns: Mapping[str, float]) -> FloatArray:
+        values = parameters_in(columns)
+        return np.array([values[name] for name in problem.free])
 
-    scale, step, columns = np.abs(parameters(start)), 2e-3, []
-    for k in range(size):
-        shift = step * np.eye(centre.size)[k]
-        one, two = (parameters(start + m * shift) - parameters(start - m * shift) for m in (1, 2))
-        columns.append((8 * one - two) / (12 * step) / scale)
-    _, logarithm = np.linalg.slogdet(np.column_stack(columns))
-    found = program.columns_at({"coordinate": start.tolist()})["log_jacobian"]
-    assert found == pytest.approx(logarithm + np.log(scale).sum(), abs=1e-5)
+    assert_jacobian_is_that_of_the_map(program, start, parameters)
 
 
 @pytest.mark.parametrize("source", SOURCES)

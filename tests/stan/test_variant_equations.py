@@ -1,8 +1,7 @@
-"""Variants of the model against independent solutions, densities and closed forms."""
+"""The power-law Kelvin element and correlated residuals against closed forms."""
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -14,168 +13,36 @@ from scipy import stats
 from scipy.integrate import solve_ivp
 from stan_values import PHYSICS
 
-from pyburgers.common.errors import InputError
 from pyburgers.kinds.constant_rate.experiment import (
-    ConstantRateExperiment,
-    RateSegment,
     load_constant_rate,
 )
-from pyburgers.kinds.forced_oscillation.experiment import (
-    load_forced_oscillation,
-    with_background,
-)
-from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.program_data import solve
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER
-from pyburgers.predictions.attenuation import attenuation_spectrum
 from pyburgers.predictions.imposed_stress import simulate_imposed_stress
 from pyburgers.predictions.stress_cycles import Regime
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
-OLIVINE = Path(__file__).parents[2] / "data" / "olivine" / "olivine_twin.toml"
-STRAIN = np.concatenate([np.geomspace(1e-4, 0.01, 15), np.linspace(0.015, 0.2, 20)])
 POWER_LAW = {
     "kelvin_stress_exponent": 3.0,
     "kelvin_activation_enthalpy": 60e3,
     "kelvin_reference_stress": 2e6,
     "kelvin_reference_temperature": 260.0,
 }
-PIEZOMETER = {
-    "piezometer_reference_grain_size": 2e-3,
-    "piezometer_exponent": 1.33,
-    "piezometer_stress_floor": 1e6,
-    # That of the start: nothing else moves the grain size.
-    "steady_state_grain_size": 230e-6,
-}
-
-
-def protocol_at(
-    temperature: float, segments: tuple[tuple[float, float], ...]
-) -> ConstantRateExperiment:
-    return replace(
-        load_constant_rate(ICE / "PIL40.toml"),
-        temperature=temperature,
-        segments=tuple(RateSegment(start, rate) for start, rate in segments),
-        strain=np.empty(0),
-        stress=np.empty(0),
-        final_strain=0.2,
-    )
-
-
-def truth() -> dict[str, float]:
-    """A material whose Kelvin element counts."""
-    return dict(TRUTHS["fast"])
-
-
-@pytest.mark.parametrize("exponent", [1.0, 2.0, 3.5])
-@pytest.mark.parametrize("temperature", [240.0, 260.0, 271.0])
-@pytest.mark.parametrize(
-    "segments",
-    [((0.0, 1e-6),), ((0.0, 1.69e-4),), ((0.0, 1e-4), (0.03, 2e-5), (0.0501, 3e-4))],
-    ids=["slow", "fast", "steps"],
-)
-def test_power_law_kelvin_element_agrees_with_scipy(
-    segments: tuple[tuple[float, float], ...], temperature: float, exponent: float
-) -> None:
-    parameters = truth() | POWER_LAW | {"kelvin_stress_exponent": exponent}
-    strain = np.union1d(STRAIN, [start for start, _ in segments[1:]])
-    solution = simulate(protocol_at(temperature, segments), parameters, at=strain)
-    independent = oracle.six_states(parameters, temperature, 230e-6, segments, strain)
-    np.testing.assert_allclose(solution["stress_Pa"], independent[0], rtol=1e-5)
-    np.testing.assert_allclose(solution["kelvin_strain"], independent[1], rtol=1e-5, atol=1e-10)
-
-
-def test_the_exponent_matters_visibly() -> None:
-    """The acceptance bound of 0.2 % would notice a linear element in its place."""
-    test = protocol_at(260.0, ((0.0, 1.69e-4),))
-    linear, cubic = (
-        simulate(test, truth() | POWER_LAW | {"kelvin_stress_exponent": exponent}, at=STRAIN)
-        for exponent in (1.0, 3.0)
-    )
-    assert np.max(np.abs(cubic["stress_Pa"] / linear["stress_Pa"] - 1)) > 0.05
-
-
-def test_power_law_tends_to_the_linear_element() -> None:
-    """Another right-hand side in the program, the same solution."""
-    test = protocol_at(260.0, ((0.0, 1e-4), (0.05, 1e-5)))
-    strain = np.union1d(STRAIN, [0.05])
-    linear = simulate(test, truth(), at=strain)
-    almost = POWER_LAW | {"kelvin_stress_exponent": 1 + 1e-12}
-    power_law = simulate(test, truth() | almost, at=strain)
-    np.testing.assert_allclose(power_law["stress_Pa"], linear["stress_Pa"], rtol=1e-8)
-
-
-@pytest.mark.parametrize("exponent", [1.0, 3.0])
-@pytest.mark.parametrize(
-    "segments", [((0.0, 1e-6),), ((0.0, 1e-4), (0.03, 2e-5), (0.0501, 3e-4))], ids=["one", "steps"]
-)
-def test_piezometric_grain_size_agrees_with_scipy(
-    segments: tuple[tuple[float, float], ...], exponent: float
-) -> None:
-    parameters = truth() | POWER_LAW | PIEZOMETER | {"kelvin_stress_exponent": exponent}
-    strain = np.union1d(STRAIN, [start for start, _ in segments[1:]])
-    solution = simulate(protocol_at(260.0, segments), parameters, at=strain)
-    independent = oracle.six_states(parameters, 260.0, 230e-6, segments, strain)
-    np.testing.assert_allclose(solution["stress_Pa"], independent[0], rtol=1e-5)
-    np.testing.assert_allclose(solution["kelvin_strain"], independent[1], rtol=1e-5, atol=1e-10)
-    np.testing.assert_allclose(solution["grain_size_m"], independent[4], rtol=1e-5)
-
-
-def test_piezometric_grain_size_settles_at_that_of_the_stress() -> None:
-    test = replace(protocol_at(260.0, ((0.0, 1e-4),)), final_strain=3.0)
-    parameters = truth() | PIEZOMETER
-    end = simulate(test, parameters, at=np.array([3.0])).iloc[-1]
-    wanted = oracle.piezometer(end["stress_Pa"]) * 2e-3 / 0.015
-    assert end["grain_size_m"] == pytest.approx(wanted, rel=1e-6)
 
 
 def test_stress_slope_is_that_of_the_solution() -> None:
-    test = protocol_at(250.0, ((0.0, 1e-4),))
+    test = replace(load_constant_rate(ICE / "PIL40.toml"), temperature=250.0)
     strain = np.linspace(0.01, 0.1, 2001)
-    draw = solve(test, truth() | POWER_LAW, strain, solver=REFERENCE_SOLVER)
+    draw = solve(test, dict(TRUTHS["fast"]) | POWER_LAW, strain, solver=REFERENCE_SOLVER)
     slope = np.gradient(draw["grid_stress"], strain, edge_order=2)
     scale = np.max(np.abs(slope))
     np.testing.assert_allclose(draw["grid_stress_slope"], slope, atol=1e-4 * scale)
 
 
-def test_oscillating_test_with_a_power_law_kelvin_element_agrees_with_scipy() -> None:
-    twin = with_background(load_forced_oscillation(OLIVINE), "removed")
-    assert twin.true_parameters is not None
-    parameters = dict(twin.true_parameters) | {
-        "kelvin_stress_exponent": 2.5,
-        "kelvin_activation_enthalpy": 400e3,
-        "kelvin_reference_stress": 100e6,
-        "kelvin_reference_temperature": 1400.0,
-    }
-    prepared = twin.prepared
-    imposed = oracle.OscillatingStrain(
-        prepared.period,
-        prepared.strain_sine.tolist(),
-        prepared.strain_cosine.tolist(),
-        (0.0,),
-        prepared.start,
-    )
-    time = prepared.start + np.linspace(20.0, 900.0, 45)
-    solution = simulate(twin, parameters, at=time)
-    independent = oracle.oscillation(
-        parameters,
-        twin.temperature,
-        twin.initial_grain_size,
-        imposed,
-        start=imposed.zero_ahead(twin.spin_up_cycles),
-        start_stress=0.0,
-        time=time,
-    )
-    scale = np.abs(independent[0]).max()
-    np.testing.assert_allclose(solution["stress_Pa"], independent[0], atol=2e-3 * scale, rtol=0)
-    linear = simulate(twin, twin.true_parameters, at=time)
-    assert np.abs(linear["stress_Pa"] - independent[0]).max() > 0.02 * scale
-
-
 def test_stress_cycles_of_a_power_law_kelvin_element_agree_with_scipy() -> None:
-    parameters = truth() | POWER_LAW
+    parameters = dict(TRUTHS["fast"]) | POWER_LAW
     regime, frequency, hold = Regime(2e6, 0.9e6), 1e-3, 3600.0
     time = np.linspace(-3000.0, 4000.0, 71)
     found = simulate_imposed_stress(
@@ -198,11 +65,6 @@ def test_stress_cycles_of_a_power_law_kelvin_element_agree_with_scipy() -> None:
         max_step=20.0,
     )
     np.testing.assert_allclose(found["kelvin_strain"], expected.y[0], rtol=1e-6)
-
-
-def test_attenuation_in_closed_form_refuses_a_power_law_kelvin_element() -> None:
-    with pytest.raises(InputError, match="kelvin_stress_exponent: found values other than 1"):
-        attenuation_spectrum(truth() | POWER_LAW, temperature=260.0, grain_size=2e-4)
 
 
 def values_of_functions(
@@ -284,15 +146,15 @@ def test_densities_of_correlated_residuals_are_those_of_a_multivariate_normal(
     )
     dense = covariance(strain, correlation_strain, segment, share)
     joint = stats.multivariate_normal.logpdf(RESIDUAL, np.zeros(RESIDUAL.size), dense)
-    assert found["log_density"].sum() == pytest.approx(joint, rel=1e-9)
+    assert found["log_densities"][:, 0].sum() == pytest.approx(joint, rel=1e-9)
     for k in range(RESIDUAL.size):
         others = np.arange(RESIDUAL.size) != k
         before = np.arange(RESIDUAL.size) < k
-        for known, name in ((others, "log_density_given_others"), (before, "log_density")):
+        for column, known in enumerate((before, others)):
             weights = np.linalg.solve(dense[np.ix_(known, known)], dense[known, k])
             mean = weights @ RESIDUAL[known]
             sd = np.sqrt(dense[k, k] - weights @ dense[known, k])
-            assert found[name][k] == pytest.approx(
+            assert found["log_densities"][k, column] == pytest.approx(
                 stats.norm.logpdf(RESIDUAL[k], mean, sd), rel=1e-8
             )
 

@@ -36,6 +36,18 @@ PHYSICS: Mapping[str, object] = {
     "n_driving": 0,
     "driving_stress": [],
     "prior_family": 0,
+    "n_cycles": 0,
+    "median_stress": [],
+    "amplitude": [],
+    "cyclic_exponent": [],
+    "breakdown_stress": [],
+    "n_nodes": 0,
+    "node": [],
+    "n_rows": 0,
+    "angular_frequency": [],
+    "row_temperature": [],
+    "row_grain_size": [],
+    "parameter": [],
 }
 """Of `physics_values`."""
 

@@ -121,7 +121,6 @@ vector middle_grain_strain(vector asked, data vector reference, vector linear,
  * the solution would jump from one to the other.
  *
  * @param solved real number behind epsilon_c2, amplitude
- * @param rest see rest_of_strength()
  * @return solution after the step, the Gauss-Newton matrix (1, 1), (1, 2), (2, 2), and the misfit
  *   before the step
  */
@@ -151,7 +150,6 @@ vector fabric_step(vector solved, vector rest, data vector strain, vector weight
  * solution nearby.
  *
  * @param total_softening -ln F at the last pin in the solution nearby
- * @param rest see rest_of_strength()
  * @return F_ss, its precision, the misfit left, and -ln F at the last pin
  */
 vector solve_fabric_factor(real total_softening, real u_2, vector rest, int n_steps,
@@ -201,7 +199,6 @@ vector solve_reference_stress(vector strength, vector weight, data real referenc
  * Where strain is read under an imposed stress, errors of its level last, and this time is what the
  * curve fixes best.
  *
- * @param strength as for solve_reference_stress()
  * @param time_spent t near each pin, s
  */
 real reference_stress_of_time(vector strength, data vector time_spent, real stress_exponent) {

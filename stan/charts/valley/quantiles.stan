@@ -122,7 +122,6 @@ real distance_beyond(real place, real c) {
  * Data fix the parameter, not u: where it is fixed to a small part of its range, but close to a
  * bound, u would have a long tail.
  *
- * @param place, c see argument_of_place()
  * @return u, then ln |du/d(remainder)|
  */
 vector bounded_from_remainder(real place, real c, real remainder) {

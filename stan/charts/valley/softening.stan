@@ -150,7 +150,6 @@ real amplitude_of(real u, data matrix bounds) {
 /**
  * ln S_0 from its remainder at given microstructure.
  *
- * @param strength as for solve_reference_stress()
  * @return ln S_0, then ln |d(ln S_0)/d(remainder)|
  */
 vector stress_from_remainder(real remainder, vector strength, vector weight, data matrix pin,
@@ -167,8 +166,6 @@ vector stress_from_remainder(real remainder, vector strength, vector weight, dat
  *
  * @param coordinate in this order: remainders of ln S_0 and F_ss, log odds of the quantiles of u_1
  *   and u_2
- * @param asked, reference see charts/valley/least_squares.stan
- * @param pin, bounds see charts/valley/pins.stan
  * @param precision of the noise here over that at the reference point
  * @param stress_exponent n
  * @param stress_given 1: ln S_0 is given, its remainder and the one returned have no effect

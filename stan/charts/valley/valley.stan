@@ -57,7 +57,6 @@ int c_flow_stress() { return 5; }
 /**
  * Modulus (Pa) and viscosity (Pa s) of each element of the Kelvin part, (n, 2).
  *
- * @param element see relaxation_elements()
  * @param temperature K
  * @param grain_size m
  */
@@ -68,13 +67,7 @@ matrix kelvin_elements(vector parameter, data matrix element, data real temperat
                  + parameter[i_kelvin_grain_size_exponent()]
                    * log(grain_size / parameter[i_kelvin_reference_grain_size()]);
   matrix[rows(element), 2] decay_and_compliance
-    = relaxation_elements(element, log(10) * parameter[i_relaxation_time_decades()],
-                          parameter[i_relaxation_exponent()],
-                          parameter[i_peak_strength()] * parameter[i_kelvin_modulus()]
-                          / parameter[i_maxwell_modulus()],
-                          log(10) * parameter[i_peak_time_decades()], parameter[i_peak_width()],
-                          log(parameter[i_kelvin_viscosity()] / parameter[i_kelvin_modulus()]),
-                          parameter[i_andrade_exponent()]);
+    = relaxation_elements(element, relaxation_numbers(parameter));
   return append_col(parameter[i_kelvin_modulus()] ./ decay_and_compliance[ : , 2],
                     parameter[i_kelvin_viscosity()] * exp(slowing)
                     ./ (decay_and_compliance[ : , 1] .* decay_and_compliance[ : , 2]));
@@ -135,7 +128,6 @@ real largest_log_ratio() { return 1.5; }
  * the Kelvin element in the elastic rise and the softening of the dashpot up to the last pin.
  *
  * @param parameter at the reference point
- * @param coordinate plain coordinates there, and the others as for plain_from_valley()
  */
 vector valley_reference(data vector parameter, data vector coordinate, data array[] int place,
                         data array[] int named, data vector conditions, data matrix knot,
@@ -167,13 +159,8 @@ vector valley_reference(data vector parameter, data vector coordinate, data arra
  *
  * @param given values of the parameters that are not the test's own; other entries have no effect
  * @param place of each parameter among the test's own ones, 0 where it is none of them
- * @param quantity a row for each of them: see charts/plain.stan and i_mode()
  * @param named numbers of parameters: Q_M or beta, which ln S_0 replaces (0: ln S_0 is given), and
  *   the noise that the widths follow
- * @param conditions see c_rate()
- * @param knot, pin see charts/valley/pins.stan
- * @param reference see valley_reference()
- * @param element of the Kelvin part, see relaxation_elements()
  * @return plain coordinates, then ln |d(these)/d(coordinate)|
  */
 vector plain_from_valley(vector coordinate, vector given, data array[] int place,

@@ -1,6 +1,6 @@
 // The paper's form of the model as printed: six states in SI, time as the independent variable,
 // ode_bdf with its default tolerances, parameters declared in SI within their priors' bounds.
-// The judge of constant_rate.stan in tests and the baseline of the benchmarks; not for fits.
+// The baseline of the benchmarks; not for fits.
 // It reads the data of constant_rate.stan for one test. With rate steps its solution is right, but
 // CVODES often cannot start the sensitivities of the later segments at the default absolute
 // tolerance.
@@ -9,7 +9,35 @@ functions {
 #include physics/flow_law.stan
 #include physics/microstructure.stan
 #include statistics/priors.stan
-#include reference/six_state_dynamics.stan
+#include statistics/priors_of_test.stan
+  /**
+   * Rates of [stress (Pa), kelvin strain, elastic strain, dashpot strain, grain size (m), fabric
+   * factor] at imposed strain rate (Maor et al., Eqs. 1-4).
+   *
+   * @param time s
+   */
+  vector six_state_rhs(real time, vector state, data real strain_rate, data real temperature,
+                       real maxwell_modulus, real kelvin_modulus, real kelvin_viscosity,
+                       real stress_exponent, real grain_size_exponent, real activation_enthalpy,
+                       real beta, real steady_state_grain_size, real steady_state_fabric_factor,
+                       real critical_strain_grain_size, real critical_strain_fabric) {
+    real kelvin_rate = (state[1] - kelvin_modulus * state[2]) / kelvin_viscosity;
+    real dashpot_rate = dashpot_strain_rate(state[1], state[5], state[6], stress_exponent,
+                                            grain_size_exponent,
+                                            log_rate_factor(activation_enthalpy, beta,
+                                                            temperature));
+    real elastic_rate = strain_rate - kelvin_rate - dashpot_rate;
+    vector[6] rate;
+    rate[1] = maxwell_modulus * elastic_rate;
+    rate[2] = kelvin_rate;
+    rate[3] = elastic_rate;
+    rate[4] = dashpot_rate;
+    rate[5] = microstructure_rate(state[5], steady_state_grain_size, critical_strain_grain_size,
+                                  strain_rate);
+    rate[6] = microstructure_rate(state[6], steady_state_fabric_factor, critical_strain_fabric,
+                                  strain_rate);
+    return rate;
+  }
 }
 data {
 #include data/tests.stan
@@ -83,14 +111,10 @@ transformed parameters {
   parameter[i_critical_strain_grain_size()] = critical_strain_grain_size;
   parameter[i_critical_strain_fabric()] = critical_strain_fabric;
   parameter[i_stress_noise()] = stress_noise;
-  lprior = joint_prior_log_density(parameter, prior_family[1], prior_location[1],
-                                   prior_scale[1], prior_lower[1], prior_upper[1],
-                                   prior_mass[1]);
-  if (has_flow_law_prior[1]) {
-    lprior += flow_law_prior_log_density(stress_exponent, grain_size_exponent,
-                                         activation_enthalpy, beta, flow_law_mean,
-                                         flow_law_factor, flow_law_conditions);
-  }
+  lprior = test_prior_log_density(parameter, prior_family[1], prior_location[1],
+                                  prior_scale[1], prior_lower[1], prior_upper[1],
+                                  prior_mass[1], has_flow_law_prior[1], flow_law_mean,
+                                  flow_law_factor, flow_law_conditions);
 }
 model {
   target += lprior;

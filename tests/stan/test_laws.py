@@ -1,0 +1,444 @@
+"""Laws beside the linear Kelvin element and the power-law dashpot: one contract for all of them.
+
+Every law with a stress or exponent of its own has a case, and runs through the same functions: its
+limit, independent solutions in time, the density, gradients, priors and refusals.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import oracle
+import pytest
+from conftest import ICE
+from history_twins import TRUTH, history_twin
+from independent_table import TRUTHS
+from log_density import assert_gradient_is_slope, program_with
+from scipy import stats
+from stan_data import parameters_in
+
+from pyburgers.common.errors import InputError
+from pyburgers.kinds.attenuation.files import load_attenuation
+from pyburgers.kinds.constant_rate.experiment import (
+    ConstantRateExperiment,
+    RateSegment,
+    load_constant_rate,
+)
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.forced_oscillation.experiment import load_forced_oscillation, with_background
+from pyburgers.kinds.forward import simulate
+from pyburgers.kinds.likelihood import likelihood_of
+from pyburgers.kinds.problem import problem_of
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.model.laws import (
+    DASHPOT_LAWS,
+    DASHPOT_STRESSES,
+    KELVIN_LAWS,
+    NONLINEAR_KELVIN_PARAMETERS,
+)
+from pyburgers.model.parameters import STANDARD_VALUES
+from pyburgers.model.priors import default_priors
+from pyburgers.model.variants import ModelVariant, variant_of, with_variant
+from pyburgers.predictions.attenuation import attenuation_spectrum
+from pyburgers.predictions.stress_cycles import Regime
+
+FloatArray = npt.NDArray[np.float64]
+Schedule = Sequence[tuple[float, float]]
+pytestmark = pytest.mark.usefixtures("programs")
+
+OLIVINE = Path(__file__).parents[2] / "data" / "olivine" / "olivine_twin.toml"
+STRAIN = np.concatenate([np.geomspace(1e-4, 0.01, 15), np.linspace(0.015, 0.2, 20)])
+SLOW, FAST = ((0.0, 1e-6),), ((0.0, 1.69e-4),)
+STEPS = ((0.0, 1e-4), (0.03, 2e-5), (0.0501, 3e-4))
+THERMAL = {
+    "kelvin_activation_enthalpy": 60e3,
+    "kelvin_reference_stress": 2e6,
+    "kelvin_reference_temperature": 260.0,
+}
+PIEZOMETER = {
+    "piezometer_reference_grain_size": 2e-3,
+    "piezometer_exponent": 1.33,
+    "piezometer_stress_floor": 1e6,
+    "steady_state_grain_size": 230e-6,  # that of the start: the piezometer is in use
+}
+MATERIALS: Mapping[str, Mapping[str, float]] = {
+    "linear Kelvin element": {},
+    "power-law Kelvin element": {"kelvin_stress_exponent": 2.5, "kelvin_reference_stress": 2e6},
+    "piezometer": PIEZOMETER,
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A law: `material` (SI) without it, values of its own parameter, and that of its limit.
+
+    `conditions` are other parameters that it needs. `visible` is the least relative change of the
+    stress at constant rate from the law without it. `oscillation` gives the parameters under an
+    oscillation, the first value those without the law.
+    """
+
+    option: str
+    material: Mapping[str, float]
+    values: Sequence[float]
+    limit: float
+    conditions: Mapping[str, float]
+    visible: float
+    oscillation: tuple[Mapping[str, float], Mapping[str, float]]
+
+    @property
+    def parameter(self) -> str:
+        part, name = self.option.split("=")
+        laws = {"kelvin": KELVIN_LAWS, "maxwell": DASHPOT_LAWS}[part]
+        return str(laws[name].parameters[0])
+
+    def at(self, value: float, **others: float) -> dict[str, float]:
+        return {**self.material, **self.conditions, self.parameter: value, **others}
+
+
+def truth(file: Path) -> dict[str, float]:
+    test = load_constant_rate(file) if file.parent == ICE else load_forced_oscillation(file)
+    assert test.true_parameters is not None
+    return dict(test.true_parameters)
+
+
+_ICE, _OLIVINE = truth(ICE / "PIL40.toml"), truth(OLIVINE)
+_LARGEST = with_background(load_forced_oscillation(OLIVINE), "removed").largest_stress
+
+CASES = {
+    case.option: case
+    for case in (
+        Case(
+            "kelvin=power_law",
+            dict(TRUTHS["fast"]),  # its Kelvin element counts
+            (2.0, 3.5),
+            1 + 1e-12,
+            THERMAL,
+            0.05,
+            (
+                _OLIVINE,
+                {
+                    "kelvin_stress_exponent": 2.5,
+                    "kelvin_activation_enthalpy": 400e3,
+                    "kelvin_reference_stress": 100e6,
+                    "kelvin_reference_temperature": 1400.0,
+                },
+            ),
+        ),
+        Case(
+            "maxwell=hyperbolic_sine",
+            _ICE,
+            (1e6, 8e6),
+            1e12,
+            {},
+            0.02,
+            (_OLIVINE, {"breakdown_stress": 0.3 * _LARGEST}),
+        ),
+        Case(
+            "maxwell=threshold_stress",
+            _ICE,
+            (1e6, 5e6),
+            1e-3,
+            {},
+            0.05,
+            (
+                # A dashpot that is a thousand times faster counts in this oscillation.
+                {
+                    **_OLIVINE,
+                    "beta": _OLIVINE["beta"] + np.log(1e3) / _OLIVINE["activation_enthalpy"],
+                },
+                {"threshold_stress": 0.3 * _LARGEST},
+            ),
+        ),
+    )
+}
+COMBINATIONS = [
+    (option, material)
+    for option, material in product(CASES, MATERIALS)
+    if option.startswith("maxwell") or not {*MATERIALS[material]} & {*NONLINEAR_KELVIN_PARAMETERS}
+]
+"""Each law in each material that has no other law of the same part."""
+
+DASHPOTS = [option for option in CASES if option.startswith("maxwell")]
+
+
+def test_every_law_with_a_parameter_of_one_element_or_dashpot_has_a_case() -> None:
+    laws = {"kelvin": KELVIN_LAWS, "maxwell": DASHPOT_LAWS}
+    assert set(CASES) == {
+        f"{part}={law.name}" for part, own in laws.items() for law in own.values() if law.own_stress
+    }
+
+
+def ice_test(segments: Schedule = STEPS, temperature: float = 260.0) -> ConstantRateExperiment:
+    return replace(
+        load_constant_rate(ICE / "PIL40.toml"),
+        temperature=temperature,
+        segments=tuple(RateSegment(start, rate) for start, rate in segments),
+        strain=np.empty(0),
+        stress=np.empty(0),
+        final_strain=max(0.2, segments[-1][0] + 0.1),
+    )
+
+
+def along(segments: Schedule = STEPS) -> FloatArray:
+    return np.union1d(STRAIN, [start for start, _ in segments[1:]])
+
+
+@pytest.mark.parametrize(("option", "material"), COMBINATIONS)
+def test_at_its_limit_a_law_is_the_one_without_it(option: str, material: str) -> None:
+    """Other arguments of the solver, the same solution."""
+    case, others = CASES[option], MATERIALS[material]
+    without, standard, limit = (
+        simulate(ice_test(), values, at=along())
+        for values in (
+            {**case.material, **others},
+            {**case.material, **others, case.parameter: STANDARD_VALUES[case.parameter]},
+            {**case.material, **case.conditions, **others, case.parameter: case.limit},
+        )
+    )
+    assert standard.equals(without)
+    np.testing.assert_allclose(limit["stress_Pa"], without["stress_Pa"], rtol=1e-7)
+    assert limit.attrs == without.attrs
+
+
+def assert_agrees_with_scipy(
+    parameters: Mapping[str, float], segments: Schedule, temperature: float = 260.0
+) -> FloatArray:
+    """Compare a simulated test with the paper's six states; return its stress (Pa)."""
+    strain = along(segments)
+    found = simulate(ice_test(segments, temperature), parameters, at=strain)
+    independent = oracle.six_states(parameters, temperature, 230e-6, segments, strain)
+    np.testing.assert_allclose(found["stress_Pa"], independent[0], rtol=1e-5)
+    np.testing.assert_allclose(found["kelvin_strain"], independent[1], rtol=1e-5, atol=1e-10)
+    np.testing.assert_allclose(found["grain_size_m"], independent[4], rtol=1e-5)
+    return found["stress_Pa"].to_numpy()
+
+
+@pytest.mark.parametrize("which", [0, 1])
+@pytest.mark.parametrize(("option", "material"), COMBINATIONS)
+def test_solutions_agree_with_scipy(option: str, which: int, material: str) -> None:
+    case, others = CASES[option], MATERIALS[material]
+    stress = assert_agrees_with_scipy(case.at(case.values[which], **others), STEPS)
+    without = case.at(STANDARD_VALUES[case.parameter], **others)
+    apart = stress / simulate(ice_test(), without, at=along())["stress_Pa"] - 1
+    assert np.max(np.abs(apart)) > case.visible
+
+
+@pytest.mark.parametrize("exponent", [1.0, 2.0, 3.5])
+@pytest.mark.parametrize("temperature", [240.0, 271.0])
+@pytest.mark.parametrize("segments", [SLOW, FAST, STEPS], ids=["slow", "fast", "steps"])
+def test_the_kelvin_element_changes_with_temperature_as_in_scipy(
+    segments: Schedule, temperature: float, exponent: float
+) -> None:
+    assert_agrees_with_scipy(CASES["kelvin=power_law"].at(exponent), segments, temperature)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 3.0])
+def test_a_piezometer_at_a_slow_rate_agrees_with_scipy(exponent: float) -> None:
+    assert_agrees_with_scipy(CASES["kelvin=power_law"].at(exponent, **PIEZOMETER), SLOW)
+
+
+@pytest.mark.parametrize("option", CASES)
+def test_an_oscillating_test_agrees_with_scipy(option: str) -> None:
+    test = with_background(load_forced_oscillation(OLIVINE), "removed")
+    without, law = CASES[option].oscillation
+    prepared = test.prepared
+    imposed = oracle.OscillatingStrain(
+        prepared.period,
+        prepared.strain_sine.tolist(),
+        prepared.strain_cosine.tolist(),
+        (0.0,),
+        prepared.start,
+    )
+    time = prepared.start + np.linspace(20.0, 900.0, 45)
+    independent = oracle.oscillation(
+        {**without, **law},
+        test.temperature,
+        test.initial_grain_size,
+        imposed,
+        start=imposed.zero_ahead(test.spin_up_cycles),
+        start_stress=0.0,
+        time=time,
+    )[0]
+    scale = np.abs(independent).max()
+    found = simulate(test, {**without, **law}, at=time)["stress_Pa"]
+    np.testing.assert_allclose(found, independent, atol=2e-3 * scale, rtol=0)
+    plain = simulate(test, without, at=time)["stress_Pa"]
+    assert np.abs(plain - independent).max() > 0.02 * scale
+
+
+@pytest.mark.parametrize("option", CASES)
+def test_the_log_likelihood_is_that_of_the_independent_solution(
+    option: str, tmp_path: Path
+) -> None:
+    test = load_constant_rate(ICE / "PIL40.toml")
+    part, law = option.split("=")
+    problem = problem_of([test], with_variant(default_priors("ice"), test, {part: law}))
+    data = program_data(problem, solver=SolverOptions(1e-10))
+    program = program_with(likelihood_of(test).program, data, tmp_path / "program")
+    at = np.array(0.2 * np.random.default_rng(4).standard_normal(data["n_coordinates"]))
+    columns = program.columns_at({"coordinate": at.tolist()})
+    values = parameters_in(columns)
+    assert values[CASES[option].parameter] != STANDARD_VALUES[CASES[option].parameter]
+    segments = tuple((s.start_strain, s.strain_rate) for s in test.segments)
+    stress = oracle.six_states(
+        values, test.temperature, test.initial_grain_size, segments, test.strain
+    )[0]
+    expected = stats.norm.logpdf(test.stress, stress, values["stress_noise"])
+    found = [columns[f"log_lik.{i + 1}"] for i in range(test.n_points)]
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5)
+
+
+def the_tests() -> dict[str, Experiment]:
+    return {
+        "constant rate": load_constant_rate(ICE / "PIL40.toml"),
+        "loading history": history_twin("mixed", 16),
+        "oscillation": load_forced_oscillation(OLIVINE),
+    }
+
+
+@pytest.mark.parametrize("dashpot", ["power law", "linear"])
+@pytest.mark.parametrize(
+    ("kind", "option"), [*product(["constant rate", "loading history", "oscillation"], CASES)]
+)
+def test_gradients_are_slopes_of_the_density(
+    kind: str, option: str, dashpot: str, tmp_path: Path
+) -> None:
+    """Every test passes a threshold; with n = 1 the slope of the rate jumps there."""
+    test = the_tests()[kind]
+    priors = default_priors(test.material, test.protocol)
+    if dashpot == "linear":
+        priors = with_variant(priors, test, {"maxwell": "linear"})
+    part, law = option.split("=")
+    problem = problem_of([test], with_variant(priors, test, {part: law}))
+    data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
+    program = program_with(likelihood_of(test).program, data, tmp_path / "program")
+    point = np.array(0.1 * np.random.default_rng(2).standard_normal(data["n_coordinates"]))
+    names = list(problem.layout.names)
+    free = [names.index(CASES[option].parameter), names.index("kelvin_viscosity")]
+    assert_gradient_is_slope(program, point, free)
+
+
+@pytest.mark.parametrize("option", DASHPOTS)
+def test_the_prior_of_a_stress_is_about_a_share_of_the_largest_stress(option: str) -> None:
+    ice, priors = load_constant_rate(ICE / "PIL40.toml"), default_priors("ice")
+    law, name = option.removeprefix("maxwell="), CASES[option].parameter
+    changed = with_variant(priors, ice, {"maxwell": law})
+    assert variant_of(changed, ice) == ModelVariant(maxwell=law)
+    share = {"breakdown_stress": 8e6, "threshold_stress": 8e5}[name]  # of 8.1 MPa, to one digit
+    prior = changed[name]
+    assert (prior.family, prior.location, prior.scale) == ("lognormal", share, 1.0)
+    assert set(changed.free) - set(priors.free) == {name}
+    assert with_variant(changed, ice, {"maxwell": law}) == changed
+    back = with_variant(changed, ice, {"maxwell": "power_law"})
+    assert variant_of(back, ice) == ModelVariant()
+    assert back.free == priors.free
+    for other in DASHPOT_LAWS:
+        taken = with_variant(changed, ice, {"maxwell": other})
+        assert variant_of(taken, ice) == ModelVariant(maxwell=other)
+
+
+def test_two_laws_of_the_dashpot_are_refused() -> None:
+    ice, priors = load_constant_rate(ICE / "PIL40.toml"), default_priors("ice")
+    first, second = (
+        with_variant(priors, ice, {"maxwell": law.name}) for law in DASHPOT_STRESSES.values()
+    )
+    name = [*DASHPOT_STRESSES][1]
+    with pytest.raises(InputError, match=" and ".join(DASHPOT_STRESSES)):
+        variant_of(first.exchanging(second[name]), ice)
+
+
+@pytest.mark.parametrize("option", ["kelvin=power_law", "maxwell=threshold_stress"])
+def test_tables_and_closed_forms_refuse_laws_without_a_closed_form(option: str) -> None:
+    table, case = load_attenuation(ICE / "attenuation_twin.toml"), CASES[option]
+    part, law = option.split("=")
+    with pytest.raises(InputError, match=f"{option} is not for tests of"):
+        with_variant(default_priors("ice", "attenuation"), table, {part: law})
+    with pytest.raises(InputError, match=f"{option} is not for tests of"):
+        simulate(
+            table,
+            {**(table.true_parameters or {}), **case.conditions, case.parameter: case.values[0]},
+        )
+    standard = f"{STANDARD_VALUES[case.parameter]:g}"
+    with pytest.raises(InputError, match=f"{case.parameter}: found values other than {standard}"):
+        attenuation_spectrum(
+            case.at(case.values[0]),
+            [1e-3],
+            [Regime(2e6, 1e6)],
+            temperature=263.0,
+            grain_size=2e-4,
+        )
+
+
+def flowing(rates: Schedule, **law: float) -> tuple[ConstantRateExperiment, dict[str, float]]:
+    """A test of steady states, and a dashpot without a microstructure."""
+    test = replace(ice_test(rates), final_strain=rates[-1][0] + 3.0)
+    return test, {**_ICE, "grain_size_exponent": 0.0, "steady_state_fabric_factor": 1.0, **law}
+
+
+@pytest.mark.parametrize("exponent", [1.0, 3.0])
+def test_a_steady_stress_is_the_threshold_and_that_of_the_power_law(exponent: float) -> None:
+    threshold, segments = 2e6, ((0.0, 1e-4), (3.0, 1e-6), (6.0, 5e-4))
+    law = {"stress_exponent": exponent, "threshold_stress": threshold, "activation_enthalpy": 60e3}
+    test, parameters = flowing(segments, **law)
+    rates = np.array([rate for _, rate in segments])
+    # A rate factor with which the power law has 3 MPa at the first rate.
+    parameters["beta"] = (
+        1 / (oracle.GAS_CONSTANT * test.temperature)
+        + (np.log(rates[0]) - exponent * np.log(3e6)) / 60e3
+    )
+    found = simulate(test, parameters, at=np.array([3.0, 6.0, 9.0]))["stress_Pa"]
+    expected = threshold + 3e6 * (rates / rates[0]) ** (1 / exponent)
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+def test_up_to_the_threshold_the_dashpot_stands_still() -> None:
+    test = history_twin("creep", 20)
+    below, above = (
+        simulate(test, {**TRUTH, "threshold_stress": threshold}) for threshold in (5.001e6, 4.9e6)
+    )
+    spring = below["stress_Pa"] / TRUTH["maxwell_modulus"]
+    np.testing.assert_allclose(below["strain"], spring + below["kelvin_strain"], rtol=1e-14)
+    assert (above["strain"].iloc[-1] - below["strain"].iloc[-1]) > 0
+
+
+def test_steady_stress_of_the_second_equation_of_the_paper() -> None:
+    breakdown, segments = 2e6, ((0.0, 1e-4), (3.0, 1e-6), (6.0, 5e-3))
+    test, parameters = flowing(
+        segments,
+        stress_exponent=1.0,
+        breakdown_stress=breakdown,
+        beta=-3.3e-4,
+        activation_enthalpy=30e3,
+    )
+    found = simulate(test, parameters, at=np.array([3.0, 6.0, 9.0]))["stress_Pa"]
+    fluidity = oracle.rate_factor(parameters, test.temperature)
+    rates = np.array([rate for _, rate in segments])
+    expected = breakdown * np.arcsinh(rates / (fluidity * breakdown))
+    assert expected.max() > 2 * breakdown
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+def test_a_steady_stress_may_be_any_number_of_breakdown_stresses() -> None:
+    """Salt that hardens comes to 80, and its posterior goes beyond."""
+    breakdown, times, enthalpy = 0.1e6, 160.0, 60e3
+    log_factor = np.log(1e-5 / breakdown) - np.log(np.sinh(times))
+    test, parameters = flowing(
+        ((0.0, 1e-5),),
+        stress_exponent=1.0,
+        breakdown_stress=breakdown,
+        activation_enthalpy=enthalpy,
+        beta=log_factor / enthalpy + 1 / (oracle.GAS_CONSTANT * 260.0),
+    )
+    found = simulate(test, parameters, at=np.array([3.0]))["stress_Pa"].item()
+    assert found == pytest.approx(times * breakdown, rel=1e-6)
+
+
+def test_piezometric_grain_size_settles_at_that_of_the_stress() -> None:
+    test = replace(ice_test(((0.0, 1e-4),)), final_strain=3.0)
+    end = simulate(test, {**TRUTHS["fast"], **PIEZOMETER}, at=np.array([3.0])).iloc[-1]
+    wanted = oracle.piezometer(end["stress_Pa"]) * 2e-3 / 0.015
+    assert end["grain_size_m"] == pytest.approx(wanted, rel=1e-6)

@@ -63,22 +63,6 @@ def test_files_state_standard_deviations_and_apparatus(source: Path, tmp_path: P
         assert priors[name].mean_sd() == pytest.approx((0.0, sd))
 
 
-@pytest.mark.parametrize(
-    ("lines", "word"),
-    [
-        (("temperature_sd_K = -1.0",), "temperature_sd_K"),
-        (("temperature_sd_K = 30.0",), "0.1 of the temperature"),
-        (("stress_calibration_sd = 0.5",), "stress_calibration_sd"),
-        (('furnace = "D-DIA"',), "key 'temperature_sd_K' is missing"),
-        (('load_cell = "L"',), "key 'stress_calibration_sd' is missing"),
-    ],
-)
-def test_conditions_that_make_no_sense_are_refused(
-    lines: tuple[str, ...], word: str, tmp_path: Path
-) -> None:
-    assert word in refusal(edited(ICE / "PIL40.toml", tmp_path, *lines))
-
-
 def test_the_prior_of_a_material_has_none(tmp_path: Path) -> None:
     path = tmp_path / "priors.toml"
     tests = problem((5.0, None))

@@ -15,7 +15,6 @@ from pyburgers.kinds.constant_rate.experiment import (
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.experiment import Experiment, UncertainCondition
 from pyburgers.kinds.forward import simulate
-from pyburgers.kinds.kind import load_experiment, save_experiment
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import program_data
@@ -79,13 +78,3 @@ def test_the_solution_is_that_of_the_test_at_constant_rate(curve: ConstantRateEx
     other = simulate(history, dict(truth), at=one["time_s"].to_numpy())
     for column in ("strain", "stress_Pa", "kelvin_strain", "grain_size_m", "fabric_factor"):
         np.testing.assert_allclose(one[column], other[column], rtol=1e-7, err_msg=column)
-
-
-def test_it_is_saved_like_any_history(
-    curve: ConstantRateExperiment, tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    folder = tmp_path_factory.mktemp("copy")
-    history = CONSTANT_RATE.as_history(curve)
-    read = load_experiment(save_experiment(history, folder))
-    np.testing.assert_array_equal(read.response, history.response)
-    np.testing.assert_array_equal(read.position, history.position)

@@ -6,6 +6,7 @@
 #   make test                   the fast test suite
 #   make lint                   format, style and types
 #   make docs                   the documentation site, build/site/index.html
+#   make notebooks             run the notebooks and renew the outputs in notebooks/
 #   make bench                  sampling benchmark against the paper's form, about 40 minutes
 #   make clean                  remove what make wrote (never runs/, never CmdStan)
 #
@@ -17,7 +18,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 CANDIDATES := python3 python3.14 python3.13 python3.12 python3.11
 
-.PHONY: help report study test lint docs bench clean venv install cmdstan
+.PHONY: help report study test lint docs notebooks bench clean venv install cmdstan
 
 help:
 	@sed -n '2,/^$$/s/^# \{0,1\}//p' Makefile
@@ -46,6 +47,10 @@ docs: cmdstan $(VENV)/.docs-installed
 	@echo "==> Building the site: its pages run their commands, which takes some minutes"
 	@$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -c docs/site . build/site
 	@echo "==> build/site/index.html"
+
+notebooks: cmdstan $(VENV)/.docs-installed
+	@echo "==> Running the notebooks, which takes some minutes"
+	@$(BIN)/python docs/site/notebook_runs.py notebooks/*.ipynb
 
 bench: cmdstan
 	@echo "==> Measuring the sampler against the paper's form"

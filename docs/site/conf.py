@@ -9,6 +9,7 @@ ROOT = HERE.parents[1]
 sys.path.insert(0, str(HERE))
 
 from directives import EXTRA  # noqa: E402 - that folder is not on the path before
+from notebook_runs import LONGEST_SECONDS  # noqa: E402
 
 project = "pyburgers"
 author = "the authors of pyburgers"
@@ -16,17 +17,18 @@ version = release = version_of("pyburgers")
 language = "en"
 
 extensions = [
-    "myst_parser",
+    "myst_nb",
     "sphinx.ext.autodoc",
     "numpydoc",
     "sphinx_design",
     "directives",
 ]
-source_suffix = {".md": "markdown"}
+source_suffix = {".md": "myst-nb", ".ipynb": "myst-nb"}
 root_doc = "docs/index"
 # The source is the whole repository, so that links work here as they do in the files themselves.
 include_patterns = [
     "docs/**.md",
+    "notebooks/*",
     "stan/README.md",
     "reports/README.md",
     "reports/calibration/**.md",
@@ -38,6 +40,14 @@ exclude_patterns = ["build", ".venv", "runs", "report", "docs/site"]
 
 myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 3
+
+# Notebooks run while the site is built, each in a folder of its own.
+nb_execution_mode = "force"
+nb_execution_in_temp = True
+nb_execution_timeout = LONGEST_SECONDS
+nb_execution_raise_on_error = True
+nb_output_stderr = "remove"
+nb_merge_streams = True
 
 autodoc_typehints = "none"  # the docstrings say them
 autodoc_member_order = "bysource"

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment
-from pyburgers.kinds.read_test import Stated
+from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment, Stated
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.prior_families import Prior, fixed_prior
 

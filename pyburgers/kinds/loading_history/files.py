@@ -10,7 +10,7 @@ from pydantic import Field
 from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.toml_files import Table, factor_to_si
 from pyburgers.common.units import units_text
-from pyburgers.kinds.experiment import FloatArray
+from pyburgers.kinds.experiment import FloatArray, Stated
 from pyburgers.kinds.experiment_file import (
     SIGNS_WERE_TURNED,
     Compression,
@@ -48,7 +48,6 @@ from pyburgers.kinds.loading_history.true_readings import (
     without_start,
     without_states_before,
 )
-from pyburgers.kinds.read_test import Stated
 
 
 class _ApparatusTable(Table):

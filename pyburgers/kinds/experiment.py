@@ -19,8 +19,9 @@ from pyburgers.common.units import counted, span_text
 from pyburgers.kinds.limits import refuse_impossible
 from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.model.laws import KELVIN_LAWS
-from pyburgers.model.parameters import CONDITIONS
+from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME
 from pyburgers.model.peak_test import PeakTest
+from pyburgers.model.prior_families import Prior, fixed_prior
 
 FloatArray = npt.NDArray[np.float64]
 MetadataValue = str | float | int | bool
@@ -360,3 +361,30 @@ def of_kind(experiment: Experiment, kind: type[E]) -> E:
             f"protocol {kind.protocol!r}."
         )
     return experiment
+
+
+def stated_priors(experiment: Experiment) -> dict[str, Prior]:
+    """Return priors of the test and its apparatus, by the parameter."""
+    return {
+        name: _normal(name, stated, "stated with the test")
+        for name, stated in experiment.stated.items()
+    }
+
+
+def condition_priors(experiment: Experiment) -> tuple[Prior, ...]:
+    """Return the priors of the errors of a test's conditions."""
+    source = "stated in the file of the test"
+    return tuple(
+        _normal(one.parameter, Stated(0.0, one.sd), source) for one in experiment.uncertain
+    )
+
+
+def _normal(name: str, stated: Stated, source: str) -> Prior:
+    """Return the normal prior of a stated number, cut at zero where it cannot be negative."""
+    parameter = PARAMETER_BY_NAME[name]
+    if stated.sd == 0:
+        return fixed_prior(parameter, stated.value, source)
+    numbers = {"location": stated.value, "scale": stated.sd}
+    if name == "apparatus_compliance":
+        numbers["lower"] = 0.0
+    return Prior.of_family(name, "normal", numbers, unit=parameter.si_unit, source=source)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
-from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment
+from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment, stated_priors
 from pyburgers.kinds.likelihood import Likelihood
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.measured_sections import section_times
@@ -21,7 +21,6 @@ from pyburgers.kinds.loading_history.stan_data import (
     tests_block,
 )
 from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
-from pyburgers.kinds.stated_priors import stated_priors
 from pyburgers.model.display import time_unit
 from pyburgers.model.laws import DASHPOT_LAWS, KELVIN_LAWS
 from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_FLOW_RATE_QUANTITY

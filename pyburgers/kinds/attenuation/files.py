@@ -12,19 +12,19 @@ from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.toml_files import Table, factor_to_si
 from pyburgers.common.units import UNIT_TABLE, units_text
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
-from pyburgers.kinds.attenuation.forms import Form, loss_of, tan_delta_of
-from pyburgers.kinds.attenuation.imagined_spectra import (
-    SpectrumTable,
-    conditions_of,
-)
 from pyburgers.kinds.attenuation.table import (
     NO_READINGS,
     CycleConditions,
     Deformation,
     Elasticity,
     FloatArray,
+    Form,
     Readings,
+    SpectrumTable,
     check_table,
+    conditions_of,
+    loss_of,
+    tan_delta_of,
 )
 from pyburgers.kinds.experiment import CONDITION_KEYS
 from pyburgers.kinds.experiment_file import ExperimentFile, experiment_file, shared_values

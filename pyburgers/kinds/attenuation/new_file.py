@@ -4,7 +4,7 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
-from pyburgers.kinds.attenuation.forms import Form
+from pyburgers.kinds.attenuation.table import Form
 from pyburgers.kinds.guessed_columns import GuessedColumn
 from pyburgers.kinds.new_file import (
     LAYOUT,

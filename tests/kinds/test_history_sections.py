@@ -19,8 +19,7 @@ from pyburgers.kinds.forward import simulate, simulate_data
 from pyburgers.kinds.kind import save_experiment
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.files import load_loading_history
-from pyburgers.kinds.loading_history.measured_sections import section_times
-from pyburgers.kinds.loading_history.stan_data import solver_outputs
+from pyburgers.kinds.loading_history.stan_data import section_times, solver_outputs
 from pyburgers.kinds.loading_history.stan_data import tests_block as block_of
 from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.kinds.problem import problem_of

@@ -13,11 +13,11 @@ from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment, stated_priors
 from pyburgers.kinds.likelihood import Likelihood
 from pyburgers.kinds.loading_history.creep_intervals import CreepInterval, creep_intervals
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
-from pyburgers.kinds.loading_history.measured_sections import section_times
 from pyburgers.kinds.loading_history.stan_data import (
     grid_block,
     leg_of_times,
     reference_origin,
+    section_times,
     tests_block,
 )
 from pyburgers.kinds.loading_history.valley import LoadingHistoryValley

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin
 
 import numpy as np
@@ -30,7 +31,7 @@ E = TypeVar("E", bound=Experiment)
 
 def test_of(
     called: str,
-    load: Callable[[str, Mapping[str, Any]], E],
+    load: Callable[[Path, Mapping[str, Any]], E],
     structure: type[ExperimentFile],
     arguments: Mapping[str, Any],
 ) -> E:
@@ -42,7 +43,7 @@ def test_of(
     given = {"kind": "measured", "source": f"arrays given to {called}", **arguments}
     tables = {"protocol": protocol, **_tables(structure, given)}
     try:
-        return load(called, tables)
+        return load(Path(called), tables)
     except InputError as error:
         raise InputError(*map(_of_arguments, error.sentences)) from None
 

@@ -9,14 +9,13 @@ from pydantic import Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
 from pyburgers.common.errors import InputError, all_of
-from pyburgers.common.toml_files import Table, factor_to_si
+from pyburgers.common.toml_files import Table, factor_to_si, read_toml
 from pyburgers.common.units import units_text
 from pyburgers.kinds.experiment import FloatArray, Stated
 from pyburgers.kinds.experiment_file import (
     SIGNS_WERE_TURNED,
     Compression,
     ExperimentFile,
-    experiment_file,
     shared_values,
 )
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
@@ -124,15 +123,13 @@ class LoadingHistoryFile(ExperimentFile):
     )
 
 
-def load_loading_history(
-    path: str | Path, tables: Mapping[str, Any] | None = None
-) -> HistoryExperiment:
+def load_loading_history(path: Path, tables: Mapping[str, Any] | None = None) -> HistoryExperiment:
     """Read and check the file of a loading history, or its tables, and its data file.
 
     Time counts from the start of the first stage. What is turned, smoothed, left out or thinned is
     said in a notice. Raise InputError if a file, key, unit or number is not what it has to be.
     """
-    path, file = experiment_file(path, LoadingHistoryFile, tables)
+    file = read_toml(path, LoadingHistoryFile, tables)
     values, (test, offset) = all_of(lambda: shared_values(path, file), lambda: _test(path, file))
     stages, changes = read_stages(test, file.stages)
     if file.data is None or not file.data.is_copy:

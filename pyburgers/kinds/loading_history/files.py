@@ -17,6 +17,7 @@ from pyburgers.kinds.experiment_file import (
     Compression,
     ExperimentFile,
     shared_values,
+    sign_of,
 )
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.readings import (
@@ -173,12 +174,13 @@ def load_loading_history(path: Path, tables: Mapping[str, Any] | None = None) ->
 
 def _test(path: Path, file: LoadingHistoryFile) -> tuple[StageSource, Stated | None]:
     """Return what stages are read with, and the zero of strain."""
-    conventions = Conventions.of(
-        path,
+    conventions = Conventions(
+        time=factor_to_si(file.stage_time_unit, "time", f"{path}: key 'stage_time_unit'"),
+        stress=factor_to_si(file.stage_stress_unit, "stress", f"{path}: key 'stage_stress_unit'"),
         time_unit=file.stage_time_unit,
-        stress_unit=file.stage_stress_unit,
-        compression=file.compression,
-        measures=(file.stress_measure, file.strain_measure),
+        sign=sign_of(file.compression),
+        stress_measure=file.stress_measure,
+        strain_measure=file.strain_measure,
     )
     bounds = stage_bounds(path, file.stages, conventions.time)
     offset = _strain_offset(path, file, conventions.sign)

@@ -10,10 +10,10 @@ import numpy as np
 from pyburgers.common.cells import DECIMAL_COMMA, ODD_MINUS
 from pyburgers.common.errors import InputError
 from pyburgers.common.text_tables import TextTable, look_at
+from pyburgers.kinds.column_names import QUANTITIES
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.guessed_columns import unit_in_name
 from pyburgers.kinds.new_file import NAMED_SEPARATORS, new_files
-from pyburgers.kinds.quantities import QUANTITIES
 
 SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "white space", ",": "commas"}
 DEFAULT_UNITS = {"temperature": "K", "stress": "MPa"}

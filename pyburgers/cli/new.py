@@ -23,6 +23,7 @@ from pyburgers.common.paths import shown
 from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.common.toml_files import read_tables
 from pyburgers.common.units import UNIT_TABLE, units_text
+from pyburgers.kinds.column_names import ALONG_AXIS, QUANTITIES
 from pyburgers.kinds.guessed_columns import GuessedColumn, guess_columns, left_out
 from pyburgers.kinds.likelihood import NAMES
 from pyburgers.kinds.new_file import (
@@ -33,7 +34,6 @@ from pyburgers.kinds.new_file import (
     experiment_text,
     new_files,
 )
-from pyburgers.kinds.quantities import ALONG_AXIS, QUANTITIES
 from pyburgers.model.priors import shipped_prior_files
 
 MATERIAL = Question("material", "material", example="ice")

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from pyburgers.common.cells import as_number, has_date
 from pyburgers.common.text_tables import TextTable
 from pyburgers.common.units import FOREIGN_UNIT_NAMES, UNIT_TABLE, Unit, unit_in
-from pyburgers.kinds.quantities import (
+from pyburgers.kinds.column_names import (
     ALONG_AXIS,
     ANGLES,
     ERRORS,

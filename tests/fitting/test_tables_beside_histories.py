@@ -20,10 +20,10 @@ from pyburgers.kinds.constant_rate.experiment import (
     ConstantRateExperiment,
     load_constant_rate,
 )
+from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.coordinates import Mode
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forced_oscillation.experiment import load_forced_oscillation
-from pyburgers.kinds.loading_history.conversion import as_history
 from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
 from pyburgers.kinds.problem import Problem, one_test, problem_of
 from pyburgers.kinds.program_data import (
@@ -226,7 +226,7 @@ def test_gradients_are_those_of_the_density() -> None:
 def test_valley_coordinates_of_the_curve_leave_the_table_alone() -> None:
     """With nothing of its own the table adds its likelihood, in whatever coordinates."""
     problem = both(ONE_MODULUS)
-    alone = problem_of([as_history(curve())], priors())
+    alone = problem_of([CONSTANT_RATE.as_history(curve())], priors())
     truth = curve().true_parameters
     assert truth is not None
     plain = alone.coordinates[0]

@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -20,6 +21,7 @@ from oscillation_pair import TWIN_FILE
 from pyburgers.cmdstan.program import Program, shares_work
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.errors import InputError, SystemFailureError
+from pyburgers.common.messages import messages_where_watched
 from pyburgers.common.processes import start
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.kind import load_experiment
@@ -146,7 +148,7 @@ def test_chains_leave_cores_to_the_threads_of_others(
     monkeypatch.setattr(chains, "cores", lambda: 8)
     monkeypatch.setattr(chains, "closing", lambda looks: looks)
     monkeypatch.setattr(chains, "side_by_side", no_looks)
-    options = SMALL_RUN.suited_to(joint.problem.likelihood)
+    options = SMALL_RUN.suited_to(joint.problem.likelihood, joint.problem.name)
     for threads in (1, 3, 9):
         chains.run_side_by_side(Program(Path("program"), threads), joint.directory, [1, 2], options)
     assert seen == [8, 2, 1]
@@ -197,13 +199,71 @@ def test_processes_beside_each_other_draw_no_bars(
 ) -> None:
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)  # no fixture, after which pytest sets it
-    monkeypatch.setattr("pyburgers.sampling.chains.parent_process", lambda: "a pool")
+    monkeypatch.setattr("pyburgers.common.messages.parent_process", lambda: "a pool")
     caplog.set_level(logging.INFO, "pyburgers")
     with shown_progress([1], 100) as advance:
         advance(1, 50, "Warmup")
     assert terminal.getvalue() == ""
     (message,) = caplog.messages
     assert message.startswith("50% of 1 chain of 100 iterations (warmup), about ")
+
+
+class Shell:
+    """The shell of a notebook, as IPython gives it."""
+
+    kernel = None
+
+
+class Display:
+    """What a cell shows: of each handle the last."""
+
+    def __init__(self) -> None:
+        self.shown: list[str] = []
+
+    def HTML(self, text: str) -> str:  # noqa: N802 - IPython's name
+        return text
+
+    def display(self, text: str, *, display_id: bool) -> "Display":
+        assert display_id
+        return self
+
+    def update(self, text: str) -> None:
+        self.shown.append(text)
+
+
+def notebook(monkeypatch: pytest.MonkeyPatch) -> Display:
+    """Have the process look like the kernel of a notebook."""
+    display = Display()
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=Shell))
+    monkeypatch.setitem(sys.modules, "IPython.display", display)
+    return display
+
+
+def test_a_notebook_has_one_bar_of_all_chains(monkeypatch: pytest.MonkeyPatch) -> None:
+    display = notebook(monkeypatch)
+    with shown_progress([1, 2], 100) as advance:
+        for iteration in range(1, 101):
+            advance(1, iteration, "Warmup" if iteration <= 50 else "Sampling")
+        advance(2, 100, "Sampling")
+    assert len(display.shown) == 51
+    assert display.shown[0].startswith('<progress style="width: 40ex" value="0.010"></progress> 1%')
+    assert display.shown[-1].endswith("100% of 2 chains of 100 iterations (sampling)")
+
+
+def test_quiet_is_asked_for_by_the_level_of_the_logger(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    display = notebook(monkeypatch)
+    with messages_where_watched():
+        logging.getLogger("pyburgers.some").info("a message")
+    assert capsys.readouterr().err == "a message\n"
+    logging.getLogger("pyburgers").setLevel(logging.WARNING)
+    with messages_where_watched():
+        logging.getLogger("pyburgers.some").info("a message")
+    with shown_progress([1], 100) as advance:
+        advance(1, 100, "Sampling")
+    assert display.shown == []
+    assert capsys.readouterr().err == ""
 
 
 def test_the_streams_of_the_process_stay_in_place(capsys: pytest.CaptureFixture[str]) -> None:

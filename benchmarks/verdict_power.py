@@ -25,7 +25,7 @@ import pyburgers
 from pyburgers.checks.fit_checks import CheckedDraws, CheckKind, Outcome, run_checks
 from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.verdicts import verdicts
-from pyburgers.common.columns import write_columns
+from pyburgers.common.csv_files import write_columns
 from pyburgers.common.errors import SamplingError
 from pyburgers.kinds.forward import simulate
 
@@ -148,7 +148,7 @@ def write_test(kind: str, misfit: str, seed: int, folder: Path) -> Path:
     driven = pyburgers.load_experiment(history(kind, misfit, folder))
     times = STRAINS / RATE if kind == "curve" else TIMES
     low, high = STRESS_RANGE if kind == "curve" else STRAIN_RANGE
-    priors = pyburgers.default_priors("ice").resolved(1e6)
+    priors = pyburgers.priors("ice").resolved(1e6)
     while True:
         values = {**priors.sample(rng), **LAWS.get(misfit, {})}
         try:
@@ -211,7 +211,7 @@ def fit_test(folder: Path, seed: int, more_draws: int | None) -> pyburgers.Fit:
     """Fit the test of a folder, or add draws to each chain of its fit."""
     return pyburgers.fit(
         pyburgers.load_experiment(folder / f"{folder.name}.toml"),
-        pyburgers.default_priors("ice"),
+        pyburgers.priors("ice"),
         options=pyburgers.SamplerOptions(chains=CHAINS, draws=FIRST_DRAWS, warmup=400, seed=seed),
         out=folder / "run",
         more_draws=more_draws,

@@ -45,7 +45,7 @@ def main() -> None:
 
     # Priors are files too. Copy one of data/priors, change it and name it with --priors.
     if options.priors is None:
-        priors = pyburgers.default_priors(experiment.material)
+        priors = pyburgers.priors(experiment.material)
     else:
         priors = pyburgers.load_priors(options.priors)
 

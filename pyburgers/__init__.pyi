@@ -18,6 +18,8 @@ from .drawing.style import style as style
 from .drawing.views.oscillation_response import predicted_response as predicted_response
 from .fitting.fit import Fit as Fit
 from .fitting.fit import fit as fit
+from .fitting.plots import plot as plot
+from .fitting.plots import plot_priors as plot_priors
 from .fitting.prediction import Prediction as Prediction
 from .fitting.prior_draws import PriorDraws as PriorDraws
 from .fitting.prior_draws import prior_draws as prior_draws
@@ -33,6 +35,12 @@ from .flow_law_tables.inputs import load_peak_stress as load_peak_stress
 from .flow_law_tables.inputs import load_peak_stress_priors as load_peak_stress_priors
 from .flow_law_tables.inputs import with_curve_flow_law as with_curve_flow_law
 from .flow_law_tables.inputs import without_test as without_test
+from .kinds.arrays import AttenuationTable as AttenuationTable
+from .kinds.arrays import ConstantRateTest as ConstantRateTest
+from .kinds.arrays import CreepTest as CreepTest
+from .kinds.arrays import ForcedOscillation as ForcedOscillation
+from .kinds.arrays import LoadingHistory as LoadingHistory
+from .kinds.arrays import RelaxationTest as RelaxationTest
 from .kinds.attenuation.experiment import AttenuationExperiment as AttenuationExperiment
 from .kinds.constant_rate.experiment import ConstantRateExperiment as ConstantRateExperiment
 from .kinds.experiment import Experiment as Experiment
@@ -48,9 +56,14 @@ from .model.display import symbol_text as symbol_text
 from .model.display import unit_text as unit_text
 from .model.prior_families import Prior as Prior
 from .model.priors import PriorSet as PriorSet
-from .model.priors import default_priors as default_priors
 from .model.priors import load_priors as load_priors
+from .model.priors import priors as priors
 from .model.priors import with_flow_law as with_flow_law
+from .model.stated_priors import fixed as fixed
+from .model.stated_priors import half_normal as half_normal
+from .model.stated_priors import lognormal as lognormal
+from .model.stated_priors import normal as normal
+from .model.stated_priors import uniform as uniform
 from .model.variants import ModelVariant as ModelVariant
 from .model.variants import variant_of as variant_of
 from .model.variants import with_variant as with_variant
@@ -60,6 +73,7 @@ from .page.joint_section import joint_sections as joint_sections
 from .page.page import write_report as write_report
 from .page.peak_stress_section import peak_stress_section as peak_stress_section
 from .page.posterior_figures import page_figure as page_figure
+from .page.report import report as report
 from .predictions.attenuation import attenuation_spectrum as attenuation_spectrum
 from .predictions.attenuation import predict_attenuation as predict_attenuation
 from .predictions.closed_forms import flow_rate as flow_rate

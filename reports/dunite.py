@@ -30,12 +30,14 @@ from pyburgers import (
     SamplerOptions,
     Task,
     compare,
-    default_priors,
     load_experiment,
     page_figure,
     shown_quantity,
     task_of,
     with_variant,
+)
+from pyburgers import (
+    priors as default_priors,
 )
 
 ONE_RATE = "dunite_4506"

@@ -25,7 +25,6 @@ from pyburgers import (
     Prediction,
     SamplerOptions,
     Task,
-    default_priors,
     load_experiment,
     page_figure,
     score_sentence,
@@ -34,6 +33,9 @@ from pyburgers import (
     surprise_sentence,
     task_of,
     with_variant,
+)
+from pyburgers import (
+    priors as default_priors,
 )
 
 SPECIMEN = "A1802"

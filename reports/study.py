@@ -40,7 +40,6 @@ from pyburgers import (
     Workers,
     comparison_sections,
     default_peak_stress_priors,
-    default_priors,
     fit_peak_stress,
     fit_side_by_side,
     flow_law_prior,
@@ -54,6 +53,9 @@ from pyburgers import (
     with_curve_flow_law,
     with_flow_law,
     without_test,
+)
+from pyburgers import (
+    priors as default_priors,
 )
 
 logger = logging.getLogger("pyburgers.study")

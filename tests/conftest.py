@@ -70,16 +70,21 @@ POOL = {"stress_noise": "separate"}
 
 LONGEST_FILES = (
     "contract.py",
-    "test_leave_one_test_out.py",
-    "test_sampling.py",
     "test_study.py",
-    "test_report.py",
-    "test_compare_cli.py",
-    "test_calibration_run.py",
-    "test_calibration.py",
-    "test_comparison_sections.py",
     "test_kinds_together.py",
+    "test_leave_one_test_out.py",
+    "test_comparison.py",
+    "test_statements.py",
+    "test_calibration_run.py",
     "test_figures.py",
+    "test_sampling.py",
+    "test_report.py",
+    "test_shorter_steps.py",
+    "test_compare_cli.py",
+    "test_calibration.py",
+    "test_olivine_spectra.py",
+    "test_examples.py",
+    "test_hand_over.py",
     "test_peak_stress_fit.py",
 )
 """Those that take more than 15 s of processor time; a file runs in one process. Neighbours do not

@@ -1,12 +1,14 @@
 """The plan of the house: imports run down, none in a circle, and files stay short."""
 
 import ast
+import inspect
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
 from pyburgers.drawing.view import View, views
-from pyburgers.kinds.likelihood import NAMES
+from pyburgers.kinds.kind import Kind, kinds
+from pyburgers.kinds.likelihood import NAMES, Likelihood, likelihoods
 
 PACKAGE = Path(__file__).parents[1] / "pyburgers"
 
@@ -155,9 +157,35 @@ def test_protocols_draw_nothing() -> None:
     assert not drawing
 
 
-def test_every_kind_has_a_view_of_its_name() -> None:
-    assert tuple(views()) == NAMES
-    assert all(isinstance(view, View) for view in views().values())
+def test_every_kind_has_one_kind_one_likelihood_and_one_view_of_its_name() -> None:
+    folders = {file.parent.name for file in (PACKAGE / "kinds").glob("*/__init__.py")}
+    assert folders == set(NAMES)
+    for objects, structure in (
+        (kinds(), Kind),
+        (likelihoods(), Likelihood),
+        (views(), View),
+    ):
+        assert tuple(objects) == NAMES
+        assert all(isinstance(one, structure) for one in objects.values())
+    for named in (kinds(), likelihoods()):
+        assert tuple(one.name for one in named.values()) == NAMES
+    assert len(Kind.__subclasses__()) == len(Likelihood.__subclasses__()) == len(NAMES)
+
+
+MOST_METHODS = {Kind: 8, Likelihood: 12}
+"""Methods of the two objects of a kind: more of them belong to the test itself."""
+
+
+def test_kinds_and_likelihoods_are_small() -> None:
+    methods = {
+        structure: [one for one in vars(structure).values() if inspect.isfunction(one)]
+        for structure in MOST_METHODS
+    }
+    assert {
+        structure.__name__: len(own)
+        for structure, own in methods.items()
+        if len(own) > MOST_METHODS[structure]
+    } == {}
 
 
 def test_files_are_short() -> None:

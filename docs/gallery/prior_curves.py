@@ -7,7 +7,7 @@ import pyburgers
 from pyburgers.common.shipped_files import shipped_folder
 
 test = pyburgers.load_experiment(shipped_folder("data") / "ice" / "PIL40.toml")
-priors = pyburgers.default_priors("ice").resolved(float(test.largest_stress))
+priors = pyburgers.priors("ice").resolved(float(test.largest_stress))
 rng = np.random.default_rng(8)
 strain = np.linspace(0.001, 0.2, 80)
 

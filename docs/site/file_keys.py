@@ -9,11 +9,12 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 import annotated_types
 from pydantic.fields import FieldInfo
 
-from pyburgers.common.columns import Column
+from pyburgers.common.columns import Column, DataFile
 from pyburgers.common.toml_files import Table
 from pyburgers.flow_law_tables import inputs
-from pyburgers.kinds.attenuation.files import _AttenuationFile
-from pyburgers.kinds.experiment import CONDITION_KEYS, ExperimentFile
+from pyburgers.kinds.attenuation.files import AttenuationFile
+from pyburgers.kinds.experiment import CONDITION_KEYS
+from pyburgers.kinds.experiment_file import ExperimentFile
 from pyburgers.kinds.kind import kinds
 from pyburgers.model import priors
 
@@ -42,7 +43,7 @@ UNIT_OF_WORDS = {
 COLUMN_MEANING = "the column that holds the {}: its name, or its number from 1 without header"
 
 REFUSED: Mapping[type[Table], frozenset[str]] = {
-    _AttenuationFile: frozenset(key for keys in CONDITION_KEYS.values() for key in keys)
+    AttenuationFile: frozenset(key for keys in CONDITION_KEYS.values() for key in keys)
 }
 """Keys that files of all experiments share, but that this kind of test refuses."""
 
@@ -52,6 +53,7 @@ _WORDS: dict[Any, str] = {
     str: "text",
     bool: "true or false",
     Any: "text, number, true or false",
+    get_args(get_args(DataFile)[0])[1]: "table of columns",
 }
 
 

@@ -62,7 +62,7 @@ def _set(path: Path, runs: Path) -> dict[str, Any]:
     """Fit a test; return what the page needs of it, in SI units."""
     experiment = pyburgers.load_experiment(path)
     assert isinstance(experiment, ConstantRateExperiment)
-    priors = pyburgers.default_priors(experiment.material)
+    priors = pyburgers.priors(experiment.material)
     fit = pyburgers.fit(experiment, priors, out=runs / experiment.id, options=OPTIONS)
     draws = fit.posterior["posterior"].to_dataset().stack(sample=("chain", "draw"))
     chosen = np.linspace(0, draws.sizes["sample"] - 1, KEPT).round().astype(int)

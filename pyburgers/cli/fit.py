@@ -1,7 +1,6 @@
 """`pyburgers fit`: one test, or several in a joint fit."""
 
 import argparse
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,19 +16,18 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
 from pyburgers.comparison.neighbours import what_a_yes_leaves_open
 from pyburgers.fitting.fit import fit
-from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.fixed_parameters import fixed_in_effect
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import of_one_program
 from pyburgers.kinds.stan_data import SolverOptions
-from pyburgers.kinds.together import default_priors_for
+from pyburgers.kinds.together import priors_for
 from pyburgers.model.flow_law_prior import (
     FLOW_LAW_PRIOR_FILE,
     FlowLawPrior,
     load_flow_law_of_run,
 )
 from pyburgers.model.pooling import parse_pooling
-from pyburgers.model.priors import PriorSet, load_priors, with_flow_law
+from pyburgers.model.priors import with_flow_law
 from pyburgers.model.variants import parse_choices, with_variant
 from pyburgers.page.joint_section import pooling_table, shown_pooling_table
 from pyburgers.page.tables import parameter_table
@@ -80,12 +78,10 @@ def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
     choices = parse_choices(options.variant)
     pool = parse_pooling(options.pool)
-    experiments = [load_experiment(path) for path in options.experiments]
-    taken = of_one_program(experiments)
-    first = taken[0]
+    experiments = of_one_program([load_experiment(path) for path in options.experiments])
     if pool and len(experiments) == 1:
         raise InputError(f"--pool {options.pool[0]}: found one experiment, expected several.")
-    priors = with_variant(_priors_for(taken, options.priors, choices), first, choices)
+    priors = with_variant(priors_for(experiments, options.priors, choices), experiments[0], choices)
     source: Path | None = options.priors_from
     if source is not None:
         priors = with_flow_law(priors, _flow_law_of(source), f"--priors-from {source}")
@@ -109,12 +105,6 @@ def run(options: argparse.Namespace) -> int:
     code = print_checks(result.checks(), result.prior_conflicts(), result.prior_decisions())
     print_lines(what_a_yes_leaves_open(result))
     return code
-
-
-def _priors_for(
-    experiments: Sequence[Experiment], path: Path | None, choices: Mapping[str, str]
-) -> PriorSet:
-    return default_priors_for(experiments) if path is None else load_priors(path, choices)
 
 
 def _flow_law_of(source: Path) -> FlowLawPrior:

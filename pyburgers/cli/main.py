@@ -28,6 +28,7 @@ COMMANDS = {
     "install-cmdstan": "get and build CmdStan",
     "new": "an experiment file for a text file of readings, after asking",
     "check-file": "all that is wrong with an input file, and hints",
+    "priors": "the prior file of a material, to be copied and changed",
     "fit": "fit an experiment, or several in a joint fit",
     "check": "the checks of a run again",
     "simulate": "forward solution at given parameters",

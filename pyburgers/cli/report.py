@@ -7,11 +7,9 @@ from pyburgers.cli.shared import command_line
 from pyburgers.common.paths import shown
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import PeakStressFit, is_peak_stress_run
-from pyburgers.page.comparison_sections import comparison_sections
-from pyburgers.page.joint_section import joint_sections
 from pyburgers.page.names import file_key
-from pyburgers.page.page import write_report
-from pyburgers.page.peak_stress_section import PEAK_STRESS_KEY, peak_stress_section
+from pyburgers.page.peak_stress_section import PEAK_STRESS_KEY
+from pyburgers.page.report import report
 from pyburgers.sampling.run_directory import names_of_runs
 
 
@@ -31,7 +29,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="folder of the page, new or that of an earlier page",
     )
-    command.add_argument("--title", default="Nonlinear Burgers fits", help="of the page")
+    command.add_argument("--title", help="of the page")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -42,22 +40,6 @@ def run(options: argparse.Namespace) -> int:
         f"{PEAK_STRESS_KEY}_{file_key(name)}": PeakStressFit.load(directory)
         for name, directory in zip(names_of_runs(of_tables), of_tables, strict=True)
     }
-    joints = [fit for fit in loaded if fit.is_joint]
-    fits = [fit for fit in loaded if not fit.is_joint]
-    sections = joint_sections(joints, fits)
-    fits = [*(fit for joint in joints for fit in joint.tests().values()), *fits]
-    page = write_report(
-        fits,
-        options.out,
-        title=options.title,
-        command=command_line(),
-        joints=joints,
-        extras=(
-            *sections,
-            *comparison_sections([*joints, *fits]),
-            *(peak_stress_section(table, key) for key, table in tables.items()),
-        ),
-        told={key: [table] for key, table in tables.items()},
-    )
+    page = report(loaded, options.out, title=options.title, command=command_line(), tables=tables)
     print(shown(f"The page is {page}"))
     return 0

@@ -14,7 +14,7 @@ from pyburgers.fitting.new_test import parameters_for_other_test
 from pyburgers.kinds.doubts import doubts
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import load_parameters, simulate, with_laws
-from pyburgers.kinds.kind import kind_of, load_experiment
+from pyburgers.kinds.kind import load_experiment
 from pyburgers.model.variants import parse_choices
 
 logger = logging.getLogger(__name__)
@@ -62,7 +62,7 @@ def run(options: argparse.Namespace) -> int:
             "negative one, and the +7.29e-4 mol/J printed in the paper's Table 1 is a misprint."
         )
     parameters = with_laws(experiment, parameters, parse_choices(options.variant))
-    solution = kind_of(experiment).solution_table(experiment, simulate(experiment, parameters))
+    solution = experiment.solution_table(simulate(experiment, parameters))
     with writing(options.out):
         write_text(options.out, solution.to_csv(index=False))
     print(shown(f"{len(solution)} rows in {options.out}"))

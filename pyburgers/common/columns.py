@@ -3,10 +3,9 @@
 import math
 import os
 import re
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Mapping
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -14,11 +13,10 @@ import numpy.typing as npt
 from pydantic import Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
-from pyburgers.common.atomic_files import write_text
 from pyburgers.common.cells import number_in
 from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.paths import given_path
-from pyburgers.common.text_tables import TextTable, look_at
+from pyburgers.common.text_tables import TextTable, look_at, table_of_columns
 from pyburgers.common.toml_files import Table, factor_to_si, unit_of
 from pyburgers.common.units import Unit, counted
 
@@ -39,9 +37,6 @@ INFINITE = re.compile(r"[+-]?(?:inf(?:inity)?|[0-9.]+e[+-]?[0-9]+|nan)", re.IGNO
 
 MARKED = re.compile(r"[+-]?[0-9]+(?:[.,'_ \u00a0\u202f][0-9]+)+")
 """Cells of digits with more marks between them than a decimal point."""
-
-WRITTEN_LAYOUT = MappingProxyType({"separator": ",", "header": True, "missing": []})
-"""Keys of a table [data] that describe what `write_columns` writes."""
 
 MAX_NAMED_CELLS = 3
 """Cells of a column that are named where they hold no numbers."""
@@ -67,6 +62,16 @@ def _checked_cell(found: object) -> str:
     if isinstance(found, bool) or not isinstance(found, str | int):
         raise PydanticCustomError("cell", "text, or a whole number")
     return str(found)
+
+
+def _checked_file(found: object) -> str | Mapping[str, Any]:
+    if not isinstance(found, str | Mapping):
+        raise PydanticCustomError("file", "a valid string, or a table of columns")
+    return found
+
+
+DataFile = Annotated[str | Mapping[str, Any], PlainValidator(_checked_file)]
+"""Name of a data file, or the columns themselves: arrays by name, all of one length."""
 
 
 Cell = Annotated[str, PlainValidator(_checked_cell), Field(description="what the column holds")]
@@ -101,6 +106,11 @@ class TextFilesTable(Table):
             return path.parent / self.data_root
         return given_path(override)
 
+    def source(self, path: Path, key: str = "file") -> Path:
+        """Return what messages name as the source of columns: a data file, or `path` itself."""
+        file = getattr(self, key)
+        return self.folder(path) / file if isinstance(file, str) else path
+
     def in_si(self, key: str, unit_key: str, quantity: str, path: Path) -> float | None:
         """Return a number of the table in SI, None where none is given; `path` is the TOML file."""
         number = getattr(self, key)
@@ -125,60 +135,70 @@ class TextFilesTable(Table):
 
 
 def read_columns(
-    source: Path,
+    path: Path,
     data: TextFilesTable,
     columns: Mapping[str, tuple[str, str] | None],
     *,
-    where: Path,
-    file_key: str,
+    key: str = "file",
+    named_in: str = "[data]",
     may_be_empty: Container[str] = (),
     has_own_clock: bool = True,
 ) -> tuple[list[FloatArray], tuple[str, ...]]:
-    """Read columns of a text file, or of a workbook.
+    """Read columns of a text file, of a workbook, or of a table in memory.
 
-    Where a cell stands for no reading in a column that may not be empty, its row is left out with a
-    note. `columns`: keys of `data` that name the wanted columns, each with the key that names its
-    unit and the quantity (a key of `pyburgers.common.units.UNITS`), or with None where it has no
-    unit. Return `columns` (n_rows,): in the order asked for, in SI, finite but for NaN in empty
-    cells. Return `notes`: sentences about what was done to read them. Raise InputError if a unit is
-    not one of its quantity, the file is missing or has no data rows, its rows do not go with its
-    names, a column is missing, no row is one of those wanted, or a cell is empty, not a number, not
-    finite or larger than `MAX_SI_NUMBER`; the message names file, line and column.
+    If a cell stands for no reading in a column that may not be empty, its row is left out with a
+    note. `path`: the TOML file. `key`: of `data`, which names the data file. `named_in`: the table
+    of the TOML file with that key. `columns`: keys of `data` that name the wanted columns, each
+    with the key that names its unit and the quantity (a key of `pyburgers.common.units.UNITS`), or
+    with None if it has no unit. Return `columns` (n_rows,): in the order asked for, in SI, finite
+    but for NaN in empty cells. Return `notes`: sentences about what was done to read them. Raise
+    InputError if a unit is not one of its quantity, the file is missing or has no data rows, its
+    rows do not go with its names, a column is missing, no row is one of those wanted, or a cell is
+    empty, not a number, not finite or larger than `MAX_SI_NUMBER`; the message names file, line and
+    column.
     """
     units, (found, notes) = all_of(
-        lambda: all_of(*(partial(_unit, data, unit, where) for unit in columns.values())),
-        lambda: _numbers(source, data, columns, where, file_key, may_be_empty, has_own_clock),
+        lambda: all_of(*(partial(_unit, data, unit, path) for unit in columns.values())),
+        lambda: _numbers(path, data, columns, key, named_in, may_be_empty, has_own_clock),
     )
     with np.errstate(over="ignore"):
         scaled = [
             unit.zero + unit.factor * values for values, unit in zip(found, units, strict=True)
         ]
-    for key, values in zip(columns, scaled, strict=True):
+    for column, values in zip(columns, scaled, strict=True):
         if (np.abs(values) > MAX_SI_NUMBER).any():
             raise InputError(
-                f"{source}: column {getattr(data, key)!r} holds a number that is too large, "
-                f"expected at most {MAX_SI_NUMBER:g} in SI."
+                f"{data.source(path, key)}: column {getattr(data, column)!r} holds a number that "
+                f"is too large, expected at most {MAX_SI_NUMBER:g} in SI."
             )
     return scaled, notes
 
 
+def _table(path: Path, data: TextFilesTable, key: str, named_in: str) -> TextTable:
+    """Return the table that holds the columns, from a file or from memory."""
+    file = getattr(data, key)
+    if not isinstance(file, str):
+        return table_of_columns(path, file, data.missing)
+    return look_at(
+        data.source(path, key),
+        None if data.separator is None else SEPARATORS.get(data.separator, data.separator),
+        header=data.header,
+        missing=data.missing,
+        where=f"{path}: key {key!r} in {named_in}",
+    )
+
+
 def _numbers(
-    source: Path,
+    where: Path,
     data: TextFilesTable,
     columns: Mapping[str, tuple[str, str] | None],
-    where: Path,
     file_key: str,
+    named_in: str,
     may_be_empty: Container[str],
     has_own_clock: bool,
 ) -> tuple[list[FloatArray], tuple[str, ...]]:
     """Read columns of the rows that are wanted, in the units of the file."""
-    table = look_at(
-        source,
-        None if data.separator is None else SEPARATORS.get(data.separator, data.separator),
-        header=data.header,
-        missing=data.missing,
-        where=f"{where}: key {file_key}",
-    )
+    table, source = _table(where, data, file_key, named_in), data.source(where, file_key)
     if table.problems:
         raise InputError(*table.problems)
     if not table.rows:
@@ -217,7 +237,7 @@ def _numbers(
         notes = (
             *notes,
             f"{source.name}: {counted(len(lines), 'row')} left out, where a column that is read "
-            f"holds no reading (line {', '.join(lines[:MAX_NAMED_CELLS])}{more}).",
+            f"holds no reading ({table.row_name} {', '.join(lines[:MAX_NAMED_CELLS])}{more}).",
         )
     return [values[~without] for values in found], notes
 
@@ -240,28 +260,6 @@ def _unit(data: TextFilesTable, unit: tuple[str, str] | None, where: Path) -> Un
         return Unit()
     key, quantity = unit
     return unit_of(getattr(data, key), quantity, f"{where}: key {key!r} in [data]")
-
-
-def write_data(
-    directory: Path, columns: Mapping[str, Sequence[float] | FloatArray]
-) -> dict[str, Any]:
-    """Write ``experiment.csv``; return the keys of a table [data] that say how it is laid out."""
-    write_columns(directory / "experiment.csv", columns)
-    return {"file": "experiment.csv", **WRITTEN_LAYOUT}
-
-
-def write_columns(path: Path, columns: Mapping[str, Sequence[float] | FloatArray]) -> None:
-    """Write columns with a header, separated by commas, that read back to the same numbers.
-
-    The cells of NaN are empty.
-    """
-    rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
-    lines = [",".join(columns), *(",".join(map(_written, row)) for row in rows)]
-    write_text(path, "\n".join(lines) + "\n")
-
-
-def _written(number: float) -> str:
-    return "" if math.isnan(number) else repr(number)
 
 
 def _selected(
@@ -324,14 +322,14 @@ def _column(
         fault = None
         if index >= len(row):
             fault = "the row ends before this column"
-        elif not row[index] and not may_be_empty:
+        elif not row[index] and not may_be_empty and not table.is_in_memory:
             fault = "found an empty cell, expected a number"
         elif value is None:
             finite = "finite " if INFINITE.fullmatch(cells[k]) else ""
             marks = " without thousands separators" if MARKED.fullmatch(cells[k]) else ""
             fault = f"found {cells[k]!r}, expected a {finite}number{marks}"
         if fault is not None:
-            sentences.append(f"{table.path}: line {line}, column {column!r}: {fault}.")
+            sentences.append(f"{table.path}: {table.row_name} {line}, column {column!r}: {fault}.")
         values.append(math.nan if value is None else value)
     if len(sentences) > MAX_NAMED_CELLS:
         more = len(sentences) - MAX_NAMED_CELLS

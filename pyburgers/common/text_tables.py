@@ -6,10 +6,13 @@ One reader serves whoever describes a file (`pyburgers new`, hints) and whoever 
 
 import csv
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from pyburgers.common.cells import (
     DECIMAL_COMMA,
@@ -24,6 +27,7 @@ from pyburgers.common.cells import (
     names_between_blanks,
     seconds_of,
 )
+from pyburgers.common.errors import InputError
 from pyburgers.common.table_layout import (
     COMMENT,
     MAX_SMALL_TABLE_SHARE,
@@ -52,6 +56,7 @@ class TextTable:
     `missing`: cells that are said to stand for no reading; None where they are to be found.
     `layout_notes`: sentences about what was done to find the table.
     `problems`: sentences about what keeps the rows from being read.
+    `is_in_memory`: whether the columns were arrays; rows are then numbered from 1.
     """
 
     path: Path
@@ -63,6 +68,12 @@ class TextTable:
     missing: tuple[str, ...] | None = None
     layout_notes: tuple[str, ...] = ()
     problems: tuple[str, ...] = ()
+    is_in_memory: bool = False
+
+    @property
+    def row_name(self) -> str:
+        """What messages call a row by its number."""
+        return "row" if self.is_in_memory else "line"
 
     @cached_property
     def columns(self) -> tuple[str | int, ...]:
@@ -219,6 +230,43 @@ class TextTable:
                 "rows) stands for no reading, as an empty cell does"
             )
         return notes
+
+
+def table_of_columns(
+    path: Path, columns: Mapping[str, ArrayLike], missing: Sequence[str] | None = None
+) -> TextTable:
+    """Return a table whose columns are arrays of numbers, texts or times; NaN is no reading.
+
+    `path`: what messages name. Raise InputError if a column is no list, or lengths differ.
+    """
+    cells = {name: _cells_in(path, name, values) for name, values in columns.items()}
+    lengths = {name: len(own) for name, own in cells.items()}
+    if len(set(lengths.values())) > 1:
+        found = ", ".join(f"{length} in {name!r}" for name, length in lengths.items())
+        raise InputError(f"{path}: found columns of different lengths, {found}; expected one.")
+    rows = tuple(enumerate(zip(*cells.values(), strict=True), start=1))
+    words = None if missing is None else tuple(missing)
+    return TextTable(path, ",", tuple(cells), None, rows, missing=words, is_in_memory=True)
+
+
+def _cells_in(path: Path, name: str, values: ArrayLike) -> list[str]:
+    """Return the values of a column as the cells of a text; an empty one for no reading."""
+    array = np.asarray(values)
+    if array.ndim != 1:
+        raise InputError(
+            f"{path}: column {name!r}: found {array.ndim} dimensions, expected a list of numbers."
+        )
+    if np.issubdtype(array.dtype, np.datetime64):
+        return [
+            "" if np.isnat(time) else str(time.astype("datetime64[us]")).replace("T", " ")
+            for time in array
+        ]
+    return ["" if _is_nothing(value) else str(value) for value in array.tolist()]
+
+
+def _is_nothing(value: object) -> bool:
+    """Whether a value of a list stands for no reading: None, or not equal to itself as NaN is."""
+    return value is None or str(value) in ("nan", "NaT", "<NA>")
 
 
 def look_at(

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
+import numpy as np
 import tomli_w
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
@@ -75,13 +76,15 @@ def read_text(path: Path) -> str:
         raise InputError(f"file {path} is not UTF-8 text.") from None
 
 
-def read_toml(path: Path, structure: type[TableT]) -> TableT:
-    """Read a TOML file into `structure`.
+def read_toml(
+    path: Path, structure: type[TableT], tables: Mapping[str, Any] | None = None
+) -> TableT:
+    """Read a TOML file, or its tables in memory, into `structure`.
 
     Raise InputError if the file cannot be read, is not TOML, or does not have the structure. The
     error has a sentence for each key at fault, unknown keys before all others.
     """
-    return checked(path, read_tables(path), structure)
+    return checked(path, read_tables(path) if tables is None else tables, structure)
 
 
 def read_tables(path: Path) -> dict[str, Any]:
@@ -175,12 +178,17 @@ def _known(unit: str, units: Mapping[str, T], quantity: str, where: str) -> T:
 
 def write_toml(path: Path, table: Mapping[str, Any]) -> None:
     """Write a table, without what is None, as a file that `tomllib` reads back to equal values."""
-    write_text(path, tomli_w.dumps(_without_none(table)))
+    write_text(path, tomli_w.dumps(without_none(table)))
 
 
-def _without_none(table: Mapping[str, Any]) -> dict[str, Any]:
+def without_none(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a table without what is None, at any depth; arrays become lists."""
     return {
-        key: _without_none(value) if isinstance(value, Mapping) else value
+        key: without_none(value)
+        if isinstance(value, Mapping)
+        else value.tolist()
+        if isinstance(value, np.ndarray)
+        else value
         for key, value in table.items()
         if value is not None
     }
@@ -230,12 +238,12 @@ def _model_at(structure: type[Table], location: tuple[int | str, ...]) -> type[T
     for part in location:
         field = model.model_fields.get(str(part))
         if field is not None:
-            model = _nested(field.annotation) or model
+            model = nested_table(field.annotation) or model
     return model
 
 
-def _nested(annotation: Any) -> type[Table] | None:
+def nested_table(annotation: Any) -> type[Table] | None:
     """Return the table model inside an annotation such as ``list[Segment] | None``."""
     if isinstance(annotation, type) and issubclass(annotation, Table):
         return annotation
-    return next((model for part in get_args(annotation) if (model := _nested(part))), None)
+    return next((model for part in get_args(annotation) if (model := nested_table(part))), None)

@@ -3,7 +3,7 @@
 from typing import Any
 
 from pyburgers.common.draws import FloatArray, all_draws
-from pyburgers.drawing.panels import FittedCurve
+from pyburgers.drawing.panels import FittedCurve, ReadCurve
 from pyburgers.kinds.kind import FittedTest
 
 
@@ -30,12 +30,13 @@ def mean_of(fit: FittedTest, parameter: str) -> float:
     return float(draws[parameter].mean()) if parameter in draws else 0.0
 
 
-def curve_of(fit: FittedTest, name: str, factor: float = 1.0, **parts: Any) -> FittedCurve:
-    """Return the curve of a quantity from its predictions; the parts are those of `FittedCurve`."""
+def curve_of(
+    fit: FittedTest, name: str, read: ReadCurve, factor: float = 1.0, **parts: Any
+) -> FittedCurve:
+    """Return the curve of a quantity from readings and predictions; the parts are other fields."""
     found: dict[str, Any] = {
         "solutions": predicted(fit, name) * factor,
         "replicated": predicted(fit, f"{name}_replicated") * factor,
         "data_label": f"{fit.experiment.provenance.kind} data",
-        "heading": fit.experiment.title,
     }
-    return FittedCurve(**(found | parts))
+    return FittedCurve(**(vars(read) | found | parts))

@@ -6,6 +6,7 @@ Everything is in display units already; draws are along the first axis.
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -33,29 +34,36 @@ HALF_WIDTH = float(stats.norm.ppf(1.0 - TAIL))
 """Of the central 90 % of a normal distribution, in standard deviations."""
 
 
-@dataclass(frozen=True, eq=False)
-class FittedCurve:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ReadCurve:
+    """Readings of a test along its clock in display units, shape (n_points,)."""
+
+    position: FloatArray
+    data: FloatArray
+    position_label: str
+    label: str
+    heading: str
+    error: FloatArray | None = None  # standard deviation of each reading where they differ
+    marks: Sequence[tuple[float, str]] = ()  # where what is imposed changes, and to what
+    limits: tuple[float, float] | None = None  # of the horizontal axis
+    scale: Literal["linear", "log"] = "linear"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FittedCurve(ReadCurve):
     """The response of a test along its clock, measured and as a fit has it, in display units.
 
-    Solutions of single draws, without and with noise, have shape (n_draws, n_grid); readings and
-    their residuals about the predictive median have shape (n_points,).
+    Solutions of single draws, without and with noise, have shape (n_draws, n_grid); residuals of
+    the readings about the predictive median have shape (n_points,).
     """
 
     grid: FloatArray
     solutions: FloatArray
     replicated: FloatArray
-    position: FloatArray
-    data: FloatArray
     residuals: FloatArray
     data_label: str
     noise_band: float  # half width of the band of the residuals
-    position_label: str
-    label: str
     residual_label: str
-    heading: str
-    error: FloatArray | None = None  # standard deviation of each reading where they differ
-    marks: Sequence[tuple[float, str]] = ()  # where what is imposed changes, and to what
-    limits: tuple[float, float] | None = None  # of the horizontal axis
 
     @property
     def median(self) -> FloatArray:
@@ -132,6 +140,11 @@ def draw_curve(axes: Axes, curve: FittedCurve, *, is_read: bool = True) -> None:
     axes.plot(curve.grid, curve.median, color=VERMILION, linewidth=1.6, label=MEDIAN_LABEL)
     if is_read:
         draw_data(axes, curve.position, curve.data, curve.error, curve.data_label)
+    draw_marks(axes, curve)
+
+
+def draw_marks(axes: Axes, curve: ReadCurve) -> None:
+    """Draw where what is imposed changes; set limits, title and label of the response."""
     for position, text in curve.marks:
         _draw_mark(axes, position)
         # Ahead of the mark, where stress is high: behind it may be low readings.

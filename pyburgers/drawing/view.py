@@ -13,7 +13,7 @@ from typing import Any
 from markupsafe import Markup
 
 from pyburgers.drawing.page_parts import FigureRecipe, PageFigure, PageTable
-from pyburgers.drawing.panels import FittedCurve
+from pyburgers.drawing.panels import FittedCurve, ReadCurve
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.likelihood import NAMES
@@ -24,6 +24,7 @@ class View:
     """How the page shows a kind of test.
 
     `figures`: figures of a fit beside those of its posterior, the curve first.
+    `read`: returns the readings of a test along its clock.
     `curve`: returns the response of a fitted test along its clock, measured and as the fit has it.
     `facts`: returns what the page says about a test: names and values.
     `reference_text`: what the page says about the kind's `Likelihood.reference`.
@@ -33,6 +34,7 @@ class View:
     """
 
     figures: tuple[FigureRecipe, ...]
+    read: Callable[[Any], ReadCurve]
     curve: Callable[[FittedTest], FittedCurve]
     facts: Callable[[Any], Sequence[tuple[str, str]]]
     reference_text: Markup

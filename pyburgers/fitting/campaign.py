@@ -21,8 +21,8 @@ from pyburgers.common.toml_files import NAME, Table, read_json, read_toml
 from pyburgers.fitting.side_by_side import Task, run_fits, task_of
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import of_one_program
-from pyburgers.kinds.together import default_priors_for
-from pyburgers.model.priors import load_priors, note_other_material
+from pyburgers.kinds.together import priors_for
+from pyburgers.model.priors import note_other_material
 from pyburgers.model.variants import with_variant
 from pyburgers.sampling.manifest import COMPLETE
 from pyburgers.sampling.options import SamplerOptions
@@ -106,22 +106,17 @@ def load_campaign(path: Path) -> Campaign:
     settings = plan.sampler.model_dump(exclude_unset=True)
     tasks = {}
     for test, files in plan.tests.items():
-        experiments = [load_experiment(path.parent / file) for file in files]
-        taken = of_one_program(experiments)
-        first = taken[0]
+        experiments = of_one_program([load_experiment(path.parent / file) for file in files])
         for variant, laws in plan.variants.items():
             for name, file in plan.priors.items():
-                given = (
-                    default_priors_for(taken)
-                    if file == SHIPPED
-                    else load_priors(path.parent / file, laws)
-                )
-                note_other_material(given, first.material)
+                source = None if file == SHIPPED else path.parent / file
+                given = priors_for(experiments, source, laws)
+                note_other_material(given, experiments[0].material)
                 pool = plan.pool if len(experiments) > 1 else None
                 for seed in plan.seeds:
                     one = Combination(test, variant, name, seed)
                     try:
-                        priors = with_variant(given, first, laws)
+                        priors = with_variant(given, experiments[0], laws)
                         options = SamplerOptions(seed=seed, **settings)
                         tasks[one] = task_of(experiments, priors, options, pool)
                     except InputError as error:

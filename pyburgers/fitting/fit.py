@@ -1,9 +1,9 @@
 """Fit one or several tests, and what a finished fit says of each."""
 
 import logging
-import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
 from typing import Self
@@ -15,13 +15,16 @@ from pyburgers.checks.fit_checks import Outcome, check_solver
 from pyburgers.checks.prior_influence import Influence, prior_influence
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, nearest
+from pyburgers.common.messages import messages_where_watched
 from pyburgers.common.paths import given_path
 from pyburgers.fitting.new_test import Source
 from pyburgers.fitting.plots import FitPlots
 from pyburgers.fitting.prediction import Prediction, predict_test
+from pyburgers.fitting.prior_draws import prior_groups
 from pyburgers.fitting.sampled_fit import (
     SampledFit,
     data_words,
+    in_passing,
     put_aside_where_few_diverged,
     write_tables,
 )
@@ -30,7 +33,7 @@ from pyburgers.kinds.experiment import Experiment, Provenance
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import Problem, one_test, problem_of
 from pyburgers.kinds.stan_data import SolverOptions
-from pyburgers.kinds.together import pooling_for
+from pyburgers.kinds.together import default_priors_for, pooling_for
 from pyburgers.model.pooling import pooling_from
 from pyburgers.model.priors import PriorSet, load_priors, note_other_material
 from pyburgers.model.variants import ModelVariant, variant_of
@@ -209,6 +212,36 @@ class Fit(SampledFit):
         source = Source(self.problem, self.tests(), self.posterior, self.cautions)
         return predict_test(source, experiment, draws=draws, separate_from=separate_from, seed=seed)
 
+    def prior_groups(self, draws: int, seed: int) -> dict[str, xr.Dataset]:
+        """Draw from the priors of one test, and solve every draw for readings with noise."""
+        if self.is_joint or draws == 0:
+            return {}
+        return prior_groups(self.experiment, self.priors, draws, seed)
+
+    def report(self, path: str | Path, *, title: str | None = None) -> Path:
+        """Write a page about the fit.
+
+        Parameters
+        ----------
+        path : path
+            A file that ends in ``.html``, with a folder of tables and figures beside it.
+        Or a folder.
+        title : str, optional
+            Heading of the page.
+
+        Returns
+        -------
+        Path
+            The page.
+
+        Raises
+        ------
+        InputError
+            If the folder cannot be written or holds something else.
+        """
+        page: Path = import_module("pyburgers").report([self], path, title=title)
+        return page
+
     @property
     def plot(self) -> FitPlots:
         """Figures of the fit of one test, drawn into axes of your own."""
@@ -222,24 +255,6 @@ class Fit(SampledFit):
         if self.is_joint:
             return draws_table(self.posterior)
         return summary_table(self.posterior, self.priors)
-
-    def save(self, path: str | Path) -> None:
-        """Copy the run directory.
-
-        Parameters
-        ----------
-        path : path
-            New folder.
-
-        Raises
-        ------
-        InputError
-            If `path` exists.
-        """
-        path = given_path(path)
-        if path.exists():
-            raise InputError(f"{path}: exists already, expected a new folder.")
-        shutil.copytree(self.directory.path, path, ignore=shutil.ignore_patterns(".*"))
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -291,9 +306,9 @@ class Fit(SampledFit):
 
 def fit(
     experiments: Experiment | Sequence[Experiment],
-    priors: PriorSet,
+    priors: PriorSet | None = None,
     *,
-    out: str | Path,
+    out: str | Path | None = None,
     pool: Mapping[str, str] | None = None,
     options: SamplerOptions | None = None,
     solver: SolverOptions | None = None,
@@ -307,13 +322,14 @@ def fit(
     Parameters
     ----------
     experiments : Experiment or sequence of Experiment
-        Tests with data (`pyburgers.load_experiment`).
-    priors : PriorSet
-        Priors of every parameter (`pyburgers.load_priors`), for all tests; they decide which
-        variant of the model is fitted (`pyburgers.with_variant`).
-    out : path
+        Tests with data (`pyburgers.load_experiment`, `pyburgers.ConstantRateTest` and others).
+    priors : PriorSet, optional
+        Priors of every parameter (`pyburgers.priors`), for all tests; they decide which variant of
+        the model is fitted (`pyburgers.with_variant`). Default: those of the material.
+    out : path, optional
         Run directory. An earlier run with the same inputs there is continued: only missing
-        chains are run.
+        chains are run. Default: a temporary folder, which is removed with the fit (`Fit.save`
+        keeps it).
     pool : mapping of str to str, optional
         How parameters of several tests are pooled, if not by default
         (`pyburgers.kinds.together.pooling_for`).
@@ -348,25 +364,31 @@ def fit(
     Examples
     --------
     >>> test = pyburgers.load_experiment("my_test.toml")
-    >>> result = pyburgers.fit(test, pyburgers.default_priors("ice"), out="runs/my_test")
+    >>> result = pyburgers.fit(test, pyburgers.priors("ice"), out="runs/my_test")
     >>> result.summary()
     """
     tests = [experiments] if isinstance(experiments, Experiment) else list(experiments)
-    for test in tests[:1]:
-        note_other_material(priors, test.material)
-    for test in tests:
-        for sentence in (*test.notices, *doubts(test)):
-            logger.info(f"note: {sentence}")
-    return fit_problem(
-        problem_of(tests, priors, pooling_for(tests, pool)),
-        out=out,
-        options=options,
-        solver=solver,
-        use_likelihood=use_likelihood,
-        command=command,
-        more_draws=more_draws,
-        overwrite=overwrite,
-    )
+    if priors is None:
+        priors = default_priors_for(tests)
+
+    def fit_in(folder: Path) -> Fit:
+        note_other_material(priors, tests[0].material)
+        for test in tests:
+            for sentence in (*test.notices, *doubts(test)):
+                logger.info(f"note: {sentence}")
+        return fit_problem(
+            problem_of(tests, priors, pooling_for(tests, pool)),
+            out=folder,
+            options=options,
+            solver=solver,
+            use_likelihood=use_likelihood,
+            command=command,
+            more_draws=more_draws,
+            overwrite=overwrite,
+        )
+
+    with messages_where_watched():
+        return fit_in(given_path(out)) if out is not None else in_passing(fit_in)
 
 
 def fit_problem(

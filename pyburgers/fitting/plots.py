@@ -5,15 +5,92 @@ from dataclasses import dataclass
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from pyburgers.common.errors import InputError, nearest
-from pyburgers.drawing.panels import FittedCurve, draw_curve, draw_residuals
+from pyburgers.drawing.panels import (
+    FittedCurve,
+    draw_curve,
+    draw_data,
+    draw_marks,
+    draw_residuals,
+    figure_of,
+)
 from pyburgers.drawing.style import BLUE, VERMILION, style
 from pyburgers.drawing.view import view_of
+from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.model.display import axis_label, shown_quantity
+from pyburgers.model.prior_families import Prior
+from pyburgers.model.priors import PriorSet
 from pyburgers.posterior.labelled_draws import free_parameters
+
+PRIORS_IN_A_ROW = 4
+
+
+def plot(experiment: Experiment, ax: Axes | None = None) -> Axes:
+    """Draw the readings of a test along its clock, in display units.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        A test with readings.
+    ax : Axes, optional
+        Axes to draw into; without them new ones.
+
+    Returns
+    -------
+    Axes
+        The axes.
+
+    Raises
+    ------
+    InputError
+        If the test has no readings.
+    """
+    if not experiment.n_points:
+        raise InputError(f"{experiment.id}: found no readings to draw, expected some.")
+    curve, axes = view_of(experiment).read(experiment), ax or _new_axes()
+    with style():
+        draw_data(axes, curve.position, curve.data, curve.error, "readings")
+        draw_marks(axes, curve)
+        axes.set(xscale=curve.scale, yscale=curve.scale, xlabel=curve.position_label)
+    return axes
+
+
+def plot_priors(priors: PriorSet) -> Figure:
+    """Draw the density of every free parameter's prior, in display units.
+
+    Parameters
+    ----------
+    priors : PriorSet
+        The priors. Shares of the largest stress are left out: they have no unit yet.
+
+    Returns
+    -------
+    Figure
+        A panel for each parameter.
+    """
+    shown = [priors[name] for name in priors.free if not priors[name].relative_to_max_stress]
+    rows = -(-len(shown) // PRIORS_IN_A_ROW)
+    with figure_of(9.0, 0.6 + 1.9 * rows, priors.title) as figure:
+        for number, prior in enumerate(shown, start=1):
+            axes = figure.add_subplot(rows, PRIORS_IN_A_ROW, number)
+            quantity = shown_quantity(prior.parameter)
+            ends = prior.distribution().ppf([0.001, 0.999]) * quantity.display_factor
+            _draw_density(axes, prior, *ends)
+            axes.set_xlabel(axis_label(quantity))
+            axes.set_yticks([])
+    return figure
+
+
+def _draw_density(axes: Axes, prior: Prior, low: float, high: float) -> None:
+    """Draw the density of a prior between two values in its display unit."""
+    factor = shown_quantity(prior.parameter).display_factor
+    values = np.linspace(low, high, 200)
+    density = prior.distribution().pdf(values / factor) / factor
+    axes.plot(values, density, color=VERMILION, label="prior")
 
 
 @dataclass(frozen=True)
@@ -69,9 +146,7 @@ class FitPlots:
             axes.hist(draws * factor, bins=40, density=True, color=BLUE, alpha=0.6, label="draws")
             prior = self.fit.priors.priors.get(name)
             if prior is not None:
-                values = np.linspace(*axes.get_xlim(), 200)
-                density = prior.distribution().pdf(values / factor) / factor
-                axes.plot(values, density, color=VERMILION, label="prior")
+                _draw_density(axes, prior, *axes.get_xlim())
             axes.set_xlabel(axis_label(quantity))
             axes.set_ylabel("density")
             axes.legend(loc="best")

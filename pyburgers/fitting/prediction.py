@@ -32,7 +32,7 @@ from pyburgers.posterior.groups import drawn_at_points, grid_group, groups_at_po
 from pyburgers.posterior.labelled_draws import label_draws
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Prediction:
     """A test as draws of a fit predict it, with the interface of a fit.
 
@@ -61,6 +61,10 @@ class Prediction:
     fitted_to: str
     cautions: tuple[str, ...]
     notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        """Return a line: of which test, from which fit."""
+        return f"<prediction of {self.experiment.id} from {self.fitted_to}>"
 
     @property
     def title(self) -> str:

@@ -19,7 +19,7 @@ UNCUT = 50.0
 """Half a range of a prior, in its standard deviations, that cuts nothing off."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PriorDraws:
     """Draws of the prior of a test with their solutions, to be looked at as a fit is.
 
@@ -30,7 +30,8 @@ class PriorDraws:
     priors : PriorSet
         Its priors.
     posterior : DataTree
-        Groups posterior (SI) and predictions, as of a fit, of one chain.
+        Groups posterior (SI) and predictions, as of a fit, of one chain; of a test with readings
+        prior_predictive as well, readings with noise.
     n_unsolved : int
         Draws that were left out because they have no solution.
     """
@@ -39,6 +40,11 @@ class PriorDraws:
     priors: PriorSet
     posterior: xr.DataTree
     n_unsolved: int
+
+    def __repr__(self) -> str:
+        """Return a line: how many draws, of which test."""
+        draws = self.posterior["posterior"].sizes["draw"]
+        return f"<{draws} draws of the prior of {self.experiment.id}>"
 
 
 def prior_draws(
@@ -75,7 +81,8 @@ def prior_draws(
         else prior.distribution().rvs(size=draws, random_state=rng)
         for name, prior in priors.priors.items()
     }
-    problem = one_test(kind_of(experiment).without_data(experiment), _each_by_itself(priors))
+    test = experiment if experiment.n_points else kind_of(experiment).without_data(experiment)
+    problem = one_test(test, _each_by_itself(priors))
     (coordinates,) = problem.coordinates
     rows = np.column_stack(
         [coordinates.of_quantity(k, values[name]) for k, name in enumerate(coordinates.quantities)]
@@ -105,8 +112,35 @@ def prior_draws(
             {**labels, clock: grid},
         ),
     }
+    if experiment.n_points:
+        name = likelihood.response.name
+        points = {**labels, "point": np.arange(experiment.n_points)}
+        replicated = drawn[f"{name}_replicated"]
+        groups["prior_predictive"] = xr.Dataset(
+            {name: (("chain", "draw", "point"), replicated)}, points
+        )
     n_unsolved = int(draws - kept.sum())
     return PriorDraws(experiment, priors, xr.DataTree.from_dict(groups), n_unsolved)
+
+
+def prior_groups(
+    experiment: Experiment, priors: PriorSet, draws: int, seed: int
+) -> dict[str, xr.Dataset]:
+    """Return draws of the free parameters, and readings with noise for each: ArviZ's groups.
+
+    Readings are left out if the prior of the flow law is a joint one.
+    """
+    names = list(priors.free)
+    if priors.flow_law is not None:
+        rng = np.random.default_rng(seed)
+        rows = [priors.sample(rng) for _ in range(draws)]
+        columns = {name: (("chain", "draw"), [[row[name] for row in rows]]) for name in names}
+        return {"prior": xr.Dataset(columns)}
+    drawn = prior_draws(experiment, priors, draws=draws, seed=seed).posterior
+    return {
+        "prior": drawn["posterior"].to_dataset()[names],
+        "prior_predictive": drawn["prior_predictive"].to_dataset(),
+    }
 
 
 def _each_by_itself(priors: PriorSet) -> PriorSet:

@@ -1,13 +1,16 @@
 """A finished run of chains, whatever was fitted: its checks, its tables, when it is done."""
 
 import logging
+import shutil
+import tempfile
+import weakref
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, get_args
+from typing import Any, Literal, TypeVar, get_args
 
 import pandas as pd
 import xarray as xr
@@ -28,8 +31,9 @@ from pyburgers.checks.verdicts import Verdict, verdicts, verdicts_record
 from pyburgers.common.atomic_files import json_text, write_text
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import given_path
 from pyburgers.kinds.experiment import Provenance
-from pyburgers.posterior.labelled_draws import in_display_units
+from pyburgers.posterior.labelled_draws import arviz_data, in_display_units
 from pyburgers.sampling.manifest import COMPLETE, ChainFailure, missing_chains
 from pyburgers.sampling.other_modes import recorded_modes
 from pyburgers.sampling.repetitions import SHORTENING, shorten_steps, shortened
@@ -154,6 +158,48 @@ class SampledFit(ABC):
         table = self.summary().to_html(float_format="{:.4g}".format, na_rep="")
         return f"<p><b>{escape(self.manifest['experiment'])}</b><br>{told}</p>{table}"
 
+    def to_arviz(self, *, prior_draws: int = 500, seed: int = 1) -> Any:
+        """Return the draws as an object of ArviZ.
+
+        Parameters
+        ----------
+        prior_draws : int
+            Draws of the prior and the prior predictive; 0 leaves both out. A joint fit and tables
+            of peak stresses have none, a joint prior of the flow law has no prior predictive.
+        seed : int
+            Of these draws.
+
+        Returns
+        -------
+        InferenceData or DataTree
+            Of ArviZ 0.x or 1.x. Groups posterior (sampled quantities, SI), sample_stats,
+            log_likelihood, log_prior, posterior_predictive, observed_data, constant_data, prior and
+            prior_predictive. Attributes of each quantity: units, symbol, long_name.
+        """
+        return arviz_data(self.posterior, self.prior_groups(prior_draws, seed))
+
+    def prior_groups(self, draws: int, seed: int) -> dict[str, xr.Dataset]:
+        """Return the groups of the prior of `to_arviz`."""
+        return {}
+
+    def save(self, path: str | Path) -> None:
+        """Copy the run directory.
+
+        Parameters
+        ----------
+        path : path
+            New folder.
+
+        Raises
+        ------
+        InputError
+            If `path` exists.
+        """
+        path = given_path(path)
+        if path.exists():
+            raise InputError(f"{path}: exists already, expected a new folder.")
+        shutil.copytree(self.directory.path, path, ignore=shutil.ignore_patterns(".*"))
+
     def asked_checks(self) -> Sequence[Check]:
         """Return the checks that are made (`pyburgers.checks.registry.CHECKS`).
 
@@ -217,6 +263,21 @@ class SampledFit(ABC):
         return missing_chains(
             self.posterior["posterior"]["chain"].to_numpy().tolist(), self.manifest
         )
+
+
+FitT = TypeVar("FitT", bound=SampledFit)
+
+
+def in_passing(fit_in: Callable[[Path], FitT]) -> FitT:
+    """Fit in a temporary folder, which is removed when nothing needs the run directory."""
+    folder = tempfile.TemporaryDirectory(prefix="pyburgers-fit-")
+    try:
+        result = fit_in(Path(folder.name) / "run")
+    except BaseException:
+        folder.cleanup()
+        raise
+    weakref.finalize(result.directory, folder.cleanup)
+    return result
 
 
 def data_words(name: str, provenance: Provenance) -> str:

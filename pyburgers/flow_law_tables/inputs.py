@@ -13,13 +13,15 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
+from pyburgers.common.columns import Column, TextFilesTable, read_columns
+from pyburgers.common.csv_files import write_columns
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import NAME, Table, checked, read_tables, read_toml, write_toml
 from pyburgers.kinds.doubts import unlikely_stress
-from pyburgers.kinds.experiment import Experiment, Provenance, ProvenanceTable
+from pyburgers.kinds.experiment import Experiment, Provenance
+from pyburgers.kinds.experiment_file import ProvenanceTable
 from pyburgers.kinds.limits import TEMPERATURES, impossible_conditions, refuse_impossible
 from pyburgers.model.flow_law_prior import Conditions
 from pyburgers.model.parameters import PARAMETER_BY_NAME, STRESS_SCATTER, Parameter
@@ -218,8 +220,8 @@ def load_peak_stress(path: str | Path) -> PeakStressData:
         f"{name}_column": None if quantity is None else (f"{name}_unit", quantity)
         for name, quantity in wanted.items()
     }
-    source = data.folder(path) / data.file
-    read, notes = read_columns(source, data, columns, where=path, file_key="'file' in [data]")
+    source = data.source(path)
+    read, notes = read_columns(path, data, columns)
     values = dict(zip(wanted, read, strict=True))
     if data.temperature_unit == "degC":
         values["temperature"] = values["temperature"] + ZERO_CELSIUS

@@ -1,38 +1,28 @@
-"""Deformation experiments: what every test has, and what its file says about it.
+"""Deformation experiments: what every test has, in SI."""
 
-An experiment is a TOML file beside one or several text files of columns; the keys and what they
-hold are the fields of the tables below and of the module of its protocol (`constant_rate`,
-`forced_oscillation`). Everything is converted to SI on reading.
-"""
-
-import re
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from datetime import date, datetime, time
+from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field
 
-from pyburgers.common.errors import InputError, all_of, nearest
-from pyburgers.common.toml_files import NAME, Table, write_toml
-from pyburgers.common.units import span_text
-from pyburgers.kinds.limits import impossible_conditions, refuse_impossible
+from pyburgers.common.errors import InputError, nearest
+from pyburgers.common.paths import given_path
+from pyburgers.common.toml_files import without_none, write_toml
+from pyburgers.common.units import counted, span_text
+from pyburgers.kinds.limits import refuse_impossible
 from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.kinds.read_test import ReadTest
 from pyburgers.model.laws import KELVIN_LAWS
-from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME
+from pyburgers.model.parameters import CONDITIONS
 
 FloatArray = npt.NDArray[np.float64]
 MetadataValue = str | float | int | bool
-
-
-MAX_TEMPERATURE_SD_SHARE = 0.1
-"""Largest standard deviation of a temperature over it: a wider error would reach zero kelvin."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +64,7 @@ CONDITION_KEYS: Mapping[str, tuple[str, str]] = MappingProxyType(
 """Keys of files that state the standard deviation of an error, and the apparatus."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Experiment(ReadTest):
     """A deformation test of any protocol, in SI units.
 
@@ -201,6 +191,73 @@ class Experiment(ReadTest):
         """
         raise InputError(f"{self.id}: has no part {name!r}, {nearest(name, self.parts)}")
 
+    @abstractmethod
+    def own_tables(self) -> dict[str, Any]:
+        """Return the keys and tables of a file that only this kind of test has, as `tables`."""
+
+    def tables(self) -> dict[str, Any]:
+        """Return the tables of an experiment file in SI, with readings as arrays by column.
+
+        A test that is read from them is equal, notices included.
+        """
+        conditions = {
+            key: value
+            for condition in self.uncertain
+            for key, value in zip(
+                CONDITION_KEYS[condition.parameter],
+                (condition.sd, condition.apparatus),
+                strict=True,
+            )
+        }
+        return without_none(
+            {
+                "id": self.id,
+                "material": self.material,
+                "protocol": self.protocol,
+                "temperature_K": self.temperature,
+                "initial_grain_size_m": self.initial_grain_size,
+                **conditions,
+                **self.own_tables(),
+                "notices": list(self.notices),
+                "provenance": asdict(self.provenance),
+                "metadata": self.metadata,
+                "true_parameters": self.true_parameters,
+            }
+        )
+
+    def to_toml(self, path: str | Path) -> None:
+        """Write one experiment file in SI, with the readings inside it.
+
+        Parameters
+        ----------
+        path : str or Path
+            The file. `pyburgers.load_experiment` reads an equal test from it.
+        """
+        write_toml(given_path(path), self.tables())
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the readings of the test.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Axes to draw into; without them new ones.
+
+        Returns
+        -------
+        matplotlib Axes
+            As of `pyburgers.plot`.
+        """
+        return import_module("pyburgers").plot(self, ax)
+
+    def __repr__(self) -> str:
+        """Return a line about the test, and a line for each notice and doubt."""
+        readings = counted(self.n_points, "reading") if self.n_points else "no readings"
+        grains = f"{self.initial_grain_size * 1e6:.4g} um"
+        head = f"{self.material}, {self.temperature_text}, {grains}, {readings}"
+        notes = (f"note: {sentence}" for sentence in (*self.notices, *self.doubts))
+        return "\n".join([f"<test {self.id} ({self.protocol}): {head}>", *notes])
+
 
 E = TypeVar("E", bound=Experiment)
 
@@ -213,172 +270,3 @@ def of_kind(experiment: Experiment, kind: type[E]) -> E:
             f"protocol {kind.protocol!r}."
         )
     return experiment
-
-
-class ProvenanceTable(Table):
-    """The table [provenance]."""
-
-    kind: Literal["measured", "digitised", "synthetic"] = Field(
-        description="measured, digitised or synthetic"
-    )
-    source: str = Field(min_length=1, description="the citation or origin of the data")
-    doi: str | None = Field(None, description="the DOI of the source")
-    licence: str | None = Field(None, description="the licence of the data")
-    notes: str | None = Field(None, description="remarks about where the data come from")
-
-
-class ExperimentFile(Table):
-    """Keys that experiment files of all protocols share."""
-
-    id: str = Field(description="the sample's name")
-    material: str = Field(min_length=1, description="the material, such as ice")
-    protocol: str = Field(description="the kind of test")
-    temperature_K: float = Field(description="the temperature in kelvin")  # noqa: N815 (the key of the file, K for kelvin)
-    initial_grain_size_m: float = Field(description="the mean grain size at the start in metres")
-    temperature_sd_K: float | None = Field(  # noqa: N815
-        None, gt=0, description="the standard deviation of the temperature's error in kelvin"
-    )
-    furnace: str | None = Field(
-        None, min_length=1, description="the furnace whose temperature is uncertain"
-    )
-    stress_calibration_sd: float | None = Field(
-        None, gt=0, le=0.2, description="the standard deviation of the load cell's relative error"
-    )
-    load_cell: str | None = Field(
-        None, min_length=1, description="the load cell whose calibration is uncertain"
-    )
-    notices: list[str] = Field(
-        default_factory=list, description="remarks of an earlier reading of the same data"
-    )
-    provenance: ProvenanceTable = Field(description="the table that says where data come from")
-    metadata: dict[str, Any] = Field(
-        default_factory=dict, description="free remarks, which no computation uses"
-    )
-    true_parameters: dict[str, float] | None = Field(
-        None, description="the parameters (SI) behind synthetic data"
-    )
-
-
-def shared_values(path: Path, file: ExperimentFile) -> dict[str, Any]:
-    """Check the keys that all protocols share.
-
-    The result: fields of `Experiment` (SI), without the stress and the notices. Raise InputError if
-    a value is not what it has to be.
-    """
-    _, uncertain, true_parameters = all_of(
-        lambda: _check_conditions(path, file),
-        lambda: _uncertain_conditions(path, file),
-        lambda: _true_parameters(path, file),
-    )
-    return {
-        "id": file.id,
-        "material": file.material,
-        "temperature": file.temperature_K,
-        "initial_grain_size": file.initial_grain_size_m,
-        "uncertain": uncertain,
-        "provenance": Provenance(**file.provenance.model_dump()),
-        "metadata": MappingProxyType(dict(file.metadata)),
-        "true_parameters": true_parameters,
-    }
-
-
-def write_experiment(experiment: Experiment, directory: Path, own: Mapping[str, Any]) -> Path:
-    """Write ``experiment.toml``.
-
-    `own`: keys and tables of the experiment's protocol.
-    """
-    table = {
-        "id": experiment.id,
-        "material": experiment.material,
-        "protocol": experiment.protocol,
-        "temperature_K": experiment.temperature,
-        "initial_grain_size_m": experiment.initial_grain_size,
-        **{
-            key: value
-            for condition in experiment.uncertain
-            for key, value in zip(
-                CONDITION_KEYS[condition.parameter],
-                (condition.sd, condition.apparatus),
-                strict=True,
-            )
-        },
-        **own,
-        "notices": list(experiment.notices),
-        "provenance": asdict(experiment.provenance),
-        "metadata": experiment.metadata,
-        "true_parameters": experiment.true_parameters,
-    }
-    target = directory / "experiment.toml"
-    write_toml(target, table)
-    return target
-
-
-def _check_conditions(path: Path, file: ExperimentFile) -> None:
-    """Check everything that needs no data file."""
-    sentences = []
-    if not re.fullmatch(NAME, file.id):
-        sentences.append(
-            f"{path}: key 'id': found {file.id!r}, expected at most 100 letters, digits, '.', '_' "
-            "or '-', the first a letter, digit or '_', because it names files."
-        )
-    names = ("key 'temperature_K'", "key 'initial_grain_size_m'")
-    faults = impossible_conditions(file.temperature_K, file.initial_grain_size_m, names)
-    sentences += [f"{path}: {fault}" for fault in faults]
-    for key, value in file.metadata.items():
-        if not isinstance(value, str | bool | int | float):
-            kind = "a date" if isinstance(value, date | datetime | time) else "a table or list"
-            sentences.append(
-                f"{path}: key {key!r} in [metadata]: found {kind}, expected a string, a number, "
-                "true or false."
-            )
-    if sentences:
-        raise InputError(*sentences)
-
-
-def _uncertain_conditions(path: Path, file: ExperimentFile) -> tuple[UncertainCondition, ...]:
-    """Check and return the conditions that have a standard deviation."""
-    found = []
-    for parameter, (sd_key, apparatus_key) in CONDITION_KEYS.items():
-        sd, apparatus = getattr(file, sd_key), getattr(file, apparatus_key)
-        if sd is not None:
-            found.append(UncertainCondition(parameter, sd, apparatus))
-        elif apparatus is not None:
-            raise InputError(
-                f"{path}: key {sd_key!r} is missing, expected it because {apparatus_key!r} is "
-                f"{apparatus!r}."
-            )
-    sd = file.temperature_sd_K
-    if sd is not None and sd > MAX_TEMPERATURE_SD_SHARE * file.temperature_K:
-        raise InputError(
-            f"{path}: key 'temperature_sd_K': found {sd:g}, expected at most "
-            f"{MAX_TEMPERATURE_SD_SHARE:g} of the temperature, {file.temperature_K:g} K."
-        )
-    return tuple(found)
-
-
-def _true_parameters(path: Path, file: ExperimentFile) -> Mapping[str, float] | None:
-    """Check and return the parameters behind synthetic data."""
-    if file.true_parameters is None:
-        return None
-    if file.provenance.kind != "synthetic":
-        raise InputError(
-            f"{path}: table [true_parameters] is only for data of kind 'synthetic', but key 'kind' "
-            f"in [provenance] is {file.provenance.kind!r}."
-        )
-    for name in file.true_parameters:
-        if name not in PARAMETER_BY_NAME:
-            raise InputError(
-                f"{path}: unknown key {name!r} in [true_parameters], "
-                f"{nearest(name, PARAMETER_BY_NAME)}"
-            )
-    return MappingProxyType(dict(file.true_parameters))
-
-
-Compression = Literal["positive", "negative"]
-
-SIGNS_WERE_TURNED = "Compression is negative in the file: the signs were turned."
-
-
-def sign_of(compression: Compression) -> int:
-    """Return what turns a number of a file into one whose compression is positive: 1 or -1."""
-    return 1 if compression == "positive" else -1

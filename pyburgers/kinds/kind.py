@@ -20,9 +20,10 @@ import pandas as pd
 import xarray as xr
 from pydantic import ConfigDict, Field
 
+from pyburgers.common.csv_files import write_data
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
-from pyburgers.common.toml_files import Table, read_toml
+from pyburgers.common.toml_files import Table, checked, read_tables, write_toml
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import NAMES, likelihood_of, likelihoods
 from pyburgers.model.priors import PriorSet
@@ -74,12 +75,8 @@ class Kind(ABC, Generic[E]):
     name: ClassVar[str]
 
     @abstractmethod
-    def load(self, path: Path) -> E:
-        """Read and check an experiment file and the data files that it names."""
-
-    @abstractmethod
-    def save(self, experiment: E, directory: Path) -> Path:
-        """Write a self-contained copy in SI units that `load` reads back; return the TOML file."""
+    def load(self, path: Path, tables: Mapping[str, Any] | None = None) -> E:
+        """Read and check an experiment file and its data files; `tables` stand for the file."""
 
     @abstractmethod
     def without_data(self, experiment: E) -> E:
@@ -97,10 +94,6 @@ class Kind(ABC, Generic[E]):
             for column, variable in COLUMNS.items()
             if column in known or variable in draw
         }
-
-    def solution_table(self, experiment: E, solution: pd.DataFrame) -> pd.DataFrame:
-        """Return the table that `pyburgers simulate` writes of a solution."""
-        return solution
 
     def simulated_positions(self, experiment: E) -> FloatArray:
         """Return where (SI) a solution has to be given for `response_in`, not decreasing."""
@@ -167,19 +160,25 @@ def load_experiment(path: str | Path) -> Experiment:
         If a file, key, unit or number is not what it has to be.
     """
     path = given_path(path)
-    name = read_toml(path, _ProtocolTable).protocol
+    tables = read_tables(path)
+    name = checked(path, tables, _ProtocolTable).protocol
     if name not in NAMES:
         expected = " or ".join(map(repr, NAMES))
         raise InputError(
             f"{path}: key 'protocol': found {name!r}, expected {expected} (the kind of test)."
         )
-    experiment: Experiment = kinds()[name].load(path)
+    experiment: Experiment = kinds()[name].load(path, tables)
     return experiment
 
 
 def save_experiment(experiment: Experiment, directory: Path) -> Path:
-    """Write a self-contained copy in SI units into an existing folder; return the TOML file.
+    """Write ``experiment.toml`` in SI and its data files into an existing folder; return the first.
 
     `load_experiment` reads back exactly equal contents, notices included.
     """
-    return kind_of(experiment).save(experiment, directory)
+    tables = experiment.tables()
+    if tables.get("data") is not None:
+        tables["data"] = write_data(directory, tables["data"])
+    target = directory / "experiment.toml"
+    write_toml(target, tables)
+    return target

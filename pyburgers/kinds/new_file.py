@@ -19,7 +19,8 @@ import numpy as np
 from pyburgers.common.columns import SEPARATORS
 from pyburgers.common.text_tables import TextTable
 from pyburgers.common.units import UNIT_TABLE
-from pyburgers.kinds.experiment import CONDITION_KEYS, Compression, Experiment
+from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment
+from pyburgers.kinds.experiment_file import Compression
 from pyburgers.kinds.guessed_columns import GuessedColumn
 from pyburgers.kinds.likelihood import NAMES
 

@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
 from pyburgers.common.errors import InputError
 from pyburgers.model.peak_test import PeakTest
@@ -79,6 +80,10 @@ class ReadTest(ABC):
     def peak(self) -> PeakTest | None:
         """Its peak as tables of peak stresses have it, if it has one."""
         return None
+
+    def solution_table(self, solution: pd.DataFrame) -> pd.DataFrame:
+        """Return the table that `pyburgers simulate` writes of a solution."""
+        return solution
 
     @property
     def n_driving_errors(self) -> int:

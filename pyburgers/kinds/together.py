@@ -1,12 +1,13 @@
 """What tests that are fitted together share, and their priors, where nothing else is said."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
 
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.problem import TABLES, common_likelihood
 from pyburgers.model.pooling import ALL, SEPARATE, Pooling, pooling_of
-from pyburgers.model.priors import PriorSet, default_priors, shipped_prior_files
+from pyburgers.model.priors import PriorSet, default_priors, load_priors, shipped_prior_files
 
 WITH_TABLES: Mapping[str, str] = MappingProxyType({"maxwell_modulus": "separate"})
 """Pooling of histories and tables where nothing else is said: a deformation test sees the apparatus
@@ -39,6 +40,13 @@ def pooling_for(
         partial = pooling_of().spread_scales
         defaults |= dict.fromkeys(partial, "separate")
     return pooling_of({**defaults, **options})
+
+
+def priors_for(
+    experiments: Sequence[Experiment], path: Path | None, choices: Mapping[str, str]
+) -> PriorSet:
+    """Return the priors in a file, with chosen laws, or those that come with the package."""
+    return default_priors_for(experiments) if path is None else load_priors(path, choices)
 
 
 def default_priors_for(experiments: Sequence[Experiment]) -> PriorSet:

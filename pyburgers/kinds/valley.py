@@ -211,8 +211,39 @@ class ValleyChart(Chart[E]):
         return replace(reference, noise_exponent=exponents)
 
     def block(self, references: Sequence[ValleyReference | None], layout: Layout) -> StanData:
-        """Return the block `stan/data/valley.stan`."""
-        return valley_block(references, layout)
+        """Return the block `stan/data/valley.stan`.
+
+        No references keep the plain coordinates of all tests, None those of one.
+        """
+        # The width of a shared parameter follows the noise of no test.
+        follows = [name not in layout.shared for name in layout.names]
+        guides = [
+            np.zeros((len(layout.own(test)), 3))
+            if own is None
+            else np.column_stack(
+                [own.coordinate, own.linear_from, np.where(follows, own.noise_exponent, 0)]
+            )[layout.own(test)]
+            for test, own in enumerate(references)
+        ]
+        tests = [*references, *[None] * (layout.n_tests - len(references))]
+        knots = [np.empty((0, 3)) if own is None else own.knot for own in tests]
+        pins = [np.empty((0, 9)) if own is None else own.pin for own in tests]
+        return {
+            "knot_end": ends(len(knot) for knot in knots),
+            "knot": np.concatenate(knots).tolist(),
+            "pin_end": ends(len(pin) for pin in pins),
+            "pin": np.concatenate(pins).tolist(),
+            "guide": np.concatenate([np.empty((0, 3)), *guides]).tolist(),
+            "reference_parameter": [
+                [0.0] * len(PROGRAM_PARAMETERS) if own is None else own.values.tolist()
+                for own in references
+            ],
+            **{
+                name: [0.0 if own is None else getattr(own.pins, name) for own in references]
+                for name in ("reference_rate", "flow_stress", "loading_time")
+            },
+            "noise_parameter": [1 if own is None else PLACE[own.pins.noise] for own in references],
+        }
 
 
 def quantile_pins(path_strain: FloatArray, flowing: BoolArray) -> FloatArray:
@@ -265,41 +296,6 @@ def noise_exponents(
         prior_variance = float(np.var(coordinates.of_quantity(k, values)))
         exponents[k] = np.clip(1 - covariance[k, k] / prior_variance, 0.0, 1.0)
     return exponents
-
-
-def valley_block(references: Sequence[ValleyReference | None], layout: Layout) -> StanData:
-    """Return the block `stan/data/valley.stan`.
-
-    No references keep the plain coordinates of all tests, None those of one.
-    """
-    # The width of a shared parameter follows the noise of no test.
-    follows = [name not in layout.shared for name in layout.names]
-    guides = [
-        np.zeros((len(layout.own(test)), 3))
-        if own is None
-        else np.column_stack(
-            [own.coordinate, own.linear_from, np.where(follows, own.noise_exponent, 0)]
-        )[layout.own(test)]
-        for test, own in enumerate(references)
-    ]
-    tests = [*references, *[None] * (layout.n_tests - len(references))]
-    knots = [np.empty((0, 3)) if own is None else own.knot for own in tests]
-    pins = [np.empty((0, 9)) if own is None else own.pin for own in tests]
-    return {
-        "knot_end": ends(len(knot) for knot in knots),
-        "knot": np.concatenate(knots).tolist(),
-        "pin_end": ends(len(pin) for pin in pins),
-        "pin": np.concatenate(pins).tolist(),
-        "guide": np.concatenate([np.empty((0, 3)), *guides]).tolist(),
-        "reference_parameter": [
-            [0.0] * len(PROGRAM_PARAMETERS) if own is None else own.values.tolist()
-            for own in references
-        ],
-        "reference_rate": [0.0 if own is None else own.pins.reference_rate for own in references],
-        "flow_stress": [0.0 if own is None else own.pins.flow_stress for own in references],
-        "loading_time": [0.0 if own is None else own.pins.loading_time for own in references],
-        "noise_parameter": [1 if own is None else PLACE[own.pins.noise] for own in references],
-    }
 
 
 def _check_priors(

@@ -5,8 +5,10 @@ import logging
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
+from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -57,7 +59,7 @@ TAKEN_OUT: Mapping[tuple[str, str], tuple[str, ...]] = MappingProxyType(
 """Parameters that the law of a part takes out of the model at constant rate, by part and law."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PriorSet:
     """Priors of all parameters for one material.
 
@@ -118,6 +120,40 @@ class PriorSet:
         merged = {**self.priors, **{prior.parameter: prior for prior in changed}}
         ordered = {p.name: merged[p.name] for p in PROGRAM_PARAMETERS if p.name in merged}
         return replace(self, priors=MappingProxyType(ordered))
+
+    def with_(self, **changed: PriorTable) -> "PriorSet":
+        """Return the set with other priors of some parameters.
+
+        Parameters
+        ----------
+        **changed
+            Parameters and their priors, such as
+            ``activation_enthalpy=pyburgers.normal(60, 5, "kJ/mol")``.
+
+        Raises
+        ------
+        InputError
+            If there is no such parameter, or a prior is none that its file could hold.
+        """
+        for name in changed:
+            if name not in PARAMETER_BY_NAME or name in CONDITIONS:
+                known = nearest(name, [p.name for p in MATERIAL_PARAMETERS])
+                raise InputError(f"with_: unknown parameter {name!r}, {known}")
+        where = Path("with_")
+        found = self.exchanging(
+            *(load_prior(where, PARAMETER_BY_NAME[name], table) for name, table in changed.items())
+        )
+        _check_together(where, found.priors)
+        return found
+
+    def plot(self) -> Any:
+        """Draw the density of every prior that is not fixed (`pyburgers.plot_priors`)."""
+        return import_module("pyburgers").plot_priors(self)
+
+    def __repr__(self) -> str:
+        """Return a line: title, and how many parameters are free."""
+        free = f"{len(self.free)} of {len(self.priors)} parameters free"
+        return f"<priors of {self.material}: {self.title}, {free}>"
 
     def resolved(self, max_stress: float) -> "PriorSet":
         """Return the set with shares of the largest stress turned into Pa.
@@ -257,9 +293,7 @@ def load_priors(path: str | Path, choices: Mapping[str, str] | None = None) -> P
         for p in MATERIAL_PARAMETERS
         if p.name in file.parameters or p.name in needless
     }
-    _check_given_together(path, priors)
-    if not is_fixed_at(priors["stress_exponent"], 1.0):
-        check_beta(f"{path}: [parameters.beta]", priors["beta"])
+    _check_together(path, priors)
     flow_law = None
     if file.flow_law is not None:
         flow_law = file.flow_law.flow_law_prior(file.material, f"{path}: [flow_law]")
@@ -296,7 +330,7 @@ def save_priors(
     write_toml(path, table)
 
 
-def default_priors(material: str, protocol: str | None = None) -> PriorSet:
+def priors(material: str, protocol: str | None = None) -> PriorSet:
     """Return the priors that come with the package for a material.
 
     Parameters
@@ -312,16 +346,25 @@ def default_priors(material: str, protocol: str | None = None) -> PriorSet:
     InputError
         If there are none, or no such kind of test. The message names the known ones.
     """
-    own = {} if protocol is None else shipped_prior_files(protocol)
-    if protocol is not None and not own and protocol not in (kinds := _kinds_of_test()):
-        raise InputError(f"protocol {protocol!r} does not exist, {nearest(protocol, kinds)}")
-    return load_priors(own.get(material) or shipped_prior_file(material))
+    return load_priors(shipped_file(material, protocol))
+
+
+default_priors = priors
+"""Its name where `priors` are a set of them."""
 
 
 def _kinds_of_test() -> list[str]:
     """Names of the kinds of test, by their folders: the room that knows them is above this one."""
     folder = Path(str(importlib.resources.files("pyburgers"))) / "kinds"
     return sorted(file.parent.name for file in folder.glob("*/kind.py"))
+
+
+def shipped_file(material: str, protocol: str | None) -> Path:
+    """Return the file of the priors of a material, and of a kind of test if it has its own."""
+    own = {} if protocol is None else shipped_prior_files(protocol)
+    if protocol is not None and not own and protocol not in (kinds := _kinds_of_test()):
+        raise InputError(f"protocol {protocol!r} does not exist, {nearest(protocol, kinds)}")
+    return own.get(material) or shipped_prior_file(material)
 
 
 def shipped_prior_file(material: str, folder: str = ".", *, of: str = "") -> Path:
@@ -381,8 +424,10 @@ def _require_table(
     )
 
 
-def _check_given_together(path: Path, priors: Mapping[str, Prior]) -> None:
-    """Ask for what a parameter of a variant has no meaning without."""
+def _check_together(path: Path, priors: Mapping[str, Prior]) -> None:
+    """Check the sign of beta, and ask for what a parameter of a variant has no meaning without."""
+    if not is_fixed_at(priors["stress_exponent"], 1.0):
+        check_beta(f"{path}: [parameters.beta]", priors["beta"])
     for name, others in GIVEN_TOGETHER.items():
         standard = STANDARD_VALUES[name]
         in_use = name in priors and not is_fixed_at(priors[name], standard)

@@ -194,6 +194,34 @@ def sampled_draws(posterior: xr.DataTree) -> xr.Dataset:
     return draws
 
 
+ARVIZ_GROUPS = (
+    "posterior_predictive",
+    "log_likelihood",
+    "log_prior",
+    "sample_stats",
+    "observed_data",
+    "constant_data",
+)
+"""Groups of labelled draws that ArviZ knows, beside the posterior."""
+
+
+def arviz_data(posterior: xr.DataTree, prior_groups: Mapping[str, xr.Dataset]) -> Any:
+    """Return labelled draws of all that was sampled, and groups of the prior, as ArviZ's object.
+
+    It is InferenceData of ArviZ 0.x and DataTree of 1.x.
+    """
+    groups: dict[str, Any] = {
+        "posterior": sampled_draws(posterior),
+        **{
+            name: posterior[name].to_dataset()
+            for name in ARVIZ_GROUPS
+            if name in posterior.children
+        },
+        **prior_groups,
+    }
+    return az.InferenceData(**groups) if _ARVIZ_0 else xr.DataTree.from_dict(groups)
+
+
 def convergence_table(posterior: xr.DataTree) -> pd.DataFrame:
     """Return R-hat and effective sample sizes, a row for each of `sampled_draws`.
 

@@ -9,7 +9,7 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, SamplingError
-from pyburgers.kinds.attenuation.stan_data import stress_nodes
+from pyburgers.kinds.attenuation.likelihood import stress_nodes
 from pyburgers.kinds.stan_data import ends
 from pyburgers.model.laws import DASHPOT_STRESSES
 from pyburgers.model.priors import FLOW_LAW

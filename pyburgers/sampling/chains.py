@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
-from multiprocessing import parent_process
+from importlib import import_module
 from pathlib import Path
 from typing import TextIO
 
@@ -19,6 +19,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from pyburgers.cmdstan.draw_files import Adaptation, join_draws, read_draws
 from pyburgers.cmdstan.program import Program
 from pyburgers.common.atomic_files import write_json, write_text
+from pyburgers.common.messages import in_notebook, is_watched
 from pyburgers.common.processes import Running, cores, side_by_side
 from pyburgers.common.toml_files import read_json
 from pyburgers.common.units import counted, duration_text
@@ -39,14 +40,15 @@ _ITERATION = re.compile(rb"^Iteration:\s*(\d+) /.*\((\w+)\)\s*$", re.MULTILINE)
 def shown_progress(chains: Sequence[int], total: int) -> Iterator[Advance]:
     """Show how far each chain, of `total` iterations with warm-up, is while the block runs.
 
-    Bars are drawn on standard error if that is a terminal, save by processes beside each other,
-    which would draw over each other's bars.
+    A notebook has one bar for all chains, a terminal one for each; elsewhere there are messages.
     """
-    if sys.stderr.isatty() and parent_process() is None:
+    if not is_watched():
+        yield quarter_messages(chains, total)
+    elif in_notebook():
+        yield notebook_bar(chains, total)
+    else:
         with bars(chains, total, sys.stderr) as advance:
             yield advance
-    else:
-        yield quarter_messages(chains, total)
 
 
 @contextmanager
@@ -74,6 +76,25 @@ def bars(chains: Sequence[int], total: int, stream: TextIO) -> Iterator[Advance]
 
 def quarter_messages(chains: Sequence[int], total: int) -> Advance:
     """Return what logs a line for each quarter of all chains together, with the time left."""
+    return _in_steps(chains, total, 4, lambda _, text: logger.info(text))
+
+
+def notebook_bar(chains: Sequence[int], total: int) -> Advance:
+    """Return what moves a bar for all chains together below the cell that runs."""
+    shown = import_module("IPython.display")
+    handle = shown.display(shown.HTML(""), display_id=True)
+
+    def show(share: float, text: str) -> None:
+        bar = f'<progress style="width: 40ex" value="{share:.3f}"></progress>'
+        handle.update(shown.HTML(f"{bar} {text}"))
+
+    return _in_steps(chains, total, 100, show)
+
+
+def _in_steps(
+    chains: Sequence[int], total: int, steps: int, show: Callable[[float, str], None]
+) -> Advance:
+    """Return what shows the share that all chains together have done, in steps, and a text."""
     done = dict.fromkeys(chains, 0)
     started, last = time.monotonic(), 0
 
@@ -81,12 +102,12 @@ def quarter_messages(chains: Sequence[int], total: int) -> Advance:
         nonlocal last
         done[chain] = iteration
         share = sum(done.values()) / (len(done) * total)
-        if int(4 * share) > last:
-            last = int(4 * share)
+        if int(steps * share) > last:
+            last = int(steps * share)
             seconds = (time.monotonic() - started) * (1 / share - 1)
             left = f", about {duration_text(seconds)} left" if share < 1 else ""
             of_all = f"{counted(len(done), 'chain')} of {total} iterations"
-            logger.info(f"{share:.0%} of {of_all} ({phase.lower()}){left}")
+            show(share, f"{share:.0%} of {of_all} ({phase.lower()}){left}")
 
     return advance
 

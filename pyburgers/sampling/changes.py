@@ -1,5 +1,6 @@
 """The run that is asked for: its record, its inputs, and what differs from the one in a folder."""
 
+import re
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
@@ -71,7 +72,7 @@ def refusal(run: RunDirectory, wanted: Mapping[str, Any], problem: Problem) -> s
         found = ["Stan programs, CmdStan or the compiler are others now"]
     more = [f"and {len(found) - MAX_TOLD} more"] if len(found) > MAX_TOLD else []
     longer = ""
-    if len(found) == 1 and found[0].startswith("draws "):
+    if len(found) == 1 and re.match(r"draws \d", found[0]):
         longer = ", or --more-draws N to add draws to its chains"
     return (
         f"{run.path}: holds a run of other inputs: {'; '.join([*found[:MAX_TOLD], *more])}; "

@@ -59,16 +59,6 @@ class ChosenChart:
         return np.asarray(self.covariance / np.outer(unit, unit))
 
 
-def check_coordinates(problem: Problem, wanted: str) -> None:
-    """Raise `InputError` if the coordinates that are wanted are not for the tests of a protocol."""
-    chart = problem.likelihood.chart.name
-    if wanted not in ("auto", "plain", chart):
-        raise InputError(
-            f"{problem.name}: {wanted} coordinates are not for tests of the protocol "
-            f"{problem.likelihood.name}, expected --coordinates auto, plain or {chart}."
-        )
-
-
 def choose_chart(
     problem: Problem,
     data: StanData,

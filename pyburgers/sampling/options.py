@@ -122,19 +122,32 @@ class SamplerOptions:
         """
         return min(self.threads_per_chain, n_tests)
 
-    def suited_to(self, likelihood: Likelihood[Any]) -> Self:
+    def suited_to(self, likelihood: Likelihood[Any], tests: str) -> Self:
         """Fill in what is left to the kind of test.
 
         Parameters
         ----------
         likelihood : Likelihood
             That of the tests of a fit.
+        tests : str
+            Names of the tests, for messages.
 
         Returns
         -------
         SamplerOptions
             With numbers for warm-up and target acceptance.
+
+        Raises
+        ------
+        InputError
+            If such tests do not have the coordinates.
         """
+        chart = likelihood.chart.name
+        if self.coordinates not in ("auto", "plain", chart):
+            raise InputError(
+                f"{tests}: {self.coordinates} coordinates are not for tests of the protocol "
+                f"{likelihood.name}, expected --coordinates auto, plain or {chart}."
+            )
         return replace(
             self,
             warmup=self.warmup or likelihood.warmup,

@@ -27,7 +27,7 @@ from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions, StanData, decisive
 from pyburgers.sampling.chains import run_side_by_side
 from pyburgers.sampling.changes import refusal, wanted_record, write_inputs
-from pyburgers.sampling.charts import ChosenChart, check_coordinates, choose_chart
+from pyburgers.sampling.charts import ChosenChart, choose_chart
 from pyburgers.sampling.extensions import extend_chains
 from pyburgers.sampling.manifest import ChainFailure
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
@@ -76,8 +76,7 @@ def run_chains(
     written, `SamplingError` if no chain finished, or one could not be extended. On a
     `KeyboardInterrupt` the chains are stopped; the same call continues the run.
     """
-    check_coordinates(problem, options.coordinates)
-    options = options.suited_to(problem.likelihood)
+    options = options.suited_to(problem.likelihood, problem.name)
     data = program_data(problem, solver=solver, use_likelihood=use_likelihood)
     run = RunDirectory(directory)
     model = _program_for(problem, options)

@@ -32,7 +32,6 @@ from pyburgers.kinds.together import pooling_for
 from pyburgers.model.pooling import pooling_from
 from pyburgers.model.priors import PriorSet, load_priors, note_other_material, save_priors
 from pyburgers.sampling.changes import problem_record
-from pyburgers.sampling.charts import check_coordinates
 from pyburgers.sampling.manifest import COMPLETE, PoolingRecord, RecordedHashes, SamplerRecord
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
 from pyburgers.sampling.run import files_in, origin_record
@@ -183,8 +182,7 @@ def calibrate(
     problem = problem_of(tests, priors, pooling_for(tests, pool))
     check_template(problem, plan.strain_range)
     note_other_material(priors, tests[0].material)
-    check_coordinates(problem, plan.sampler.coordinates)
-    sampler = plan.sampler.suited_to(problem.likelihood)
+    sampler = plan.sampler.suited_to(problem.likelihood, problem.name)
     plan = replace(plan, sampler=replace(sampler, parallel_chains=1))
     identity = _fingerprint(problem, plan, load_program(problem.likelihood.program).recipe)
     run = RunDirectory(out)

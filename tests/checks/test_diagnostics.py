@@ -7,15 +7,20 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.stats import norm
 
 from pyburgers.checks import fit_checks
 from pyburgers.checks.description import check_coverage
 from pyburgers.checks.fit_checks import (
+    ESS_LIMIT,
+    RHAT_LIMIT,
     CheckedDraws,
     CheckKind,
     CheckResult,
     Outcome,
+    beyond,
     check_chains,
     check_divergences,
     check_effective_sample_size,
@@ -36,6 +41,10 @@ from pyburgers.sampling.manifest import ChainFailure
 FloatArray = npt.NDArray[np.float64]
 CHAINS, DRAWS, POINTS = 4, 500, 60
 MAX_TREEDEPTH = 10
+
+CheckFunction = Callable[[CheckedDraws], CheckResult]
+Defect = Callable[[xr.DataTree], None]
+Numbers = dict[str, list[int]]
 
 
 def good(chains: int = CHAINS, draws: int = DRAWS) -> xr.DataTree:
@@ -90,13 +99,6 @@ def values(tree: xr.DataTree, group: str, name: str) -> FloatArray:
     return array
 
 
-def assert_fails(check: CheckResult, *remedies: str) -> None:
-    assert not check.passed
-    assert check.sentence.endswith(".")
-    for remedy in remedies:
-        assert remedy in check.sentence
-
-
 def test_good_draws_pass_every_check() -> None:
     checks = run_checks(CheckedDraws(good()), CHECKS)
     assert [check.name for check in checks if not check.passed] == []
@@ -111,52 +113,124 @@ def test_good_draws_pass_every_check() -> None:
 def test_a_missing_chain_fails_with_its_reason() -> None:
     failure = ChainFailure(5, "Chain 5 was killed by the system (SIGKILL).")
     check = check_chains(CheckedDraws(good(), (failure,)))
-    assert_fails(check, "1 of 5 chains", failure.reason)
+    assert not check.passed
+    assert "1 of 5 chains" in check.sentence
+    assert failure.reason in check.sentence
     assert check.table["chain"].tolist() == [1, 2, 3, 4, 5]
 
 
-def test_one_chain_is_not_called_all_chains() -> None:
-    tree = good()
-    alone = tree.sel(chain=[1])
-    assert check_chains(CheckedDraws(tree)).sentence == "All 4 chains finished."
-    assert check_chains(CheckedDraws(alone)).sentence == "The only chain finished."
+def one_elsewhere(tree: xr.DataTree) -> None:
+    values(tree, "posterior", "stress_exponent")[2] += 0.2
 
 
-def one_elsewhere(draws: FloatArray) -> None:
-    draws[2] += 0.2
-
-
-def one_wider(draws: FloatArray) -> None:
+def one_wider(tree: xr.DataTree) -> None:
+    draws = values(tree, "posterior", "stress_exponent")
     draws[1] = 3.5 + 4 * (draws[1] - 3.5)
 
 
-def never_moved(draws: FloatArray) -> None:
-    draws[:] = 3.5
+def never_moved(tree: xr.DataTree) -> None:
+    values(tree, "posterior", "stress_exponent")[:] = 3.5
 
 
-@pytest.mark.parametrize("spoil", [one_elsewhere, one_wider, never_moved])
-def test_chains_that_differ_or_never_moved_fail_rhat(spoil: Callable[[FloatArray], None]) -> None:
-    tree = good()
-    spoil(values(tree, "posterior", "stress_exponent"))
-    assert_fails(check_rhat(CheckedDraws(tree)), "stress_exponent", "--draws")
-
-
-def test_one_chain_cannot_be_compared() -> None:
-    assert_fails(check_rhat(CheckedDraws(good(chains=1))), "--chains")
-
-
-def test_few_draws_fail_the_effective_sample_size() -> None:
-    assert_fails(check_effective_sample_size(CheckedDraws(good(draws=60))), "--draws")
-
-
-def test_slowly_mixing_draws_fail_the_effective_sample_size() -> None:
-    tree = good()
+def slow(tree: xr.DataTree) -> None:
     noise = values(tree, "posterior", "stress_noise")
     steps = np.random.default_rng(1).standard_normal(noise.shape)
     for k in range(1, DRAWS):
         steps[:, k] += 0.97 * steps[:, k - 1]
     noise[:] = 1e5 + 1e3 * steps
-    assert_fails(check_effective_sample_size(CheckedDraws(tree)), "stress_noise", "--draws")
+
+
+def one_divergence(tree: xr.DataTree) -> None:
+    values(tree, "sample_stats", "diverging")[3, 17] = True
+
+
+def saturated(tree: xr.DataTree) -> None:
+    values(tree, "sample_stats", "tree_depth")[0, :3] = MAX_TREEDEPTH
+
+
+def wandering(tree: xr.DataTree) -> None:
+    energy = values(tree, "sample_stats", "energy")
+    energy[1] = np.cumsum(energy[1])
+
+
+def heavy_tailed(tree: xr.DataTree) -> None:
+    ratios = values(tree, "sample_stats", "solver_log_ratio")
+    ratios[:] = np.random.default_rng(2).standard_exponential(ratios.shape) * 1.5
+
+
+def one_unsolved(tree: xr.DataTree) -> None:
+    values(tree, "sample_stats", "solver_log_ratio")[0, 0] = np.nan
+
+
+def as_they_are(tree: xr.DataTree) -> None:
+    """Too few of them are their only defect."""
+
+
+DEFECTS: dict[str, tuple[CheckFunction, xr.DataTree, Defect, tuple[str, ...], Numbers]] = {
+    "one chain elsewhere": (check_rhat, good(), one_elsewhere, ("stress_exponent", "--draws"), {}),
+    "one wider chain": (check_rhat, good(), one_wider, ("stress_exponent", "--draws"), {}),
+    "never moved": (check_rhat, good(), never_moved, ("stress_exponent", "--draws"), {}),
+    "one chain": (check_rhat, good(chains=1), as_they_are, ("--chains",), {}),
+    "few": (check_effective_sample_size, good(draws=60), as_they_are, ("--draws",), {}),
+    "slow": (check_effective_sample_size, good(), slow, ("stress_noise", "--draws"), {}),
+    "divergence": (
+        check_divergences,
+        good(),
+        one_divergence,
+        (f"1 of {CHAINS * DRAWS}", "3 and 1 with longer steps", "--adapt-delta"),
+        {"divergences": [0, 0, 0, 1]},
+    ),
+    "tree depth": (
+        check_treedepth,
+        good(),
+        saturated,
+        ("3 of", "--max-treedepth"),
+        {"saturated": [3, 0, 0, 0]},
+    ),
+    "energy": (check_energy, good(), wandering, ("E-BFMI", "warm-up"), {}),
+    "heavy tail": (check_solver, good(), heavy_tailed, ("Pareto k", "--tolerance"), {}),
+    "unsolved": (
+        check_solver,
+        good(),
+        one_unsolved,
+        (f"1 of {CHAINS * DRAWS} draws have no solution", "--tolerance"),
+        {"unsolved_draws": [1]},
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("check", "tree", "spoil", "words", "numbers"), DEFECTS.values(), ids=DEFECTS
+)
+def test_each_check_fails_on_its_own_defect_and_says_what_helps(
+    check: CheckFunction,
+    tree: xr.DataTree,
+    spoil: Defect,
+    words: tuple[str, ...],
+    numbers: Numbers,
+) -> None:
+    tree = tree.copy(deep=True)
+    spoil(tree)
+    found = check(CheckedDraws(tree, max_treedepth=MAX_TREEDEPTH, diverged_before=(3, 1)))
+    assert not found.passed
+    assert found.sentence.endswith(".")
+    assert [word for word in words if word not in found.sentence] == []
+    assert {name: found.table[name].tolist() for name in numbers} == numbers
+    if spoil is wandering:
+        assert (found.table["ebfmi"] < 0.3).tolist() == [False, True, False, False]
+
+
+def test_what_is_no_defect_passes() -> None:
+    tree = good()
+    assert check_chains(CheckedDraws(tree)).sentence == "All 4 chains finished."
+    assert check_chains(CheckedDraws(tree.sel(chain=[1]))).sentence == "The only chain finished."
+    put_aside = check_divergences(CheckedDraws(tree, diverged_before=(3, 1)))
+    assert put_aside.passed
+    assert "3 and 1 had" in put_aside.sentence
+    values(tree, "sample_stats", "solver_log_ratio")[:] = 0.0
+    equal = check_solver(CheckedDraws(tree))
+    assert equal.passed
+    assert "inf" not in equal.sentence
 
 
 def test_ends_of_intervals_that_chains_reach_but_once_fail_the_effective_sample_size() -> None:
@@ -169,65 +243,9 @@ def test_ends_of_intervals_that_chains_reach_but_once_fail_the_effective_sample_
     table = convergence_table(tree).loc["stress_noise"]
     assert table["rhat"] < 1.01
     assert table["ess_bulk"] > 800
-    assert_fails(check_effective_sample_size(CheckedDraws(tree)), "stress_noise", "--draws")
-
-
-def test_a_divergence_fails() -> None:
-    tree = good()
-    values(tree, "sample_stats", "diverging")[3, 17] = True
-    check = check_divergences(CheckedDraws(tree))
-    assert_fails(check, f"1 of {CHAINS * DRAWS}", "--adapt-delta")
-    assert check.table["divergences"].tolist() == [0, 0, 0, 1]
-
-
-def test_divergences_of_draws_put_aside_are_told() -> None:
-    tree = good()
-    check = check_divergences(CheckedDraws(tree, diverged_before=(3, 1)))
-    assert check.passed
-    assert "3 and 1 had" in check.sentence
-    values(tree, "sample_stats", "diverging")[3, 17] = True
-    check = check_divergences(CheckedDraws(tree, diverged_before=(3, 1)))
-    assert_fails(check, f"1 of {CHAINS * DRAWS}", "3 and 1 with longer steps", "--adapt-delta")
-
-
-def test_a_saturated_treedepth_fails() -> None:
-    tree = good()
-    values(tree, "sample_stats", "tree_depth")[0, :3] = MAX_TREEDEPTH
-    check = check_treedepth(CheckedDraws(tree, max_treedepth=MAX_TREEDEPTH))
-    assert_fails(check, "3 of", "--max-treedepth")
-    assert check.table["saturated"].tolist() == [3, 0, 0, 0]
-
-
-def test_energy_that_wanders_fails() -> None:
-    tree = good()
-    energy = values(tree, "sample_stats", "energy")
-    energy[1] = np.cumsum(energy[1])
-    check = check_energy(CheckedDraws(tree))
-    assert_fails(check, "E-BFMI", "warm-up")
-    assert (check.table["ebfmi"] < 0.3).tolist() == [False, True, False, False]
-
-
-def test_heavy_tailed_ratios_fail_the_solver_check() -> None:
-    tree = good()
-    ratios = values(tree, "sample_stats", "solver_log_ratio")
-    ratios[:] = np.random.default_rng(2).standard_exponential(ratios.shape) * 1.5
-    assert_fails(check_solver(CheckedDraws(tree)), "Pareto k", "--tolerance")
-
-
-def test_a_draw_without_solution_fails_the_solver_check() -> None:
-    tree = good()
-    values(tree, "sample_stats", "solver_log_ratio")[0, 0] = np.nan
-    check = check_solver(CheckedDraws(tree))
-    assert_fails(check, f"1 of {CHAINS * DRAWS} draws have no solution", "--tolerance")
-    assert check.table["unsolved_draws"].item() == 1
-
-
-def test_equal_ratios_pass_the_solver_check() -> None:
-    tree = good()
-    values(tree, "sample_stats", "solver_log_ratio")[:] = 0.0
-    check = check_solver(CheckedDraws(tree))
-    assert check.passed
-    assert "inf" not in check.sentence
+    found = check_effective_sample_size(CheckedDraws(tree))
+    assert not found.passed
+    assert "stress_noise" in found.sentence
 
 
 @pytest.mark.parametrize(("outside", "passes"), [(0, True), (6, True), (30, False)])
@@ -239,8 +257,7 @@ def test_coverage_counts_the_data_in_the_band(outside: int, passes: bool) -> Non
     assert coverage(tree) == pytest.approx(1 - outside / POINTS)
     check = check_coverage(CheckedDraws(tree))
     assert check.passed == passes
-    if not passes:
-        assert_fails(check, "50%", "residuals")
+    assert ("50%" in check.sentence) is not passes
 
 
 def test_errors_of_the_driving_strain_are_checked_like_parameters() -> None:
@@ -283,8 +300,10 @@ def test_modes_that_do_no_harm(weight: float, exponent: float, noise: float) -> 
 
 def test_a_mode_that_no_draw_comes_near_fails() -> None:
     found = check_other_modes(other_mode(0.2, 3.5, noise=2e3))
-    assert_fails(found, "0.2 times", "stress_noise is 0.002 MPa", "prior of stress_noise")
+    assert not found.passed
     assert not found.unusable
+    for words in ("0.2 times", "stress_noise is 0.002 MPa", "prior of stress_noise"):
+        assert words in found.sentence
 
 
 def test_draws_of_the_lesser_mode_say_nothing_of_the_data() -> None:
@@ -293,3 +312,19 @@ def test_draws_of_the_lesser_mode_say_nothing_of_the_data() -> None:
     assert both[CheckKind.SAMPLING].outcome is Outcome.NO
     assert "3e+03 times" in both[CheckKind.SAMPLING].sentence
     assert both[CheckKind.DESCRIPTION].outcome is Outcome.CANNOT_TELL
+
+
+@given(st.floats(min_value=1e-9, max_value=0.1))
+def test_a_number_beyond_its_limit_is_printed_beyond_it(excess: float) -> None:
+    assert float(beyond(RHAT_LIMIT + excess, 3, above=True)) > RHAT_LIMIT
+    assert float(beyond(ESS_LIMIT - 1000 * excess, 0, above=False)) < ESS_LIMIT
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "above", "text"),
+    [(1.0102, 3, True, "1.011"), (399.7, 0, False, "399"), (float("nan"), 3, True, "nan")],
+)
+def test_numbers_are_rounded_away_from_their_limit(
+    value: float, digits: int, above: bool, text: str
+) -> None:
+    assert beyond(value, digits, above=above) == text

@@ -154,6 +154,13 @@ def test_a_posterior_piled_against_a_bound_is_no_measurement() -> None:
     (sentence,) = decision_sentences({"kelvin_modulus": found})
     assert sentence.endswith("Widen the prior, or say in its 'source' why it ends there.")
     assert influence_numbers({"kelvin_modulus": found})["decided_by"].tolist() == ["bound"]
+    # A bound of the model is a limit.
+    found = piled(0.0, draws - 0.5)
+    assert found.bound is not None
+    assert found.bound.is_physical
+    (sentence,) = decision_sentences({"kelvin_modulus": found})
+    assert "as a limit" in sentence
+    assert "Widen" not in sentence
 
 
 def test_a_bound_does_not_hide_the_prior_that_would_decide_without_it() -> None:
@@ -174,15 +181,6 @@ def test_sentences_about_a_test_of_a_joint_fit_name_the_test() -> None:
     assert "decides Kelvin modulus[A]: " in sentence
 
 
-def test_a_bound_of_the_model_is_a_limit() -> None:
-    found = piled(0.0, 0.016 * np.random.default_rng(1).exponential(size=N_DRAWS))
-    assert found.bound is not None
-    assert found.bound.is_physical
-    (sentence,) = decision_sentences({"kelvin_modulus": found})
-    assert "as a limit" in sentence
-    assert "Widen" not in sentence
-
-
 @pytest.mark.parametrize(("at", "is_bound"), [(-1.5, False), (-0.5, True), (0.5, True)])
 def test_a_bound_decides_where_it_cuts_off_a_good_part(at: float, *, is_bound: bool) -> None:
     law = stats.truncnorm(at, np.inf, loc=1.0 - 0.1 * at, scale=0.1)
@@ -190,17 +188,13 @@ def test_a_bound_decides_where_it_cuts_off_a_good_part(at: float, *, is_bound: b
     assert (found.bound is not None) == is_bound
 
 
-def test_a_posterior_as_flat_as_its_prior_is_the_prior() -> None:
-    found = piled(0.5, np.random.default_rng(2).uniform(0.5, 10.0, N_DRAWS))
-    assert found.bound is None
-    assert found.origin is Origin.PRIOR
-
-
 def test_a_posterior_that_hardly_leans_towards_a_bound_is_not_piled_there() -> None:
     """A density that rises to the bound all the way from the other end: most is the prior's."""
     found = piled(0.5, 10.0 - 9.5 * (1.0 - np.sqrt(np.random.default_rng(2).uniform(size=N_DRAWS))))
     assert found.bound is None
     assert found.origin in (Origin.PRIOR, Origin.BOTH)
+    flat = piled(0.5, np.random.default_rng(2).uniform(0.5, 10.0, N_DRAWS))
+    assert (flat.bound, flat.origin) == (None, Origin.PRIOR)
 
 
 def counted(
@@ -212,12 +206,13 @@ def counted(
     return sum(map(bool, telling)), len(found)
 
 
-def test_correct_models_hardly_ever_report_a_conflict() -> None:
+@pytest.mark.parametrize("n", [50, pytest.param(200, marks=pytest.mark.slow)])
+def test_correct_models_hardly_ever_report_a_conflict(n: int) -> None:
     """4 of 200 are 1 in 50; at the level of 0.01 more than 6 come once in 250 times."""
-    told, of = counted(normal_fits(200, 11, draws=200))
-    assert told <= 6
-    assert of == 200
-    assert counted(uniform_fits(60, 12, draws=200, noise=0.1))[0] <= 3
+    told, of = counted(normal_fits(n, 11, draws=200))
+    assert told <= (6 if n == 200 else 3)
+    assert of == n
+    assert counted(uniform_fits(n * 3 // 10, 12, draws=200, noise=0.1))[0] <= (3 if n == 200 else 1)
 
 
 def test_a_truth_four_standard_deviations_out_is_told() -> None:
@@ -261,11 +256,9 @@ def test_the_distance_from_a_prior_that_is_cut_counts_by_probability() -> None:
     below, cut = (float(stats.norm.cdf((x - 4.0) / 2.0)) for x in (0.54, 0.0))
     exact = stats.norm.ppf((below - cut) / (1 - cut))
     assert normal_scores(law.distribution(), np.array([0.54])) == pytest.approx(exact)
-
-
-def test_scores_reach_far_into_both_tails_and_are_finite_at_a_bound() -> None:
-    law = standard_normal("beta").distribution()
-    assert normal_scores(law, np.array([-30.0, 30.0])) == pytest.approx([-30.0, 30.0])
+    # Scores reach far into both tails and are finite at a bound.
+    normal_law = standard_normal("beta").distribution()
+    assert normal_scores(normal_law, np.array([-30.0, 30.0])) == pytest.approx([-30.0, 30.0])
     assert np.isfinite(normal_scores(uniform("beta").distribution(), np.array([1.0, 2.0]))).all()
 
 

@@ -85,6 +85,7 @@ def test_nothing_is_said_about_data_that_took_no_part() -> None:
     answers = verdicts(GOOD[:1])
     assert (answers[SAMPLING].outcome, answers[DESCRIPTION].outcome) == (YES, CANNOT_TELL)
     assert "no check compared it with data" in answers[DESCRIPTION].sentence
+    assert print_checks(GOOD[:1]) == 0
 
 
 @pytest.mark.parametrize(
@@ -111,7 +112,3 @@ def test_each_question_has_its_block_and_its_exit_code(
         assert (told > second) == (check.check.kind is DESCRIPTION)
     for verdict in verdicts(checks).values():
         assert f"{verdict.kind.value} {verdict.outcome.value.upper()}\n{verdict.sentence}" in out
-
-
-def test_draws_of_the_prior_alone_are_judged_by_their_sampling() -> None:
-    assert print_checks(GOOD[:1]) == 0

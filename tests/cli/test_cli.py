@@ -1,13 +1,11 @@
 """The command line: exit codes, one sentence for bad input, files that it promises."""
 
-import argparse
 import json
 import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
-from importlib import import_module
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 
@@ -15,18 +13,17 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import ICE, Problem
-from refusals import assert_refused
 from small_inputs import CURVE, EXPERIMENT, PRIORS
 
 import pyburgers
 from pyburgers.checks.registry import CHECKS
-from pyburgers.cli.main import COMMANDS, main
-from pyburgers.cli.parser import HelpWithDefaults, OneLineParser
+from pyburgers.cli.main import main
 from pyburgers.cli.shared import command_line
 from pyburgers.cmdstan.installation import PYPI_VERSION
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.constant_rate.experiment import load_constant_rate
 from pyburgers.kinds.likelihood import likelihoods
+from pyburgers.model.priors import default_priors, load_priors
 
 COLUMNS = ["time_s", "strain", "stress_Pa", "kelvin_strain", "grain_size_m", "fabric_factor"]
 
@@ -36,13 +33,10 @@ Parameters = Callable[..., Path]
 
 @pytest.fixture
 def write(tmp_path: Path) -> Write:
-    """Write the input files, some text replaced, and return the arguments of a fit."""
+    """Write the input files, and return the arguments of a fit."""
 
-    def write(name: str = "", old: str = "", new: str = "") -> list[str]:
+    def write() -> list[str]:
         for file, text in {"test.toml": EXPERIMENT, "curve.csv": CURVE, "p.toml": PRIORS}.items():
-            if file == name:
-                assert old in text
-                text = text.replace(old, new, 1)
             (tmp_path / file).write_text(text, encoding="utf-8")
         files = [str(tmp_path / "test.toml"), "--priors", str(tmp_path / "p.toml")]
         return ["fit", *files, "--out", str(tmp_path / "run")]
@@ -62,125 +56,6 @@ def parameters(tmp_path: Path) -> Parameters:
         return path
 
     return parameters
-
-
-BAD_INPUT = {
-    "missing key": ("test.toml", "temperature_K = 263.0\n", "", "temperature_K"),
-    "extra key": ("test.toml", 'material = "ice"', 'material = "ice"\ncolour = "blue"', "colour"),
-    "no provenance": (
-        "test.toml",
-        '[provenance]\nkind = "measured"\nsource = "Somebody (2020)"\n',
-        "",
-        "provenance",
-    ),
-    "wrong unit": ("test.toml", '"MPa"', '"bar"', "bar"),
-    "not TOML": ("test.toml", "id = ", "id : ", "TOML"),
-    "Celsius": ("test.toml", "263.0", "-10.0", "Celsius"),
-    "too hot": ("test.toml", "263.0", "3001.0", "kelvin"),
-    "negative rate": ("test.toml", "= 1e-4", "= -1e-4", "strain_rate_per_s"),
-    "missing data file": ("test.toml", "curve.csv", "curv.csv", "curv.csv"),
-    "missing column": ("test.toml", '"stress"', '"sigma"', "sigma"),
-    "unknown material": ("test.toml", 'material = "ice"', 'material = ""', "material"),
-    "non-numeric cell": ("curve.csv", "3.0", "three", "line 3"),
-    "empty cell": ("curve.csv", "3.0", "", "an empty cell"),
-    "infinity": ("curve.csv", "0.02", "inf", "finite"),
-    "strain running backwards": ("curve.csv", "0.03,", "0.005,", "backwards"),
-    "empty CSV": ("curve.csv", CURVE, "", "no data rows"),
-    "header only": ("curve.csv", CURVE, "strain,stress\n", "no data rows"),
-    "prior with lower >= upper": ("p.toml", "lower = 2.7", "lower = 4.7", "stress_exponent"),
-    "prior with scale 0": ("p.toml", "scale = 2.0\nlower", "scale = 0.0\nlower", "scale"),
-    "prior with negative scale": ("p.toml", "scale = 1e-6", "scale = -1e-6", "scale"),
-    "unknown parameter": (
-        "p.toml",
-        "[parameters.stress_exponent]",
-        "[parameters.stress_exponnt]",
-        "stress_exponnt",
-    ),
-    "wrong prior unit": ("p.toml", 'unit = "GPa s"', 'unit = "GPa"', "kelvin_viscosity"),
-    "positive beta": ("p.toml", "location = -7.29e-4", "location = 7.29e-4", "misprint"),
-}
-
-
-@pytest.mark.parametrize(("name", "old", "new", "word"), BAD_INPUT.values(), ids=BAD_INPUT)
-def test_bad_input_is_one_sentence_and_nothing_is_written(
-    name: str,
-    old: str,
-    new: str,
-    word: str,
-    write: Write,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    assert_refused(main(write(name, old, new)), capsys, word)
-    assert not (tmp_path / "run").exists()
-
-
-@pytest.mark.parametrize("missing", ["test.toml", "p.toml"])
-def test_a_missing_file_is_named(
-    missing: str, write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    arguments = write()
-    (tmp_path / missing).unlink()
-    assert_refused(main(arguments), capsys, missing)
-
-
-def test_a_material_without_priors_names_those_with(
-    write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write("test.toml", 'material = "ice"', 'material = "quartz"')
-    code = main(["fit", str(tmp_path / "test.toml"), "--out", str(tmp_path / "run")])
-    assert_refused(code, capsys, "quartz", "ice")
-
-
-@pytest.mark.parametrize(
-    "option",
-    [
-        ("--chains", "0"),
-        ("--chains", "-3"),
-        ("--draws", "-5"),
-        ("--warmup", "1"),
-        ("--seed", "-1"),
-        ("--adapt-delta", "1.5"),
-        ("--tolerance", "-1"),
-        ("--tolerance", "nan"),
-        ("--chain-timeout", "0"),
-    ],
-    ids=" ".join,
-)
-def test_options_out_of_range_are_refused(
-    option: tuple[str, str], write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    code = main([*write(), *option])
-    out, error = capsys.readouterr()
-    assert code == 2
-    assert out == ""
-    # Few points are worth a note, before the options are looked at.
-    last, (name, value) = error.splitlines()[-1], option
-    assert last.startswith(f"pyburgers: {name[2:].replace('-', '_')} is {value}")
-    assert last.endswith(f"(option {name}).")
-    assert not (tmp_path / "run").exists()
-
-
-def test_an_experiment_without_data_cannot_be_fitted(
-    write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    data = EXPERIMENT[EXPERIMENT.index("[data]") : EXPERIMENT.index("[provenance]")]
-    arguments = write("test.toml", data, "")
-    path = tmp_path / "test.toml"
-    path.write_text("final_strain = 0.1\n" + path.read_text(encoding="utf-8"), encoding="utf-8")
-    assert_refused(main(arguments), capsys, "no data")
-    assert not (tmp_path / "run").exists()
-
-
-def test_the_directory_of_another_run_is_refused(
-    write: Write, small_fit: Fit, capsys: pytest.CaptureFixture[str]
-) -> None:
-    before = {p: p.stat().st_mtime_ns for p in small_fit.directory.path.rglob("*")}
-    code = main([*write(), "--out", str(small_fit.directory.path)])
-    out, error = capsys.readouterr()
-    assert (code, out) == (2, "")
-    assert "other inputs" in error.splitlines()[-1]
-    assert {p: p.stat().st_mtime_ns for p in small_fit.directory.path.rglob("*")} == before
 
 
 def test_an_unwritable_directory_is_refused(
@@ -276,17 +151,6 @@ def test_the_prior_alone_in_the_default_directory(
     assert (ratio.dropna() > 0.6).all()
 
 
-@pytest.mark.parametrize("command", ["check", "report"])
-def test_a_folder_that_is_no_run_is_refused(
-    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    arguments = [command, str(tmp_path / "nowhere")]
-    if command == "report":
-        arguments += ["--out", str(tmp_path / "page")]
-    assert_refused(main(arguments), capsys, "nowhere", "run directory")
-    assert not (tmp_path / "page").exists()
-
-
 @pytest.mark.usefixtures("sketched")
 def test_a_report_of_a_run(
     small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -320,70 +184,6 @@ def test_the_printed_beta_is_warned_about(
     assert code in (0, 1)
     assert "beta is positive" in error
     assert "misprint" in error
-
-
-@pytest.mark.parametrize(
-    ("content", "word"),
-    [
-        ({"viscosity": 1.0}, "viscosity"),
-        ({"maxwell_modulus": -1.0}, "maxwell_modulus"),
-        ({"beta": "small"}, "beta"),
-        ({"steady_state_fabric_factor": 0.0}, "steady_state_fabric_factor"),
-        ({"kelvin_modulus": True}, "kelvin_modulus"),
-        *((text, "parameters.json") for text in (None, "{", "[1, 2]", '{"beta": -7.29e-4}')),
-    ],
-)
-def test_simulate_refuses_wrong_parameters(
-    content: dict[str, object] | str | None,
-    word: str,
-    parameters: Parameters,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    """Changed values, another text of the file, or no file."""
-    out, file = tmp_path / "curve.csv", tmp_path / "parameters.json"
-    if isinstance(content, dict):
-        parameters(**content)
-    elif content is not None:
-        file.write_text(content, encoding="utf-8")
-    files = ["--parameters", str(file), "--out", str(out)]
-    assert_refused(main(["simulate", str(ICE / "PIL40.toml"), *files]), capsys, word)
-    assert not out.exists()
-
-
-def test_simulate_refuses_an_unwritable_file(
-    programs: None, parameters: Parameters, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for out in (tmp_path, tmp_path / "no" / "folder.csv"):
-        files = ["--parameters", str(parameters()), "--out", str(out)]
-        code = main(["simulate", str(ICE / "PIL40.toml"), *files])
-        assert_refused(code, capsys, str(out))
-    assert not list(tmp_path.glob(".*"))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ([], ("COMMAND", "`pyburgers --help`")),
-        (["--versoin"], ("unknown option --versoin, did you mean --version?",)),
-        (["--out", "x", "fit"], ("unknown option --out, expected a command first; see",)),
-        (["fit"], ("EXPERIMENT.toml", "`pyburgers fit --help`")),
-        (["fitt"], ("unknown command 'fitt'", "did you mean 'fit'?")),
-        (["fit", "a.toml", "--draws", "x"], ("--draws", "'x'")),
-        (["fit", "a.toml", "--drwas=5"], ("unknown option --drwas,", "did you mean --draws?")),
-        (
-            ["predict", "a", "b", "--out", "c", "--evolving"],
-            ("which is another command", "predict --help"),
-        ),
-        (["fit", "a.toml", "--coordinates", "polar"], ("--coordinates", "'polar'", "valley")),
-        (["check", "a", "b"], ("unknown argument b", "`pyburgers check --help`")),
-    ],
-    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
-)
-def test_a_wrong_command_line_costs_one_line(
-    arguments: list[str], words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert_refused(main(arguments), capsys, *words)
 
 
 def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
@@ -455,34 +255,12 @@ def test_help_answers_at_once() -> None:
     assert min(seconds) < 0.3
 
 
-def arguments_of(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
-    """Every argument of a command, and of the commands below it."""
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for below in action.choices.values():
-                yield from arguments_of(below)
-        else:
-            yield action
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_argument_has_help_that_ends_with_its_default(command: str) -> None:
-    parser = OneLineParser(prog=command)
-    import_module(f"pyburgers.cli.{command.replace('-', '_')}").add_options(parser)
-    for argument in arguments_of(parser):
-        name, default = "/".join(argument.option_strings) or argument.dest, argument.default
-        assert argument.help, name
-        if argument.option_strings and default not in (None, False, [], argparse.SUPPRESS):
-            text = HelpWithDefaults(command)._get_help_string(argument)
-            shown = " ".join(map(str, default)) if isinstance(default, tuple) else default
-            assert text == f"{argument.help}; default {shown}".replace("%", "%%"), name
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_has_help(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as stopped:
-        main([command, "--help"])
-    assert stopped.value.code == 0
-    out = capsys.readouterr().out
-    assert out.startswith(f"usage: pyburgers {command}")
-    assert "4 it was sampled well, but" in " ".join(out.split())
+def test_priors_prints_the_file_of_a_material(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert main(["priors", "ice"]) == 0
+    copy = tmp_path / "ice.toml"
+    copy.write_text(capsys.readouterr().out, encoding="utf-8")
+    assert load_priors(copy) == default_priors("ice")
+    assert main(["priors", "iec"]) == 2
+    assert "material 'iec' has no default priors" in capsys.readouterr().err

@@ -56,15 +56,6 @@ def test_points_with_heavy_tails_are_left_out_in_earnest(long_fit: Fit, tmp_path
     assert len(refits) == table["left_out"].sum()
 
 
-def test_one_run_and_the_same_run_twice_are_refused(
-    small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    run, out = str(small_fit.directory.path), ("--out", str(tmp_path / "out"))
-    assert_refused(main(["compare", run, *out]), capsys, "found 1 fit, expected at least two")
-    assert_refused(main(["compare", run, run, *out]), capsys, "same run twice")
-    assert not (tmp_path / "out").exists()
-
-
 def test_a_folder_that_is_no_run_and_a_file_for_a_folder_are_refused(
     small_fit: Fit, long_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

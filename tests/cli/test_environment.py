@@ -1,6 +1,7 @@
 """The command line where the machine is not as it should be: a sentence and an exit code."""
 
 import os
+import shlex
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -165,6 +166,25 @@ def test_too_little_memory_is_told_and_not_waited_for() -> None:
 def test_bytes_that_are_no_text_are_escaped() -> None:
     code, error = ended(r"sys.exit(main(['check', '/nowhere\udcff']))")
     assert (code, "\\udcff: not a run directory" in error) == (2, True)
+
+
+NEW = shlex.split("--material ice --temperature-K 263 --grain-size-m 1e-3 --strain-rate-per-s 1e-5")
+
+
+def test_a_name_of_a_file_that_is_no_text_is_refused_where_it_would_be_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = os.fsencode(tmp_path) + b"/curve\xff.csv"
+    Path(os.fsdecode(path)).write_text("strain,stress\n0.001,2\n0.02,3\n", encoding="utf-8")
+    out = str(tmp_path / "curve.toml")
+    assert main(["new", os.fsdecode(path), *NEW, "--out", out]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "found bytes that are no text in its name" in error
+    options = map(os.fsencode, (*NEW, "--id", "\udcff"))
+    command = [os.fsencode(sys.executable), b"-m", b"pyburgers", b"new", path, *options]
+    ended = subprocess.run(command, capture_output=True, check=False)
+    assert (ended.returncode, ended.stderr.count(b"\n")) == (2, 1)
 
 
 LONG = "x" * 5000

@@ -10,7 +10,6 @@ import pandas as pd
 import pytest
 import xarray as xr
 from conftest import ICE
-from refusals import assert_refused
 
 from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
@@ -145,24 +144,6 @@ def test_the_solution_of_a_draw_and_of_the_mean(small_fit: Fit, tmp_path: Path) 
         known = {str(name): float(one) for name, one in values.data_vars.items()}
         expected = simulate(load_experiment(ICE / "PIL40.toml"), known)
         np.testing.assert_allclose(pd.read_csv(out)["stress_Pa"], expected["stress_Pa"], rtol=1e-9)
-
-
-@pytest.mark.parametrize("draw", ["0", "201", "-1", "first"])
-def test_a_draw_that_is_not_there_is_refused(
-    draw: str, small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    run, out = str(small_fit.directory.path), str(tmp_path / "curve.csv")
-    arguments = ["simulate", str(ICE / "PIL40.toml"), "--from", run, "--out", out, f"--draw={draw}"]
-    assert_refused(main(arguments), capsys, "--draw", "200")
-
-
-@pytest.mark.parametrize("option", ["--draw=3", "--draw=mean", "--test=x"])
-def test_what_chooses_from_a_run_is_refused_beside_parameters(
-    option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    arguments = ["simulate", str(ICE / "PIL40.toml"), "--parameters", "parameters.json", option]
-    code = main([*arguments, "--out", str(tmp_path / "curve.csv")])
-    assert_refused(code, capsys, option.replace("=", " "), "expected it with --from")
 
 
 IMAGINED = """\

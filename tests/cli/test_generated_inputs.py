@@ -319,5 +319,5 @@ def test_options_work_or_are_refused(
 
 
 def test_every_command_is_tried_that_reads_files() -> None:
-    others = {"completion", "doctor", "install-cmdstan"}
+    others = {"completion", "doctor", "install-cmdstan", "priors"}
     assert set(COMMANDS) - set(OPTIONS) <= others

@@ -8,16 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from conftest import ICE, Problem
+from conftest import Problem
 
 from pyburgers.checks.registry import CHECKS
 from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.kind import save_experiment
 from pyburgers.sampling.run_directory import RunDirectory
-
-TWINS = [str(ICE / f"{name}.toml") for name in ("PIL40", "PIL72")]
-OSCILLATION = str(ICE.parent / "olivine" / "olivine_twin.toml")
 
 
 @pytest.fixture
@@ -72,44 +69,3 @@ def test_a_killed_joint_fit_is_continued(
     assert run.finished_chains() == (1, 2)
     assert run.draws_file(1).read_bytes() == kept
     assert run.read_manifest()["status"] == "complete"
-
-
-REFUSED = {
-    "unknown parameter": ([*TWINS, "--pool", "stres_exponent=shared"], "stress_exponent"),
-    "a name twice": ([*TWINS, *["--pool", "beta=shared"] * 2], "stands twice"),
-    "in place of Q_M": ([*TWINS, "--pool", "activation_enthalpy=partial"], "reference stress"),
-    "one test": ([TWINS[0], "--pool", "beta=shared"], "found one experiment, expected several"),
-    "a test twice": ([TWINS[0], TWINS[0]], "stands 2 times"),
-    "an oscillating test": ([TWINS[0], OSCILLATION], "cannot be fitted together"),
-    "sheared coordinates": ([*TWINS, "--coordinates", "sheared"], "expected --coordinates auto"),
-}
-
-
-@pytest.mark.parametrize(("arguments", "word"), REFUSED.values(), ids=REFUSED)
-def test_what_cannot_be_fitted_together_is_one_sentence(
-    arguments: list[str], word: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert_refused(arguments, word, tmp_path, capsys)
-
-
-def test_tests_of_different_materials_are_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    text = (ICE / "PIL72.toml").read_text(encoding="utf-8")
-    assert 'material = "ice"' in text
-    other = tmp_path / "other.toml"
-    other.write_text(text.replace('material = "ice"', 'material = "olivine"'), encoding="utf-8")
-    (tmp_path / "PIL72.csv").write_bytes((ICE / "PIL72.csv").read_bytes())
-    assert_refused([TWINS[0], str(other)], "of one material", tmp_path, capsys)
-
-
-def assert_refused(
-    arguments: list[str], word: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Exit code 2, one clear sentence on standard error, no run directory."""
-    assert main(["fit", *arguments, "--out", str(tmp_path / "run")]) == 2
-    out, error = capsys.readouterr()
-    assert out == ""
-    assert re.fullmatch(r"(note: [^\n]+\n)*pyburgers: [^\n]+[.?]\n", error)
-    assert word in error
-    assert not (tmp_path / "run").exists()

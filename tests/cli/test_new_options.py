@@ -1,9 +1,7 @@
 """Options of `pyburgers new`: held by the file or refused, never dropped; relaxations."""
 
-import io
 import json
 import math
-import sys
 import tomllib
 from collections.abc import Iterator, Sequence
 from itertools import combinations
@@ -12,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from history_twins import TRUTH
+from terminal import answer_with
 
 from pyburgers.cli.main import main
 from pyburgers.kinds.kind import load_experiment
@@ -85,18 +84,6 @@ def test_every_option_is_in_the_file_or_refused(
         capsys.readouterr()
 
 
-def test_a_second_way_to_drive_a_test_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = written(tmp_path / "test.csv", "all")
-    assert main(["new", str(path), *KNOWN, *LOADING, "--stress-MPa", "4"]) == 2
-    assert capsys.readouterr().err == (
-        "pyburgers: --strain-rate-per-s 1e-05: expected no such option, because such a test of the "
-        "protocol loading_history takes none beside --stress-MPa.\n"
-    )
-    assert main(["new", str(path), *KNOWN, *LOADING]) == 0
-
-
 @pytest.mark.parametrize(
     ("text", "hold", "loading"),
     [
@@ -167,10 +154,7 @@ def test_what_is_asked_next_depends_on_the_answers(
         assert len(asked) < 50, question
         return next((text for words, text in answers.items() if words in question), "")
 
-    terminal = io.StringIO()
-    monkeypatch.setattr(terminal, "isatty", lambda: True)
-    monkeypatch.setattr(sys, "stdin", terminal)
-    monkeypatch.setattr("builtins.input", answer)
+    answer_with(monkeypatch, answer)
     assert main(["new", str(path), *KNOWN, "--protocol", protocol]) == 0
     assert all(sum(words in question for question in asked) == 1 for words in answers)
     assert needless is None or not any(needless in question for question in asked)
@@ -187,39 +171,7 @@ def test_what_is_typed_has_to_be_text(
         given = next(typed) if "name of the test" in question else ""
         return given if isinstance(given, str) else given.decode("utf-8")
 
-    terminal = io.StringIO()
-    monkeypatch.setattr(terminal, "isatty", lambda: True)
-    monkeypatch.setattr(sys, "stdin", terminal)
-    monkeypatch.setattr("builtins.input", answer)
+    answer_with(monkeypatch, answer)
     assert main(["new", str(path), *KNOWN, "--strain-rate-per-s", "1e-5"]) == 0
     assert capsys.readouterr().out.count("found bytes that are no text, expected text") == 2
     assert load_experiment(path.with_suffix(".toml")).id == "mine"
-
-
-def test_a_loading_without_a_hold_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = written(tmp_path / "test.csv", "rising stress")
-    assert main(["new", str(path), *KNOWN, *LOADING, "--loading-time", "5"]) == 2
-    assert "takes none beside --strain-rate-per-s" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (("--hold-start-time", "5"), "Missing: --loading-time."),
-        (("--hold-start-time", "nan", "--loading-time", "5"), "not written"),
-        (("--hold-start-time", "20", "--loading-time", "25"), "not written"),
-        (("--hold-start-time", "0", "--loading-time", "-5"), "not written"),
-    ],
-)
-def test_a_loading_that_cannot_be_is_not_written(
-    options: tuple[str, ...], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "relaxation.csv"
-    path.write_text("time_s,stress (MPa)\n0,10\n1,9\n5,8\n20,7\n", encoding="utf-8")
-    assert main(["new", str(path), *KNOWN, *LOADING, *options]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert words in error
-    assert not path.with_suffix(".toml").exists()

@@ -1,13 +1,12 @@
 """`pyburgers new` of files as others write them: which column is what, which kind of test it is."""
 
-import io
 import math
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
+from terminal import answer_with
 
 from pyburgers.cli.main import main
 from pyburgers.common.text_tables import look_at
@@ -131,11 +130,8 @@ def test_rivals_that_nothing_decides_are_asked_about(
     )
     assert main([*command, "--strain-column", "Strain B (%)", "--out", str(path) + "2.toml"]) == 0
     by_option = load_experiment(Path(f"{path}2.toml"))
-    terminal = io.StringIO()
     answers = iter(["Strain C", "Strain B (%)", "", "", ""])
-    monkeypatch.setattr(terminal, "isatty", lambda: True)
-    monkeypatch.setattr(sys, "stdin", terminal)
-    monkeypatch.setattr("builtins.input", lambda question: next(answers))
+    answer_with(monkeypatch, lambda question: next(answers))
     assert main(command) == 0
     asked = load_experiment(path.with_suffix(".toml"))
     np.testing.assert_allclose(asked.position, by_option.position)
@@ -167,21 +163,6 @@ def test_the_total_stress_along_the_axis_is_no_differential_stress(
     command = ["new", str(path), *KNOWN, *RATE]
     assert_refused(command, capsys, "never below column 'sigma3 (MPa)'")
     assert main([*command, "--stress-column", stress]) == 0
-
-
-FOREIGN = ("Load (lbs)", "Load (lbf)", "Force (kN)", "pounds force", "Stress (ksi)", "Kraft [N]")
-FORCES = ("Stress (kN/m2)", "Pressure (bar)", "Load", "Druck [bar]")
-SHEAR = ("Shear stress (MPa)", "tau [MPa]", "octahedral shear stress / MPa")
-
-
-@pytest.mark.parametrize("name", [*FOREIGN, *FORCES, *SHEAR])
-def test_forces_and_foreign_units_are_no_stress(
-    name: str, table: Table, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = table(**{"strain (%)": PERCENT, name: CURVE})
-    assert_refused(
-        ["new", str(path), *KNOWN, *RATE], capsys, "expected stress along the axis in Pa"
-    )
 
 
 LONG = np.array([0, 30, 60, 120, 240, 480, 900, 1800, 2700, 3600, 5400, 7200, 10800.0])
@@ -319,13 +300,6 @@ def test_a_modulus_of_relaxation_is_a_stress_at_a_strain_that_is_held(
     assert test.time[0] - first.end_time == pytest.approx(LATE[0])
 
 
-def test_a_modulus_in_shear_is_no_modulus_along_the_axis(
-    table: Table, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = table(**{"time (s)": LATE, "G(t) (MPa)": 9 * LATE**-0.1})
-    assert_refused(["new", str(path), *KNOWN], capsys, "expected a modulus E(t) along the axis")
-
-
 SPECTRA = {
     "angular frequency": ({"Angular Frequency": 2 * math.pi * FREQUENCY, "tan delta": 0.1}, None),
     "short": ({"ang. frequency (1/s)": 2 * math.pi * FREQUENCY, "tan delta": 0.1}, None),
@@ -359,25 +333,6 @@ def test_spectra_are_turned_into_tan_delta_and_the_absolute_modulus(
     np.testing.assert_allclose(test.conditions.period, 1 / FREQUENCY, rtol=1e-7)
     np.testing.assert_allclose(test.readings.tan_delta, 0.1, rtol=1e-7)
     np.testing.assert_allclose(test.readings.modulus, [] if modulus is None else modulus)
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        "Attenuation (dB/m)",
-        "Loss angle",
-        "Phase angle",
-        "Q",
-        "Quality factor",
-        "phase (µrad)",
-        "1/Q x 1000",
-    ],
-)
-def test_other_forms_of_attenuation_are_refused(
-    name: str, table: Table, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = table(**{"period (s)": FREQUENCY, name: 0.5})
-    assert_refused(["new", str(path), *KNOWN, *AXIAL], capsys, "expected tan(delta), 1/Q")
 
 
 def test_a_spectrum_without_periods_asks_for_them(
@@ -437,10 +392,7 @@ def test_an_answer_that_the_file_cannot_hold_is_asked_for_again_with_the_reason(
         asked.append(name)
         return replies[name].pop(0)
 
-    terminal = io.StringIO()
-    monkeypatch.setattr(terminal, "isatty", lambda: True)
-    monkeypatch.setattr(sys, "stdin", terminal)
-    monkeypatch.setattr("builtins.input", answer)
+    answer_with(monkeypatch, answer)
     assert main(["new", str(path)]) == 0
     out = capsys.readouterr().out
     for words in (
@@ -452,27 +404,3 @@ def test_an_answer_that_the_file_cannot_hold_is_asked_for_again_with_the_reason(
     assert out.count("key 'strain_rate_per_s'") == 2
     assert not any(replies.values())
     assert load_experiment(path.with_suffix(".toml")).temperature == 263
-
-
-def test_a_table_that_ends_at_an_open_quotation_mark_is_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    lines = ("Time (s),Strain (%),Stress (MPa)", "0,0.01,1.0", '30,"0.015,1.0', "60,0.02,1.0")
-    Path("quote.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    assert (
-        main(["new", "quote.csv", "--id", "x", *KNOWN, "--kind", "measured", "--source", "s"]) == 2
-    )
-    said = capsys.readouterr()
-    assert "note: quote.csv: line 3: found a quotation mark that is not closed" in said.out
-    assert "Missing: --strain-rate-per-s." in said.err
-
-
-def test_time_stamps_have_no_unit_in_their_name(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    readings = (f"9:{minute:02d}:00,{0.01 * minute:.2f},1.0" for minute in range(1, 9))
-    path = tmp_path / "stamps.csv"
-    path.write_text("\n".join(("Time of day,Strain (%),Stress (MPa)", *readings)), encoding="utf-8")
-    assert main(["new", str(path), "--id", "x", *KNOWN, "--kind", "measured", "--source", "s"]) == 0
-    assert "whose name says" not in capsys.readouterr().out

@@ -145,29 +145,3 @@ def test_exports_are_written_over_exports_alone(
         code = main([*EXPORT, "--out", name])
         assert_refused(code, capsys, f"--out {name}: holds something else than an export")
         assert contents(folder) == before_all
-
-
-@pytest.mark.parametrize(
-    "command",
-    [
-        ("fit", "test.toml", "--chains", "1", "--warmup", "20", "--draws", "4", "--out", ""),
-        ("fit", ""),
-        ("fit", "test.toml", "--priors", ""),
-        ("report", "run", "--out="),
-        ("report", ""),
-        ("compare", "run", "run", "--out", ""),
-        ("check", ""),
-        ("predict", "", "test.toml", "--out", "new.csv"),
-        (*ATTENUATION, "--out", ""),
-        ("export", "run", "--out", ""),
-        ("new", ""),
-        ("sbc", "test.toml", "--out", ""),
-        ("campaign", "test.toml", "--out", ""),
-    ],
-)
-def test_an_empty_text_is_no_path(
-    command: tuple[str, ...], folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    before = contents(folder)
-    assert_refused(main(command), capsys, "argument ", "found an empty text, expected a path")
-    assert contents(folder) == before

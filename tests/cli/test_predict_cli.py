@@ -16,8 +16,6 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.predictions.attenuation import predict_attenuation
 from pyburgers.predictions.stress_cycles import Regime
 
-Arguments = tuple[str, ...]
-
 
 def predict(run: Path, out: Path, *options: str) -> int:
     return main(["predict", "attenuation", str(run), "--out", str(out), *options])
@@ -227,65 +225,8 @@ def test_the_steady_state_is_softer(small_fit: Fit, tmp_path: Path) -> None:
     assert values["steady-state"] > values["initial"]
 
 
-BAD_OPTIONS: dict[str, tuple[Arguments, str]] = {
-    "unknown regime": (("--regimes", "1", "3"), "unknown regime '3'"),
-    "regimes twice": (
-        ("--regimes", "1", "--median-stress-MPa", "1", "--amplitude-MPa", "1"),
-        "either",
-    ),
-    "unequal lists": (
-        ("--median-stress-MPa", "1", "2", "--amplitude-MPa", "0.1"),
-        "found 2 and 1 numbers",
-    ),
-    "median alone": (("--median-stress-MPa", "1"), "found 1 and 0 numbers"),
-    "amplitude alone": (("--amplitude-MPa", "1"), "found 0 and 1 numbers"),
-    "no amplitude": (("--median-stress-MPa", "1", "--amplitude-MPa", "0"), "amplitude: found 0"),
-    "negative median": (
-        ("--median-stress-MPa", "-1", "--amplitude-MPa", "1"),
-        "median_stress: found -1e+06",
-    ),
-    "no frequency": (("--frequencies-Hz", "0"), "frequencies: found 0"),
-    "Celsius": (("--temperature-K", "-10"), "temperature: found -10"),
-    "grain size": (("--grain-size-um", "0"), "grain_size: found 0"),
-    "fabric": (("--fabric-factor", "-1"), "fabric_factor: found -1"),
-    "microstructure": (("--microstructure", "frozen"), "'frozen'"),
-    "hold": (("--hold-time-h", "0"), "hold_time: found 0"),
-    "negative hold": (("--hold-time-h", "-1000000"), "hold_time: found -3.6e+09"),
-    "share": (("--critical-share", "-1"), "critical_share: found -1"),
-    "modulus": (("--elastic-modulus-Pa", "0"), "elastic_modulus: found 0"),
-    "three moduli": (("--elastic-modulus-Pa", "1", "2", "3"), "found 3 numbers"),
-}
-
-
-@pytest.mark.parametrize(("options", "words"), BAD_OPTIONS.values(), ids=BAD_OPTIONS)
-def test_bad_options_are_one_sentence_and_nothing_is_written(
-    options: Arguments,
-    words: str,
-    small_fit: Fit,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    assert predict(small_fit.directory.path, tmp_path / "tan_delta.csv", *options) == 2
-    assert_one_sentence(capsys, words)
-    assert not list(tmp_path.iterdir())
-
-
 def assert_one_sentence(capsys: pytest.CaptureFixture[str], words: str) -> None:
     out, error = capsys.readouterr()
     assert out == ""
     assert re.fullmatch(r"pyburgers: [^\n]+\.\n", error)
     assert words in error
-
-
-def test_files_that_cannot_be_are_refused(
-    small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    run = small_fit.directory.path
-    for directory, out, words in (
-        (run, tmp_path / "tan_delta.txt", "ends in .csv"),
-        (run, tmp_path / "nowhere" / "tan_delta.csv", "cannot be written"),
-        (tmp_path / "no_run", tmp_path / "tan_delta.csv", "no_run"),
-    ):
-        assert predict(directory, out) == 2
-        assert_one_sentence(capsys, words)
-    assert not list(tmp_path.iterdir())

@@ -1,22 +1,15 @@
 """Tables and verdicts in a terminal: 80 columns, colours only where they are wanted."""
 
-import io
 import re
 import sys
 
 import pandas as pd
 import pytest
+from terminal import Terminal
 
 from pyburgers.cli.terminal import WIDTH, print_checks, print_table
 from pyburgers.fitting.fit import Fit
 from pyburgers.page.tables import parameter_table
-
-
-class Terminal(io.StringIO):
-    """Text that is written as to a terminal."""
-
-    def isatty(self) -> bool:
-        return True
 
 
 def test_the_table_of_a_fit_fits_and_holds_what_its_page_holds(

@@ -125,23 +125,6 @@ def test_a_killed_worker_costs_its_task_and_results_are_those_of_this_machine(
     xr.testing.assert_identical(found.drop_attrs(), here.drop_attrs())
 
 
-@pytest.mark.parametrize(
-    ("command", "option"),
-    [
-        (("campaign", "PLAN", "--status", "--part", "1/2"), "--part"),
-        (("campaign", "PLAN", "--status", "--jobs", "2"), "--jobs"),
-        (("sbc", "--results-of", "x", "--scheduler", "tcp://x:1"), "--scheduler"),
-        (("sbc", "--results-of", "x", "curve.toml"), "TEMPLATE.toml"),
-        (("sbc", "--results-of", "x", "--variant", "kelvin=power_law"), "--variant"),
-        (("sbc", "--results-of", "x", "--stress-range", "1", "2"), "--stress-range"),
-    ],
-)
-def test_what_says_how_to_fit_is_refused_where_nothing_is_fitted(
-    command: tuple[str, ...], option: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert_refused(main(command), capsys, f"{option}: expected no", "which fits nothing")
-
-
 def test_where_no_scheduler_answers_one_sentence_says_so(
     plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -118,7 +118,7 @@ def test_fits_are_written_into_the_home_folder(home: Path, monkeypatch: pytest.M
 
     for module in ("fitting.fit", "flow_law_tables.fit"):
         monkeypatch.setattr(f"pyburgers.{module}.RunDirectory", stopped)
-    test, priors = pyburgers.load_experiment(ICE / "PIL40.toml"), pyburgers.default_priors("ice")
+    test, priors = pyburgers.load_experiment(ICE / "PIL40.toml"), pyburgers.priors("ice")
     table = pyburgers.load_peak_stress(ICE / "peak_stress_qi_goldsby_2021.toml")
     weak = pyburgers.default_peak_stress_priors("ice")
     for run in (

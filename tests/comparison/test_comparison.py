@@ -1,6 +1,7 @@
 """Comparison: leave-one-out in closed form, weights, sentences, refusals, points left out."""
 
 import json
+import math
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare, leave_one_out, leave_out_exactly
 from pyburgers.comparison.conclusions import sentences
 from pyburgers.comparison.figures import pointwise_differences
-from pyburgers.comparison.pairs import PairOutcome
+from pyburgers.comparison.pairs import Pair, PairOutcome, doubt_about, weight_sentence
 from pyburgers.comparison.results import Comparison, LeaveOneOut, comparison_table, standard_error
 from pyburgers.comparison.same_data import data_hash, stacking_weights
 from pyburgers.drawing.style import image
@@ -63,19 +64,12 @@ def test_leave_one_out_of_a_normal_model_is_the_closed_form() -> None:
     np.testing.assert_allclose(found.elpd, exact, atol=0.01)
     assert not found.unreliable.any()
     assert found.n_effective == pytest.approx(1.0, abs=0.4)
-
-
-def test_a_unit_of_stress_shifts_all_elpd_alike() -> None:
-    tree, _ = normal_model(np.linspace(-2, 2, 12), prior_sd=3.0)
+    # A unit of stress shifts all alike.
     in_pascal = tree.copy()
     in_pascal["log_likelihood"] = xr.DataTree(tree["log_likelihood"].to_dataset() - np.log(1e6))
-    np.testing.assert_allclose(
-        leave_one_out(in_pascal).elpd, leave_one_out(tree).elpd - np.log(1e6), rtol=1e-12
-    )
-
-
-def test_a_point_far_from_the_others_is_flagged() -> None:
-    # Three points: the one at 9 pulls the mean by a third of its distance.
+    shifted = leave_one_out(in_pascal).elpd
+    np.testing.assert_allclose(shifted, found.elpd - np.log(1e6), rtol=1e-12)
+    # Of three points the one at 9 pulls the mean by a third of its distance.
     tree, _ = normal_model(np.array([0.0, 0.1, 9.0]), prior_sd=100.0)
     assert leave_one_out(tree).unreliable.tolist()[-1]
 
@@ -96,16 +90,10 @@ def test_stacking_weights_maximise_the_density_of_the_mixture() -> None:
 
     others = rng.dirichlet(np.ones(3), 500)
     assert all(density(weights) >= density(other) for other in others)
-
-
-def test_all_weight_goes_to_a_fit_that_is_better_everywhere() -> None:
-    elpd = np.zeros((2, 30))
-    elpd[1] -= 1.0
-    np.testing.assert_allclose(stacking_weights(elpd), [1.0, 0.0], atol=1e-6)
-
-
-def test_a_fit_worse_by_orders_of_magnitude_is_no_trouble() -> None:
-    np.testing.assert_allclose(stacking_weights(np.array([[0.0] * 5, [-1e5] * 5])), [1.0, 0.0])
+    # All goes to a fit that is better everywhere, by a little or by orders of magnitude.
+    for loss in (-1.0, -1e5):
+        worse = np.array([[0.0] * 30, [loss] * 30])
+        np.testing.assert_allclose(stacking_weights(worse), [1.0, 0.0], atol=1e-6)
 
 
 def comparison_of(*results: tuple[str, LeaveOneOut]) -> Comparison:
@@ -192,11 +180,9 @@ def test_points_that_cannot_be_trusted_do_not_decide_which_fit_is_better() -> No
     doubtful.pareto_k[:] = 0.9
     (pair,) = comparison_of(("one", doubtful), ("two", result(everywhere))).pairs()
     assert pair.outcome is PairOutcome.CANNOT_TELL
-
-
-def test_draws_that_failed_a_check_decide_nothing() -> None:
-    good, doubted = result(np.zeros(10)), replace(result(np.full(10, -9.0)), doubts=("It failed.",))
-    (pair,) = comparison_of(("good", good), ("bad", doubted)).pairs()
+    # Nor do draws that failed a check.
+    doubted = replace(result(np.full(10, -9.0)), doubts=("It failed.",))
+    (pair,) = comparison_of(("good", result(np.zeros(10))), ("bad", doubted)).pairs()
     assert pair.outcome is PairOutcome.CANNOT_TELL
     assert pair.doubt == "the elpd of bad may be far off"
 
@@ -247,20 +233,6 @@ def test_what_elpd_compares_is_said_where_residuals_of_some_fits_correlate(
     assert sum("a gap is filled whatever the law" in one for one in said) == told
 
 
-def test_the_figure_draws_every_fit_but_the_best() -> None:
-    rng = np.random.default_rng(3)
-    comparison = comparison_of(
-        *((name, result(rng.normal(-1, 1, 30))) for name in ("one", "two", "three"))
-    )
-    figure = pointwise_differences(comparison)
-    (legend,) = figure.legends
-    best = next(iter(comparison.results))
-    labels = [text.get_text() for text in legend.get_texts()]
-    assert len(labels) == 2
-    assert all(label.endswith(f"less {best}") for label in labels)
-    assert image(figure, "png").startswith(b"\x89PNG")
-
-
 @pytest.mark.parametrize(
     "names",
     [
@@ -268,19 +240,22 @@ def test_the_figure_draws_every_fit_but_the_best() -> None:
         ("dunite_4581_autocorrelated", "dunite_4581_kelvin_power_law", "dunite_4581_sine"),
     ],
 )
-def test_the_legend_of_the_figure_fits_into_it(names: tuple[str, ...]) -> None:
+def test_the_figure_draws_every_fit_but_the_best_and_its_legend_fits(
+    names: tuple[str, ...],
+) -> None:
     rng = np.random.default_rng(3)
     comparison = comparison_of(
         *((name, result(rng.normal(-k, 0.1, 30))) for k, name in enumerate(names))
     )
-    assert next(iter(comparison.results)) == names[0]
     figure = pointwise_differences(comparison)
-    figure.draw_without_rendering()
+    assert image(figure, "png").startswith(b"\x89PNG")
     (legend,) = figure.legends
-    inside = figure.bbox.get_points()
-    (left, _), (right, _) = legend.get_window_extent().get_points()
-    assert inside[0, 0] <= left
-    assert right <= inside[1, 0]
+    labels = [text.get_text() for text in legend.get_texts()]
+    assert len(labels) == 2
+    assert all(label.endswith(f"less {names[0]}") for label in labels)
+    extent = legend.get_window_extent()
+    assert figure.bbox.x0 <= extent.x0
+    assert extent.x1 <= figure.bbox.x1
 
 
 def test_what_is_saved_holds_numbers_points_and_origins(tmp_path: Path) -> None:
@@ -313,16 +288,11 @@ def test_fits_of_other_data_are_refused(tmp_path: Path) -> None:
     assert data_hash(one) != data_hash(other)
     with pytest.raises(InputError, match=r"other: is a fit of other data than one .*\.$"):
         compare({"one": one, "other": other})
-
-
-def test_last_digits_make_no_other_data(tmp_path: Path) -> None:
-    """A record whose background is taken off ends in others on another processor."""
-    one = make_fit(tmp_path / "one")
-    elsewhere = make_fit(tmp_path / "elsewhere")
-    before = elsewhere.posterior["observed_data"].to_dataset()
-    elsewhere.posterior["observed_data"] = xr.DataTree(before * (1 + 1e-14))
-    assert not before.equals(elsewhere.posterior["observed_data"].to_dataset())
-    assert data_hash(one) == data_hash(elsewhere)
+    # A record whose background is taken off ends in other digits on another processor.
+    before = same.posterior["observed_data"].to_dataset()
+    same.posterior["observed_data"] = xr.DataTree(before * (1 + 1e-14))
+    assert not before.equals(same.posterior["observed_data"].to_dataset())
+    assert data_hash(one) == data_hash(same)
 
 
 def test_one_fit_and_a_sampled_prior_are_refused(tmp_path: Path) -> None:
@@ -344,10 +314,8 @@ def wrong_fit(small_problem: Problem, tmp_path_factory: pytest.TempPathFactory) 
     return fit(small_problem.experiment, priors, out=out, options=LONG_RUN)
 
 
-def test_the_model_behind_the_data_predicts_them_better(
-    long_fit: Fit, wrong_fit: Fit, tmp_path: Path
-) -> None:
-    comparison = compare({"wrong": wrong_fit, "right": long_fit}, refits=tmp_path)
+def test_the_model_behind_the_data_predicts_them_better(long_fit: Fit, wrong_fit: Fit) -> None:
+    comparison = compare({"wrong": wrong_fit, "right": long_fit})
     assert list(comparison.results) == ["right", "wrong"]
     assert "right predicts these data clearly better than wrong" in sentences(comparison)[0]
     assert comparison.weights[0] > 0.9
@@ -372,3 +340,65 @@ def test_a_point_left_out_in_earnest_has_the_approximated_density(
     np.testing.assert_array_equal(exact.elpd[kept], approximate.elpd[kept])
     without = Fit.load(tmp_path / "refits" / f"point_{point + 1}")
     assert without.experiment.n_points == small_fit.experiment.n_points - 1
+
+
+@pytest.mark.parametrize(
+    ("difference", "error", "outcome"),
+    [
+        (3.3, 17.2, PairOutcome.CANNOT_TELL),
+        (0.1, 4.2, PairOutcome.CANNOT_TELL),
+        (9.0, 6.0, PairOutcome.CANNOT_TELL),
+        (3.9, 0.5, PairOutcome.CANNOT_TELL),
+        (1.0, 0.9, PairOutcome.ALIKE),
+        (2.2, 0.7, PairOutcome.ALIKE),
+        (4.0, 0.5, PairOutcome.BETTER),
+        (28.0, 7.0, PairOutcome.BETTER),
+    ],
+)
+def test_a_small_difference_of_large_error_is_no_likeness(
+    difference: float, error: float, outcome: PairOutcome
+) -> None:
+    assert Pair("one", "other", difference, error).outcome is outcome
+
+
+def test_each_outcome_has_its_words() -> None:
+    said = [Pair("a", "b", *numbers).sentence() for numbers in ((9, 1), (1, 1), (3.3, 17.2))]
+    assert said == [
+        "a predicts these data clearly better than b (difference of elpd 9.0, standard error 1.0).",
+        "a and b predict these data alike (difference of elpd 1.0, standard error 1.0).",
+        "Cannot tell which of a and b predicts these data better (difference of elpd 3.3, standard "
+        "error 17.2).",
+    ]
+
+
+def test_numbers_in_doubt_and_errors_that_are_none_decide_nothing() -> None:
+    doubtful = Pair("a", "b", 9.0, 1.0, "the elpd of a may be far off")
+    assert doubtful.outcome is PairOutcome.CANNOT_TELL
+    assert doubtful.sentence().startswith("Cannot tell which of a and b predicts these data better")
+    assert doubtful.sentence().endswith(
+        "elpd 9.0, standard error 1.0), because the elpd of a may be far off."
+    )
+    assert replace(doubtful, difference=0.0).outcome is PairOutcome.CANNOT_TELL
+    for error in (math.nan, math.inf):
+        without = Pair("a", "b", 9.0, error)
+        assert without.outcome is PairOutcome.CANNOT_TELL
+        assert without.sentence().endswith("(difference of elpd 9.0, no standard error).")
+
+
+def test_a_doubt_names_too_few_tests_and_fits_that_may_be_far_off() -> None:
+    assert doubt_about("3 tests", 3, []) == ""
+    assert doubt_about("2 tests", 2, []) == "a standard error over 2 tests says nothing"
+    both = doubt_about("1 point", 1, ["a", "b"])
+    assert both == (
+        "a standard error over 1 point says nothing and the elpd of a and b may be far off"
+    )
+
+
+def test_a_larger_weight_of_the_worse_fit_is_explained() -> None:
+    gains = np.array([0.5, 0.5, 0.5, 0.5, -3.0, -0.25])
+    text = weight_sentence("a", "b", (0.17, 0.83), gains)
+    assert text is not None
+    assert "b has the larger weight (0.83 against 0.17) although its elpd is lower" in text
+    assert "4 of 6 points better than a, by 2.0 together, and loses 3.2 at the others, 3.0" in text
+    # That of the better fit needs no words.
+    assert weight_sentence("a", "b", (0.6, 0.4), np.array([-1.0, 0.5])) is None

@@ -1,21 +1,26 @@
-"""Leaving whole tests out: against single fits, same priors, tables, sentences, refusals."""
+"""Leaving out whole tests, and temperatures of a table: against single fits and quadrature."""
 
 import json
 import shutil
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import attenuation_oracle
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 import pytest
-from conftest import ICE, SMALL_RUN, Problem, copy_of, pair_of
+from conftest import ICE, SMALL_RUN, Problem, copy_of, pair_of, with_fixed
+from kind_examples import AttenuationExample
+from scipy.integrate import trapezoid
+from scipy.special import logsumexp
 
 from pyburgers.cli.compare import save_comparison_by_test
 from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare
-from pyburgers.comparison.by_tests import compare_by_test
+from pyburgers.comparison.by_tests import compare_by_test, compare_kept_by_test
 from pyburgers.comparison.conclusions import sentences_by_test
 from pyburgers.comparison.figures import left_out_tests, pointwise_differences
 from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
@@ -29,11 +34,14 @@ from pyburgers.comparison.results import (
 )
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit, fit
+from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
+from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.constant_rate.experiment import load_constant_rate
 from pyburgers.kinds.problem import problem_of
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
 from pyburgers.page.comparison_sections import comparison_sections
+from pyburgers.sampling.options import SamplerOptions
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("in_this_process")
@@ -139,13 +147,6 @@ def comparison_of(**results: LeaveOneTestOut) -> ComparisonByTest:
     return ComparisonByTest(ordered, weights, dict.fromkeys(ordered, "standard"))
 
 
-def test_the_error_of_the_joint_fit_counts_for_every_test() -> None:
-    one = result(np.array([-700.0, -710.0, -690.0]), error=0.1)
-    np.testing.assert_allclose(one.elpd, [-700.0, -710.0, -690.0])
-    np.testing.assert_allclose(one.error, 0.1 * np.sqrt(2))
-    assert one.total_error == pytest.approx(0.1 * np.sqrt(9 + 3))
-
-
 def test_a_sentence_for_each_pair_and_for_what_is_doubtful() -> None:
     base = np.array([-700.0, -710.0, -690.0])
     spread = np.array([-40.0, 40.0, -20.0])
@@ -167,19 +168,19 @@ def test_a_sentence_for_each_pair_and_for_what_is_doubtful() -> None:
     assert not doubtful.reliable
     assert sentences_by_test(doubtful)[1] == "only: The fit failed."
     assert comparison_of(only=result(base)).reliable
-
-
-def test_two_tests_and_fits_that_failed_a_check_do_not_tell_which_is_better() -> None:
-    base = np.array([-700.0, -710.0, -690.0])
+    # Two tests and fits that failed a check do not tell which is better.
     two = comparison_of(good=result(base[:2]), bad=result(base[:2] - 30.0))
     first, second = sentences_by_test(two)[:2]
     assert first.startswith("Cannot tell which of good and bad predicts left-out tests better")
     assert first.endswith("because a standard error over 2 tests says nothing.")
     assert "Of two tests the standard error says nothing" in second
-    doubtful = comparison_of(
-        good=result(base), bad=result(base - 30.0, doubts=("The fit failed.",))
-    )
-    assert sentences_by_test(doubtful)[0].endswith("because the elpd of bad may be far off.")
+    failed = comparison_of(good=result(base), bad=result(base - 30.0, doubts=("The fit failed.",)))
+    assert sentences_by_test(failed)[0].endswith("because the elpd of bad may be far off.")
+    # The error of the joint fit counts for every test.
+    one = result(base, error=0.1)
+    np.testing.assert_allclose(one.elpd, base)
+    np.testing.assert_allclose(one.error, 0.1 * np.sqrt(2))
+    assert one.total_error == pytest.approx(0.1 * np.sqrt(9 + 3))
 
 
 def test_figures_are_drawn_of_one_fit_and_of_several() -> None:
@@ -290,3 +291,72 @@ def test_other_data_other_kinds_and_a_sampled_prior_are_refused(
     alone = Fit.load(shared.directory.path / "leave_out" / "other")
     with pytest.raises(InputError, match=r"is a fit of PIL40 alone, expected at least two tests"):
         compare_by_test({"fit": alone}, command="test")
+
+
+TWIN = load_attenuation(ICE / "attenuation_twin.toml")
+
+
+def log_evidence(table: AttenuationExperiment, truth: Mapping[str, float]) -> float:
+    """Log marginal likelihood where the activation enthalpy alone is unknown."""
+    prior = default_priors("ice", "attenuation")["activation_enthalpy"].distribution()
+    enthalpies = truth["activation_enthalpy"] * np.linspace(0.995, 1.005, 61)
+    rows = np.arange(table.conditions.n_rows)
+    logarithms = []
+    for enthalpy in enthalpies:
+        values = {**truth, "activation_enthalpy": float(enthalpy)}
+        tan_delta, of_modulus = attenuation_oracle.log_readings(
+            table, values, table.conditions.period, rows
+        )
+        centre = np.log(np.hypot(np.exp(tan_delta), table.readings.tan_delta_error))
+        response = np.append(
+            np.maximum(centre, np.log(np.maximum(table.readings.limit, 1e-300))), of_modulus
+        )
+        likelihood = AttenuationExample().log_likelihood(table, values, response)
+        logarithms.append(float(np.sum(likelihood) + prior.logpdf(enthalpy)))
+    largest = float(logsumexp(logarithms))
+    return largest + float(np.log(trapezoid(np.exp(np.array(logarithms) - largest), enthalpies)))
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("programs", "in_this_process")
+def test_temperatures_are_left_out_one_by_one(tmp_path: Path) -> None:
+    assert TWIN.true_parameters is not None
+    truth = dict(TWIN.true_parameters)
+    priors = default_priors("ice", "attenuation")
+    known = {name: truth[name] for name in priors.free if name != "activation_enthalpy"}
+    result = fit(
+        TWIN,
+        with_fixed(priors, known),
+        out=tmp_path / "run",
+        options=SamplerOptions(chains=2, warmup=100, draws=300, seed=3),
+    )
+    comparison = compare_by_test({"one": result})
+    found = comparison.results["one"]
+    assert found.tests == ("253.15K", "263.15K")
+    assert found.n_points.tolist() == [36, 36]
+    whole = log_evidence(TWIN, truth)
+    expected = [whole - log_evidence(TWIN.without_part(name), truth) for name in found.tests]
+    np.testing.assert_allclose(found.elpd, expected, atol=0.1)
+    assert "the temperatures have" in sentences_by_test(comparison)[0]
+    kept = compare_kept_by_test({"one": result})
+    assert kept is not None
+    np.testing.assert_array_equal(kept.results["one"].elpd, found.elpd)
+
+
+def test_temperatures_of_one_name_are_one_part_with_all_their_readings() -> None:
+    conditions = TWIN.conditions
+    nudge = np.where(np.arange(conditions.temperature.size) % 2 == 0, 1e-4, 0.0)
+    close = replace(
+        TWIN, conditions=replace(conditions, temperature=conditions.temperature + nudge)
+    )
+    assert dict(close.parts) == dict(TWIN.parts)
+    assert list(close.parts) == list(TWIN.parts)
+    assert close.without_part("253.15K").n_points == TWIN.without_part("253.15K").n_points
+
+
+def test_only_a_temperature_of_the_table_can_be_left_out() -> None:
+    assert TWIN.without_part("253.15K").conditions.n_spectra == 2
+    with pytest.raises(InputError, match="has no part '250K'"):
+        TWIN.without_part("250K")
+    with pytest.raises(InputError, match="no other temperature"):
+        TWIN.without_part("253.15K").without_part("263.15K")

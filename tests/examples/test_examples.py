@@ -1,17 +1,22 @@
 """The example scripts run from any folder and give what they promise."""
 
+import ast
+import re
 import runpy
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import oracle
 import pandas as pd
 import pytest
-from conftest import Problem
+import xarray as xr
+from conftest import SMALL_RUN, Problem
 
-from pyburgers.fitting.fit import Fit
+import pyburgers
+from pyburgers.fitting.fit import Fit, fit
 from pyburgers.predictions.attenuation import predict_attenuation
 from pyburgers.predictions.attenuation_tables import quantile_table
 from pyburgers.predictions.stress_cycles import Regime
@@ -52,6 +57,33 @@ def test_a_curve_is_fitted(
         assert check.sentence in printed
     for figure in ("stress_strain", "prior_posterior"):
         assert (fit.directory.path / f"{figure}.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_table_becomes_a_page_and_draws(
+    script: Script,
+    small_problem: Problem,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    sketched: None,
+) -> None:
+    short = partial(fit, priors=small_problem.priors, options=SMALL_RUN)
+    monkeypatch.setattr(pyburgers, "fit", short)
+    printed = script("table_to_page.py")
+    assert "maxwell_modulus" in printed
+    assert printed.splitlines()[-1] == str(tmp_path / "page.html")
+    assert "PIL40" in (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "subsection" in (tmp_path / "aspect.prm").read_text(encoding="utf-8")
+    with xr.open_dataset(tmp_path / "draws.nc", group="posterior") as draws:
+        assert "maxwell_modulus" in draws
+
+
+PRIVATE = re.compile(r"^(?:from|import) pyburgers\.", re.MULTILINE)
+
+
+def test_the_script_of_a_table_uses_public_names_alone() -> None:
+    text = (EXAMPLES / "table_to_page.py").read_text(encoding="utf-8")
+    assert not PRIVATE.search(text)
+    assert len(ast.parse(text).body) <= 15
 
 
 def test_attenuation_is_predicted_from_a_saved_fit(

@@ -155,9 +155,8 @@ def test_wrong_plans_are_told_in_a_sentence(
 
 @pytest.mark.parametrize("part", ["0/2", "3/2", "1", "x/y", "-1/2"])
 def test_parts_that_there_are_not_are_refused(part: str, make_plan: MakePlan) -> None:
-    plan = str(make_plan())
     try:
-        code = main(["campaign", plan, "--part", part])
+        code: object = main(["campaign", str(make_plan()), "--part", part])
     except SystemExit as error:  # of the parser
-        code = int(str(error.code))
+        code = error.code
     assert code == 2

@@ -1,8 +1,11 @@
 """Run directories that were damaged or changed after the run: told in a sentence, never used."""
 
 import json
+import re
 import shutil
 from collections.abc import Callable, Iterator
+from functools import reduce
+from operator import getitem
 from pathlib import Path
 from typing import IO, Any, Self
 
@@ -17,6 +20,7 @@ from pyburgers.common.netcdf_files import read_netcdf, write_netcdf
 from pyburgers.fitting.fit import Fit, fit
 
 Damage = Callable[[Path], None]
+GONE = object()
 
 
 def text(content: str) -> Damage:
@@ -28,50 +32,34 @@ def text(content: str) -> Damage:
     return damage
 
 
+def longer(file: Path) -> None:
+    """Add an empty line."""
+    file.write_bytes(file.read_bytes() + b"\n")
+
+
 def cut(file: Path) -> None:
     """Leave the first half of a file."""
     content = file.read_bytes()
     file.write_bytes(content[: len(content) // 2])
 
 
-def replaced(old: str, new: str) -> Damage:
-    """Replace a text, once."""
-
-    def damage(file: Path) -> None:
-        content = file.read_text(encoding="utf-8")
-        assert old in content
-        file.write_text(content.replace(old, new, 1), encoding="utf-8")
-
-    return damage
+def a_folder(file: Path) -> None:
+    """Put a folder where a file was."""
+    file.unlink()
+    file.mkdir()
 
 
-def entry(name: str, value: object) -> Damage:
-    """Change an entry of a JSON file."""
+def entry(path: str, value: object = GONE) -> Damage:
+    """Change an entry of a JSON file, or take it out."""
+    *outer, name = path.split("/")
 
     def damage(file: Path) -> None:
         content = json.loads(file.read_text(encoding="utf-8"))
-        file.write_text(json.dumps({**content, name: value}), encoding="utf-8")
-
-    return damage
-
-
-def sampler(name: str, value: object) -> Damage:
-    """Change a setting of the sampler that a manifest notes."""
-
-    def damage(file: Path) -> None:
-        content = json.loads(file.read_text(encoding="utf-8"))
-        content["sampler"][name] = value
-        file.write_text(json.dumps(content), encoding="utf-8")
-
-    return damage
-
-
-def without(name: str) -> Damage:
-    """Take an entry out of a JSON file."""
-
-    def damage(file: Path) -> None:
-        content = json.loads(file.read_text(encoding="utf-8"))
-        del content[name]
+        table = reduce(getitem, outer, content)
+        if value is GONE:
+            del table[name]
+        else:
+            table[name] = value
         file.write_text(json.dumps(content), encoding="utf-8")
 
     return damage
@@ -84,90 +72,79 @@ def other_draws(file: Path) -> None:
     write_netcdf(file, tree)
 
 
-def other_hash(file: Path) -> None:
-    """Change a digit of the hash that a file notes of the draws of the second chain."""
-    content = json.loads(file.read_text(encoding="utf-8"))
-    noted = content.get("chains", {"2": content})["2"]
-    noted["sha256"] = ("1" if noted["sha256"][0] == "0" else "0") + noted["sha256"][1:]
-    file.write_text(json.dumps(content), encoding="utf-8")
-
-
-def a_folder(file: Path) -> None:
-    """Put a folder where a file was."""
-    file.unlink()
-    file.mkdir()
-
-
 DRAWS, TIMING = "chains/chain_2/draws.csv", "chains/chain_2/timing.json"
 DATA, TEST = "inputs/tests/PIL40/experiment.csv", "inputs/tests/PIL40/experiment.toml"
-DAMAGES: dict[str, tuple[str, Damage, str]] = {
-    "timing empty": (TIMING, text(""), "timing.json: is not valid JSON"),
-    "timing cut": (TIMING, cut, "timing.json: is not valid JSON"),
-    "timing of another kind": (TIMING, text("[1, 2]"), "timing.json: found list, expected"),
-    "timing without hash": (TIMING, without("sha256"), "key 'sha256' is missing"),
-    "no timing": (TIMING, Path.unlink, "timing.json does not exist; put back what the run wrote"),
-    "hash in timing": (TIMING, other_hash, f"run: {TIMING} has changed since"),
-    "hash in manifest": (
-        "manifest.json",
-        other_hash,
-        f"run: the hash of {DRAWS} in manifest.json has changed since",
-    ),
-    "draws cut": (DRAWS, cut, f"{DRAWS} has changed"),
-    "draws with text": (DRAWS, replaced("0.", "zero."), f"{DRAWS} has changed"),
-    "draws renamed": (DRAWS, replaced("log_jacobian", "jacobian"), f"{DRAWS} has changed"),
-    "no draws": (DRAWS, Path.unlink, f"{DRAWS} is missing"),
-    "Stan data cut": ("stan_data.json", cut, "stan_data.json has changed"),
-    "Stan data changed": ("stan_data.json", entry("tolerance", 1e-3), "stan_data.json has changed"),
-    "metric changed": ("metric.json", text("{}"), "metric.json has changed"),
-    "posterior changed": ("posterior.nc", other_draws, "posterior.nc has changed"),
+HASHED = (DRAWS, DATA, TEST, "inputs/priors.toml", "stan_data.json", "metric.json", "posterior.nc")
+"""Files whose hashes the manifest has."""
+
+OF_HASHED: dict[str, tuple[Damage, str]] = {
+    "empty": (text(""), "{} has changed since the run"),
+    "cut": (cut, "{} has changed since the run"),
+    "longer": (longer, "{} has changed since the run"),
+    "missing": (Path.unlink, "{} is missing"),
+    "a folder": (a_folder, "{} is missing"),
+}
+OF_JSON: dict[str, tuple[Damage, str]] = {
+    "empty": (text(""), "{} is not valid JSON"),
+    "cut": (cut, "{} is not valid JSON"),
+    "deep": (text("[" * 100_000), "{} is not valid JSON"),
+    "text": (text('"run"'), "{} found str"),
+}
+OTHER_HASH = entry("sha256", 64 * "0")
+DAMAGES: dict[str, tuple[dict[str, Damage], str]] = {
     **{
-        f"{name} a folder": (name, a_folder, f"run: {name} has become a folder since")
+        f"{name} {what}": ({name: damage}, "run: " + words.format(name))
+        for name in HASHED
+        for what, (damage, words) in OF_HASHED.items()
+        if words != "{} is missing" or name != "posterior.nc"  # it is gathered again
+    },
+    **{
+        f"{name} {what}": ({name: damage}, words.format(f"{name}:"))
+        for name in (TIMING, "manifest.json")
+        for what, (damage, words) in OF_JSON.items()
+    },
+    **{
+        f"{name} a folder": ({name: a_folder}, f"run: {name} has become a folder since")
         for name in ("posterior.nc", "summary.csv", "checks.json")
     },
-    "posterior cut": ("posterior.nc", cut, "posterior.nc has changed"),
-    "data changed": (DATA, replaced("1", "2"), f"{DATA} has changed"),
-    "test changed": (TEST, replaced("id", "id "), f"{TEST} has changed"),
-    "priors gone": ("inputs/priors.toml", Path.unlink, "inputs/priors.toml is missing"),
-    "manifest empty": ("manifest.json", text(""), "manifest.json: is not valid JSON"),
-    "manifest cut": ("manifest.json", cut, "manifest.json: is not valid JSON"),
-    "manifest of text": ("manifest.json", text('"run"'), "manifest.json: found str"),
-    "manifest deep": ("manifest.json", text("[" * 100_000), "manifest.json: is not valid JSON"),
-    "chains of text": ("manifest.json", entry("chains", "two"), "key 'chains': found 'two'"),
-    "hashes of numbers": ("manifest.json", entry("hashes", {"a": 1}), "in [hashes]: found 1"),
-    "tests of numbers": ("manifest.json", entry("experiments", [1]), "'experiments', entry 1"),
-    "no tests": ("manifest.json", without("experiments"), "is not a fit of tests"),
+    "labelled draws": ({"posterior.nc": other_draws}, "run: posterior.nc has changed"),
+    "timing without hash": ({TIMING: entry("sha256")}, "key 'sha256' is missing"),
+    "no timing": ({TIMING: Path.unlink}, "timing.json does not exist; put back what the run wrote"),
+    "hash in timing": ({TIMING: OTHER_HASH}, f"run: {TIMING} has changed since"),
+    "hash in manifest": (
+        {"manifest.json": entry("chains/2/sha256", 64 * "0")},
+        f"run: the hash of {DRAWS} in manifest.json has changed since",
+    ),
+    # As of a run that was killed before it noted its chains.
+    "no hash in manifest": (
+        {"manifest.json": entry("chains", {}), DRAWS: cut},
+        f"run: {DRAWS} or {TIMING} has changed",
+    ),
+    "two files": ({DRAWS: cut, DATA: cut}, f"{DATA} has changed, {DRAWS} has changed"),
+    "no tests": ({"manifest.json": entry("experiments")}, "is not a fit of tests"),
     **{
-        f"no {name}": ("manifest.json", without(name), f"key '{name}' is missing, expected")
+        f"no {name}": ({"manifest.json": entry(name)}, f"key '{name}' is missing, expected")
         for name in (
             *("fingerprint", "status", "command", "versions", "sampler", "use_likelihood"),
             *("failures", "refits", "solver", "coordinates", "pooling", "data_kind", "started"),
         )
     },
     **{
-        f"{name} wrong": ("manifest.json", entry(name, value), f"key '{name}': found {value!r}")
-        for name, value in {
-            "data_kind": "guessed",
-            "status": "finished",
-            "started": 7,
-            "priors_from": 7,
-        }.items()
+        f"{path} {value!r}": ({"manifest.json": entry(path, value)}, words.format(repr(value)))
+        for path, value, words in (
+            ("data_kind", "guessed", "key 'data_kind': found {}"),
+            ("status", "finished", "key 'status': found {}"),
+            ("started", 7, "key 'started': found {}"),
+            ("priors_from", 7, "key 'priors_from': found {}"),
+            ("chains", "two", "key 'chains': found {}"),
+            ("sampler", "fast", "key 'sampler': found {}"),
+            ("sampler", {}, "'chains' in [sampler] is missing"),
+            ("sampler/chains", 10**30, "'chains' in [sampler]: found {}"),
+            ("hashes", {"a": 1}, "in [hashes]: found 1"),
+            ("experiments", [1], "'experiments', entry 1"),
+            ("failures", [{}], "in [[failures]] number 1"),
+        )
     },
-    "sampler of text": ("manifest.json", entry("sampler", "fast"), "key 'sampler': found 'fast'"),
-    "chains without end": (
-        "manifest.json",
-        sampler("chains", 10**30),
-        f"'chains' in [sampler]: found {10**30}",
-    ),
-    "sampler empty": (
-        "manifest.json",
-        entry("sampler", {}),
-        "'chains' in [sampler] is missing",
-    ),
-    "failures wrong": (
-        "manifest.json",
-        entry("failures", [{}]),
-        "in [[failures]] number 1",
-    ),
 }
 
 
@@ -181,22 +158,29 @@ def contents(folder: Path) -> dict[Path, bytes]:
     return {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
 
 
-@pytest.mark.parametrize(("name", "damage", "word"), DAMAGES.values(), ids=DAMAGES)
-def test_a_damaged_run_is_one_sentence(
-    name: str, damage: Damage, word: str, copy: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(("damages", "words"), DAMAGES.values(), ids=DAMAGES)
+def test_a_damaged_run_is_refused_in_one_sentence_by_all_that_reads_it(
+    damages: dict[str, Damage],
+    words: str,
+    copy: Path,
+    small_problem: Problem,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    damage(copy / name)
+    for name, damage in damages.items():
+        damage(copy / name)
     before = contents(copy)
+    with pytest.raises(InputError) as refused:
+        Fit.load(copy)
+    assert words in str(refused.value)
+    page, table = (("--out", str(copy.parent / name)) for name in ("page", "table.csv"))
     capsys.readouterr()
-    for command in (["check"], ["report", "--out", str(copy.parent / "page")]):
-        assert_refused(main([command[0], str(copy), *command[1:]]), capsys, word)
+    for command in (["check"], ["report", *page], ["predict", "attenuation", *table]):
+        assert_refused(main([*command, str(copy)]), capsys, words)
     assert contents(copy.parent) == before
-
-
-def note(log: str) -> str:
-    """What a check says of the tables that it wrote again, after the name of the run."""
-    (line,) = log.splitlines()
-    return line.split("run: ", 1)[1]
+    if longer in damages.values():
+        with pytest.raises(InputError, match=re.escape(words)):
+            fit(small_problem.experiment, small_problem.priors, out=copy, options=SMALL_RUN)
+        assert {file: own for file, own in contents(copy).items() if file in before} == before
 
 
 @pytest.mark.parametrize("damage", [text(""), cut, text("old numbers"), Path.unlink])
@@ -215,7 +199,8 @@ def test_a_check_writes_tables_again_that_are_not_those_of_the_draws(
         assert contents(copy) == before
         again, log = capsys.readouterr()
         assert again == out
-        assert note(log).startswith(f"{' and '.join(names)} did not agree with the draws")
+        (note,) = log.splitlines()
+        assert f"run: {' and '.join(names)} did not agree with the draws" in note
 
 
 def test_a_check_leaves_tables_to_a_run_that_has_not_written_them(copy: Path) -> None:
@@ -227,58 +212,25 @@ def test_a_check_leaves_tables_to_a_run_that_has_not_written_them(copy: Path) ->
     assert contents(copy) == before
 
 
-@pytest.mark.parametrize("name", [DRAWS, DATA, "stan_data.json", "posterior.nc"])
-def test_a_changed_run_is_not_continued(name: str, copy: Path, small_problem: Problem) -> None:
-    with (copy / name).open("ab") as file:
-        file.write(b"\n")
-    before = contents(copy)
-    with pytest.raises(InputError, match=f"run: {name} has changed since the run"):
-        fit(small_problem.experiment, small_problem.priors, out=copy, options=SMALL_RUN)
-    assert {file: content for file, content in contents(copy).items() if file in before} == before
-
-
-def test_of_draws_whose_hash_the_manifest_lacks_either_file_may_be_to_blame(copy: Path) -> None:
-    """As of a run that was killed before it noted its chains."""
-    entry("chains", {})(copy / "manifest.json")
-    cut(copy / DRAWS)
-    with pytest.raises(InputError, match=f"run: {DRAWS} or {TIMING} has changed"):
-        Fit.load(copy)
-
-
-def test_all_that_has_changed_is_said(copy: Path) -> None:
-    for name in (DRAWS, DATA):
-        cut(copy / name)
-    with pytest.raises(InputError, match=f"{DATA} has changed, {DRAWS} has changed"):
-        Fit.load(copy)
-
-
 def test_what_is_no_chain_is_passed_over(copy: Path) -> None:
     shutil.copytree(copy / "chains" / "chain_2", copy / "chains" / "chain_2 (copy)")
     assert list(Fit.load(copy).manifest["chains"]) == ["1", "2"]
 
 
-def test_labelled_draws_that_were_not_noted_are_gathered_again(copy: Path, small_fit: Fit) -> None:
+@pytest.mark.parametrize("damage", [cut, Path.unlink])
+def test_labelled_draws_that_were_not_noted_or_are_gone_are_gathered_again(
+    damage: Damage, copy: Path, small_fit: Fit
+) -> None:
     """A killed process may have written them without noting their hash."""
-    entry("posterior_sha256", None)(copy / "manifest.json")
-    cut(copy / "posterior.nc")
+    if damage is cut:
+        entry("posterior_sha256", None)(copy / "manifest.json")
+    damage(copy / "posterior.nc")
     for _ in range(2):
         loaded = Fit.load(copy)
-        for name in ("posterior", "sample_stats"):
+        for name in ("posterior", "predictions", "sample_stats", "posterior_predictive"):
             again, first = (fit.posterior[name].to_dataset() for fit in (loaded, small_fit))
             assert again.equals(first)
-
-
-@pytest.mark.usefixtures("sketched")
-def test_a_folder_of_another_kind_is_told(
-    small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    page = tmp_path / "page"
-    assert main(["report", str(small_fit.directory.path), "--out", str(page)]) == 0
-    capsys.readouterr()
-    for command in (["check"], ["report", "--out", str(tmp_path / "other")]):
-        assert_refused(
-            main([command[0], str(page), *command[1:]]), capsys, "page: is not a fit of tests"
-        )
+        assert (copy / "posterior.nc").is_file()
 
 
 class ExchangedWhenClosed:

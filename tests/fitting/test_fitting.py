@@ -4,10 +4,13 @@ import json
 import logging
 import shutil
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import arviz as az
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
@@ -26,6 +29,7 @@ from pyburgers.kinds.coordinates import REFERENCE_STRESS
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions, solver_block
 from pyburgers.model.parameters import PARAMETERS
+from pyburgers.sampling.options import SamplerOptions
 
 FREE = ["maxwell_modulus", "activation_enthalpy", "stress_noise"]
 
@@ -42,6 +46,18 @@ def group(result: Fit, name: str) -> xr.Dataset:
     return result.posterior[name].to_dataset()
 
 
+def fitted(
+    problem: Problem, out: Path, options: SamplerOptions = SMALL_RUN, *, use_likelihood: bool = True
+) -> Fit:
+    return fit(
+        problem.experiment,
+        problem.priors,
+        out=out,
+        options=options,
+        use_likelihood=use_likelihood,
+    )
+
+
 @pytest.fixture
 def copy(small_fit: Fit, tmp_path: Path) -> Path:
     """Run directory of the small fit that a test may change."""
@@ -49,7 +65,7 @@ def copy(small_fit: Fit, tmp_path: Path) -> Path:
     return tmp_path / "copy"
 
 
-def test_a_fit_writes_everything(small_fit: Fit) -> None:
+def test_a_fit_writes_everything_and_its_manifest_says_what_was_run(small_fit: Fit) -> None:
     files = set(contents(small_fit.directory.path)) - {".lock"}
     chain_files = {
         f"chains/chain_{chain}/{name}"
@@ -69,26 +85,17 @@ def test_a_fit_writes_everything(small_fit: Fit) -> None:
         "initial_values/chain_1.json",
         "initial_values/chain_2.json",
     }
-
-
-def test_the_manifest_says_what_was_run(small_fit: Fit) -> None:
     manifest = small_fit.manifest
     assert manifest["status"] == "complete"
     assert manifest["sampler"]["seed"] == SMALL_RUN.seed
     assert manifest["solver"]["tolerance"] == SolverOptions().tolerance
-    assert manifest["failures"] == []
+    assert manifest["failures"] == manifest["noisy"] == []
     assert {"python", "cmdstan", "compiler", "cmdstanpy", "numpy"} <= set(manifest["versions"])
     assert set(manifest["chains"]) == {"1", "2"}
     assert manifest["chains"]["1"]["wall_seconds"] > 0
     for name, digest in manifest["hashes"].items():
         assert sha256_of_file(small_fit.directory.path / name) == digest
     assert "inputs/tests/PIL40/experiment.toml" in manifest["hashes"]
-
-
-def test_chains_tell_their_metric_and_step_size(small_fit: Fit) -> None:
-    text = small_fit.directory.draws_file(1).read_text(encoding="utf-8")
-    assert "# Step size = " in text
-    assert "# Elements of inverse mass matrix:" in text
 
 
 def test_the_posterior_is_labelled(small_fit: Fit) -> None:
@@ -127,10 +134,8 @@ def test_fixed_parameters_stay_fixed_and_the_others_find_the_truth(small_fit: Fi
 
 def test_any_arviz_reads_the_posterior(small_fit: Fit) -> None:
     data = az.from_netcdf(small_fit.directory.posterior_file)
-    np.testing.assert_array_equal(
-        data["posterior"]["maxwell_modulus"],
-        small_fit.posterior["posterior"]["maxwell_modulus"],
-    )
+    expected = small_fit.posterior["posterior"]["maxwell_modulus"]
+    np.testing.assert_array_equal(data["posterior"]["maxwell_modulus"], expected)
 
 
 def test_the_table_has_the_prior_beside_the_posterior(small_fit: Fit) -> None:
@@ -168,7 +173,7 @@ def test_the_checks_are_written_with_their_sentences(small_fit: Fit) -> None:
 def test_the_same_call_again_does_nothing_and_is_quick(copy: Path, small_problem: Problem) -> None:
     before = contents(copy)
     started = time.process_time()
-    again = fit(small_problem.experiment, small_problem.priors, out=copy, options=SMALL_RUN)
+    again = fitted(small_problem, copy)
     assert time.process_time() - started < 5
     after = contents(copy)
     for name in set(before) - {"manifest.json"}:
@@ -180,12 +185,7 @@ def test_the_same_seed_gives_the_same_draws_and_another_seed_others(
     small_fit: Fit, small_problem: Problem, tmp_path: Path
 ) -> None:
     again, another = (
-        fit(
-            small_problem.experiment,
-            small_problem.priors,
-            out=tmp_path / str(options.seed),
-            options=options,
-        )
+        fitted(small_problem, tmp_path / str(options.seed), options)
         for options in (SMALL_RUN, replace(SMALL_RUN, seed=SMALL_RUN.seed + 1, warmup=50))
     )
     first, other = (group(result, "posterior") for result in (small_fit, another))
@@ -196,46 +196,13 @@ def test_the_same_seed_gives_the_same_draws_and_another_seed_others(
 
 def test_more_chains_continue_the_run(copy: Path, small_fit: Fit, small_problem: Problem) -> None:
     before = contents(copy)
-    more = fit(
-        small_problem.experiment,
-        small_problem.priors,
-        out=copy,
-        options=replace(SMALL_RUN, chains=3),
-    )
+    more = fitted(small_problem, copy, replace(SMALL_RUN, chains=3))
     posterior = group(more, "posterior")
     assert posterior["chain"].to_numpy().tolist() == [1, 2, 3]
     assert posterior.sel(chain=[1, 2]).equals(group(small_fit, "posterior"))
     for chain in (1, 2):
         name = f"chains/chain_{chain}/draws.csv"
         assert contents(copy)[name] == before[name]
-
-
-@pytest.mark.parametrize("changed", ["seed", "draws", "tolerance", "prior", "data", "likelihood"])
-def test_other_inputs_in_the_same_directory_are_refused(
-    changed: str, small_fit: Fit, small_problem: Problem
-) -> None:
-    folder = small_fit.directory.path
-    before = contents(folder)
-    experiment, priors = small_problem.experiment, small_problem.priors
-    if changed == "data":
-        experiment = replace(experiment, stress=1.001 * experiment.stress)
-    if changed == "prior":
-        prior = replace(priors["maxwell_modulus"], scale=3e9)
-        priors = replace(priors, priors={**priors.priors, "maxwell_modulus": prior})
-    options = {
-        "seed": replace(SMALL_RUN, seed=99),
-        "draws": replace(SMALL_RUN, draws=150),
-    }.get(changed, SMALL_RUN)
-    with pytest.raises(InputError, match="other inputs"):
-        fit(
-            experiment,
-            priors,
-            out=folder,
-            options=options,
-            solver=SolverOptions(tolerance=1e-7) if changed == "tolerance" else SolverOptions(),
-            use_likelihood=changed != "likelihood",
-        )
-    assert contents(folder) == before
 
 
 def test_a_saved_copy_is_a_complete_fit(small_fit: Fit, copy: Path) -> None:
@@ -249,14 +216,6 @@ def test_a_saved_copy_is_a_complete_fit(small_fit: Fit, copy: Path) -> None:
         small_fit.save(copy)
 
 
-def test_the_posterior_is_gathered_again_where_it_is_missing(small_fit: Fit, copy: Path) -> None:
-    (copy / "posterior.nc").unlink()
-    loaded = Fit.load(copy)
-    for name in ("posterior", "predictions", "sample_stats", "posterior_predictive"):
-        assert group(loaded, name).equals(group(small_fit, name))
-    assert (copy / "posterior.nc").is_file()
-
-
 def test_draws_without_solution_at_the_reference_tolerance_do_not_end_the_fit(
     programs: None, small_problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -264,9 +223,7 @@ def test_draws_without_solution_at_the_reference_tolerance_do_not_end_the_fit(
     monkeypatch.setattr("pyburgers.posterior.build.REFERENCE_SOLVER", impossible)
     monkeypatch.setattr("pyburgers.fitting.fit.MAX_REFITS", 0)
     options = replace(SMALL_RUN, warmup=50, draws=5)
-    result = fit(
-        small_problem.experiment, small_problem.priors, out=tmp_path / "run", options=options
-    )
+    result = fitted(small_problem, tmp_path / "run", options)
     check = next(check for check in result.checks() if check.name == "solver")
     assert not check.passed
     assert "10 of 10 draws have no solution" in check.sentence
@@ -309,12 +266,11 @@ def test_a_tolerance_too_loose_is_tightened_and_the_chains_run_again(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     caplog.set_level(logging.INFO, "pyburgers")
-    arguments = (small_problem.experiment, small_problem.priors)
     options = replace(SMALL_RUN, warmup=50, draws=50)
     with monkeypatch.context() as strict:
         # No tolerance is good enough: the run is repeated as often as is allowed.
         strict.setattr("pyburgers.checks.fit_checks.PARETO_K_LIMIT", -np.inf)
-        result = fit(*arguments, out=tmp_path / "run", options=options)
+        result = fitted(small_problem, tmp_path / "run", options)
         assert not {check.name: check.passed for check in result.checks()}["solver"]
     refits = result.manifest["refits"]
     asked = SolverOptions().tolerance
@@ -327,7 +283,7 @@ def test_a_tolerance_too_loose_is_tightened_and_the_chains_run_again(
         assert np.isfinite(refit["pareto_k"])
     # The same inputs continue the tightened run; nothing is sampled again.
     before = contents(tmp_path / "run")
-    again = fit(*arguments, out=tmp_path / "run", options=options)
+    again = fitted(small_problem, tmp_path / "run", options)
     assert again.manifest["refits"] == refits
     assert {check.name: check.passed for check in again.checks()}["solver"]
     after = contents(tmp_path / "run")
@@ -341,9 +297,7 @@ def test_few_draws_are_told_as_such_and_not_sampled_again(
 ) -> None:
     """Five draws have no tail, so that their Pareto k is infinite whatever the tolerance is."""
     options = replace(SMALL_RUN, warmup=50, draws=5)
-    result = fit(
-        small_problem.experiment, small_problem.priors, out=tmp_path / "run", options=options
-    )
+    result = fitted(small_problem, tmp_path / "run", options)
     assert result.manifest["refits"] == []
     assert result.sampled_well is Outcome.CANNOT_TELL
     assert result.describes_data is Outcome.CANNOT_TELL
@@ -381,14 +335,8 @@ def test_a_folder_that_is_no_run_or_has_no_chain_is_refused(copy: Path, tmp_path
 def test_without_likelihood_the_draws_are_the_prior(
     programs: None, small_problem: Problem, tmp_path: Path
 ) -> None:
-    options = replace(SMALL_RUN, draws=500)
-    prior = fit(
-        small_problem.experiment,
-        small_problem.priors,
-        out=tmp_path / "run",
-        options=options,
-        use_likelihood=False,
-    )
+    longer = replace(SMALL_RUN, draws=500)
+    prior = fitted(small_problem, tmp_path / "run", longer, use_likelihood=False)
     table = prior.summary("SI")
     for name in FREE:
         mean, sd = table["prior_mean"][name], table["prior_sd"][name]
@@ -396,3 +344,65 @@ def test_without_likelihood_the_draws_are_the_prior(
         assert table["sd"][name] == pytest.approx(sd, rel=0.2)
     # The solver has no part in the prior, so its tolerance cannot matter.
     assert {check.name: check.passed for check in prior.checks()}["solver"]
+
+
+@pytest.fixture(autouse=True)
+def _close_figures() -> Iterator[None]:
+    plt.switch_backend("agg")
+    yield
+    plt.close("all")
+
+
+def test_a_summary_is_in_display_units_unless_si_is_asked_for(small_fit: Fit) -> None:
+    shown, si = small_fit.summary(), small_fit.summary("SI")
+    assert list(shown) == list(si)
+    assert shown["unit"]["maxwell_modulus"] == "GPa"
+    assert si["unit"]["maxwell_modulus"] == "Pa"
+    for column in ("mean", "sd", "q5", "q95", "prior_mean", "prior_sd"):
+        ratio = (si[column] / shown[column])["maxwell_modulus"]
+        assert ratio == pytest.approx(1e9)
+    np.testing.assert_array_equal(shown["rhat"], si["rhat"])
+
+
+@pytest.mark.parametrize("units", ["si", "x", "", 5])
+def test_other_units_of_a_summary_are_refused(units: Any, small_fit: Fit) -> None:
+    with pytest.raises(InputError, match=f"units is {units!r}, expected 'display' or 'SI'"):
+        small_fit.summary(units)
+
+
+def test_a_fit_is_shown_in_a_line(small_fit: Fit, joint: Fit) -> None:
+    where = small_fit.directory.path
+    assert repr(small_fit) == f"<Fit of PIL40: 2 chains x 100 draws, {where}>"
+    assert repr(joint).startswith("<Fit of PIL40+other: 2 chains x ")
+    assert repr(joint["other"]).startswith("<Fit of other in PIL40+other: 2 chains x ")
+
+
+def test_to_show_a_fit_checks_nothing(small_fit: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise AssertionError("checked")
+
+    monkeypatch.setattr("pyburgers.fitting.sampled_fit.run_checks", fail)
+    assert "PIL40" in repr(replace(small_fit))
+
+
+def test_a_notebook_shows_verdicts_and_table(small_fit: Fit) -> None:
+    text = small_fit._repr_html_()
+    assert "<b>PIL40</b>" in text
+    assert "Was the posterior sampled well?" in text
+    assert "maxwell_modulus" in text
+    assert "<table" in text
+
+
+def test_figures_go_into_given_axes(small_fit: Fit) -> None:
+    _, axes = plt.subplots()
+    assert small_fit.plot.stress_strain(ax=axes) is axes
+    assert "stress" in axes.get_ylabel()
+    assert small_fit.plot.residuals() is not axes
+    drawn = small_fit.plot.posterior("maxwell_modulus")
+    assert "GPa" in drawn.get_xlabel()
+    low, high = drawn.get_xlim()
+    assert low < float(small_fit.summary()["mean"]["maxwell_modulus"]) < high
+    with pytest.raises(InputError, match="did you mean 'maxwell_modulus'"):
+        small_fit.plot.posterior("maxwel_modulus")
+    with pytest.raises(InputError, match="5 was not sampled, expected one of maxwell_modulus"):
+        small_fit.plot.posterior(5)  # type: ignore[arg-type]

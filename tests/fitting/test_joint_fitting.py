@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import POOL, SMALL_RUN, Problem, copy_of, pair_of
+from conftest import POOL, SMALL_RUN, Problem, pair_of
 from figure_texts import legend_texts
 from matplotlib.colors import rgb_to_hsv, to_hex, to_rgb
 
@@ -81,19 +81,6 @@ def test_only_missing_chains_are_run(
     assert "1 of 2 chains are there already." in caplog.messages
     assert (run / "chains" / "chain_1" / "draws.csv").read_bytes() == kept
     assert again.summary("SI")["mean"].equals(joint.summary("SI")["mean"])
-
-
-def test_other_pooling_in_the_same_folder_is_refused(
-    joint: Fit, small_problem: Problem, tmp_path: Path
-) -> None:
-    with pytest.raises(InputError, match="holds a run of other inputs"):
-        fit(
-            pair_of(small_problem),
-            small_problem.priors,
-            pool={"maxwell_modulus": "separate"},
-            out=copy_of(joint, tmp_path / "run").directory.path,
-            options=SMALL_RUN,
-        )
 
 
 def test_kinds_of_runs_are_told_apart(joint: Fit, small_fit: Fit) -> None:

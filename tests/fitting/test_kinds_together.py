@@ -44,6 +44,16 @@ FREE = ("maxwell_modulus", "activation_enthalpy", "stress_noise")
 OPTIONS = SamplerOptions(chains=2, warmup=60, draws=30, seed=11, adapt_delta=0.8, max_treedepth=5)
 
 
+SIZE_AND_FABRIC = ("steady_state_grain_size", "steady_state_fabric_factor")
+
+
+def after_creep() -> tuple[MeasuredMicrostructure, ...]:
+    return (
+        MeasuredMicrostructure(0.05, 160e-6, 8e-6),
+        MeasuredMicrostructure(None, 105e-6, 5e-6, 0.74, 0.03, time=4000.0),
+    )
+
+
 def constant_rate_test(name: str = "curve", rate: float = 1e-4) -> ConstantRateExperiment:
     """A short curve of the material of the twins."""
     strain = np.geomspace(5e-4, 0.02, 15)
@@ -70,28 +80,19 @@ def three_tests() -> list[Experiment]:
     return [constant_rate_test(), history_twin("creep", 12), history_twin("relaxation", 8)]
 
 
-def test_without_the_one_test_whose_strain_is_read_residuals_hang_together_as_before() -> None:
-    """The joint fit and the one without it have one model of the tests that both have."""
-    problem = problem_of(
-        [constant_rate_test(), history_twin("creep", 12)], known_priors(), pooling_of()
-    )
-    left = problem.without("creep")
-    (own,) = left.priors
-    correlation = {name for name in own.free if name.startswith("residual_correl")}
-    assert correlation == {"residual_correlation_time", "residual_correlated_share"}
-    for name in own.free:
-        assert own[name] == problem.priors[0][name]
-    # What a run keeps gives the same priors again.
-    again = problem_of(left.experiments, left.given_priors, left.pooling)
-    assert again.priors[0].priors == own.priors
-
-
 def test_residuals_of_others_hang_together_over_times_of_their_own_as_before(
     tmp_path: Path,
 ) -> None:
+    """The joint fit and the one without it have one model of the tests that both have."""
     curves = [constant_rate_test(), constant_rate_test("slow", 1e-6)]
     problem = problem_of([*curves, history_twin("creep", 12)], known_priors(), pooling_of())
     left = problem.without("creep")
+    for own, before in zip(left.priors, problem.priors[:2], strict=True):
+        assert {name for name in own.free if name.startswith("residual_correl")} == {
+            "residual_correlation_time",
+            "residual_correlated_share",
+        }
+        assert {name: own[name] for name in own.free} == {name: before[name] for name in own.free}
     times = [own["residual_correlation_time"] for own in left.priors]
     assert times == [own["residual_correlation_time"] for own in problem.priors[:2]]
     assert times[1].location == 100 * times[0].location
@@ -122,16 +123,27 @@ def test_grains_that_a_variant_keeps_stay_as_they_are_in_each_test(law: str) -> 
 
 @pytest.fixture(scope="module")
 def mixed(programs: None, tmp_path_factory: pytest.TempPathFactory) -> Fit:
+    """A curve, creep and a relaxation of one material; of the first two grains were measured."""
+    known = {n: v for n, v in TRUTH.items() if n in default_priors("ice").free}
+    priors = with_fixed(
+        default_priors("ice"),
+        {name: v for name, v in known.items() if name not in (*SIZE_AND_FABRIC, *FREE)},
+    )
+    curve, creep, relaxation = three_tests()
+    at_end = MeasuredMicrostructure(0.02, 180e-6, 9e-6)
+    tests = [
+        replace(curve, microstructure=(at_end,)),
+        replace(creep, microstructure=after_creep()),
+        relaxation,
+    ]
     out = tmp_path_factory.mktemp("mixed") / "run"
-    return fit(three_tests(), known_priors(), out=out, options=OPTIONS)
-
-
-def test_tests_of_one_protocol_stay_as_they_are() -> None:
-    curves = [constant_rate_test(), constant_rate_test("other", 1e-5)]
-    assert of_one_program(curves) == tuple(curves)
+    pool = dict.fromkeys(SIZE_AND_FABRIC, "shared")
+    return fit(tests, priors, out=out, pool=pool, options=OPTIONS)
 
 
 def test_tests_of_several_protocols_become_histories() -> None:
+    curves = [constant_rate_test(), constant_rate_test("other", 1e-5)]
+    assert of_one_program(curves) == tuple(curves)  # of one kind
     experiments = three_tests()
     problem = problem_of(experiments, known_priors(), pooling_of())
     assert problem.likelihood.name == "loading_history"
@@ -143,17 +155,14 @@ def test_tests_of_several_protocols_become_histories() -> None:
     assert {"stress_noise", "strain_noise"} <= set(problem.free)
 
 
-def test_an_oscillation_stays_with_its_own_kind() -> None:
-    record = replace(load_forced_oscillation(TWIN_FILE), material="ice")
-    with pytest.raises(InputError, match="forced_oscillation cannot be fitted together with"):
-        problem_of([constant_rate_test(), record], known_priors(), pooling_of())
-
-
-def test_what_a_history_does_not_take_is_refused() -> None:
+def test_what_does_not_go_together_is_refused() -> None:
     curve, creep = constant_rate_test(), history_twin("creep", 12)
     furnace = replace(curve, uncertain=(UncertainCondition("temperature_error", 2.0, None),))
     with pytest.raises(InputError, match="creep: key 'temperature_sd_K' is missing"):
         problem_of([furnace, creep], known_priors(), pooling_of())
+    record = replace(load_forced_oscillation(TWIN_FILE), material="ice")
+    with pytest.raises(InputError, match="forced_oscillation cannot be fitted together with"):
+        problem_of([constant_rate_test(), record], known_priors(), pooling_of())
 
 
 def test_the_flow_law_is_one_and_the_noises_are_not(mixed: Fit) -> None:
@@ -180,36 +189,8 @@ def test_it_is_read_back_and_predicts_a_test_of_either_kind(mixed: Fit) -> None:
     )
 
 
-SIZE_AND_FABRIC = ("steady_state_grain_size", "steady_state_fabric_factor")
-
-
-def after_creep() -> tuple[MeasuredMicrostructure, ...]:
-    return (
-        MeasuredMicrostructure(0.05, 160e-6, 8e-6),
-        MeasuredMicrostructure(None, 105e-6, 5e-6, 0.74, 0.03, time=4000.0),
-    )
-
-
-@pytest.fixture(scope="module")
-def measured(programs: None, tmp_path_factory: pytest.TempPathFactory) -> Fit:
-    """A curve and creep of one material, both with measured microstructure."""
-    at_end = MeasuredMicrostructure(0.02, 180e-6, 9e-6)
-    known = {n: v for n, v in TRUTH.items() if n in default_priors("ice").free}
-    free = (*SIZE_AND_FABRIC, *FREE)
-    priors = with_fixed(
-        default_priors("ice"), {name: value for name, value in known.items() if name not in free}
-    )
-    tests = [
-        replace(constant_rate_test(), microstructure=(at_end,)),
-        replace(history_twin("creep", 12), microstructure=after_creep()),
-    ]
-    out = tmp_path_factory.mktemp("measured") / "run"
-    pool = dict.fromkeys(SIZE_AND_FABRIC, "shared")
-    return fit(tests, priors, out=out, pool=pool, options=OPTIONS)
-
-
-def test_measured_microstructure_of_both_kinds_counts(measured: Fit) -> None:
-    posterior = measured.posterior
+def test_measured_microstructure_of_both_kinds_counts(mixed: Fit) -> None:
+    posterior = mixed.posterior
     group = posterior["microstructure"].to_dataset()
     np.testing.assert_array_equal(group["strain"], [0.02, 0.05, np.nan])
     np.testing.assert_array_equal(group["time"], [np.nan, np.nan, 4000.0])
@@ -217,33 +198,31 @@ def test_measured_microstructure_of_both_kinds_counts(measured: Fit) -> None:
     counted = group["log_likelihood"].sum(("section", "quantity"))
     by_points = response_in(posterior, "log_likelihood").sum("point")
     np.testing.assert_allclose(total_log_likelihood(posterior), by_points + counted, rtol=1e-12)
-    creep = measured["creep"].posterior["microstructure"].to_dataset()
+    creep = mixed["creep"].posterior["microstructure"].to_dataset()
     assert creep["section"].size == 2
     for quantity, index in (("grain_size", 0), ("fabric_factor", 1)):
         model = creep["model"].sel(quantity=quantity).isel(section=index)
         replicated = creep["replicated"].sel(quantity=quantity).isel(section=index)
         assert np.ptp(replicated.to_numpy()) > np.ptp(model.to_numpy())
-    again = Fit.load(measured.directory.path)
-    assert (
-        again.problem.experiments[1].microstructure == measured["creep"].experiment.microstructure
-    )
+    again = Fit.load(mixed.directory.path)
+    assert again.problem.experiments[1].microstructure == mixed["creep"].experiment.microstructure
     # Densities of grain sizes in metres, if they were counted once alone, would be several.
-    assert abs(float(measured.posterior["sample_stats"]["solver_log_ratio"].max())) < 0.5
+    assert abs(float(mixed.posterior["sample_stats"]["solver_log_ratio"].max())) < 0.5
     unloaded = replace(history_twin("load and unload", 8), microstructure=after_creep()[1:])
-    predicted = measured.predict(unloaded, draws=20, separate_from="creep")
+    predicted = mixed.predict(unloaded, draws=20, separate_from="creep")
     assert predicted.experiment.microstructure == after_creep()[1:]
 
 
-def test_where_it_was_measured_is_part_of_the_data(measured: Fit) -> None:
-    creep = measured["creep"]
+def test_where_it_was_measured_is_part_of_the_data(mixed: Fit) -> None:
+    creep = mixed["creep"]
     group = creep.posterior["microstructure"].to_dataset()
     moved = creep.posterior.copy()
     moved["microstructure"] = xr.DataTree(group.assign_coords(time=group["time"] - 1.0))
     assert data_hash(replace(creep, posterior=moved)) != data_hash(creep)
 
 
-def test_it_is_drawn_along_time_with_what_was_measured(measured: Fit) -> None:
-    creep = measured["creep"]
+def test_it_is_drawn_along_time_with_what_was_measured(mixed: Fit) -> None:
+    creep = mixed["creep"]
     assert "softening" in [recipe.name for recipe in figures_for(creep)]
     grains, fabric, *_ = softening(creep).axes
     (bars,), (factors,) = grains.containers, fabric.containers
@@ -260,8 +239,8 @@ def test_it_is_drawn_along_time_with_what_was_measured(measured: Fit) -> None:
     assert grains.get_xlim()[1] == pytest.approx(at[1])
 
 
-def test_recovery_that_dies_away_does_not_stretch_the_axis_of_rates(measured: Fit) -> None:
-    creep = measured["creep"]
+def test_recovery_that_dies_away_does_not_stretch_the_axis_of_rates(mixed: Fit) -> None:
+    creep = mixed["creep"]
     dying = creep.posterior.copy()
     group = dying["predictions"].to_dataset()
     rate = abs(group["strain_rate"]).median(("chain", "draw"))
@@ -283,26 +262,16 @@ def test_no_softening_is_drawn_where_nothing_evolves(mixed: Fit) -> None:
         creep.priors, creep.experiment, {"grain_size": "constant", "fabric": "constant"}
     )
     still_fit = SimpleNamespace(
-        experiment=creep.experiment, priors=still, posterior=creep.posterior
+        experiment=replace(creep.experiment, microstructure=()),
+        priors=still,
+        posterior=creep.posterior,
     )
     names = [recipe.name for recipe in figures_for(still_fit)]
     assert names == ["history", "prior_posterior", "response", "pairs", "rank"]
 
 
 @pytest.mark.usefixtures("sketched")
-def test_what_was_measured_is_on_the_page(measured: Fit, tmp_path: Path) -> None:
-    page = write_report(
-        list(measured.tests().values()), tmp_path / "page", title="measured", command="test"
-    )
-    text = page.read_text(encoding="utf-8")
-    assert "fabric factor 0.740 ± 0.030 at 66.7 min" in text
-    assert "160.0 ± 8.0 µm at a path strain of 5 %" in text
-    assert "Softening by grain size and fabric" in text
-    assert "at the end grains have" in text
-
-
-@pytest.mark.usefixtures("sketched")
-def test_it_has_a_page(mixed: Fit, tmp_path: Path) -> None:
+def test_the_page_has_all_tests_and_what_was_measured(mixed: Fit, tmp_path: Path) -> None:
     page = write_report(
         list(mixed.tests().values()),
         tmp_path / "page",
@@ -312,7 +281,10 @@ def test_it_has_a_page(mixed: Fit, tmp_path: Path) -> None:
         extras=joint_sections([mixed], []),
     )
     text = page.read_text(encoding="utf-8")
-    assert "curve" in text
+    assert "fabric factor 0.740 ± 0.030 at 66.7 min" in text
+    assert "160.0 ± 8.0 µm at a path strain of 5 %" in text
+    assert "Softening by grain size and fabric" in text
+    assert "at the end grains have" in text
     assert "relaxation" in text
 
 

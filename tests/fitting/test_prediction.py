@@ -21,7 +21,7 @@ from pyburgers.fitting.prediction import Prediction, predict_test
 from pyburgers.fitting.prior_draws import prior_draws
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
-from pyburgers.kinds.experiment import Experiment, UncertainCondition
+from pyburgers.kinds.experiment import Experiment, UncertainCondition, of_kind
 from pyburgers.kinds.forced_oscillation.experiment import (
     load_forced_oscillation,
     with_known_strain,
@@ -49,10 +49,11 @@ from pyburgers.predictions.other_tests import (
 FloatArray = npt.NDArray[np.float64]
 
 
-def another_test(experiment: ConstantRateExperiment) -> ConstantRateExperiment:
+def another_test(fitted: Fit | Problem) -> ConstantRateExperiment:
     """Return a stepped test at other conditions, without data."""
+    first = fitted.experiment if isinstance(fitted, Problem) else fitted.problem.experiments[0]
     return replace(
-        experiment,
+        of_kind(first, ConstantRateExperiment),
         id="another",
         temperature=255.0,
         initial_grain_size=500e-6,
@@ -97,7 +98,7 @@ def test_the_test_of_a_fit_is_what_the_fit_has(small_fit: Fit) -> None:
 
 
 def test_another_test_is_solved_under_its_own_conditions(small_fit: Fit) -> None:
-    target = another_test(small_fit.problem.experiments[0])  # type: ignore[arg-type]
+    target = another_test(small_fit)
     prediction = small_fit.predict(target, draws=7)
     assert prediction.posterior["posterior"].sizes == {"chain": 1, "draw": 7}
     numbers = prediction.posterior["posterior"]["fit_draw"].to_numpy()
@@ -113,7 +114,7 @@ def test_another_test_is_solved_under_its_own_conditions(small_fit: Fit) -> None
 
 
 def test_noise_has_the_size_of_the_draws_and_follows_the_seed(small_fit: Fit) -> None:
-    target = another_test(small_fit.problem.experiments[0])  # type: ignore[arg-type]
+    target = another_test(small_fit)
     first, again, other = (small_fit.predict(target, seed=seed) for seed in (3, 3, 4))
     grids = [one.posterior["predictions"].to_dataset() for one in (first, again, other)]
     noise = [(grid["stress_replicated"] - grid["stress"]).to_numpy() for grid in grids]
@@ -122,6 +123,14 @@ def test_noise_has_the_size_of_the_draws_and_follows_the_seed(small_fit: Fit) ->
     size = first.posterior["posterior"]["stress_noise"].to_numpy()[..., np.newaxis]
     assert np.std(noise[0] / size) == pytest.approx(1.0, abs=0.02)
     assert "stress residual of the fit" in first.notes[-1]
+    # One draw is enough, of a creep test too.
+    for test, name in ((target, "stress"), (creep(target), "strain")):
+        one, every = small_fit.predict(test, draws=1), small_fit.predict(test)
+        (number,) = one.posterior["posterior"]["fit_draw"].to_numpy()
+        found, expected = (
+            prediction.posterior["predictions"][name].to_numpy()[0] for prediction in (one, every)
+        )
+        np.testing.assert_allclose(found[0], expected[number], rtol=1e-5)
 
 
 def test_a_fit_that_did_not_work_says_so(small_fit: Fit) -> None:
@@ -130,12 +139,12 @@ def test_a_fit_that_did_not_work_says_so(small_fit: Fit) -> None:
     posterior = small_fit.posterior.copy()
     posterior["sample_stats"] = xr.DataTree(stats)
     bad = replace(small_fit, posterior=posterior)
-    target = another_test(small_fit.problem.experiments[0])  # type: ignore[arg-type]
+    target = another_test(small_fit)
     assert "was not sampled well" in bad.predict(target, draws=5).cautions[0]
 
 
 def test_a_joint_fit_gives_what_its_tests_share(joint: Fit) -> None:
-    target = another_test(joint.problem.experiments[0])  # type: ignore[arg-type]
+    target = another_test(joint)
     noise = {
         test: joint[test].posterior["posterior"]["stress_noise"].to_numpy().ravel()
         for test in joint.manifest["experiments"]
@@ -191,7 +200,7 @@ def test_partially_pooled_parameters_of_a_new_test_come_from_centre_and_spread(
         tree = xr.DataTree.from_dict({"posterior": group, "predictions": grid})
         tests[alone.name] = Holder(alone.experiments[0], alone.priors[0], tree)
     source = Source(problem, tests, xr.DataTree.from_dict({"posterior": at_all}), ())
-    prediction = predict_test(source, another_test(small_problem.experiment), draws=n)
+    prediction = predict_test(source, another_test(small_problem), draws=n)
     drawn = prediction.posterior["posterior"]["maxwell_modulus"].to_numpy()[0]
     # Its only bound is zero: the real number behind it is a logarithm.
     assert np.mean(np.log(drawn)) == pytest.approx(np.log(4e9), abs=0.02)
@@ -261,13 +270,13 @@ def test_a_fit_of_an_oscillation_predicts_a_test_at_constant_rate(
     programs: None, small_problem: Problem
 ) -> None:
     record = with_known_strain(load_forced_oscillation(TWIN_FILE))
-    target = replace(another_test(small_problem.experiment), material="olivine", temperature=1450.0)
+    target = replace(another_test(small_problem), material="olivine", temperature=1450.0)
     prediction = predict_test(prior_source(record), target, draws=3)
     assert_solves(prediction, 0, rtol=1e-4)
 
 
 def test_what_cannot_be_predicted_is_refused(joint: Fit, small_fit: Fit) -> None:
-    target = another_test(small_fit.problem.experiments[0])  # type: ignore[arg-type]
+    target = another_test(small_fit)
     ice_record = replace(load_forced_oscillation(TWIN_FILE), material="ice")
     for fit, experiment, options, words in (
         (small_fit, replace(target, material="olivine"), {}, "expected ice like PIL40"),
@@ -280,7 +289,7 @@ def test_what_cannot_be_predicted_is_refused(joint: Fit, small_fit: Fit) -> None
 
 
 def test_all_is_kept_in_the_file(small_fit: Fit, tmp_path: Path) -> None:
-    target = another_test(small_fit.problem.experiments[0])  # type: ignore[arg-type]
+    target = another_test(small_fit)
     prediction = small_fit.predict(target, draws=4)
     write_netcdf(tmp_path / "draws.nc", prediction.posterior)
     with xr.open_datatree(tmp_path / "draws.nc", engine="h5netcdf") as kept:
@@ -357,26 +366,6 @@ def test_a_noise_that_the_fit_took_as_known_is_that_of_new_readings(
         assert "of the fit, 0.1 MPa" in notes[0]
 
 
-def test_the_zero_of_the_strain_is_that_of_the_file(small_fit: Fit, small_problem: Problem) -> None:
-    target = creep(small_problem.experiment, strain_offset=Stated(5e-3, 1e-3))
-    drawn = small_fit.predict(target).posterior["posterior"]["strain_offset"].to_numpy()
-    assert drawn.mean() == pytest.approx(5e-3, abs=3e-4)
-    assert drawn.std() == pytest.approx(1e-3, rel=0.2)
-
-
-def test_one_draw_is_enough(small_fit: Fit, small_problem: Problem) -> None:
-    for target in (another_test(small_problem.experiment), creep(small_problem.experiment)):
-        prediction = small_fit.predict(target, draws=1)
-        every = small_fit.predict(target).posterior["predictions"].to_dataset()
-        (number,) = prediction.posterior["posterior"]["fit_draw"].to_numpy()
-        for quantity in answers(prediction):
-            np.testing.assert_allclose(
-                prediction.posterior["predictions"][quantity.name].to_numpy()[0, 0],
-                every[quantity.name].to_numpy()[0, number],
-                rtol=1e-5,
-            )
-
-
 @pytest.fixture(scope="module")
 def strained_and_loaded(small_fit: Fit, small_problem: Problem) -> Prediction:
     """A test that reads stress in its first stages and strain in the last."""
@@ -402,12 +391,9 @@ def test_what_is_imposed_has_no_new_readings(strained_and_loaded: Prediction) ->
     assert shown["new readings of stress"].iloc[-1] == "imposed"
     assert shown["new readings of strain"].iloc[0] == "imposed"
     assert "imposed" not in shown["new readings of strain"].iloc[-1]
-
-
-def test_times_are_shown_in_the_unit_of_the_page(strained_and_loaded: Prediction) -> None:
-    shown = overview_table(strained_and_loaded)
+    # Times are shown in the unit of the page.
     assert shown["time (min)"].iloc[-1] == "20"
-    assert band_table(strained_and_loaded)["time_s"].iloc[-1] == 1200.0
+    assert table["time_s"].iloc[-1] == 1200.0
     axes = prediction_figure(strained_and_loaded).axes[-1]
     assert axes.get_xlabel() == "time (min)"
     assert axes.get_xlim()[1] == pytest.approx(20.0, rel=0.02)
@@ -424,6 +410,11 @@ def test_strain_of_zero_and_apparatus_is_no_extrapolation(
     stated = beyond(apparatus_compliance=Stated(1e-8, 0.0), strain_offset=Stated(0.5, 0.0))
     assert "temperature 255 K" in plain[0]
     assert stated == plain
+    # The zero of the strain is that of the file.
+    target = creep(small_problem.experiment, strain_offset=Stated(5e-3, 1e-3))
+    drawn = small_fit.predict(target).posterior["posterior"]["strain_offset"].to_numpy()
+    assert drawn.mean() == pytest.approx(5e-3, abs=3e-4)
+    assert drawn.std() == pytest.approx(1e-3, rel=0.2)
 
 
 def test_a_solution_leaves_out_what_belongs_to_another_apparatus(small_problem: Problem) -> None:

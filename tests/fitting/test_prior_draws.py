@@ -56,6 +56,10 @@ def test_each_draw_is_solved_at_its_own_parameters(drawn: PriorDraws, fit: Fit) 
         assert stress[k] == pytest.approx(expected.to_numpy(), rel=1e-3)
 
 
+def test_draws_are_shown_in_a_line(drawn: PriorDraws) -> None:
+    assert repr(drawn) == f"<{N_DRAWS} draws of the prior of {drawn.experiment.id}>"
+
+
 def test_the_same_seed_gives_the_same_draws(drawn: PriorDraws, fit: Fit) -> None:
     again = prior_draws(fit.experiment, fit.priors, draws=N_DRAWS, seed=1)
     assert np.array_equal(stresses(again), stresses(drawn))

@@ -20,10 +20,10 @@ from pyburgers.kinds.constant_rate.experiment import (
     ConstantRateExperiment,
     load_constant_rate,
 )
+from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.coordinates import Mode
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forced_oscillation.experiment import load_forced_oscillation
-from pyburgers.kinds.loading_history.conversion import as_history
 from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
 from pyburgers.kinds.problem import Problem, one_test, problem_of
 from pyburgers.kinds.program_data import (
@@ -77,15 +77,17 @@ def evaluated(problem: Problem, coordinate: FloatArray, **chart: object) -> dict
     )
 
 
-def test_histories_come_first_and_the_table_stays_one() -> None:
+def test_a_table_shares_flow_law_and_kelvin_part_and_has_no_microstructure() -> None:
     problem = both()
+    # Histories come first and the table stays one.
     assert problem.likelihood.name == "loading_history"
     assert [one.protocol for one in problem.experiments] == ["loading_history", "attenuation"]
     assert isinstance(problem.experiments[1], AttenuationExperiment)
-
-
-def test_a_table_shares_flow_law_and_kelvin_part_and_has_no_microstructure() -> None:
-    problem = both()
+    # Priors of both kinds come with the package.
+    found = priors()
+    assert not found["critical_strain_fabric"].is_fixed
+    assert not is_fixed_at(found["attenuation_scatter"], 0.0)
+    assert default_priors_for([curve()]).title != found.title
     assert {"stress_exponent", "kelvin_modulus", "kelvin_viscosity"} <= set(problem.shared)
     assert problem.kind("maxwell_modulus") == "separate"
     assert not problem.partial  # one test alone has a grain size that evolves
@@ -97,13 +99,6 @@ def test_a_table_shares_flow_law_and_kelvin_part_and_has_no_microstructure() -> 
     assert "critical_strain_fabric" in seen[0].free
     assert "critical_strain_fabric" not in seen[1].free
     assert pooling_for([curve(), table()], {"all": "shared"}).kinds["maxwell_modulus"] == "shared"
-
-
-def test_priors_of_both_kinds_come_with_the_package() -> None:
-    found = priors()
-    assert not found["critical_strain_fabric"].is_fixed
-    assert not is_fixed_at(found["attenuation_scatter"], 0.0)
-    assert default_priors_for([curve()]).title != found.title
 
 
 def test_what_does_not_go_together_is_refused() -> None:
@@ -231,7 +226,7 @@ def test_gradients_are_those_of_the_density() -> None:
 def test_valley_coordinates_of_the_curve_leave_the_table_alone() -> None:
     """With nothing of its own the table adds its likelihood, in whatever coordinates."""
     problem = both(ONE_MODULUS)
-    alone = problem_of([as_history(curve())], priors())
+    alone = problem_of([CONSTANT_RATE.as_history(curve())], priors())
     truth = curve().true_parameters
     assert truth is not None
     plain = alone.coordinates[0]

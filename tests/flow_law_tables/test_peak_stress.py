@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import ICE
+from refusals import refusal, written
 
 from pyburgers.common.errors import InputError
 from pyburgers.flow_law_tables.groups import groups
@@ -47,6 +48,7 @@ kind = "measured"
 source = "Somebody (2020)"
 """
 POINTS = "T,s,rate,d,u\n-10,5,40,0.2,0.01\n-10,8,200,0.2,0.02\n-20,9,100,0.6,0\n"
+STATED = "[peak_strain]\nmean = 0.02\nsd = 0.004\n\n[provenance]"
 PRIORS = ICE.parent / "priors" / "peak_stress" / "ice.toml"
 
 Write = Callable[..., Path]
@@ -57,34 +59,18 @@ def write(tmp_path: Path) -> Write:
     """Write a table with replaced text and its data file; return the TOML's path."""
 
     def write(*replacements: tuple[str, str], points: str = POINTS) -> Path:
-        text = TABLE
-        for old, new in replacements:
-            assert old in text
-            text = text.replace(old, new, 1)
-        (tmp_path / "points.csv").write_text(points, encoding="utf-8")
-        path = tmp_path / "table.toml"
-        path.write_text(text, encoding="utf-8")
-        return path
+        return written(tmp_path / "table.toml", TABLE, replacements, {"points": points})
 
     return write
 
 
-def assert_one_sentence(error: InputError) -> str:
-    text = str(error)
-    assert "\n" not in text
-    assert text.endswith((".", "?"))
-    return text
-
-
-def test_a_stated_strain_of_the_peaks_is_read_and_saved(write: Write, tmp_path: Path) -> None:
-    stated = "[peak_strain]\nmean = 0.02\nsd = 0.004\n\n[provenance]"
-    data = load_peak_stress(write(("[provenance]", stated)))
-    assert data.peak_strain == PeakStrain(0.02, 0.004)
-    assert load_peak_stress(write()).peak_strain is None
-    (tmp_path / "copy").mkdir()
-    assert_equal(load_peak_stress(save_peak_stress(data, tmp_path / "copy")), data)
-    with pytest.raises(InputError, match="key 'mean' in \\[peak_strain\\]"):
-        load_peak_stress(write(("[provenance]", stated.replace("0.02", "2.0"))))
+def test_a_saved_table_is_read_back_unchanged(write: Write, tmp_path: Path) -> None:
+    for stated, strain in ((STATED, PeakStrain(0.02, 0.004)), ("[provenance]", None)):
+        data = load_peak_stress(write(("[provenance]", stated)))
+        assert data.peak_strain == strain
+        copy = tmp_path / str(strain)
+        copy.mkdir()
+        assert_equal(load_peak_stress(save_peak_stress(data, copy)), data)
 
 
 def test_the_rows_of_a_curve_are_left_out() -> None:
@@ -134,11 +120,8 @@ def test_everything_is_converted_to_si(write: Write) -> None:
     np.testing.assert_allclose(data.strain_rate, [4e-5, 2e-4, 1e-4])
     np.testing.assert_allclose(data.grain_size, [2e-4, 2e-4, 6e-4])
     np.testing.assert_allclose(data.relative_stress_uncertainty, [0.01, 0.02, 0.0])
-
-
-def test_stresses_without_uncertainty_are_exact(write: Write) -> None:
-    data = load_peak_stress(write(('relative_stress_uncertainty_column = "u"\n', "")))
-    np.testing.assert_array_equal(data.relative_stress_uncertainty, 0.0)
+    exact = load_peak_stress(write(('relative_stress_uncertainty_column = "u"\n', "")))
+    np.testing.assert_array_equal(exact.relative_stress_uncertainty, 0.0)
 
 
 def test_the_published_table_has_23_tests_in_two_groups() -> None:
@@ -149,65 +132,52 @@ def test_the_published_table_has_23_tests_in_two_groups() -> None:
     assert data.provenance.kind == "measured"
 
 
-def test_a_saved_table_is_read_back_unchanged(write: Write, tmp_path: Path) -> None:
-    data = load_peak_stress(write())
-    (tmp_path / "copy").mkdir()
-    assert_equal(load_peak_stress(save_peak_stress(data, tmp_path / "copy")), data)
-
-
 def test_groups_share_grain_size_and_temperature(write: Write) -> None:
     rows = "".join(f"{t},{s},40,{d},0\n" for t, s, d in ((-10, 5, 1), (-30, 6, 1), (-11.5, 7, 1)))
     data = load_peak_stress(write(points="T,s,rate,d,u\n" + rows + "-10,8,40,2,0\n"))
     assert [sorted(group.points.tolist()) for group in groups(data)] == [[1], [0, 2], [3]]
 
 
-@pytest.mark.parametrize(
-    ("points", "expected"),
-    [
-        (POINTS.replace("8,200", "-8,200"), "data row 2: the stress is -8e+06 in SI units"),
-        (POINTS.replace("5,40", "5,0"), "data row 1: the strain rate is 0 in SI units"),
-        (POINTS.replace("0.02", "-0.02"), "relative stress uncertainty is -0.02"),
-        (POINTS.replace("0.02", "2"), "relative stress uncertainty of 2, expected a fraction"),
-        (POINTS.replace("-20,", "-300,"), "the temperature is -26.85"),
-        (POINTS.replace("-20,", "5000,"), "found 5273.15, expected kelvin between 50 and 3000"),
-        (POINTS.replace("0.6,", "2300,"), "grain size: found 2.3, expected metres"),
-        ("T,s,rate,d,u\n-10,5,40,0.2,0\n", "found 1 rows, expected at least 3"),
-        (POINTS.replace(",8,", ",5,").replace(",9,", ",5,"), "all stresses are 5e+06 Pa"),
-        (POINTS.replace(",8,", ",eight,"), "found 'eight', expected a number"),
-        (POINTS.replace("T,s", "T,stress"), "column 's' is not in"),
-    ],
-)
-def test_wrong_points_are_refused_in_one_sentence(write: Write, points: str, expected: str) -> None:
-    with pytest.raises(InputError) as caught:
-        load_peak_stress(write(points=points))
-    assert expected in assert_one_sentence(caught.value)
+WRONG_POINTS = [
+    (POINTS.replace("8,200", "-8,200"), "data row 2: the stress is -8e+06 in SI units"),
+    (POINTS.replace("5,40", "5,0"), "data row 1: the strain rate is 0 in SI units"),
+    (POINTS.replace("0.02", "-0.02"), "relative stress uncertainty is -0.02"),
+    (POINTS.replace("0.02", "2"), "relative stress uncertainty of 2, expected a fraction"),
+    (POINTS.replace("-20,", "-300,"), "the temperature is -26.85"),
+    (POINTS.replace("-20,", "5000,"), "found 5273.15, expected kelvin between 50 and 3000"),
+    (POINTS.replace("0.6,", "2300,"), "grain size: found 2.3, expected metres"),
+    ("T,s,rate,d,u\n-10,5,40,0.2,0\n", "found 1 rows, expected at least 3"),
+    (POINTS.replace(",8,", ",5,").replace(",9,", ",5,"), "all stresses are 5e+06 Pa"),
+    (POINTS.replace(",8,", ",eight,"), "found 'eight', expected a number"),
+    (POINTS.replace("T,s", "T,stress"), "column 's' is not in"),
+]
+WRONG_KEYS = [
+    ('temperature_unit = "degC"', 'temperature_unit = "degF"', "'K' or 'degC'"),
+    ('stress_unit = "MPa"', 'stress_unit = "bar"', "unit 'bar' is not a unit of stress"),
+    ('grain_size_column = "d"\n', "", "key 'grain_size_column' in [data] is missing"),
+    (
+        'protocol = "peak_stress"',
+        'protocol = "constant_rate"',
+        "key 'protocol': found 'constant_rate', expected 'peak_stress' (the kind of table).",
+    ),
+    ('id = "table-1"', 'id = "table 1"', "key 'id'"),
+    ('stress_column = "s"', "stress_column = true", "expected a column name"),
+    ('file = "points.csv"', 'file = "none.csv"', "does not exist"),
+    ("[provenance]", STATED.replace("0.02", "2.0"), "key 'mean' in [peak_strain]"),
+]
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "expected"),
+    ("points", "keys", "expected"),
     [
-        ('temperature_unit = "degC"', 'temperature_unit = "degF"', "'K' or 'degC'"),
-        ('stress_unit = "MPa"', 'stress_unit = "bar"', "unit 'bar' is not a unit of stress"),
-        ('grain_size_column = "d"\n', "", "key 'grain_size_column' in [data] is missing"),
-        ('protocol = "peak_stress"', 'protocol = "constant_rate"', "'peak_stress'"),
-        ('id = "table-1"', 'id = "table 1"', "key 'id'"),
-        ('stress_column = "s"', "stress_column = true", "expected a column name"),
-        ('file = "points.csv"', 'file = "none.csv"', "does not exist"),
+        *((points, (), expected) for points, expected in WRONG_POINTS),
+        *((POINTS, ((old, new),), expected) for old, new, expected in WRONG_KEYS),
     ],
 )
-def test_wrong_keys_are_refused_in_one_sentence(
-    write: Write, old: str, new: str, expected: str
+def test_wrong_tables_are_refused_in_one_sentence(
+    write: Write, points: str, keys: tuple[tuple[str, str], ...], expected: str
 ) -> None:
-    with pytest.raises(InputError) as caught:
-        load_peak_stress(write((old, new)))
-    assert expected in assert_one_sentence(caught.value)
-
-
-def test_saved_priors_are_read_back_unchanged(tmp_path: Path) -> None:
-    priors = default_peak_stress_priors("ice")
-    assert list(priors.priors) == [parameter.name for parameter in FLOW_LAW_PARAMETERS]
-    save_priors(priors, tmp_path / "ice.toml", FLOW_LAW_PARAMETERS)
-    assert load_peak_stress_priors(tmp_path / "ice.toml") == priors
+    assert expected in refusal(write(*keys, points=points), load_peak_stress)
 
 
 @pytest.mark.parametrize(
@@ -222,24 +192,14 @@ def test_wrong_priors_are_refused_in_one_sentence(
     tmp_path: Path, old: str, new: str, expected: str
 ) -> None:
     text = PRIORS.read_text(encoding="utf-8")
-    assert old in text
-    path = tmp_path / "priors.toml"
-    path.write_text(text.replace(old, new), encoding="utf-8")
-    with pytest.raises(InputError) as caught:
-        load_peak_stress_priors(path)
-    assert expected in assert_one_sentence(caught.value)
-
-
-def test_a_material_without_default_priors_is_named() -> None:
+    path = written(tmp_path / "priors.toml", text, ((old, new),), {})
+    assert expected in refusal(path, load_peak_stress_priors)
     with pytest.raises(InputError, match="material 'basalt' has no default priors"):
         default_peak_stress_priors("basalt")
 
 
-def test_a_file_of_another_kind_is_told_by_its_protocol() -> None:
-    path = ICE / "PIL40.toml"
-    with pytest.raises(InputError) as caught:
-        load_peak_stress(path)
-    assert caught.value.sentences == (
-        f"{path}: key 'protocol': found 'constant_rate', expected 'peak_stress' "
-        "(the kind of table).",
-    )
+def test_saved_priors_are_read_back_unchanged(tmp_path: Path) -> None:
+    priors = default_peak_stress_priors("ice")
+    assert list(priors.priors) == [parameter.name for parameter in FLOW_LAW_PARAMETERS]
+    save_priors(priors, tmp_path / "ice.toml", FLOW_LAW_PARAMETERS)
+    assert load_peak_stress_priors(tmp_path / "ice.toml") == priors

@@ -1,6 +1,5 @@
 """Tables of attenuation: their files, conversions, limits, what cannot be fitted."""
 
-import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,7 +10,6 @@ import numpy as np
 import pytest
 import xarray as xr
 from conftest import ICE
-from refusals import refusal
 
 from pyburgers.checks.advice import advise_on_spectra
 from pyburgers.checks.discrepancies import place_text
@@ -89,103 +87,12 @@ def test_places_say_temperature_and_periods_in_plain_numbers(edit: Edit) -> None
     assert place_text(own, along, 7, 7) == "modulus at 1373 K, period 1000 s"
 
 
-def test_a_table_is_read_in_si(edit: Edit) -> None:
-    table = load_attenuation(edit())
-    np.testing.assert_allclose(table.conditions.temperature, [1473.15, 1473.15, 1373.15, 1373.15])
-    assert table.conditions.spectrum.tolist() == [0, 0, 1, 1]
-    np.testing.assert_allclose(table.readings.modulus, [50e9, 45e9, 60e9, 58e9])
-    np.testing.assert_allclose(table.response[:4], np.log([0.05, 0.1, 0.02, 0.03]))
-    assert not table.amplitude_is_stated
-    assert any("not stated" in notice for notice in table.notices)
-
-
-def test_frequencies_logarithms_and_kelvin_say_the_same(edit: Edit) -> None:
-    first = load_attenuation(edit())
-    rows = (
-        "f,T,Q,G\n0.1,1473.15,-1,45e3\n1,1473.15,-1.301029995663981,50e3\n"
-        "0.1,1373.15,-1.522878745280338,58e3\n1,1373.15,-1.698970004336019,60e3\n"
-    )
-    other = load_attenuation(
-        edit(
-            ('period_column = "period"', 'frequency_column = "f"'),
-            ('period_unit = "s"', 'frequency_unit = "Hz"'),
-            ('temperature_unit = "C"', 'temperature_unit = "K"'),
-            ('"tan_delta"', '"log10_tan_delta"'),
-            ('"GPa"', '"MPa"'),
-            rows=rows,
-        )
-    )
-    np.testing.assert_allclose(other.conditions.period, first.conditions.period)
-    np.testing.assert_allclose(other.readings.tan_delta, first.readings.tan_delta)
-    np.testing.assert_allclose(other.readings.modulus, first.readings.modulus)
-
-
-def test_a_reading_at_or_below_its_limit_is_a_limit(edit: Edit) -> None:
-    table = load_attenuation(edit(('"G"', '"G"\nlimit = 0.03')))
-    assert table.readings.is_limit.tolist() == [False, False, True, True]
-    np.testing.assert_allclose(table.response[2:4], np.log(0.03))
-    below_zero = ROWS.replace("0.02", "-0.002")
-    table = load_attenuation(edit(('"G"', '"G"\nlimit = 0.01'), rows=below_zero))
-    assert table.readings.is_limit.tolist() == [False, False, True, False]
-
-
 def test_places_lead_back_to_periods_and_spectra(edit: Edit) -> None:
     conditions = load_attenuation(edit()).conditions
     period, spectrum, quantity = conditions.at(np.append(conditions.place, conditions.place + 2))
     np.testing.assert_allclose(period, np.tile(conditions.period, 2), rtol=1e-12)
     assert spectrum.tolist() == [0, 0, 1, 1] * 2
     assert quantity.tolist() == [0] * 4 + [1] * 4
-
-
-@pytest.mark.parametrize(
-    ("changes", "rows", "words"),
-    [
-        ([("poisson_ratio = 0.25", "")], ROWS, "neither elastic constant"),
-        ([('id = "t"', 'id = "t"\ntemperature_sd_K = 5.0')], ROWS, "at their stated conditions"),
-        ([('"shear"', '"axial"')], ROWS, "turn axial quantities"),
-        (
-            [("poisson_ratio = 0.25", "poisson_ratio = 0.25\nbulk_modulus_Pa = 1e11")],
-            ROWS,
-            "exactly one",
-        ),
-        ([('period_column = "period"', "")], ROWS, "neither of the keys 'period_column'"),
-        ([('period_unit = "s"', "")], ROWS, "key 'period_unit' in [data] is missing"),
-        ([('modulus_unit = "GPa"', 'modulus_unit = "K"')], ROWS, "is not a unit of stress"),
-        ([('modulus_column = "G"', "modulus_uncertainty = 1.0")], ROWS, "'modulus_column'"),
-        ([('"C"', '"C"\nleast_temperature = 1300')], ROWS, "at most the highest"),
-        ([], ROWS.replace("0.02", "0"), "data row 3"),
-        (
-            [],
-            ROWS.replace("10,1200", "1,1200"),
-            "data row 2: found the period 1 twice at 1473.15 K",
-        ),
-        ([('attenuation_form = "tan_delta"', "")], ROWS, "no key 'attenuation_form' in [data]"),
-        ([('"tan_delta"', '"loss_angle"')], ROWS, "no key 'attenuation_unit' in [data]"),
-        (
-            [('"tan_delta"', '"loss_angle"\nattenuation_unit = "rad"')],
-            ROWS.replace("0.02", "1.6"),
-            "less than 90; check 'attenuation_unit'",
-        ),
-        ([('attenuation_column = "Q"', 'loss_modulus_column = "Q"')], ROWS, "'storage_modulus_col"),
-        ([('"G"', '"G"\nstorage_modulus_column = "Q"')], ROWS, "found both of the keys"),
-        ([], ROWS + "10,1200,0.1,40\n", "data row 5: found the period 10 twice at 1473.15 K"),
-        ([('"G"', '"G"\nlimit = 0.01\nlimit_column = "G"')], ROWS, "found both of the keys"),
-        (
-            [('"shear"', '"shear"\namplitude_Pa = 1.0'), ('"Q"', '"Q"\namplitude_column = "G"')],
-            ROWS,
-            "expected at most one",
-        ),
-    ],
-)
-def test_what_is_wrong_with_a_table_is_said(
-    edit: Edit, changes: list[tuple[str, str]], rows: str, words: str
-) -> None:
-    assert words in refusal(edit(*changes, rows=rows))
-
-
-def test_rows_below_a_temperature_are_left_out(edit: Edit) -> None:
-    table = load_attenuation(edit(('"C"', '"C"\nleast_temperature = 1150')))
-    assert table.conditions.n_rows == 2
 
 
 @pytest.mark.usefixtures("programs")
@@ -312,59 +219,3 @@ def test_a_table_is_advised_the_next_law_and_not_its_own(law: str, advised: list
     advice = advise_on_spectra(KELVIN_LAWS[law].parameters)
     assert re.findall(r"kelvin=(\w+)", advice) == advised
     assert "temperatures by themselves" in advice
-
-
-def test_angular_frequencies_from_high_to_low_and_angles_say_the_same(edit: Edit) -> None:
-    first = load_attenuation(edit())
-    angle = np.degrees(np.arctan([0.05, 0.1, 0.02, 0.03]))
-    omega = 2 * np.pi / np.array([1.0, 10.0])
-    rows = "w,T,Q,G\n" + "".join(
-        f"{omega[k % 2]:.17g},{1200 - 100 * (k // 2)},{angle[k]:.17g},{(50, 45, 60, 58)[k]}\n"
-        for k in range(4)
-    )
-    angular = (
-        ('period_column = "period"', 'frequency_column = "w"'),
-        ('period_unit = "s"', 'frequency_unit = "rad/s"'),
-        ('"tan_delta"', '"loss_angle"\nattenuation_unit = "deg"\nlimit = 1.0'),
-    )
-    other = load_attenuation(edit(*angular, rows=rows))
-    np.testing.assert_allclose(other.conditions.period, first.conditions.period)
-    np.testing.assert_allclose(other.readings.tan_delta, first.readings.tan_delta)
-    np.testing.assert_allclose(other.readings.limit, math.tan(math.radians(1)))
-    reverse = "\n".join(reversed(ROWS.splitlines()[1:3])) + "\n"
-    down = load_attenuation(edit(rows="period,T,Q,G\n" + reverse))
-    np.testing.assert_array_equal(down.conditions.period, [1, 10])
-    np.testing.assert_allclose(down.readings.tan_delta, [0.05, 0.1])
-    mixed = load_attenuation(edit(rows="period,T,Q,G\n5,1200,0.07,47\n" + reverse))
-    assert any("were sorted by temperature" in notice for notice in mixed.notices)
-    by_temperature = load_attenuation(edit())
-    nested = load_attenuation(
-        edit(rows="period,T,Q,G\n" + "\n".join(ROWS.splitlines()[k] for k in (1, 3, 2, 4)) + "\n")
-    )
-    np.testing.assert_array_equal(nested.response, by_temperature.response)
-    assert any("were sorted by temperature" in notice for notice in nested.notices)
-    assert not any("sorted" in notice for notice in down.notices)
-
-
-def test_storage_and_loss_modulus_give_tan_delta_and_the_absolute_modulus(edit: Edit) -> None:
-    rows = "period,T,Q,G,loss,sd\n1,1200,0.75,4,3,0.4\n10,1200,0.5,6,3,0.4\n"
-    storage = ('modulus_column = "G"', 'storage_modulus_column = "G"')
-    error = ('modulus_unit = "GPa"', 'modulus_unit = "GPa"\nmodulus_uncertainty_column = "sd"')
-    by_tan = load_attenuation(edit(storage, error, rows=rows))
-    loss = (
-        'attenuation_column = "Q"\nattenuation_form = "tan_delta"',
-        'loss_modulus_column = "loss"',
-    )
-    by_loss = load_attenuation(edit(storage, error, loss, rows=rows))
-    for table in (by_tan, by_loss):
-        np.testing.assert_allclose(table.readings.tan_delta, [0.75, 0.5])
-        np.testing.assert_allclose(table.readings.modulus, [5e9, math.hypot(6, 3) * 1e9])
-        np.testing.assert_allclose(table.readings.modulus_error, [0.5e9, 0.2e9 * 5**0.5])
-    with pytest.raises(InputError, match="as storage modulus, expected a positive number"):
-        load_attenuation(edit(storage, loss, rows=rows.replace(",4,", ",0,")))
-
-
-def test_a_tan_delta_of_no_solid_is_doubted(edit: Edit) -> None:
-    assert load_attenuation(edit()).doubts == ()
-    (doubt,) = load_attenuation(edit(rows=ROWS.replace("0.02", "27"))).doubts
-    assert "a tan delta of 27 is unlikely" in doubt

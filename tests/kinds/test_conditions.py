@@ -11,9 +11,9 @@ from same_contents import assert_equal
 
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.experiment import UncertainCondition
 from pyburgers.kinds.kind import load_experiment, save_experiment
-from pyburgers.kinds.loading_history.conversion import as_history
 from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions
@@ -61,22 +61,6 @@ def test_files_state_standard_deviations_and_apparatus(source: Path, tmp_path: P
     assert priors.free[-2:] == (TEMPERATURE, CALIBRATION)
     for name, sd in ((TEMPERATURE, 5.0), (CALIBRATION, 0.02)):
         assert priors[name].mean_sd() == pytest.approx((0.0, sd))
-
-
-@pytest.mark.parametrize(
-    ("lines", "word"),
-    [
-        (("temperature_sd_K = -1.0",), "temperature_sd_K"),
-        (("temperature_sd_K = 30.0",), "0.1 of the temperature"),
-        (("stress_calibration_sd = 0.5",), "stress_calibration_sd"),
-        (('furnace = "D-DIA"',), "key 'temperature_sd_K' is missing"),
-        (('load_cell = "L"',), "key 'stress_calibration_sd' is missing"),
-    ],
-)
-def test_conditions_that_make_no_sense_are_refused(
-    lines: tuple[str, ...], word: str, tmp_path: Path
-) -> None:
-    assert word in refusal(edited(ICE / "PIL40.toml", tmp_path, *lines))
 
 
 def test_the_prior_of_a_material_has_none(tmp_path: Path) -> None:
@@ -145,7 +129,7 @@ def test_joint_fits_ask_for_conditions_that_go_together() -> None:
 
 def test_histories_know_an_uncertain_load_cell_only_where_stress_comes_in_proportion() -> None:
     """Rather than that the error is dropped where a law has a stress of its own."""
-    history = as_history(load_constant_rate(ICE / "PIL40.toml"))
+    history = CONSTANT_RATE.as_history(load_constant_rate(ICE / "PIL40.toml"))
     wrong = replace(history, uncertain=(UncertainCondition(CALIBRATION, 0.02, None),))
     assert problem_of([wrong], default_priors("ice")).free[-1] == CALIBRATION
     priors = with_variant(default_priors("ice"), wrong, {"kelvin": "power_law"})
@@ -154,7 +138,7 @@ def test_histories_know_an_uncertain_load_cell_only_where_stress_comes_in_propor
 
 
 def test_tests_of_two_protocols_keep_their_conditions() -> None:
-    history = as_history(load_constant_rate(ICE / "PIL40.toml"))
+    history = CONSTANT_RATE.as_history(load_constant_rate(ICE / "PIL40.toml"))
     tests = [
         replace(test, uncertain=(UncertainCondition(TEMPERATURE, 5.0, "big"),))
         for test in (history, load_constant_rate(ICE / "PIL72.toml"))

@@ -14,8 +14,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from pyburgers.kinds.forward import simulate
+from pyburgers.kinds.kind import save_experiment
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
-from pyburgers.kinds.loading_history.files import load_loading_history, save_loading_history
+from pyburgers.kinds.loading_history.files import load_loading_history
 from pyburgers.kinds.program_data import solve
 from pyburgers.kinds.stan_data import SolverOptions
 
@@ -188,7 +189,7 @@ def test_a_copy_of_a_test_under_a_force_is_the_same(tmp_path: Path) -> None:
     original = load(tmp_path, text_of(STAGES["ramps and steps"]) + APPARATUS)
     folder = tmp_path / "copy"
     folder.mkdir()
-    assert_equal(load_loading_history(save_loading_history(original, folder)), original)
+    assert_equal(load_loading_history(save_experiment(original, folder)), original)
 
 
 DATA = """

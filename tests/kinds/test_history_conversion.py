@@ -12,11 +12,10 @@ from pyburgers.kinds.constant_rate.experiment import (
     RateSegment,
     load_constant_rate,
 )
+from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.experiment import Experiment, UncertainCondition
 from pyburgers.kinds.forward import simulate
-from pyburgers.kinds.kind import load_experiment, save_experiment
 from pyburgers.kinds.likelihood import likelihood_of
-from pyburgers.kinds.loading_history.conversion import as_history
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions
@@ -65,7 +64,7 @@ def test_the_density_is_that_of_the_test_at_constant_rate(
     # Coordinates differ in the flow rate; all but three others are known.
     few = ("maxwell_modulus", "kelvin_viscosity", "stress_noise")
     known = {name: truth[name] for name in default_priors("ice").free if name not in few}
-    one, other = density(curve, known), density(as_history(curve), known)
+    one, other = density(curve, known), density(CONSTANT_RATE.as_history(curve), known)
     assert one[0] == pytest.approx(other[0], rel=1e-9)
     np.testing.assert_allclose(one[1], other[1], rtol=1e-6, atol=1e-6)
 
@@ -73,19 +72,9 @@ def test_the_density_is_that_of_the_test_at_constant_rate(
 def test_the_solution_is_that_of_the_test_at_constant_rate(curve: ConstantRateExperiment) -> None:
     truth = load_constant_rate(ICE / "PIL40.toml").true_parameters
     assert truth is not None
-    history = as_history(curve)
+    history = CONSTANT_RATE.as_history(curve)
     strain = np.linspace(0.0, 0.2, 41)[1:]
     one = simulate(curve, dict(truth), at=strain)
     other = simulate(history, dict(truth), at=one["time_s"].to_numpy())
     for column in ("strain", "stress_Pa", "kelvin_strain", "grain_size_m", "fabric_factor"):
         np.testing.assert_allclose(one[column], other[column], rtol=1e-7, err_msg=column)
-
-
-def test_it_is_saved_like_any_history(
-    curve: ConstantRateExperiment, tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    folder = tmp_path_factory.mktemp("copy")
-    history = as_history(curve)
-    read = load_experiment(save_experiment(history, folder))
-    np.testing.assert_array_equal(read.response, history.response)
-    np.testing.assert_array_equal(read.position, history.position)

@@ -1,6 +1,5 @@
 """Microstructure measured along loading histories: tables in files, places, simulated tests."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,16 +7,17 @@ import numpy as np
 import pytest
 from conftest import ICE
 from history_twins import TRUTH, history_twin
-from refusals import refusal, written
+from refusals import written
 from same_contents import assert_equal
 
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.view import view_of
 from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.forward import simulate, simulate_data
-from pyburgers.kinds.loading_history.conversion import as_history
+from pyburgers.kinds.kind import save_experiment
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
-from pyburgers.kinds.loading_history.files import load_loading_history, save_loading_history
+from pyburgers.kinds.loading_history.files import load_loading_history
 from pyburgers.kinds.loading_history.measured_sections import section_times
 from pyburgers.kinds.loading_history.stan_data import solver_outputs
 from pyburgers.kinds.loading_history.stan_data import tests_block as block_of
@@ -109,58 +109,10 @@ def test_places_are_in_the_units_of_the_file_and_copies_read_back(tmp_path: Path
     assert [one.time for one in test.microstructure] == [None, 1050.0, 3600.0]
     assert test.microstructure == MEASURED
     (tmp_path / "copy").mkdir()
-    assert_equal(load_loading_history(save_loading_history(test, tmp_path / "copy")), test)
+    assert_equal(load_loading_history(save_experiment(test, tmp_path / "copy")), test)
     fact = dict(view_of(test).facts(test))["Measured microstructure"]
     assert "800 ± 40 µm at a path strain of 3 %" in fact
     assert "fabric factor 0.800 ± 0.050 at 60 min" in fact
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("time = 19.5\n", "", ["number 2", "neither of the keys 'time' and 'strain'", '"end"']),
-        ("time = 19.5\n", "time = 19.5\nstrain = 4.0\n", ["number 2", "both of the keys"]),
-        ("time = 19.5\n", "time = 2\n", ["found 2, expected more than 2 and at most 62 min"]),
-        ("time = 19.5\n", "time = 62.5\n", ["'time'", "found 62.5, expected more than 2"]),
-        ("time = 19.5\n", "time = nan\n", ["number 2", "found nan", 'a number or "end"']),
-        ("time = 19.5\n", 'time = "last"\n', ["'time'", "found 'last'", 'a number or "end"']),
-        ('time = "end"', "time = 19", ["number 3", "found 19, expected more than 19.5"]),
-        ('time = "end"', "strain = 3.0", ["number 3", "found 3, expected more than 3"]),
-        ("strain = 3.0", "strain = -1.0", ["'strain' in [[microstructure]] number 1", "found -1"]),
-        ("grain_size_m = 700e-6", "grain_size_m = 0", ["grain_size_m", "number 2"]),
-        ("35e-6", "800e-6", ["expected less than the grain size"]),
-        ("fabric_factor_sd = 0.05\n", "", ["number 3", "both or neither"]),
-        ("grain_size_m = 700e-6\n", "", ["'grain_size_m'", "is missing"]),
-        (
-            'stage_time_unit = "min"\n',
-            'stage_time_unit = "min"\nstrain_measure = "engineering"\n',
-            ["number 1", "engineering", "'time'"],
-        ),
-    ],
-)
-def test_tables_that_make_no_sense_are_refused(
-    old: str, new: str, words: Sequence[str], tmp_path: Path
-) -> None:
-    message = refusal(with_sections(tmp_path, (old, new)))
-    for word in words:
-        assert word in message
-
-
-def test_a_path_strain_beyond_the_imposed_one_is_refused(tmp_path: Path) -> None:
-    imposed = HEAD + STAGES + TAIL
-    path = with_sections(tmp_path, ("strain = 3.0", "strain = 6.5"), text=imposed)
-    (tmp_path / "table.csv").write_text("\n".join(ROWS.splitlines()[:4]), encoding="utf-8")
-    assert "'strain': found 6.5, expected at most 6, the path strain at the end" in refusal(path)
-    path.write_text(path.read_text().replace("strain = 6.5", "strain = 6.0"), encoding="utf-8")
-    assert load_loading_history(path).microstructure[0].strain == pytest.approx(0.06)
-
-
-def test_a_path_strain_far_beyond_the_strains_read_is_doubted(tmp_path: Path) -> None:
-    test = load_loading_history(with_sections(tmp_path, ("strain = 3.0", "strain = 70.0")))
-    (doubt,) = test.doubts
-    assert "path strain of 0.7" in doubt
-    assert "check its unit" in doubt
-    assert not load_loading_history(with_sections(tmp_path)).doubts
 
 
 def test_the_solver_reports_there_and_readings_stay_where_they_were() -> None:
@@ -202,7 +154,7 @@ def piezometric(test: HistoryExperiment) -> list[float | None]:
 def test_grains_that_follow_the_stress_need_a_time_that_is_known() -> None:
     curve = load_constant_rate(ICE / "PIL40.toml")
     seen = (MeasuredMicrostructure(0.05, 2e-4, 1e-5), MeasuredMicrostructure(0.2, 2e-4, 1e-5))
-    imposed = as_history(replace(curve, microstructure=seen))
+    imposed = CONSTANT_RATE.as_history(replace(curve, microstructure=seen))
     known = curve.time_at(np.array([0.05, 0.2]))
     np.testing.assert_allclose(np.array(piezometric(imposed), dtype=float), known, rtol=1e-12)
     assert section_times(imposed, default_priors("ice")) == [None, None]

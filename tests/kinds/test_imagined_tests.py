@@ -8,19 +8,17 @@ import numpy as np
 import oracle
 import pandas as pd
 import pytest
-from refusals import refusal, written
+from refusals import written
 from same_contents import assert_equal
 
 from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.forced_oscillation.experiment import load_forced_oscillation
-from pyburgers.kinds.forced_oscillation.stan_data import START_MARGIN
+from pyburgers.kinds.forced_oscillation.likelihood import START_MARGIN
 from pyburgers.kinds.forward import simulate, with_laws
-from pyburgers.kinds.kind import load_experiment, save_experiment
-from pyburgers.kinds.problem import problem_of
+from pyburgers.kinds.kind import load_experiment
 from pyburgers.model.parameters import PIEZOMETER, STANDARD_VALUES
-from pyburgers.model.priors import default_priors
 
 HEAD = """
 id = "imagined"
@@ -129,19 +127,6 @@ def parameters() -> dict[str, float]:
     return dict(twin.true_parameters)
 
 
-@pytest.mark.parametrize("text", [OSCILLATION, TABLE], ids=["oscillation", "table"])
-def test_a_copy_is_the_same_and_cannot_be_fitted(text: str, tmp_path: Path) -> None:
-    original = load_experiment(written(tmp_path / "test.toml", text, (), {}))
-    assert original.n_points == 0
-    folder = tmp_path / "copy"
-    folder.mkdir()
-    again = load_experiment(save_experiment(original, folder))
-    assert [file.name for file in folder.iterdir()] == ["experiment.toml"]
-    assert_equal(again, original)
-    with pytest.raises(InputError, match="no data"):
-        problem_of([original], default_priors("olivine", original.protocol))
-
-
 @pytest.mark.usefixtures("programs")
 def test_imposed_cycles_are_a_record_of_the_same_strain(
     tmp_path: Path, parameters: dict[str, float]
@@ -235,39 +220,3 @@ def test_listed_spectra_are_the_rows_of_a_table(
     found, expected = (simulate(one, parameters, at=at) for one in (imagined, measured))
     np.testing.assert_array_equal(found["log_reading"], expected["log_reading"])
     assert set(at) <= set(simulate(imagined, parameters)["place"])
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (("period_s = 300.0\n", ""), "key 'period_s' in [oscillation] is missing"),
-        (("period_s = 300.0", 'period_s = 300.0\nbackground = "removed"'), "'background'"),
-        (("period_s = 300.0", "period_s = 300.0\nstrain_trend_degree = 1"), "no record to take"),
-        (("cycles = 5", "cycles = 0"), "key 'cycles'"),
-        (("strain_amplitude = 2e-3\n", ""), "key 'strain_amplitude'"),
-        ((OSCILLATION[OSCILLATION.index("[imposed") :], ""), "[imposed_cycles]"),
-        (("[imposed_cycles]", RECORD[RECORD.index("[data]") :] + "[imposed_cycles]"), "both"),
-    ],
-)
-def test_oscillations_that_nobody_can_impose(
-    change: tuple[str, str], words: str, tmp_path: Path
-) -> None:
-    assert words in refusal(written(tmp_path / "test.toml", OSCILLATION, (change,), {}))
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (("[1, 10, 100]", "[1, 10, 10]"), "found the period 10 twice"),
-        (("[1, 10, 100]", "[]"), "periods_s"),
-        (("[1, 1000]", "[-1, 1000]"), "periods_s"),
-        (("amplitude_Pa = 1e5\n", ""), "'amplitude_Pa' is given in some of them"),
-        ((TABLE[TABLE.index("[[spectra]]") :], ""), "found neither of the tables [data]"),
-        (
-            ("[[spectra]]", MEASURED_TABLE[MEASURED_TABLE.index("[data]") :] + "[[spectra]]"),
-            "found both of the tables [data]",
-        ),
-    ],
-)
-def test_tables_that_are_none(change: tuple[str, str], words: str, tmp_path: Path) -> None:
-    assert words in refusal(written(tmp_path / "test.toml", TABLE, (change,), {}))

@@ -6,12 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import ICE
-from refusals import refusal
 from same_contents import assert_equal
 
 from pyburgers.drawing.view import view_of
 from pyburgers.kinds.constant_rate.experiment import load_constant_rate
-from pyburgers.kinds.constant_rate.stan_data import tests_block as block_of
+from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD
 from pyburgers.kinds.forward import simulate, simulate_data
 from pyburgers.kinds.kind import load_experiment, save_experiment
 from pyburgers.kinds.microstructure import MeasuredMicrostructure
@@ -65,24 +64,6 @@ def test_rows_are_in_the_unit_of_the_strains_and_copies_read_back(tmp_path: Path
     )
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "word"),
-    [
-        ("strain = 5.0", "strain = 0.0", "strain"),
-        ("strain = 15.0", "strain = 25.0", "'final_strain'"),
-        ("strain = 15.0", "strain = 5.0", "expected more than 5"),
-        ("10e-6", "0.0", "grain_size_sd_m"),
-        ("10e-6", "300e-6", "expected less than the grain size"),
-        ("200e-6", "200", "grain_size_m"),
-        ("fabric_factor_sd = 0.05", "", "both or neither"),
-        ("grain_size_m = 200e-6", "", "grain_size_m"),
-    ],
-)
-def test_rows_that_make_no_sense_are_refused(old: str, new: str, word: str, tmp_path: Path) -> None:
-    assert old in ROWS
-    assert word in refusal(with_rows(tmp_path, ROWS.replace(old, new, 1)))
-
-
 def test_the_test_goes_on_to_the_last_row(tmp_path: Path) -> None:
     path = with_rows(tmp_path, ROWS.replace("15.0", "24.0"))
     lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
@@ -95,7 +76,10 @@ def test_the_solver_reports_there_and_points_stay_where_they_were() -> None:
     known = load_constant_rate(ICE / "PIL40.toml")
     experiment = replace(known, microstructure=MEASURED)
     priors = problem_of([known], default_priors("ice")).priors
-    without, found = block_of([known], priors), block_of([experiment] * 2, [*priors] * 2)
+    without, found = (
+        LIKELIHOOD.tests_block([known], priors),
+        LIKELIHOOD.tests_block([experiment] * 2, [*priors] * 2),
+    )
     assert without["measured"] == []
     assert without["measured_end"] == [0, 0]
     assert found["measured_end"] == [0, 2, 4]

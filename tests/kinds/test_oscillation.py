@@ -237,69 +237,7 @@ def refusal(record: OscillationRecord, settings: OscillationSettings = AUTOMATIC
     return text
 
 
-def at_period(period: float) -> OscillationSettings:
-    return OscillationSettings(period=period)
-
-
 class TestBadInput:
-    def test_fewer_than_two_cycles_of_strain(self) -> None:
-        text = refusal(make_record(strain_span=(0, 500)), at_period(PERIOD))
-        assert "the strain has 1.68 cycles of the period 300 s, expected at least 2" in text
-
-    def test_fewer_than_two_cycles_of_stress(self) -> None:
-        text = refusal(make_record(stress_span=(6, 500)), at_period(PERIOD))
-        assert "the stress has 1.67 cycles" in text
-
-    def test_fewer_than_two_cycles_of_an_unknown_period(self) -> None:
-        text = refusal(make_record(strain_span=(0, 500), stress_span=(0, 500)))
-        assert "cycles of the period" in text
-
-    def test_two_cycles_to_the_last_reading_are_enough(self) -> None:
-        record = make_record(strain_span=(0, 600), stress_span=(0, 600))
-        assert prepare(record, at_period(PERIOD), "test").time.size == 24
-
-    def test_period_below_two_readings(self) -> None:
-        text = refusal(make_record(), at_period(17.0))
-        assert "17 s is too short for the strain, expected at least 18 s" in text
-        assert "too short for the stress, expected at least 50 s" in refusal(
-            make_record(), at_period(49.0)
-        )
-
-    def test_period_longer_than_the_record(self) -> None:
-        text = refusal(make_record(), at_period(3000.0))
-        assert "3000 s is longer than the strain's record of 2403 s" in text
-
-    def test_clocks_that_do_not_overlap(self) -> None:
-        text = refusal(make_record(stress_span=(5000, 7000)))
-        assert "do not overlap: strain runs from 0 to 2394 s, stress from 5000 to 6975 s" in text
-        assert "do not overlap" in refusal(make_record(strain_span=(5000, 7000)))
-
-    def test_clocks_that_overlap_over_less_than_two_cycles(self) -> None:
-        text = refusal(make_record(stress_span=(2000, 4000)), at_period(PERIOD))
-        assert "clocks overlap over 1.33 cycles of the period 300 s, expected at least 2" in text
-
-    def test_an_overlap_between_two_stress_readings(self) -> None:
-        record = make_record(strain_span=(1010, 1690), stress_span=(0, 2000))
-        gap = (record.stress_time < 1000) | (record.stress_time > 1700)
-        text = refusal(
-            replace(
-                record,
-                stress_time=record.stress_time[gap],
-                stress=record.stress[gap],
-                stress_uncertainty=record.stress_uncertainty[gap],
-            ),
-            at_period(PERIOD),
-        )
-        assert "overlap over 0.00 cycles" in text
-
-    @pytest.mark.parametrize("name", ["strain", "stress"])
-    def test_a_clock_that_stands_still(self, name: str) -> None:
-        record = make_record()
-        time = getattr(record, f"{name}_time").copy()
-        time[4] = time[3]
-        text = refusal(replace(record, **{f"{name}_time": time}))
-        assert f"the {name}'s clock, reading 5: found {time[3]:g} s after" in text
-
     @pytest.mark.parametrize("value", [0.0, -1.0, np.nan])
     @pytest.mark.parametrize("name", ["strain", "stress"])
     def test_an_uncertainty_that_is_none(self, name: str, value: float) -> None:
@@ -312,28 +250,6 @@ class TestBadInput:
     def test_missing_uncertainties(self) -> None:
         text = refusal(replace(make_record(), stress_uncertainty=np.empty(0)))
         assert "the stress has 95 times, 95 readings and 0 uncertainties" in text
-
-    def test_a_single_reading(self) -> None:
-        text = refusal(make_record(stress_span=(100, 110)))
-        assert "the stress has 1 readings, expected at least two cycles" in text
-
-    def test_too_few_readings_for_the_coefficients(self) -> None:
-        record = make_record(strain_span=(0, 600), stress_span=(0, 600))
-        few = slice(None, None, 4)
-        text = refusal(
-            replace(
-                record,
-                stress_time=record.stress_time[few],
-                stress=record.stress[few],
-                stress_uncertainty=record.stress_uncertainty[few],
-            ),
-            at_period(PERIOD),
-        )
-        assert "stress: found 6 readings, expected more than 7" in text
-
-    def test_sampling_that_hides_a_harmonic(self) -> None:
-        text = refusal(make_record(), at_period(75.0))
-        assert "stress: the readings do not tell 3 harmonics of the period 75 s" in text
 
 
 class TestFigure:

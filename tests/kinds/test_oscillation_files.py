@@ -14,7 +14,7 @@ from pyburgers.kinds.forced_oscillation.experiment import (
     with_background,
 )
 from pyburgers.kinds.forced_oscillation.preparation import REMOVED_NOTICE
-from pyburgers.kinds.kind import load_experiment, save_experiment
+from pyburgers.kinds.kind import load_experiment
 
 EXPERIMENT = """\
 id = "sample-1"
@@ -150,14 +150,6 @@ class TestReading:
         assert experiment.spin_up_cycles == 8
         np.testing.assert_array_equal(experiment.stress, experiment.record.stress)
 
-    def test_the_table_oscillation_may_be_missing(self, write: Write) -> None:
-        path = write(("[oscillation]\nperiod_s = 300.0\n", ""))
-        assert load_forced_oscillation(path).settings.background == "kept"
-
-    def test_a_removed_background_has_a_warning(self, write: Write) -> None:
-        assert load_forced_oscillation(write()).notices == ()
-        assert load_forced_oscillation(write(REMOVED)).notices == (REMOVED_NOTICE,)
-
     def test_columns_by_number_of_a_file_between_spaces(self, write: Write) -> None:
         rows = [line.split(",") for line in stress_csv().splitlines()[1:]]
         both = "\n".join(f"{t} {float(t) * 1e-3} {s} 4" for t, s, _ in rows)
@@ -183,84 +175,6 @@ class TestReading:
         assert "'strain_file' in [data]" in refusal(path)
         monkeypatch.setenv("PYBURGERS_DATA", str(tmp_path))
         assert load_experiment(path).n_points == 60
-
-    def test_readings_left_out_are_announced(self, write: Write) -> None:
-        experiment = load_experiment(write(strain=strain_csv(last=1200)))
-        assert experiment.notices == (
-            "12 points of the stress outside the strain record left out.",
-        )
-
-
-class TestBadInput:
-    @pytest.mark.parametrize(
-        ("old", "new", "fragments"),
-        [
-            ("strain_uncertainty = 0.002\n", "", ["uncertainty of the strain is missing"]),
-            ('stress_uncertainty_column = "sd"\n', "", ["uncertainty of the stress is missing"]),
-            (
-                'stress_uncertainty_column = "sd"',
-                'stress_uncertainty_column = "sd"\nstress_uncertainty = 4.0',
-                ["uncertainty of the stress is given twice", "'stress_uncertainty_column'"],
-            ),
-            ("strain_uncertainty = 0.002", "strain_uncertainty = 0.0", ["'strain_uncertainty'"]),
-            ('"forced_oscillation"', '"wobble"', ["'constant_rate' or 'forced_oscillation'"]),
-            ('protocol = "forced_oscillation"\n', "", ["'protocol' is missing"]),
-            ("period_s = 300.0", "period_s = -1.0", ["'period_s' in [oscillation]", "-1.0"]),
-            ("period_s = 300.0", "period = 300.0", ["'period' in [oscillation]", "'period_s'"]),
-            ("period_s = 300.0", 'background = "gone"', ["'background'", "'removed' or 'kept'"]),
-            ("period_s = 300.0", "spin_up_cycles = 0", ["'spin_up_cycles'"]),
-            ("period_s = 300.0", "strain_trend_degree = -1", ["'strain_trend_degree'"]),
-            ("period_s = 300.0", "period_s = 800.0", ["1.88 cycles of the period 800 s"]),
-            ("period_s = 300.0", "period_s = 15.0", ["15 s is too short for the strain"]),
-            ("period_s = 300.0", "period_s = 9000.0", ["9000 s is longer than the strain's"]),
-            ('strain_file = "strain.csv"\n', "", ["'strain_file' in [data] is missing"]),
-            ('"strain.csv"', '"none.csv"', ["'strain_file' in [data]", "does not exist"]),
-            ('stress_time_unit = "min"', 'stress_time_unit = "day"', ["'stress_time_unit'"]),
-            ('strain_unit = "percent"', 'strain_unit = "MPa"', ["'strain_unit'", "fraction"]),
-            ('stress_column = "stress"', 'stress_column = "load"', ["'stress_column'", "'load'"]),
-            ('stress_column = "stress"', "stress_column = 1.5", ["'stress_column'", "1.5"]),
-            ("temperature_K = 1423.0", "temperature_K = 20.0", ["'temperature_K'", "Celsius"]),
-            ('"synthetic"', '"measured"', ["[true_parameters]"]),
-        ],
-    )
-    def test_experiment_file(self, write: Write, old: str, new: str, fragments: list[str]) -> None:
-        text = refusal(write((old, new)))
-        for fragment in fragments:
-            assert fragment in text
-
-    def test_no_data_table(self, write: Write) -> None:
-        start, end = EXPERIMENT.index("[data]"), EXPERIMENT.index("[provenance]")
-        assert "[data] is missing" in refusal(write((EXPERIMENT[start:end], "")))
-
-    def test_clocks_that_do_not_overlap(self, write: Write) -> None:
-        lines = stress_csv().splitlines()
-        late = [
-            ",".join([repr(float(t) + 100), s, sd])
-            for t, s, sd in (line.split(",") for line in lines[1:])
-        ]
-        text = refusal(write(stress="\n".join([lines[0], *late])))
-        assert "strain and stress clocks do not overlap" in text
-
-    def test_a_clock_that_runs_backwards(self, write: Write) -> None:
-        lines = strain_csv().splitlines()
-        text = refusal(write(strain="\n".join([*lines[:4], lines[3], *lines[4:]])))
-        assert "the strain's clock, reading 4: found 20 s after 20 s" in text
-
-    def test_an_uncertainty_of_zero(self, write: Write) -> None:
-        text = refusal(write(stress=stress_csv().replace(",4.02\n", ",0\n")))
-        assert "the stress's uncertainty, reading 3: found 0" in text
-
-
-class TestSaving:
-    @pytest.mark.parametrize("period", ["period_s = 300.0", "spin_up_cycles = 7"])
-    def test_a_copy_reads_back_exactly(self, write: Write, tmp_path: Path, period: str) -> None:
-        original = load_experiment(
-            write(("period_s = 300.0", period), strain=strain_csv(last=1200))
-        )
-        assert len(original.notices) == 1
-        folder = tmp_path / "copy"
-        folder.mkdir()
-        assert_equal(load_experiment(save_experiment(original, folder)), original)
 
 
 class TestWithBackground:

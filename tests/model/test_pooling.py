@@ -46,29 +46,6 @@ def test_options_change_what_they_name() -> None:
     assert pooling_from(pooling.record()) == pooling
 
 
-@pytest.mark.parametrize(
-    ("option", "message"),
-    [
-        ("stress_exponent", "expected NAME=shared"),
-        ("stres_exponent=shared", "unknown parameter 'stres_exponent'"),
-        ("stress_exponent=common", "expected shared, partial"),
-        ("stress_exponent=shared:2", "expected shared, partial"),
-        ("all=common", "--pool all=common: found 'common'"),
-        ("stress_exponent=partial:-1", "found the scale '-1'"),
-        ("stress_exponent=partial:wide", "found the scale 'wide'"),
-        ("kelvin_reference_stress=shared", "constant of the model"),
-    ],
-)
-def test_wrong_options_are_refused(option: str, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        pooling_of(parse_pooling([option]))
-
-
-def test_an_option_stands_once() -> None:
-    with pytest.raises(InputError, match="stands twice"):
-        parse_pooling(["beta=shared", "beta=separate"])
-
-
 def test_shared_coordinates_stand_once() -> None:
     joint = problem()
     layout = joint.layout

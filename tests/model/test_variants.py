@@ -16,7 +16,6 @@ from stan_data import one_test_data
 
 from pyburgers.checks.description import check_coverage
 from pyburgers.checks.fit_checks import CheckedDraws
-from pyburgers.cli import main as cli
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare, leave_one_out, leave_out_exactly
@@ -325,20 +324,6 @@ def test_oscillating_tests_follow_a_piezometer_and_have_no_fabric() -> None:
         with_variant(priors, twin, {"residuals": "autocorrelated"})
 
 
-@pytest.mark.parametrize(
-    ("option", "message"),
-    [
-        ("kelvin", "--variant kelvin: expected PART=LAW"),
-        ("kelvn=linear", "unknown part 'kelvn', did you mean 'kelvin'?"),
-        ("kelvin=cubic", "unknown law 'cubic' of kelvin, expected one of linear, power_law"),
-    ],
-)
-def test_wrong_options_are_named(option: str, message: str) -> None:
-    with pytest.raises(InputError) as caught:
-        parse_choices([option])
-    assert message in str(caught.value)
-
-
 def test_a_part_has_one_law() -> None:
     assert parse_choices(["kelvin=power_law", "fabric=constant"]) == {
         "kelvin": "power_law",
@@ -372,16 +357,6 @@ def test_two_readings_at_one_strain_correlate_in_part(
     check_variant(wholly, ice)
     with pytest.raises(InputError, match="need points at different strains, found two at"):
         check_variant(wholly, twice)
-
-
-def test_command_line_refuses_a_wrong_variant_before_anything_runs(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "run"
-    arguments = ["fit", str(ICE / "PIL40.toml"), "--out", str(out), "--variant", "fabric=none"]
-    assert cli.main(arguments) == 2
-    assert "unknown law 'none' of fabric" in capsys.readouterr().err
-    assert not out.exists()
 
 
 VARIANT_TABLES = {

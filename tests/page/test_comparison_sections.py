@@ -83,14 +83,9 @@ def test_fits_of_the_same_data_are_compared(
     pd.testing.assert_frame_equal(table.saved, comparison_table(comparison).reset_index())
     assert table.shown["fit"].tolist() == list(comparison.results)
     assert table.shown["difference"].tolist()[0] == "0.0"
-
-
-def test_points_that_want_a_fit_of_their_own_are_told_with_the_command(
-    fits: list[Fit], sections: tuple[PageSection, ...]
-) -> None:
-    comparison = compare({"alone": fits[0], "both": fits[1]})
+    # Points that want a fit of their own are told with the command.
     high = sum(int(one.unreliable.sum()) for one in comparison.results.values())
-    told = [text for text in sections[0].details if text.startswith("To fit again")]
+    told = [text for text in section.details if text.startswith("To fit again")]
     assert len(told) == (high > 0)
     for text in told:
         assert "pyburgers compare" in text

@@ -196,8 +196,6 @@ def test_vector_files_hold_few_decimals_but_whole_numbers_in_their_text() -> Non
     vector = image(figure, "svg").decode()
     assert ">0.123456<" in vector
     assert not re.search(r'[xy]="-?\d+\.\d{3}', vector)
-
-
-def test_what_has_no_unit_has_no_gap_for_one() -> None:
+    # What has no unit has no gap for one.
     assert band_text(np.array([2.0, 2.0]), "") == "2 (2 to 2)"
     assert band_text(np.array([2.0, 2.0]), "µm") == "2 µm (2 to 2)"

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from conftest import sketch_pictures
@@ -13,6 +14,7 @@ from synthetic_fit import make_fit
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.fitting.fit import Fit
 from pyburgers.page.fit_sections import SameData, Section, by_data, write_section
+from pyburgers.page.joint_section import strayed
 from pyburgers.page.page import write_report
 from pyburgers.page.tables import DECISION
 
@@ -88,6 +90,18 @@ def test_a_conflict_names_the_fits_that_have_it(sections: list[Section]) -> None
     (said,) = SameData((quiet, loud)).conflicts
     assert (said.lines, said.of) == (("n",), ("failed",))
     assert SameData((quiet,)).conflicts == []
+    # What a bound decides is told in a line to unfold.
+    told = (("A bound decides.",), ("A bound decides.", "n is of Q_M."))
+    group = SameData(
+        tuple(
+            replace(section, entry=replace(section.entry, decisions=decisions))
+            for section, decisions in zip(sections, told, strict=True)
+        )
+    )
+    assert [(said.lines, said.of) for said in group.decisions] == [
+        (("A bound decides.",), ("good", "failed")),
+        (("n is of Q_M.",), ("failed",)),
+    ]
 
 
 def test_what_is_the_priors_is_named_below_the_table(sections: list[Section]) -> None:
@@ -111,6 +125,11 @@ def test_numbers_of_several_fits_stand_side_by_side(sections: list[Section]) -> 
     assert rows["failed"]["n"] == f"{numbers['mean']} ± {numbers['sd']}"
     assert rows["failed"]["E_M"].endswith(" [conflict]")
     assert both.values["symbol"][pd.Series(both.doubtful["failed"])].tolist() == ["E_M"]
+    # A quantity of one fit alone is empty in the others.
+    few = replace(sections[1], parameters=sections[1].parameters.iloc[:2])
+    values = SameData((sections[0], few)).values
+    assert len(values) > 2
+    assert (values["failed"].iloc[2:] == "").all()
 
 
 def test_a_number_that_another_prior_decides_stands_with_its_name(sections: list[Section]) -> None:
@@ -124,25 +143,6 @@ def test_a_number_that_another_prior_decides_stands_with_its_name(sections: list
     assert both.values["symbol"][pd.Series(both.doubtful["good"])].tolist() == ["n"]
 
 
-def test_what_a_bound_decides_is_told_in_a_line_to_unfold(
-    fits: Mapping[str, Fit], sections: list[Section]
-) -> None:
-    entry = replace(sections[0].entry, decisions=("A bound decides.",))
-    other = replace(sections[1].entry, decisions=("A bound decides.", "n is of Q_M."))
-    group = SameData((replace(sections[0], entry=entry), replace(sections[1], entry=other)))
-    assert [(said.lines, said.of) for said in group.decisions] == [
-        (("A bound decides.",), ("good", "failed")),
-        (("n is of Q_M.",), ("failed",)),
-    ]
-
-
-def test_a_quantity_of_one_fit_alone_is_empty_in_the_others(sections: list[Section]) -> None:
-    few = replace(sections[1], parameters=sections[1].parameters.iloc[:2])
-    values = SameData((sections[0], few)).values
-    assert len(values) > 2
-    assert (values["failed"].iloc[2:] == "").all()
-
-
 def test_one_section_holds_fits_of_the_same_data(page: Page) -> None:
     assert not page.open
     assert page.ids.index("good") < page.ids.index("failed") < page.ids.index("other")
@@ -150,9 +150,7 @@ def test_one_section_holds_fits_of_the_same_data(page: Page) -> None:
     assert "failed: figures, intervals, priors" in page.text
     # Contents, answers and overview lead to the fit that stands folded in the section of another.
     assert page.references.count(("a", "#failed")) >= 3
-
-
-def test_what_speaks_against_a_fit_is_not_folded(page: Page) -> None:
+    # What speaks against a fit is not folded.
     assert "✗ failed: The posterior was not sampled well." in page.unfolded
     assert "R-hat" in page.unfolded
 
@@ -169,3 +167,23 @@ def test_a_page_has_few_words_until_it_is_unfolded(
         counts.append(len(found.unfolded.split()))
         assert len(found.text.split()) > 2 * counts[-1]
     assert counts[1] - counts[0] < WORDS_OF_A_FIT
+
+
+def test_a_reference_stress_far_from_that_of_the_test_alone_is_told() -> None:
+    """Of two tests, the second of which has a fit alone."""
+    table = pd.DataFrame(
+        {
+            "quantity": ["stress_exponent", "reference_stress", "reference_stress"],
+            "test": ["A", "A", "B"],
+            "mean": [3.5, 200e6, 406e6],
+            "sd": [0.1, 4e6, 4e6],
+            "separate_mean": [3.6, np.nan, 380e6],
+            "separate_sd": [0.2, np.nan, 10e6],
+        }
+    )
+    told = strayed(table)
+    assert told is not None
+    assert "reference stress of B (+2.6 sd)" in told
+    assert "of A" not in told
+    assert "the tests do not agree on what they share" in told
+    assert strayed(table.assign(mean=[3.5, 200e6, 390e6])) is None

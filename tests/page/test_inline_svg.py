@@ -54,6 +54,7 @@ def test_letters_are_drawn_once_and_are_no_words_of_the_page(pictures: list[Inli
     for picture in pictures:
         assert not re.sub(r"<[^>]*>", "", picture.content).strip()
         assert "<text" not in picture.content
+    assert inline_svg(drawn("same"), "f0").content == pictures[0].content
 
 
 def test_colours_are_those_of_the_page(pictures: list[InlineSvg]) -> None:
@@ -136,12 +137,5 @@ def test_curves_keep_their_commands() -> None:
     )
     assert (picture.width, picture.height) == (10, 20)
     assert 'd="M1 2 3.4 4 Q5 6 7 8 L9 10 z"' in picture.content
-
-
-def test_what_is_no_picture_is_refused() -> None:
     with pytest.raises(ValueError, match="picture f0: found no svg element"):
         inline_svg("<p>", "f0")
-
-
-def test_the_same_figure_gives_the_same_picture(pictures: list[InlineSvg]) -> None:
-    assert inline_svg(drawn("same"), "f0").content == pictures[0].content

@@ -1,4 +1,4 @@
-"""The top of a page: rows, both answers, conflicts."""
+"""The top of a page: names of fits, rows, both answers, conflicts."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +9,9 @@ from synthetic_fit import make_fit, make_prior, with_problem
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.checks.prior_influence import Bound, Influence
+from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
+from pyburgers.page.names import file_key, joint_key, page_keys, page_names
 from pyburgers.page.overview import (
     CONFLICT_COLUMN,
     answers,
@@ -80,6 +82,9 @@ def test_the_exponent_of_a_row_says_who_decides_it(tmp_path: Path) -> None:
     entry = entry_of("A", "A", good, good.checks(), {"stress_exponent": by_enthalpy})
     assert entry.row["stress exponent n"].endswith(", prior (of Q_M)")
     assert "The prior of activation enthalpy decides stress exponent" in entry.decisions[0]
+    known = make_fit(tmp_path / "known", chains=2, draws=50, fixed=("stress_exponent",))
+    entry = entry_of("A", "A", known, known.checks(), {})
+    assert entry.row["stress exponent n"] == "3.779 (fixed)"
 
 
 def test_draws_of_no_use_say_nothing_of_prior_and_data(tmp_path: Path) -> None:
@@ -115,6 +120,46 @@ def test_doubts_are_told_without_what_to_do_and_that_once(fit: Fit, tmp_path: Pa
     assert entries[2].doubts(SAMPLING) == ["The posterior was sampled well."]
 
 
-def test_a_fixed_exponent_is_called_fixed(tmp_path: Path) -> None:
-    fit = make_fit(tmp_path, chains=2, draws=50, fixed=("stress_exponent",))
-    assert entry_of("A", "A", fit, fit.checks(), {}).row["stress exponent n"] == "3.779 (fixed)"
+def test_fits_are_called_after_their_folders(tmp_path: Path) -> None:
+    fits = [
+        make_fit(tmp_path / folder, chains=1, draws=20) for folder in ("warm", "x/cold", "y/cold")
+    ]
+    assert page_keys(fits[:2]) == ["warm", "cold"]
+    assert page_keys(fits[1:]) == ["x_cold", "y_cold"]
+    with pytest.raises(InputError, match="warm: found this run twice"):
+        page_keys([fits[0], fits[0]])
+
+
+def test_a_page_calls_fits_by_words(tmp_path: Path) -> None:
+    folders = {
+        "dunite_4581": "dunite 4581",
+        "dunite_4581_kelvin_power_law": "dunite 4581, kelvin power law",
+        "of_another_test": "of another test",
+    }
+    fits = [
+        make_fit(tmp_path / folder, name="dunite_4581", chains=1, draws=20) for folder in folders
+    ]
+    assert page_names(fits) == list(folders.values())
+    # Two folders that would be called alike keep their own names.
+    alike = make_fit(tmp_path / "dunite 4581", name="dunite_4581", chains=1, draws=20)
+    assert page_names([alike, *fits])[:2] == ["dunite 4581", "dunite_4581"]
+
+
+@pytest.mark.parametrize(
+    "name", ["../../etc/passwd", "a b", "<b>", '"', "a/b", "..", ".hidden", "ä", "x\ny", ""]
+)
+def test_names_cannot_leave_their_folder_nor_meet(name: str, tmp_path: Path) -> None:
+    key = file_key(name)
+    file = tmp_path / f"{key}_summary.csv"
+    assert file.resolve().parent == tmp_path
+    assert not key.startswith(".")
+    assert not set(key) & set("/\\ \"'<>&#%\n")
+    assert key == file_key(name)
+    assert key != file_key(f"{name}_")
+
+
+def test_simple_names_stay_as_they_are() -> None:
+    assert file_key("dunite_4581+x") == "dunite_4581+x"
+    assert file_key("joint: test") == "joint.test"
+    assert joint_key("both") == "joint_both"
+    assert file_key("a b") != file_key("a_b")

@@ -92,15 +92,12 @@ def passing_page(fits: list[Fit], tmp_path_factory: pytest.TempPathFactory) -> P
         return write([fits[1]], tmp_path_factory.mktemp("passing"))
 
 
-def test_the_page_is_well_formed_and_its_links_lead_somewhere(page: Page) -> None:
+def test_the_page_is_well_formed_and_needs_nothing_but_itself(page: Page) -> None:
     assert not page.open
     assert len(set(page.ids)) == len(page.ids)
     for tag, reference in page.references:
         if tag == "a" and reference.startswith("#"):
             assert reference[1:] in page.ids
-
-
-def test_the_page_needs_nothing_but_itself(page: Page) -> None:
     assert not {"link", "iframe", "object", "img"} & set(page.tags)
     assert page.tags.count("script") == 1
     for tag, reference in page.references:
@@ -109,7 +106,9 @@ def test_the_page_needs_nothing_but_itself(page: Page) -> None:
         assert reference.startswith(allowed), reference
 
 
-def test_every_figure_is_on_the_page_with_a_text_alternative(page: Page, fits: list[Fit]) -> None:
+def test_every_figure_is_on_the_page_with_a_text_alternative_and_in_files(
+    page: Page, folder: Path, fits: list[Fit]
+) -> None:
     expected = [
         f"{recipe.title}, {name}: {recipe.result(fit)}"
         for name, fit in (("B", fits[1]), ("A", fits[0]))  # measured first
@@ -117,6 +116,10 @@ def test_every_figure_is_on_the_page_with_a_text_alternative(page: Page, fits: l
     ]
     assert page.alternatives == expected
     assert len(set(expected)) == len(expected)
+    for recipe in figures_for(fits[0]):
+        base = folder / "page" / "figures" / f"A_{recipe.name}"
+        assert base.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+        assert "<svg" in base.with_suffix(".svg").read_text(encoding="utf-8")
 
 
 def test_figures_have_numbers_and_later_ones_lead_to_the_same_caption(
@@ -141,15 +144,17 @@ def test_strings_from_files_are_escaped(folder: Path, page: Page) -> None:
     assert page.text.count(HOSTILE) >= 5
 
 
-def test_synthetic_data_are_announced_by_name_at_the_top(page: Page) -> None:
+def test_measured_data_come_first_and_synthetic_data_are_announced_by_name(
+    page: Page, passing_page: Page
+) -> None:
+    assert page.ids.index("B") < page.ids.index("A")
+    overview = page.text.rindex("Overview")
+    assert page.text.index("B measured", overview) < page.text.index("A synthetic", overview)
     banner = page.text.index("SYNTHETIC DATA: A")
     assert banner < page.text.rindex("Overview")
     assert "say nothing about nature" in page.text
     assert "page-synthetic-data" in page.ids
     assert "SYNTHETIC DATA: A , B" not in page.text
-
-
-def test_there_is_no_banner_without_synthetic_data(passing_page: Page) -> None:
     assert "page-synthetic-data" not in passing_page.ids
     assert "SYNTHETIC DATA" not in passing_page.text
     assert "MEASURED DATA" in passing_page.text
@@ -234,12 +239,6 @@ def test_both_answers_stand_in_the_contents_and_in_the_section(page: Page, fits:
                 assert f"{told}." in page.text_without_marks
 
 
-def test_measured_data_come_first(page: Page) -> None:
-    assert page.ids.index("B") < page.ids.index("A")
-    overview = page.text.rindex("Overview")
-    assert page.text.index("B measured", overview) < page.text.index("A synthetic", overview)
-
-
 def test_conflicts_of_prior_and_data_stand_at_the_top(
     fits: list[Fit], sketched: None, tmp_path: Path
 ) -> None:
@@ -257,27 +256,28 @@ def test_conflicts_of_prior_and_data_stand_at_the_top(
     assert f"{named}." in page.text_without_marks
 
 
-def test_alarms_of_parts_stand_at_the_top(fits: list[Fit], sketched: None, tmp_path: Path) -> None:
-    extra = PageSection("part", "A part", (), alarms=("This must not be missed.",))
-    file = write_report([fits[1]], tmp_path, title="T", command="x", extras=(extra,))
-    page = Page(file.read_text(encoding="utf-8"))
-    assert page.text.index("This must not be missed.") < page.text.rindex("Overview")
-
-
-def test_fits_that_a_part_is_about_have_both_verdicts_at_the_top(
+def test_parts_have_their_alarms_and_the_verdicts_of_their_fits_at_the_top(
     fits: list[Fit], sketched: None, tmp_path: Path
 ) -> None:
-    extra = PageSection("part", "A part", ())
+    alarms = ("This must not be missed.",)
+    parts = [
+        PageSection("part", "A part", (), alarms=alarms, details=("Alike.", "one")),
+        PageSection("other", "Another", (), details=("Alike.", "two")),
+    ]
     file = write_report(
-        [fits[1]], tmp_path, title="T", command="x", extras=(extra,), told={"part": [fits[0]]}
+        [fits[1]], tmp_path, title="T", command="x", extras=parts, told={"part": [fits[0]]}
     )
     page = Page(file.read_text(encoding="utf-8"))
+    assert page.text.index(alarms[0]) < page.text.rindex("Overview")
     name = fits[0].directory.path.name
     # Contents, verdicts and overview lead to the part; the reasons stand there.
     assert page.references.count(("a", "#part")) >= 3
     assert page.text.rindex("Both verdicts, fit by fit") < page.text.rindex(name)
     runs = json.loads((tmp_path / "manifest.json").read_text())["runs"]
     assert [run["directory"] for run in runs] == [fits[1].directory.path.name, name]
+    # What parts tell alike stands once.
+    assert page.text.count("Alike.") == 1
+    assert ("a", "#part-found") in page.references
 
 
 def test_a_fit_without_likelihood_says_so(sketched: None, tmp_path: Path) -> None:
@@ -368,23 +368,18 @@ def test_the_page_says_how_to_make_everything_again(page: Page, fits: list[Fit])
     assert f"seed {manifest['sampler']['seed']}" in page.text
 
 
-def test_what_parts_tell_alike_stands_once(fits: list[Fit], sketched: None, tmp_path: Path) -> None:
-    parts = [PageSection(key, key.upper(), (), details=("Alike.", key)) for key in ("one", "two")]
-    file = write_report(fits[:1], tmp_path, title="T", command="x", extras=parts)
-    page = Page(file.read_text(encoding="utf-8"))
-    assert page.text.count("Alike.") == 1
-    assert ("a", "#one-found") in page.references
-
-
 def test_how_fits_were_made_is_told_of_all_that_were_made_alike(
     sketched: None, tmp_path: Path
 ) -> None:
     twins = [small_fit(tmp_path / name) for name in ("first", "second")]
     for seed, times in ((twins[0].manifest["sampler"]["seed"], 1), (77, 2)):
         twins[1].manifest["sampler"]["seed"] = seed
-        text = write(twins, tmp_path / "page").text
+        page = write(twins, tmp_path / "page")
+        text = page.text
         assert text.count("iterations of warm-up") == times
         assert f"seed {seed}" in text
+    assert {"first", "second"} <= set(page.ids)
+    assert (tmp_path / "page" / "tables" / "second_summary.csv").is_file()
 
 
 def test_tables_hold_the_summary_at_full_precision(folder: Path, fits: list[Fit]) -> None:
@@ -402,13 +397,6 @@ def test_tables_hold_the_summary_at_full_precision(folder: Path, fits: list[Fit]
     assert not (folder / "page" / "tables" / "B_truth.csv").exists()
 
 
-def test_figures_are_written_as_pictures_and_vectors(folder: Path, fits: list[Fit]) -> None:
-    for recipe in figures_for(fits[0]):
-        base = folder / "page" / "figures" / f"A_{recipe.name}"
-        assert base.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
-        assert "<svg" in base.with_suffix(".svg").read_text(encoding="utf-8")
-
-
 def test_the_manifest_pins_the_runs(folder: Path, fits: list[Fit]) -> None:
     manifest = json.loads((folder / "page" / "manifest.json").read_text(encoding="utf-8"))
     assert manifest["command"] == COMMAND
@@ -416,15 +404,6 @@ def test_the_manifest_pins_the_runs(folder: Path, fits: list[Fit]) -> None:
     for run, fit in zip(manifest["runs"], fits, strict=True):
         content = fit.directory.manifest_file.read_bytes()
         assert run["manifest_sha256"] == hashlib.sha256(content).hexdigest()
-
-
-def test_two_runs_of_one_experiment_do_not_overwrite_each_other(
-    sketched: None, tmp_path: Path
-) -> None:
-    fits = [small_fit(tmp_path / name) for name in ("first", "second")]
-    page = write(fits, tmp_path / "page")
-    assert {"first", "second"} <= set(page.ids)
-    assert (tmp_path / "page" / "tables" / "second_summary.csv").is_file()
 
 
 def test_a_report_replaces_an_earlier_one_and_leaves_no_scraps(
@@ -436,31 +415,22 @@ def test_a_report_replaces_an_earlier_one_and_leaves_no_scraps(
     assert not [path for path in copy.rglob("*") if path.name.startswith(".")]
 
 
-def test_a_run_directory_is_not_overwritten(fits: list[Fit]) -> None:
+def test_what_is_no_earlier_page_is_not_overwritten(fits: list[Fit], tmp_path: Path) -> None:
     run = fits[0].directory
-    before = run.manifest_file.read_bytes()
-    with pytest.raises(InputError, match="something else than a report"):
-        write_report(fits, run.path, title="x", command="x")
-    assert run.manifest_file.read_bytes() == before
-    assert [path.name for path in run.path.iterdir()] == ["manifest.json"]
-
-
-def test_a_page_of_another_kind_is_not_overwritten(fits: list[Fit], tmp_path: Path) -> None:
-    (tmp_path / "index.html").write_text("mine", encoding="utf-8")
-    with pytest.raises(InputError, match="something else than a report"):
-        write(fits, tmp_path)
-    assert (tmp_path / "index.html").read_text(encoding="utf-8") == "mine"
-
-
-def test_a_folder_that_cannot_be_made_is_refused(fits: list[Fit], tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("", encoding="utf-8")
-    with pytest.raises(InputError, match="cannot be written"):
-        write(fits, tmp_path / "file" / "page")
-
-
-def test_a_report_needs_a_run(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="at least one run"):
-        write([], tmp_path / "page")
+    page, file = tmp_path / "page", tmp_path / "file"
+    page.mkdir()
+    (page / "index.html").write_text("mine", encoding="utf-8")
+    file.write_text("", encoding="utf-8")
+    for what, out, words in (
+        (fits, run.path, "something else than a report"),
+        (fits, page, "something else than a report"),
+        (fits, file / "page", "cannot be written"),
+        ([], tmp_path / "new", "at least one run"),
+    ):
+        before = {own: own.read_bytes() for own in out.rglob("*") if own.is_file()}
+        with pytest.raises(InputError, match=words):
+            write(what, out)
+        assert {own: own.read_bytes() for own in out.rglob("*") if own.is_file()} == before
 
 
 def test_a_figure_that_fails_ends_the_report(tmp_path: Path) -> None:
@@ -511,9 +481,7 @@ def test_an_oscillation_says_what_was_done_to_the_record(shown: Page) -> None:
     assert "Background removed: polynomial trends" in shown.text
     assert "Background kept: the rate of the strain's trend" in shown.text
     assert shown.text.count("The reference flow rate") == 1
-
-
-def test_a_curve_on_the_same_page_has_its_strain_rate(shown: Page) -> None:
+    # The curve on the same page has its own.
     assert shown.text.count("Strain rate 1.69 × 10") == 1
     assert shown.text.count("The reference stress S") == 1
 
@@ -529,8 +497,3 @@ def test_amplitude_and_lag_stand_beside_those_of_replicated_data(
     assert outside["inside"].tolist() == [True, False]
     assert shown.text.count("are inside the central 90 % of those of the replicated data") == 1
     assert shown.text.count("The record is outside the central 90 %") == 1
-
-
-def test_figures_of_an_oscillation_are_files(oscillations: Path) -> None:
-    for name in ("stress_time", "stress_loop", "amplitude_phase", "microstructure", "pairs"):
-        assert (oscillations / "figures" / f"kept_{name}.png").is_file()

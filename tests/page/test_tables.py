@@ -6,7 +6,7 @@ from synthetic_fit import TRUTH, make_fit, make_prior, uniform
 
 from pyburgers.checks.prior_influence import Origin
 from pyburgers.checks.prior_sentences import decision_text
-from pyburgers.common.units import number, rounded
+from pyburgers.common.units import duration_text, number, rounded
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.fixed_parameters import fixed_in_effect
 from pyburgers.model.display import prior_text, shown_quantity, symbol_text, unit_text
@@ -14,6 +14,7 @@ from pyburgers.model.parameters import PARAMETER_BY_NAME, PARAMETERS, PROGRAM_PA
 from pyburgers.model.prior_families import Prior
 from pyburgers.page import tables
 from pyburgers.page.glossary import with_definitions
+from pyburgers.page.run_records import runs_table
 
 
 @pytest.fixture(scope="module")
@@ -131,12 +132,20 @@ def test_a_truth_far_away_is_outside_every_interval(tmp_path: Path) -> None:
     assert not row[["inside_50", "inside_90", "inside_95"]].any()
 
 
-def test_measured_data_have_no_truth(tmp_path: Path) -> None:
-    assert tables.truth_table(make_fit(tmp_path, chains=1, draws=20, kind="measured")) is None
+def test_measured_data_have_no_truth_and_a_run_has_its_state_and_the_time_of_its_chains(
+    tmp_path: Path,
+) -> None:
+    fit = make_fit(tmp_path, chains=2, draws=20, kind="measured")
+    assert tables.truth_table(fit) is None
+    (row,) = runs_table([("A", fit)]).to_dict("records")
+    assert (row["fit"], row["state"]) == ("A", fit.manifest["status"])
+    assert row["fingerprint"] == fit.manifest["fingerprint"]
+    assert row["all chains"] == "2 min"
 
 
-def test_unit_conversion_leaves_no_noise_in_numbers() -> None:
+def test_numbers_and_durations_are_short() -> None:
     assert number(0.1 * 3) == "0.3"
+    assert [duration_text(s) for s in (5.2, 600.0, 9000.0)] == ["5 s", "10 min", "2.5 h"]
 
 
 @pytest.mark.parametrize(

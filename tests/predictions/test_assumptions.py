@@ -136,13 +136,8 @@ def test_the_limit_is_where_a_cycle_strains_by_the_share() -> None:
         assert float(strain.item()) == pytest.approx(0.1 * 0.07, rel=0.01)
     assert (np.diff(limits) > 0).all()
     assert (frozen_limit_frequency(spectrum_of(), share=0.5)[0] < limits).all()
-
-
-def test_frequencies_may_come_in_any_order() -> None:
     shuffled = spectrum_of(frequencies=tuple(np.roll(FREQUENCIES, 20).tolist()))
-    np.testing.assert_allclose(
-        frozen_limit_frequency(shuffled), frozen_limit_frequency(spectrum_of())
-    )
+    np.testing.assert_allclose(frozen_limit_frequency(shuffled)[0], limits)
 
 
 def test_a_limit_outside_the_frequencies_is_zero_or_infinite() -> None:
@@ -152,6 +147,12 @@ def test_a_limit_outside_the_frequencies_is_zero_or_infinite() -> None:
     assert np.isinf(frozen_limit_frequency(spectrum_of(frequencies=(1e-7,)))).all()
     with pytest.raises(InputError, match="critical_share: found 0"):
         frozen_limit_frequency(fast, share=0.0)
+    with pytest.raises(InputError, match="hold_time: found -1"):
+        spectrum_of(hold_time=-1.0)
+    with pytest.raises(InputError, match="critical_share: found nan"):
+        spectrum_of(critical_share=np.nan)
+    with pytest.raises(InputError, match=r"'critical_strain_fabric' has the shape \(2,\)"):
+        spectrum_of({**ICE, "critical_strain_fabric": [0.1, 0.2]})
 
 
 def test_tables_say_what_fails_and_from_which_frequency_on() -> None:
@@ -209,15 +210,6 @@ def test_without_evolution_it_cannot_be_told() -> None:
     assert not likely_fails(found).any()
 
 
-def test_wrong_arguments_are_refused() -> None:
-    with pytest.raises(InputError, match="hold_time: found -1"):
-        spectrum_of(hold_time=-1.0)
-    with pytest.raises(InputError, match="critical_share: found nan"):
-        spectrum_of(critical_share=np.nan)
-    with pytest.raises(InputError, match=r"'critical_strain_fabric' has the shape \(2,\)"):
-        spectrum_of({**ICE, "critical_strain_fabric": [0.1, 0.2]})
-
-
 @pytest.fixture(scope="module")
 def fit(tmp_path_factory: pytest.TempPathFactory) -> Fit:
     return make_fit(tmp_path_factory.mktemp("run"), chains=2, draws=50)
@@ -249,6 +241,11 @@ def test_a_fit_says_where_its_prediction_fails(fit: Fit) -> None:
     sentence = frozen_sentence(spectrum)
     assert "1.5 h" in sentence
     assert "10 % of the smaller critical strain" in sentence
+    steady = predict_attenuation(fit, microstructure="steady_state")
+    assert (steady["frozen_fails"] == 0).all()
+    assert "nothing evolves" in frozen_sentence(steady)
+    assert "holds in most draws" in pale_sentence(steady)
+    assert overview_table(steady)["frozen microstructure"].iloc[3].startswith("holds")
 
 
 def test_stresses_where_curves_are_pale_are_named() -> None:
@@ -261,14 +258,6 @@ def test_stresses_where_curves_are_pale_are_named() -> None:
         is_partly = bool(of_regime.any() and not of_regime.all())
         assert (regime.label in told) == of_regime.any()
         assert (f"{regime.label} (slow cycles)" in told) == is_partly
-
-
-def test_the_steady_state_does_not_fail(fit: Fit) -> None:
-    spectrum = predict_attenuation(fit, microstructure="steady_state")
-    assert (spectrum["frozen_fails"] == 0).all()
-    assert "nothing evolves" in frozen_sentence(spectrum)
-    assert "holds in most draws" in pale_sentence(spectrum)
-    assert overview_table(spectrum)["frozen microstructure"].iloc[3].startswith("holds")
 
 
 def test_the_elastic_modulus_can_be_given(fit: Fit, tmp_path: Path) -> None:

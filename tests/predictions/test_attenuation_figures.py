@@ -1,18 +1,21 @@
-"""Figures of attenuation spectra: units, legends, letters, and that they show the draws."""
+"""Figures of attenuation spectra, and measured points over them."""
 
 import re
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
+from figure_texts import texts
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.text import Text
 from synthetic_fit import make_fit
 
+from pyburgers.common.errors import InputError
 from pyburgers.drawing.style import image
 from pyburgers.predictions.assumptions import likely_fails
 from pyburgers.predictions.attenuation import predict_attenuation
@@ -26,6 +29,7 @@ from pyburgers.predictions.attenuation_figures import (
     attenuation,
     attenuation_draws,
 )
+from pyburgers.predictions.measured_attenuation import load_measured_attenuation
 from pyburgers.predictions.stress_cycles import Regime
 
 Draw = Callable[[xr.Dataset, str], Figure]
@@ -57,17 +61,12 @@ def rendered(figures: Mapping[Draw, Figure]) -> Mapping[Draw, bytes]:
     return {draw: image(figure, "svg") for draw, figure in figures.items()}
 
 
-def texts(figure: Figure) -> list[str]:
-    found = [artist for artist in figure.findobj(Text) if isinstance(artist, Text)]
-    return [text.get_text() for text in found if text.get_text() and text.get_visible()]
-
-
 @each_figure
 def test_axes_have_units_and_the_legend_names_every_regime(
     draw: Draw, figures: Mapping[Draw, Figure], spectrum: xr.Dataset
 ) -> None:
     figure = figures[draw]
-    written = texts(figure)
+    written = words(figure)
     for axes in figure.axes:
         for label in (
             axes.get_xlabel() or figure.get_supxlabel(),
@@ -78,6 +77,8 @@ def test_axes_have_units_and_the_legend_names_every_regime(
         assert any(str(regime) in text for text in written)
     assert any("a heading" in text for text in written)
     assert any("median stress ± amplitude" in text for text in written)
+    assert len(DRAWERS[draw].split()) > 30
+    assert "\n" not in DRAWERS[draw]
 
 
 @each_figure
@@ -85,16 +86,12 @@ def test_letters_have_at_least_nine_points(
     draw: Draw, figures: Mapping[Draw, Figure], rendered: Mapping[Draw, bytes]
 ) -> None:
     assert draw in rendered
-    for text in figures[draw].findobj(Text):
-        assert isinstance(text, Text)
-        if text.get_text() and text.get_visible():
-            assert float(text.get_fontsize()) >= 9.0, text.get_text()
+    for text in texts(figures[draw]):
+        assert float(text.get_fontsize()) >= 9.0, text.get_text()
 
 
-@each_figure
-def test_every_figure_has_a_caption_of_one_paragraph(draw: Draw) -> None:
-    assert len(DRAWERS[draw].split()) > 30
-    assert "\n" not in DRAWERS[draw]
+def words(figure: Figure) -> list[str]:
+    return [text.get_text() for text in texts(figure)]
 
 
 def medians_in(axes: Axes) -> list[Line2D]:
@@ -117,8 +114,8 @@ def test_lines_are_thin_and_pale_where_frozen_microstructure_fails(
                 assert (thin.get_alpha() or 1.0) < 1.0
     holding = spectrum.assign(frozen_fails=0 * spectrum["frozen_fails"])
     for draw in DRAWERS:
-        assert FAILING_LABEL in texts(figures[draw])
-        assert FAILING_LABEL not in texts(draw(holding, ""))
+        assert FAILING_LABEL in words(figures[draw])
+        assert FAILING_LABEL not in words(draw(holding, ""))
 
 
 def test_regimes_differ_in_colour_and_in_dashes(figures: Mapping[Draw, Figure]) -> None:
@@ -150,9 +147,9 @@ def test_a_panel_for_each_regime_shows_at_most_150_draws(
         (curves,) = (c for c in axes.collections if isinstance(c, LineCollection))
         assert len(curves.get_segments()) == 150
         assert curves.get_rasterized()
-    assert "150 single draws" in texts(figure)
+    assert "150 single draws" in words(figure)
     few = attenuation_draws(spectrum.isel(draw=slice(0, 10)), "")
-    assert "20 single draws" in texts(few)
+    assert "20 single draws" in words(few)
 
 
 def test_ratios_are_to_the_smallest_amplitude(figures: Mapping[Draw, Figure]) -> None:
@@ -163,14 +160,69 @@ def test_ratios_are_to_the_smallest_amplitude(figures: Mapping[Draw, Figure]) ->
 
 
 @each_figure
-def test_one_regime_and_one_frequency_are_enough(draw: Draw, spectrum: xr.Dataset) -> None:
-    assert image(draw(spectrum.isel(regime=[0]), ""), "png").startswith(b"\x89PNG")
-    assert image(draw(spectrum.isel(frequency=[3]), ""), "png").startswith(b"\x89PNG")
-
-
-@each_figure
 def test_the_same_spectrum_in_any_order_gives_the_same_bytes(
     draw: Draw, spectrum: xr.Dataset, rendered: Mapping[Draw, bytes]
 ) -> None:
     shuffled = spectrum.isel(frequency=[3, 1, 0, 2, *range(19, 3, -1)])
     assert image(draw(shuffled, "a heading"), "svg") == rendered[draw]
+    for one in ({"regime": [0]}, {"frequency": [3]}):
+        assert image(draw(spectrum.isel(one), ""), "png").startswith(b"\x89PNG")
+
+
+POINTS = """# made up for a test
+frequency_Hz, tan_delta, tan_delta_sd, series
+1e-3, 0.41, 0.03, 1 MPa
+1e-2, 0.22, , 1 MPa
+1e-1, 0.11, 0.01,
+"""
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "points.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_points_are_read_with_and_without_what_is_optional(tmp_path: Path) -> None:
+    points = load_measured_attenuation(write(tmp_path, POINTS))
+    assert points.frequency.tolist() == [1e-3, 1e-2, 1e-1]
+    assert points.tan_delta.tolist() == [0.41, 0.22, 0.11]
+    assert points.standard_deviation.tolist() == [0.03, 0.0, 0.01]
+    assert points.series == ("1 MPa", "1 MPa", "measured")
+    bare = load_measured_attenuation(write(tmp_path, "frequency_Hz,tan_delta\n0.01,0.2\n"))
+    assert bare.series == ("measured",)
+    assert bare.standard_deviation.tolist() == [0.0]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("tan_delta\n0.1\n", "column 'frequency_Hz' is missing, expected frequency_Hz, tan_delta"),
+        ("frequency_Hz,tan_delta,q\n1,1,1\n", "found column 'q', expected frequency_Hz"),
+        ("frequency_Hz,tan_delta\n", "found no points, expected at least one row"),
+        ("frequency_Hz,tan_delta\n1,1\n-1,1\n", "'frequency_Hz', point 2: found '-1', expected a"),
+        ("frequency_Hz,tan_delta\n1,x\n", "column 'tan_delta', point 1: found 'x', expected a"),
+        (
+            "frequency_Hz,tan_delta,tan_delta_sd\n1,1,-2\n",
+            "found '-2', expected zero or a positive",
+        ),
+    ],
+)
+def test_a_file_that_does_not_fit_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        load_measured_attenuation(write(tmp_path, text))
+    with pytest.raises(InputError, match=r"absent\.csv does not exist"):
+        load_measured_attenuation(tmp_path / "absent.csv")
+
+
+def test_points_are_drawn_over_the_spectrum(tmp_path: Path) -> None:
+    spectrum = predict_attenuation(make_fit(tmp_path / "run", draws=30))
+    points = load_measured_attenuation(write(tmp_path, POINTS))
+    axes = attenuation(spectrum, "title", measured=points).axes[0]
+    containers = [one for one in axes.containers if isinstance(one, ErrorbarContainer)]
+    drawn = {one.get_label(): one.lines[0].get_xydata() for one in containers}
+    assert set(drawn) == {"1 MPa", "measured"}
+    assert drawn["1 MPa"] == pytest.approx(np.array([[1e-3, 0.41], [1e-2, 0.22]]))
+    (legend,) = axes.figure.legends
+    assert {"1 MPa", "measured"} <= {text.get_text() for text in legend.get_texts()}
+    assert not attenuation(spectrum, "title").axes[0].containers

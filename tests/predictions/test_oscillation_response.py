@@ -4,11 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from synthetic_fit import make_fit
 from synthetic_olivine_fit import make_olivine_fit, oscillating
 
 from pyburgers.common.draws import central_band
-from pyburgers.common.errors import InputError
 from pyburgers.drawing.views.oscillation_response import (
     observed_response,
     predicted_response,
@@ -112,10 +110,3 @@ def test_the_table_says_whether_the_record_is_inside_the_replicated_bands(
         low, median, high = central_band(draws)
         assert [table[column][name] for column in ("q5", "median", "q95")] == [low, median, high]
         assert np.mean((draws >= low) & (draws <= high)) == pytest.approx(0.9, abs=0.01)
-
-
-def test_only_an_oscillation_has_a_response(tmp_path: Path) -> None:
-    curve = make_fit(tmp_path, chains=1, draws=5)
-    for function in (predicted_response, replicated_response, response_table):
-        with pytest.raises(InputError, match="PIL40: found a test of protocol 'constant_rate'"):
-            function(curve)

@@ -1,8 +1,9 @@
-"""What the paper states about attenuation: verdicts follow the spectra of the draws."""
+"""Verdicts on statements, and those that the paper makes about attenuation."""
 
 import re
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +16,13 @@ from maor.attenuation import (
     spectra_of,
 )
 from maor.before_data import Knowledge
-from maor.statements import Statement, Verdict
+from maor.statements import (
+    Belief,
+    Statement,
+    Verdict,
+    common_verdict,
+    statements_table,
+)
 from synthetic_fit import make_experiment, make_priors
 
 from pyburgers.fitting.prior_draws import PriorDraws
@@ -98,24 +105,42 @@ def statement(key: str, before: PriorDraws, *fits: PriorDraws) -> Statement:
     return {one.key: one for one in attenuation_statements(spectra)}[key]
 
 
-def test_attenuation_has_peak_and_background_where_both_show(before: PriorDraws) -> None:
-    key = "peak_and_background"
-    assert statement(key, before, drawn(fluidity=0.3 * FLUIDITY)).verdict is Verdict.AGREES
-    stiff = {**KELVIN, "kelvin_modulus": 2e10}  # the Kelvin element hardly deforms: no peak
-    assert statement(key, before, drawn(kelvin=stiff)).verdict is Verdict.DISAGREES
-    # Without flow of the dashpot the peak has no background.
-    bare = drawn(fluidity=1e-9 * FLUIDITY)
-    assert statement(key, before, bare).verdict is Verdict.DISAGREES
+STIFF = {**KELVIN, "kelvin_modulus": 2e10}
+"""The Kelvin element hardly deforms: no peak."""
+
+SOFT = {**KELVIN, "kelvin_modulus": 4e9 / 8}
+"""With E_K at most an eighth of E_M no background buries its peak."""
 
 
-def test_attenuation_rises_with_stress_if_flow_does_more_than_linearly(before: PriorDraws) -> None:
-    key = "rise_with_stress"
-    assert statement(key, before, drawn()).verdict is Verdict.AGREES
-    assert statement(key, before, drawn(exponent=0.5)).verdict is Verdict.DISAGREES
-    # The priors of the paper know n above 1 only: then it is no finding.
+@pytest.mark.parametrize(
+    ("key", "changes", "verdict"),
+    [
+        ("peak_and_background", {"fluidity": 0.3 * FLUIDITY}, Verdict.AGREES),
+        ("peak_and_background", {"kelvin": STIFF}, Verdict.DISAGREES),
+        # Without flow of the dashpot the peak has no background.
+        ("peak_and_background", {"fluidity": 1e-9 * FLUIDITY}, Verdict.DISAGREES),
+        ("rise_with_stress", {}, Verdict.AGREES),
+        ("rise_with_stress", {"exponent": 0.5}, Verdict.DISAGREES),
+        ("buried_peak", {}, Verdict.AGREES),
+        ("buried_peak", {"fluidity": 1e-3 * FLUIDITY}, Verdict.DISAGREES),
+        ("buried_peak", {"fluidity": 1e4 * FLUIDITY, "kelvin": SOFT}, Verdict.DISAGREES),
+        ("larger_step", {}, Verdict.AGREES),
+        ("amplitude", {}, Verdict.AGREES),
+        ("amplitude", {"exponent": 1.001}, Verdict.DISAGREES),
+        ("background", {}, Verdict.AGREES),
+        ("background", {"exponent": 0.5}, Verdict.DISAGREES),
+    ],
+)
+def test_a_verdict_follows_the_material_of_the_draws(
+    key: str, changes: dict[str, Any], verdict: Verdict, before: PriorDraws
+) -> None:
+    assert statement(key, before, drawn(**changes)).verdict is verdict
+
+
+def test_a_rise_with_stress_is_no_finding_where_the_prior_knows_n_above_1_only() -> None:
     rng = np.random.default_rng(1)
     of_paper = drawn(exponent=rng.uniform(2.7, 4.5, N_DRAWS))
-    assert statement(key, of_paper, drawn()).verdict is Verdict.CANNOT_FAIL
+    assert statement("rise_with_stress", of_paper, drawn()).verdict is Verdict.CANNOT_FAIL
 
 
 def test_a_falling_stretch_must_be_at_1_mpa_alone_and_near_1_mhz(before: PriorDraws) -> None:
@@ -128,30 +153,10 @@ def test_a_falling_stretch_must_be_at_1_mpa_alone_and_near_1_mhz(before: PriorDr
     nowhere = drawn(fluidity=1e3 * FLUIDITY)
     faster = {**KELVIN, "kelvin_viscosity": 1e-2 * KELVIN["kelvin_viscosity"]}
     elsewhere = drawn(fluidity=1e2 * FLUIDITY, kelvin=faster)
-    for other in (everywhere, nowhere, elsewhere):
-        (belief,) = statement(key, before, other).beliefs.values()
+    others = [(key, other) for other in (everywhere, nowhere, elsewhere)]
+    for own_key, other in (*others, ("larger_step", drawn(exponent=1.2))):
+        (belief,) = statement(own_key, before, other).beliefs.values()
         assert belief.posterior == 0
-
-
-def test_at_4_mpa_the_peak_is_buried_or_not(before: PriorDraws) -> None:
-    assert statement("buried_peak", before, drawn()).verdict is Verdict.AGREES
-    shown = drawn(fluidity=1e-3 * FLUIDITY)
-    assert statement("buried_peak", before, shown).verdict is Verdict.DISAGREES
-    # With E_K at most an eighth of E_M no background buries it.
-    soft = drawn(fluidity=1e4 * FLUIDITY, kelvin={**KELVIN, "kelvin_modulus": 4e9 / 8})
-    assert statement("buried_peak", before, soft).verdict is Verdict.DISAGREES
-
-
-def test_the_upper_step_is_compared_with_the_lower(before: PriorDraws) -> None:
-    assert statement("larger_step", before, drawn()).verdict is Verdict.AGREES
-    low = drawn(exponent=1.2)
-    (belief,) = statement("larger_step", before, low).beliefs.values()
-    assert belief.posterior == 0
-
-
-def test_amplitude_matters_where_the_dashpot_is_not_linear(before: PriorDraws) -> None:
-    assert statement("amplitude", before, drawn()).verdict is Verdict.AGREES
-    assert statement("amplitude", before, drawn(exponent=1.001)).verdict is Verdict.DISAGREES
 
 
 def test_the_slope_at_4_mpa_hardly_varies_where_the_dashpot_is_all(before: PriorDraws) -> None:
@@ -161,11 +166,6 @@ def test_the_slope_at_4_mpa_hardly_varies_where_the_dashpot_is_all(before: Prior
     with_peak = statement(key, before, drawn(fluidity=1e-3 * FLUIDITY))
     assert with_peak.beliefs["sample 0"].posterior == 0
     assert re.search(r"median: sample 0 1\.\d\d\.$", with_peak.evidence)
-
-
-def test_the_background_intensifies_where_flow_does_more_than_linearly(before: PriorDraws) -> None:
-    assert statement("background", before, drawn()).verdict is Verdict.AGREES
-    assert statement("background", before, drawn(exponent=0.5)).verdict is Verdict.DISAGREES
 
 
 def test_what_the_paper_does_not_state_is_not_judged(before: PriorDraws) -> None:
@@ -189,3 +189,90 @@ def test_what_is_open_before_is_open(before: PriorDraws) -> None:
     shares = peaks(spectra_of(Knowledge(before, before, np.ones(1))).before).mean(axis=0)
     assert (shares > 0.1).all()
     assert (shares < 0.9).all()
+
+
+MANY = 200.0
+
+
+@pytest.mark.parametrize(
+    ("prior", "number", "posterior", "verdict"),
+    [
+        (0.3, 0.4, 0.99, Verdict.AGREES),
+        (0.3, 0.4, 0.01, Verdict.DISAGREES),
+        (0.3, 0.4, 0.5, Verdict.CANNOT_TELL),
+        # The model cannot do otherwise, whatever the data say.
+        (1.0, 1.0, 1.0, Verdict.CANNOT_FAIL),
+        (0.0, 0.0, 0.0, Verdict.CANNOT_HOLD),
+        # The prior says so by the rule by which the posterior would.
+        (0.95, 0.97, 0.999, Verdict.PRIOR_GRANTS),
+        # Sure now, hardly less so before: odds of 9.5 after 5.
+        (0.83, 0.85, 0.905, Verdict.PRIOR_GRANTS),
+        # The one number says it already: the rest of the curve added nothing.
+        (0.3, 0.96, 0.97, Verdict.NUMBER_GRANTS),
+        (0.04, 0.2, 0.001, Verdict.PRIOR_EXCLUDES),
+        (0.5, 0.05, 0.001, Verdict.NUMBER_EXCLUDES),
+    ],
+)
+def test_a_verdict_says_what_the_data_added(
+    prior: float, number: float, posterior: float, verdict: Verdict
+) -> None:
+    assert Belief(prior, number, posterior, MANY).verdict is verdict
+
+
+def test_too_few_effective_draws_cannot_tell_what_the_curve_added() -> None:
+    assert Belief(0.3, 0.4, 0.99, 12.0).verdict is Verdict.CANNOT_TELL
+    # What the prior grants does not hang on them.
+    assert Belief(0.95, 0.4, 0.99, 12.0).verdict is Verdict.PRIOR_GRANTS
+
+
+@pytest.mark.parametrize(
+    ("prior", "number", "posterior", "verdict"),
+    [
+        (False, False, True, Verdict.AGREES),
+        (False, None, True, Verdict.AGREES),
+        (True, True, True, Verdict.PRIOR_GRANTS),
+        (False, True, True, Verdict.NUMBER_GRANTS),
+        (True, True, False, Verdict.DISAGREES),
+        (True, None, False, Verdict.DISAGREES),
+        (None, False, False, Verdict.NUMBER_EXCLUDES),
+        # What does not hold without the data either is not theirs to deny.
+        (False, False, False, Verdict.PRIOR_EXCLUDES),
+        (True, False, None, Verdict.CANNOT_TELL),
+    ],
+)
+def test_a_statement_about_a_distribution_holds_or_does_not(
+    prior: bool | None, number: bool | None, posterior: bool | None, verdict: Verdict
+) -> None:
+    assert Belief(prior, number, posterior, MANY).verdict is verdict
+
+
+def test_only_findings_of_the_whole_curve_count() -> None:
+    assert {verdict for verdict in Verdict if verdict.counts} == {
+        Verdict.AGREES,
+        Verdict.DISAGREES,
+    }
+
+
+def test_samples_share_a_verdict_with_the_least_credit() -> None:
+    assert common_verdict([Verdict.AGREES, Verdict.AGREES]) is Verdict.AGREES
+    assert common_verdict([Verdict.AGREES, Verdict.PRIOR_GRANTS]) is Verdict.PRIOR_GRANTS
+    assert common_verdict([Verdict.DISAGREES, Verdict.NUMBER_EXCLUDES]) is Verdict.NUMBER_EXCLUDES
+    # Impossible in one sample, unlikely in the other: what they share is that the prior says so.
+    assert common_verdict([Verdict.CANNOT_HOLD, Verdict.DISAGREES]) is Verdict.PRIOR_EXCLUDES
+    assert common_verdict([Verdict.CANNOT_HOLD, Verdict.CANNOT_HOLD]) is Verdict.CANNOT_HOLD
+    assert common_verdict([Verdict.CANNOT_FAIL, Verdict.NUMBER_GRANTS]) is Verdict.PRIOR_GRANTS
+    assert common_verdict([Verdict.AGREES, Verdict.DISAGREES]) is Verdict.CANNOT_TELL
+    assert common_verdict([]) is Verdict.CANNOT_TELL
+
+
+def test_the_table_has_what_was_believed_before_beside_the_posterior() -> None:
+    beliefs = {"a": Belief(0.3, 0.4, 0.99, MANY), "b": Belief(0.31, 0.5, 0.98, 150.0)}
+    statement = Statement("key", "Fig. 1", "Text.", "Evidence.", beliefs, "Rule.")
+    (row,) = statements_table([statement]).to_dict("records")
+    assert row["prior"] == "0.30 / 0.31"
+    assert row["prior and one number"] == "0.40 / 0.50"
+    assert row["posterior"] == "0.99 / 0.98"
+    assert row["effective draws"] == "200 / 150"
+    assert row["of"] == "a / b"
+    assert row["verdict"] == "agrees"
+    assert np.all(statements_table([]).columns == list(row))

@@ -129,6 +129,15 @@ def test_what_is_left_over_is_told_by_part(record: HistoryExperiment) -> None:
     assert table.loc["all", "readings"] == record.n_points
     assert table.loc["all", "largest"] == pytest.approx(-3e-4)
     assert table.drop(index="all")["readings"].sum() == record.n_points
+    # A part without readings has no row.
+    early = record.time < 3600
+    few = replace(
+        record,
+        time=record.time[early],
+        reading=record.reading[early],
+        reading_stage=record.reading_stage[early],
+    )
+    assert list(left_over(few, np.ones(few.n_points)).index) == ["loading", "all"]
 
 
 def test_the_document_has_what_the_committed_page_says_is_left_over() -> None:
@@ -141,17 +150,6 @@ def test_the_document_has_what_the_committed_page_says_is_left_over() -> None:
     told = f"leave {all_of_it} at the median (loading {loading}, first day of a load {first_day}, "
     text = (DUNITE.parents[1] / "docs/loading_history.md").read_text(encoding="utf-8")
     assert f"{told}unloading {unloading})" in " ".join(text.split())
-
-
-def test_a_part_without_readings_has_no_row(record: HistoryExperiment) -> None:
-    early = record.time < 3600
-    few = replace(
-        record,
-        time=record.time[early],
-        reading=record.reading[early],
-        reading_stage=record.reading_stage[early],
-    )
-    assert list(left_over(few, np.ones(few.n_points)).index) == ["loading", "all"]
 
 
 def test_the_page_says_how_much_is_left_over_and_where(

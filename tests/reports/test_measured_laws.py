@@ -95,7 +95,7 @@ def test_the_law_that_describes_is_named_with_the_width_of_n(
     assert image(figure.draw(), "png").startswith(b"\x89PNG")
 
 
-def test_where_no_law_describes_the_page_says_so(
+def test_the_page_says_where_no_law_describes_or_was_sampled_well_or_is_compared(
     fits: dict[str, Fit], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answer(monkeypatch, {"A": Outcome.NO, "A_other": Outcome.CANNOT_TELL})
@@ -105,15 +105,14 @@ def test_where_no_law_describes_the_page_says_so(
     assert told.endswith("an interval that leaves out what the model misses.")
     assert laws.comparison is not None
     assert laws.chosen == next(iter(laws.comparison.results))
-
-
-def test_a_law_that_describes_is_told_with_its_doubtful_sampling(
-    fits: dict[str, Fit], monkeypatch: pytest.MonkeyPatch
-) -> None:
     answer(monkeypatch, {"A": Outcome.YES, "A_other": Outcome.NO}, sampled=Outcome.CANNOT_TELL)
     told = LawsTried.of(fits).conclusion()
     assert "standard describes the data" in told
     assert told.endswith("Because cannot tell.")
+    answer(monkeypatch, {"A": Outcome.YES})
+    alone = LawsTried.of({"A": fits["A"]})
+    assert alone.conclusion().startswith("A: of one model, standard describes the data as far as")
+    assert alone.table()["outcome"].tolist() == [""]
 
 
 def test_a_law_is_not_said_to_be_worse_where_an_elpd_may_be_far_off(fits: dict[str, Fit]) -> None:
@@ -125,15 +124,6 @@ def test_a_law_is_not_said_to_be_worse_where_an_elpd_may_be_far_off(fits: dict[s
         table = LawsTried(fits, replace(compare(fits), results=results)).table()
         assert table["outcome"].tolist() == ["best", outcome]
         assert table["elpd_difference"].tolist() == [0.0, 81.0]
-
-
-def test_a_test_with_a_single_fit_has_an_answer_but_no_comparison(
-    fits: dict[str, Fit], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    answer(monkeypatch, {"A": Outcome.YES})
-    alone = LawsTried.of({"A": fits["A"]})
-    assert alone.conclusion().startswith("A: of one model, standard describes the data as far as")
-    assert alone.table()["outcome"].tolist() == [""]
 
 
 def test_each_test_has_an_answer_of_its_own(

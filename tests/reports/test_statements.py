@@ -1,6 +1,7 @@
 """The paper's statements: verdicts follow the draws, and flip when the draws are changed."""
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,6 @@ from maor.statements import Statement, Verdict
 from synthetic_fit import make_fit, uniform
 from synthetic_olivine_fit import make_olivine_fit, normal, oscillating, redrawn
 
-from pyburgers.common.errors import InputError
 from pyburgers.drawing.views.oscillation_response import predicted_response
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
@@ -47,21 +47,104 @@ def of_olivine(key: str, **fits: Fit) -> Statement:
     return by_key(olivine_statements({name: make_known(fit) for name, fit in fits.items()}))[key]
 
 
-@pytest.mark.parametrize(
-    ("mean", "sd", "verdict"),
-    [
+def about(mean: float, sd: float) -> Callable[[Fit], FloatArray]:
+    return lambda fit: normal(fit, mean, sd)
+
+
+def flat(fit: Fit) -> FloatArray:
+    return np.random.default_rng(4).uniform(7e8, 9e10, normal(fit, 0, 1).shape)
+
+
+def critical_strain(low: float, width: float) -> Callable[[Fit], FloatArray]:
+    def draws(fit: Fit) -> FloatArray:
+        shape = normal(fit, 0, 1).shape
+        return low + width * np.random.default_rng(5).uniform(1e-3, 1.0, shape)
+
+    return draws
+
+
+OF_DRAWS: list[tuple[str, str, Callable[[Fit], FloatArray], Verdict, str]] = [
+    ("stress_exponent_of_PIL40", "stress_exponent", about(mean, sd), verdict, f"mean {mean:.1f}")
+    for mean, sd, verdict in (
         (4.1, 0.05, Verdict.AGREES),
         (3.9, 0.4, Verdict.CANNOT_TELL),
         (3.3, 0.1, Verdict.DISAGREES),
-    ],
-)
-def test_the_paper_s_value_is_looked_for_in_the_draws(
-    ice: Fit, mean: float, sd: float, verdict: Verdict
+    )
+]
+OF_DRAWS += [
+    ("critical_strain_grain_size_of_PIL40", "critical_strain_grain_size", draws, verdict, "")
+    for draws, verdict in (
+        (about(0.031, 0.004), Verdict.AGREES),
+        (about(0.074, 0.004), Verdict.DISAGREES),
+    )
+]
+OF_DRAWS += [
+    ("kelvin_modulus_of_olivine", "kelvin_modulus", about(45e9, sd), verdict, "")
+    for sd, verdict in (
+        (2e9, Verdict.AGREES),
+        (13e9, Verdict.CANNOT_TELL),
+        (24e9, Verdict.PRIOR_EXCLUDES),
+    )
+]
+OF_DRAWS += [
+    ("shape_of_kelvin_modulus", "kelvin_modulus", about(25e9, 2e9), Verdict.AGREES, ""),
+    ("shape_of_kelvin_modulus", "kelvin_modulus", flat, Verdict.PRIOR_EXCLUDES, ""),
+    ("stress_exponent_of_olivine", "stress_exponent", about(3.02, 0.08), Verdict.AGREES, ""),
+    ("stress_exponent_of_olivine", "stress_exponent", about(3.6, 0.08), Verdict.DISAGREES, ""),
+]
+OF_DRAWS += [
+    (
+        "critical_strain_of_olivine",
+        "critical_strain_grain_size",
+        critical_strain(low, width),
+        verdict,
+        "chains agree",
+    )
+    for low, width, verdict in (
+        (0.0, 1.0, Verdict.PRIOR_GRANTS),
+        (0.3, 0.7, Verdict.CANNOT_TELL),
+        (0.3, 0.1, Verdict.DISAGREES),
+    )
+]
+
+
+@pytest.mark.parametrize(("key", "parameter", "draws", "verdict", "evidence"), OF_DRAWS)
+def test_what_the_paper_says_of_a_parameter_is_looked_for_in_its_draws(
+    key: str,
+    parameter: str,
+    draws: Callable[[Fit], FloatArray],
+    verdict: Verdict,
+    evidence: str,
+    ice: Fit,
+    olivine: Fit,
 ) -> None:
-    fit = redrawn(ice, stress_exponent=normal(ice, mean, sd))
-    statement = of_ice("stress_exponent_of_PIL40", PIL40=fit)
+    of_ice_alone = key.endswith("PIL40")
+    source = ice if of_ice_alone else olivine
+    fit = redrawn(source, **{parameter: draws(source)})
+    statement = (
+        of_ice(key, PIL40=fit)
+        if of_ice_alone
+        else of_olivine(key, **({"removed": fit} if "chains" in evidence else {"kept": fit}))
+    )
     assert statement.verdict is verdict
-    assert f"mean {mean:.1f}" in statement.evidence
+    assert evidence in statement.evidence
+
+
+def test_chains_that_disagree_are_mentioned_and_one_has_nothing_to_agree_with(
+    olivine: Fit,
+) -> None:
+    draws = normal(olivine, 0.5, 0.1)
+    draws[0] += 0.3
+    fit = redrawn(olivine, critical_strain_grain_size=draws)
+    key = "critical_strain_of_olivine"
+    assert "chains do not agree" in of_olivine(key, kept=fit).evidence
+    groups = {
+        name: node.to_dataset().isel(chain=[0], missing_dims="ignore")
+        for name, node in olivine.posterior.children.items()
+    }
+    fit = replace(olivine, posterior=xr.DataTree.from_dict(groups))
+    told = of_olivine(key, kept=fit).evidence
+    assert "not known whether chains agree (R-hat nan)" in told
 
 
 def test_what_peak_stress_and_other_priors_narrow_is_not_credited_to_the_curve(ice: Fit) -> None:
@@ -83,14 +166,8 @@ def test_what_peak_stress_and_other_priors_narrow_is_not_credited_to_the_curve(i
     assert statement.verdict is Verdict.NUMBER_GRANTS
 
 
-def test_the_critical_strain_of_pil40_has_its_own_value(ice: Fit) -> None:
-    for mean, verdict in ((0.031, Verdict.AGREES), (0.074, Verdict.DISAGREES)):
-        fit = redrawn(ice, critical_strain_grain_size=normal(ice, mean, 0.004))
-        statement = of_ice("critical_strain_grain_size_of_PIL40", PIL40=fit)
-        assert statement.verdict is verdict
-
-
 def test_another_sample_says_nothing_about_pil40(ice: Fit) -> None:
+    assert paper_statements({}, {}, {}) == ()
     keys = by_key(ice_statements({"PIL72": make_known(ice)})).keys()
     assert not any("PIL40" in key for key in keys)
     assert "most_uncertain" in keys
@@ -232,31 +309,6 @@ def test_the_solution_at_the_mean_has_to_stay_in_the_band(ice: Fit) -> None:
     assert re.search(r"leaves the predictive band, (2.9|3.[01]) s", statement.evidence)
 
 
-@pytest.mark.parametrize(
-    ("spread", "verdict"),
-    [(2e9, Verdict.AGREES), (13e9, Verdict.CANNOT_TELL), (24e9, Verdict.PRIOR_EXCLUDES)],
-)
-def test_the_kelvin_modulus_is_constrained_if_its_prior_has_shrunk(
-    olivine: Fit, spread: float, verdict: Verdict
-) -> None:
-    fit = redrawn(
-        olivine,
-        kelvin_modulus=normal(olivine, 45e9, spread),
-    )
-    statement = of_olivine("kelvin_modulus_of_olivine", removed=fit, kept=fit)
-    assert statement.verdict is verdict
-
-
-def test_a_bell_is_told_from_a_flat_prior(olivine: Fit) -> None:
-    flat = np.random.default_rng(4).uniform(7e8, 9e10, normal(olivine, 0, 1).shape)
-    for draws, verdict in (
-        (normal(olivine, 25e9, 2e9), Verdict.AGREES),
-        (flat, Verdict.PRIOR_EXCLUDES),
-    ):
-        fit = redrawn(olivine, kelvin_modulus=draws)
-        assert of_olivine("shape_of_kelvin_modulus", kept=fit).verdict is verdict
-
-
 def test_an_offset_is_by_n_where_the_two_go_together(olivine: Fit) -> None:
     groups = {name: node.to_dataset() for name, node in olivine.posterior.children.items()}
     stress = groups["predictions"]["stress"]
@@ -275,39 +327,6 @@ def test_an_offset_is_by_n_where_the_two_go_together(olivine: Fit) -> None:
         assert statement.beliefs["kept"].posterior is answer
         assert statement.beliefs["kept"].prior is False
     assert "no draw has an offset" in statement.evidence
-
-
-def test_the_critical_strain_is_free_where_it_has_its_prior(olivine: Fit) -> None:
-    shape = normal(olivine, 0, 1).shape
-    as_prior = np.random.default_rng(5).uniform(1e-3, 1.0, shape)
-    expected: tuple[tuple[FloatArray, Verdict], ...] = (
-        (as_prior, Verdict.PRIOR_GRANTS),
-        (0.3 + 0.7 * as_prior, Verdict.CANNOT_TELL),
-        (0.3 + 0.1 * as_prior, Verdict.DISAGREES),
-    )
-    for draws, verdict in expected:
-        fit = redrawn(olivine, critical_strain_grain_size=draws)
-        statement = of_olivine("critical_strain_of_olivine", removed=fit)
-        assert statement.verdict is verdict
-        assert "chains agree" in statement.evidence
-
-
-def test_chains_that_disagree_are_mentioned(olivine: Fit) -> None:
-    draws = normal(olivine, 0.5, 0.1)
-    draws[0] += 0.3
-    fit = redrawn(olivine, critical_strain_grain_size=draws)
-    statement = of_olivine("critical_strain_of_olivine", kept=fit)
-    assert "chains do not agree" in statement.evidence
-
-
-def test_one_chain_has_nothing_to_agree_with(olivine: Fit) -> None:
-    groups = {
-        name: node.to_dataset().isel(chain=[0], missing_dims="ignore")
-        for name, node in olivine.posterior.children.items()
-    }
-    fit = replace(olivine, posterior=xr.DataTree.from_dict(groups))
-    statement = of_olivine("critical_strain_of_olivine", kept=fit)
-    assert "not known whether chains agree (R-hat nan)" in statement.evidence
 
 
 @pytest.mark.parametrize(
@@ -331,17 +350,14 @@ def test_the_spread_of_stress_is_split_into_amplitude_and_phase(
     known = make_known(fit, n_draws=1000, stress=stress)
     statement = by_key(olivine_statements({"removed": known}))["spread_in_amplitude"]
     assert statement.verdict is verdict
-
-
-def test_a_spread_that_the_prior_has_already_is_no_finding(olivine: Fit) -> None:
-    fit = oscillating(olivine, amplitude_sd=0.05, phase_sd=0.01)
-    assert of_olivine("spread_in_amplitude", removed=fit).verdict is Verdict.PRIOR_GRANTS
-
-
-def test_the_stress_exponent_of_olivine_is_looked_for_about_3(olivine: Fit) -> None:
-    for mean, verdict in ((3.02, Verdict.AGREES), (3.6, Verdict.DISAGREES)):
-        fit = redrawn(olivine, stress_exponent=normal(olivine, mean, 0.08))
-        assert of_olivine("stress_exponent_of_olivine", kept=fit).verdict is verdict
+    # A spread that the prior has already is no finding; treatments that differ decide nothing.
+    key = "spread_in_amplitude"
+    mostly, hardly = (
+        oscillating(olivine, amplitude_sd=amplitude, phase_sd=phase)
+        for amplitude, phase in ((0.05, 0.01), (0.01, 0.05))
+    )
+    assert of_olivine(key, removed=mostly).verdict is Verdict.PRIOR_GRANTS
+    assert of_olivine(key, removed=mostly, kept=hardly).verdict is Verdict.CANNOT_TELL
 
 
 def test_grain_growth_is_negligible_below_a_tenth(olivine: Fit) -> None:
@@ -368,20 +384,3 @@ def test_the_one_number_of_an_oscillation_is_its_amplitude(olivine: Fit) -> None
         STRESS_AMPLITUDE.predicted(known.prior),
     )
     assert predicted == pytest.approx(np.full(predicted.size, 1.5 * observed), rel=1e-3)
-
-
-def test_treatments_that_differ_leave_a_statement_undecided(olivine: Fit) -> None:
-    fits = {
-        "removed": oscillating(olivine, amplitude_sd=0.05, phase_sd=0.01),
-        "kept": oscillating(olivine, amplitude_sd=0.01, phase_sd=0.05),
-    }
-    assert of_olivine("spread_in_amplitude", **fits).verdict is Verdict.CANNOT_TELL
-
-
-def test_only_an_oscillation_has_amplitude_and_phase(ice: Fit) -> None:
-    with pytest.raises(InputError, match="expected one of protocol 'forced_oscillation'"):
-        predicted_response(ice)
-
-
-def test_without_fits_there_is_nothing_to_say() -> None:
-    assert paper_statements({}, {}, {}) == ()

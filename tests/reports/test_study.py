@@ -79,7 +79,7 @@ def olivine(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fit]:
 @pytest.fixture(autouse=True, scope="module")
 def few_prior_draws() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(maor_sections, "PRIOR_DRAWS", {"ice": 200, "olivine": 60})
+        patch.setattr(maor_sections, "PRIOR_DRAWS", {"ice": 60, "olivine": 30})
         patch.setattr("maor.stress_floor.SOLVED_DRAWS", 2)
         yield
 
@@ -105,8 +105,8 @@ def page(folder: Path) -> Page:
     return Page((folder / "index.html").read_text(encoding="utf-8"))
 
 
-def test_the_page_holds_every_part_in_its_place(
-    page: Page, sections: tuple[PageSection, ...]
+def test_the_page_holds_every_part_with_its_files_in_its_place(
+    page: Page, sections: tuple[PageSection, ...], folder: Path, ice: dict[str, Fit]
 ) -> None:
     assert not page.open
     assert len(set(page.ids)) == len(page.ids)
@@ -120,6 +120,17 @@ def test_the_page_holds_every_part_in_its_place(
     for section in sections:
         for figure in section.figures:
             assert any(text.startswith(figure.title) for text in page.alternatives)
+            picture = folder / "figures" / f"{section.key}_{figure.name}.png"
+            assert picture.read_bytes().startswith(b"\x89PNG")
+            assert "<svg" in picture.with_suffix(".svg").read_text(encoding="utf-8")
+    names = {s.key: [figure.name for figure in s.figures] for s in sections}
+    assert names["preparation"] == ["olivine_removed", "olivine_kept"]
+    assert names["model"] == ["circuit", "strain_parts", "mean_solution", "flow_laws"]
+    of_attenuation = {"PIL40_spectrum", "PIL72_spectrum", "PIL40_draws", "PIL40_amplitude"}
+    assert of_attenuation <= set(names["attenuation"])
+    for name, fit in ice.items():
+        written = pd.read_csv(folder / "tables" / f"attenuation_{name}_quantiles.csv")
+        pd.testing.assert_frame_equal(written, quantile_table(predict_attenuation(fit)))
 
 
 def test_statements_stand_with_verdict_evidence_and_rule(
@@ -144,8 +155,11 @@ def test_the_page_says_what_verdicts_on_synthetic_data_mean(
     assert SYNTHETIC_SENTENCE in page.text
     assert MICROSTRUCTURE_SENTENCE in page.text
     measured = {"PIL40": make_fit(tmp_path / "run", kind="measured", draws=100)}
-    paragraphs = study_sections(measured, {})[0].paragraphs
-    assert SYNTHETIC_SENTENCE not in paragraphs
+    without_olivine = study_sections(measured, {})
+    keys = [section.key for section in without_olivine]
+    assert keys == ["statements", "counterparts", "model", "attenuation"]
+    assert SYNTHETIC_SENTENCE not in without_olivine[0].paragraphs
+    assert not without_olivine[0].tables[0].shown["statement"].str.contains("olivine").any()
 
 
 def test_one_modulus_of_ice_leaves_what_kelvin_element_and_dashpot_differ_by(
@@ -163,31 +177,11 @@ def test_one_modulus_of_ice_leaves_what_kelvin_element_and_dashpot_differ_by(
     assert ELASTIC_MODULUS_SENTENCE in page.text_without_marks
 
 
-def test_figures_and_tables_of_attenuation_are_files(folder: Path, ice: dict[str, Fit]) -> None:
-    for name in ("PIL40_spectrum", "PIL72_spectrum", "PIL40_draws", "PIL40_amplitude"):
-        picture = folder / "figures" / f"attenuation_{name}.png"
-        assert picture.read_bytes().startswith(b"\x89PNG")
-        assert "<svg" in picture.with_suffix(".svg").read_text(encoding="utf-8")
-    for name, fit in ice.items():
-        written = pd.read_csv(folder / "tables" / f"attenuation_{name}_quantiles.csv")
-        pd.testing.assert_frame_equal(written, quantile_table(predict_attenuation(fit)))
-
-
 def test_simulations_in_time_agree_with_the_closed_form(ice: dict[str, Fit]) -> None:
     check = time_domain_table(ice["PIL40"])
     assert len(check) == 4 * 3
     assert (check["relative_difference"].abs() < 1e-4).all()
     assert check["simulated"].to_numpy() == pytest.approx(check["closed_form"].to_numpy(), rel=1e-4)
-
-
-def test_each_treatment_of_the_olivine_record_has_its_preparation(
-    sections: tuple[PageSection, ...], folder: Path
-) -> None:
-    preparation = {section.key: section for section in sections}["preparation"]
-    names = [figure.name for figure in preparation.figures]
-    assert names == ["olivine_removed", "olivine_kept"]
-    for name in names:
-        assert (folder / "figures" / f"preparation_{name}.svg").is_file()
 
 
 def test_the_page_says_what_removing_the_background_changes(
@@ -214,30 +208,19 @@ def test_the_page_says_what_removing_the_background_changes(
     text = " ".join(background.paragraphs)
     prepared = of_kind(olivine["kept"].experiment, OscillationExperiment).prepared
     assert f"oscillates by {prepared.stress_fit.amplitude()[0] / 1e6:.0f} MPa" in text
-
-
-def test_the_true_state_is_that_of_the_model_at_the_true_parameters(
-    sections: tuple[PageSection, ...], olivine: dict[str, Fit]
-) -> None:
-    background = {section.key: section for section in sections}["background"]
-    truth = background.tables[0].saved.set_index("quantity")["truth"]
+    # The true state is that of the model at the true parameters.
     experiment = olivine["kept"].experiment
     assert experiment.true_parameters is not None
     solution = simulate(experiment, experiment.true_parameters)
-    assert truth["grain size at the end"] == pytest.approx(
+    assert saved["truth"]["grain size at the end"] == pytest.approx(
         float(solution["grain_size_m"].iloc[-1]), rel=1e-6
     )
-
-
-def test_without_a_kept_background_or_truth_there_is_no_true_state(
-    olivine: dict[str, Fit],
-) -> None:
-    for experiment in (
-        olivine["removed"].experiment,
-        replace(olivine["removed"].experiment, true_parameters=None),
-    ):
-        fits = {"removed": with_problem(olivine["removed"], experiment, olivine["removed"].priors)}
-        (table,) = background_section(fits).tables
+    # Without a kept background or truth there is none.
+    removed = olivine["removed"]
+    for own in (removed.experiment, replace(removed.experiment, true_parameters=None)):
+        (table,) = background_section(
+            {"removed": with_problem(removed, own, removed.priors)}
+        ).tables
         assert table.shown["true value"].tolist()[-2:] == ["", ""]
 
 
@@ -261,11 +244,6 @@ def test_every_figure_table_and_claim_has_its_place(
     assert points["note"].tolist() == ["from the file that was given"]
 
 
-def test_the_model_is_drawn(folder: Path) -> None:
-    for name in ("circuit", "strain_parts", "mean_solution", "flow_laws"):
-        assert (folder / "figures" / f"model_{name}.svg").is_file()
-
-
 def test_measured_points_are_drawn_over_the_spectra_of_ice(ice: dict[str, Fit]) -> None:
     one = np.array([1.0])
     points = MeasuredAttenuation(0.01 * one, 0.3 * one, 0.0 * one, ("McCarthy and Cooper",))
@@ -275,22 +253,16 @@ def test_measured_points_are_drawn_over_the_spectra_of_ice(ice: dict[str, Fit]) 
     assert "McCarthy and Cooper" in [text.get_text() for text in legend.get_texts()]
 
 
-def test_points_that_cannot_be_read_stop_the_study_before_it_fits(
+def test_points_that_cannot_be_read_and_parts_of_the_main_job_stop_before_it_fits(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     points = tmp_path / "points.csv"
     assert main(["--out", str(tmp_path / "page"), "--measured", str(points)]) == 2
     assert "points.csv does not exist" in capsys.readouterr().err
     assert not (tmp_path / "page").exists()
-
-
-def test_without_olivine_the_page_has_neither_preparation_nor_its_statements(
-    ice: dict[str, Fit],
-) -> None:
-    sections = study_sections(ice, {})
-    keys = [section.key for section in sections]
-    assert keys == ["statements", "counterparts", "model", "attenuation"]
-    assert not sections[0].tables[0].shown["statement"].str.contains("olivine").any()
+    with pytest.raises(SystemExit):
+        main(["--main", "--part", "1/2", "--out", str(tmp_path / "p")])
+    assert "--part is for the whole study" in capsys.readouterr().err
 
 
 def test_the_study_fits_every_experiment_and_shows_all_of_it(
@@ -420,11 +392,3 @@ def test_pictures_of_a_growing_page_are_drawn_once(
     page.add("told", ice["PIL40"])
     assert "Still to come: the end." in page.out.joinpath("index.html").read_text(encoding="utf-8")
     assert len(drawn) == len(set(drawn)) > 2 * len(ice)
-
-
-def test_parts_of_a_job_array_are_those_of_the_whole_study(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit):
-        main(["--main", "--part", "1/2", "--out", str(tmp_path / "p")])
-    assert "--part is for the whole study" in capsys.readouterr().err

@@ -1,21 +1,43 @@
-"""Chains as processes: beside others in threads, with files that are cut short, or not at all."""
+"""Chains as processes: side by side, in threads, cut short, and the progress that they show."""
 
+import io
 import logging
 import re
 import sys
+import time
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import xarray as xr
 from conftest import SMALL_RUN, Problem
+from oscillation_pair import TWIN_FILE
 
-from pyburgers.cmdstan.program import Program
-from pyburgers.common.errors import SystemFailureError
+from pyburgers.cmdstan.program import Program, shares_work
+from pyburgers.cmdstan.toolchain import stan_directory
+from pyburgers.common.errors import InputError, SystemFailureError
+from pyburgers.common.messages import messages_where_watched
 from pyburgers.common.processes import start
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.sampling.chains import ConsoleFile, _Chain, _keep_chain, _start_chain
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.model.priors import default_priors
+from pyburgers.sampling import chains
+from pyburgers.sampling.chains import (
+    ConsoleFile,
+    _Chain,
+    _keep_chain,
+    _start_chain,
+    bars,
+    quarter_messages,
+    shown_progress,
+)
+from pyburgers.sampling.changes import refusal, wanted_record
 from pyburgers.sampling.run_directory import RunDirectory
 
 
@@ -77,3 +99,195 @@ def test_most_of_a_short_warm_up_is_left_to_the_metric(small_fit: Fit) -> None:
     )
     assert 0 < first < last
     assert first + last <= SMALL_RUN.warmup_iterations / 2
+
+
+TWO = replace(SMALL_RUN, threads_per_chain=2)
+
+
+def test_threads_share_tests_at_constant_rate_and_no_others(tmp_path: Path) -> None:
+    programs = ("constant_rate", "loading_history", "forced_oscillation", "attenuation")
+    shared = [name for name in programs if shares_work(stan_directory() / f"{name}.stan")]
+    assert shared == ["constant_rate"]
+    twin = load_experiment(TWIN_FILE)
+    with pytest.raises(InputError, match=r"threads_per_chain is 2, expected 1: .*oscillation"):
+        fit(
+            [twin, replace(twin, id="other")],
+            default_priors("olivine"),
+            out=tmp_path / "run",
+            options=TWO,
+        )
+    assert not (tmp_path / "run").exists()
+
+
+def test_there_are_at_most_as_many_threads_as_tests() -> None:
+    assert [TWO.threads_for(n) for n in (1, 2, 8)] == [1, 2, 2]
+
+
+def test_one_thread_and_several_are_different_runs(joint: Fit) -> None:
+    """Rounding differs; how many threads there are beyond one does not matter."""
+
+    def told(threads: int) -> str:
+        options = replace(SMALL_RUN, threads_per_chain=threads)
+        wanted = wanted_record(joint.problem, options, SolverOptions(), use_likelihood=True)
+        return refusal(joint.directory, wanted, joint.problem)
+
+    assert "threads" not in told(1)
+    assert "threads_per_chain 2 or more where the run has 1;" in told(2)
+
+
+def test_chains_leave_cores_to_the_threads_of_others(
+    joint: Fit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[int] = []
+
+    @contextmanager
+    def no_looks(*_: Any, at_once: int, **__: Any) -> Iterator[tuple[()]]:
+        seen.append(at_once)
+        yield ()
+
+    monkeypatch.setattr(chains, "cores", lambda: 8)
+    monkeypatch.setattr(chains, "closing", lambda looks: looks)
+    monkeypatch.setattr(chains, "side_by_side", no_looks)
+    options = SMALL_RUN.suited_to(joint.problem.likelihood, joint.problem.name)
+    for threads in (1, 3, 9):
+        chains.run_side_by_side(Program(Path("program"), threads), joint.directory, [1, 2], options)
+    assert seen == [8, 2, 1]
+
+
+class Terminal(io.StringIO):
+    """A stream that says it is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_without_terminal_there_is_a_line_for_each_quarter_of_all_chains_with_the_time_left(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    caplog.set_level(logging.INFO, "pyburgers")
+    now = iter(range(0, 1000, 60))
+    monkeypatch.setattr(time, "monotonic", lambda: next(now))
+    with shown_progress([1, 2], 100) as advance:
+        for chain, seen in ((1, range(1, 101)), (2, (60, 100))):
+            for iteration in seen:
+                advance(chain, iteration, "Warmup" if iteration <= 50 else "Sampling")
+    assert caplog.messages == [
+        "25% of 2 chains of 100 iterations (warmup), about 3 min left",
+        "50% of 2 chains of 100 iterations (sampling), about 2 min left",
+        "80% of 2 chains of 100 iterations (sampling), about 45 s left",
+        "100% of 2 chains of 100 iterations (sampling)",
+    ]
+
+
+def test_on_a_terminal_every_chain_has_a_bar(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)  # no fixture, after which pytest sets it
+    caplog.set_level(logging.INFO, "pyburgers")
+    with shown_progress([1, 3], 200) as advance:
+        advance(3, 120, "Sampling")
+    shown = terminal.getvalue()
+    assert "chain 1" in shown
+    assert "chain 3" in shown
+    assert "120/200 sampling" in shown
+    assert caplog.messages == []
+
+
+def test_processes_beside_each_other_draw_no_bars(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)  # no fixture, after which pytest sets it
+    monkeypatch.setattr("pyburgers.common.messages.parent_process", lambda: "a pool")
+    caplog.set_level(logging.INFO, "pyburgers")
+    with shown_progress([1], 100) as advance:
+        advance(1, 50, "Warmup")
+    assert terminal.getvalue() == ""
+    (message,) = caplog.messages
+    assert message.startswith("50% of 1 chain of 100 iterations (warmup), about ")
+
+
+class Shell:
+    """The shell of a notebook, as IPython gives it."""
+
+    kernel = None
+
+
+class Display:
+    """What a cell shows: of each handle the last."""
+
+    def __init__(self) -> None:
+        self.shown: list[str] = []
+
+    def HTML(self, text: str) -> str:  # noqa: N802 - IPython's name
+        return text
+
+    def display(self, text: str, *, display_id: bool) -> "Display":
+        assert display_id
+        return self
+
+    def update(self, text: str) -> None:
+        self.shown.append(text)
+
+
+def notebook(monkeypatch: pytest.MonkeyPatch) -> Display:
+    """Have the process look like the kernel of a notebook."""
+    display = Display()
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=Shell))
+    monkeypatch.setitem(sys.modules, "IPython.display", display)
+    return display
+
+
+def test_a_notebook_has_one_bar_of_all_chains(monkeypatch: pytest.MonkeyPatch) -> None:
+    display = notebook(monkeypatch)
+    with shown_progress([1, 2], 100) as advance:
+        for iteration in range(1, 101):
+            advance(1, iteration, "Warmup" if iteration <= 50 else "Sampling")
+        advance(2, 100, "Sampling")
+    assert len(display.shown) == 51
+    assert display.shown[0].startswith('<progress style="width: 40ex" value="0.010"></progress> 1%')
+    assert display.shown[-1].endswith("100% of 2 chains of 100 iterations (sampling)")
+
+
+def test_quiet_is_asked_for_by_the_level_of_the_logger(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    display = notebook(monkeypatch)
+    with messages_where_watched():
+        logging.getLogger("pyburgers.some").info("a message")
+    assert capsys.readouterr().err == "a message\n"
+    logging.getLogger("pyburgers").setLevel(logging.WARNING)
+    with messages_where_watched():
+        logging.getLogger("pyburgers.some").info("a message")
+    with shown_progress([1], 100) as advance:
+        advance(1, 100, "Sampling")
+    assert display.shown == []
+    assert capsys.readouterr().err == ""
+
+
+def test_the_streams_of_the_process_stay_in_place(capsys: pytest.CaptureFixture[str]) -> None:
+    before = sys.stdout, sys.stderr
+    with bars([1], 100, Terminal()):
+        assert (sys.stdout, sys.stderr) == before
+        print("mine")
+    assert capsys.readouterr().out == "mine\n"
+    quarter_messages([1], 100)(1, 50, "Warmup")  # nobody listens by default
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_console_is_followed_line_by_line(tmp_path: Path) -> None:
+    file = tmp_path / "stdout.txt"
+    file.write_text("refresh = 1\n", encoding="utf-8")
+    console = ConsoleFile(file)
+    assert console.new_iterations() == []
+    with file.open("a", encoding="utf-8") as stream:
+        print("Gradient evaluation took 0.001 seconds", file=stream)
+        print("Iteration:  1 / 100 [  1%]  (Warmup)", file=stream)
+        print("Iteration: 40 / 100 [ 40%]  (Warmup)", file=stream)
+        stream.write("Iteration: 10")
+        stream.flush()
+        assert console.new_iterations() == [(1, "Warmup"), (40, "Warmup")]
+        assert console.new_iterations() == []
+        stream.write("0 / 100 [100%]  (Sampling)\n")
+    assert console.new_iterations() == [(100, "Sampling")]

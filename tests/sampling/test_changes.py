@@ -12,7 +12,10 @@ from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.stan_data import SolverOptions
 
 
-def told(problem: Problem, out: Path, **changed: Any) -> str:
+def refused(problem: Problem, run: Fit, **changed: Any) -> str:
+    """Why other inputs are refused in the folder of a run, which stays as it is."""
+    out = run.directory.path
+    before = {file: (file.stat().st_mtime_ns, file.read_bytes()) for file in files_in(out)}
     arguments: dict[str, Any] = {
         "experiments": problem.experiment,
         "priors": problem.priors,
@@ -21,46 +24,47 @@ def told(problem: Problem, out: Path, **changed: Any) -> str:
     }
     with pytest.raises(InputError) as caught:
         fit(**arguments, out=out)
+    assert {file: (file.stat().st_mtime_ns, file.read_bytes()) for file in files_in(out)} == before
     text = str(caught.value)
     assert text.startswith(f"{out}: holds a run of other inputs: ")
     assert "--overwrite" in text
     return text
 
 
-def test_what_differs_is_told(small_fit: Fit, small_problem: Problem) -> None:
-    out = small_fit.directory.path
-    test, priors = small_problem.experiment, small_problem.priors
-    for changed, words in (
-        ({"options": replace(SMALL_RUN, draws=300)}, ("draws 300 where the run has 100",)),
-        ({"options": replace(SMALL_RUN, seed=3)}, ("seed 3 where the run has 11",)),
-        ({"solver": SolverOptions(tolerance=1e-6)}, ("tolerance 1e-06 where the run has 1e-05",)),
-        ({"use_likelihood": False}, ("draws of the prior alone",)),
-        (
-            {"experiments": replace(test, stress=1.1 * test.stress)},
-            ("readings of test PIL40",),
-        ),
-        ({"experiments": replace(test, temperature=255.0)}, ("the file of test PIL40",)),
-        (
-            {"experiments": pair_of(small_problem)},
-            ("tests PIL40+other where the run has PIL40",),
-        ),
-        (
-            {"priors": with_fixed(priors, {"activation_enthalpy": 6e4})},
-            ("prior of activation_enthalpy",),
-        ),
-    ):
-        text = told(small_problem, out, **changed)
-        assert all(word in text for word in words), text
+def files_in(folder: Path) -> list[Path]:
+    return [file for file in folder.rglob("*") if file.is_file() and file.name != ".lock"]
 
 
-def test_more_draws_are_offered_where_only_their_number_differs(
-    small_fit: Fit, small_problem: Problem
+def test_other_inputs_are_refused_and_what_differs_is_told(
+    small_fit: Fit, joint: Fit, small_problem: Problem
 ) -> None:
-    out = small_fit.directory.path
-    longer = told(small_problem, out, options=replace(SMALL_RUN, draws=300))
-    assert "--more-draws" in longer
-    other = told(small_problem, out, options=replace(SMALL_RUN, draws=300, seed=2))
-    assert "--more-draws" not in other
+    test, priors = small_problem.experiment, small_problem.priors
+    pair = pair_of(small_problem)
+    wider = priors.exchanging(replace(priors["maxwell_modulus"], scale=3e9))
+    rows: tuple[tuple[dict[str, Any], str], ...] = (
+        ({"options": replace(SMALL_RUN, draws=300)}, "draws 300 where the run has 100"),
+        ({"options": replace(SMALL_RUN, seed=3)}, "seed 3 where the run has 11"),
+        ({"solver": SolverOptions(tolerance=1e-6)}, "tolerance 1e-06 where the run has 1e-05"),
+        ({"use_likelihood": False}, "draws of the prior alone"),
+        ({"experiments": replace(test, stress=1.001 * test.stress)}, "readings of test PIL40"),
+        ({"experiments": replace(test, temperature=255.0)}, "the file of test PIL40"),
+        ({"experiments": pair}, "tests PIL40+other where the run has PIL40"),
+        ({"priors": with_fixed(priors, {"activation_enthalpy": 6e4})}, "prior of activation_ent"),
+        ({"priors": wider}, "prior of maxwell_modulus"),
+    )
+    for changed, words in rows:
+        text = refused(small_problem, small_fit, **changed)
+        assert words in text
+    # More draws are offered if their number alone differs.
+    longer = replace(SMALL_RUN, draws=300)
+    for changed, offered in (
+        ({"options": longer}, True),
+        ({"options": replace(longer, seed=2)}, False),
+        ({"use_likelihood": False}, False),
+    ):
+        assert ("--more-draws" in refused(small_problem, small_fit, **changed)) is offered
+    pool = {"maxwell_modulus": "separate"}
+    assert "pooling" in refused(small_problem, joint, experiments=pair, pool=pool)
 
 
 def test_overwriting_replaces_the_run_and_nothing_else(

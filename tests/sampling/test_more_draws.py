@@ -72,23 +72,6 @@ def test_what_is_added_is_of_the_same_posterior(small_fit: Fit, extended: Fit) -
     assert float(stats["acceptance_rate"].isel(draw=slice(SMALL_RUN.draws, None)).mean()) > 0.8
 
 
-def test_it_is_reproducible_and_a_run_that_was_killed_is_completed(
-    small_fit: Fit, extended: Fit, small_problem: Problem, tmp_path: Path
-) -> None:
-    run = RunDirectory(tmp_path / "run")
-    shutil.copytree(extended.directory.path, run.path)
-    shutil.rmtree(run.extended_folder(2, 1))
-    halfway = Fit.load(run.path)
-    assert halfway.posterior["posterior"].sizes["draw"] == SMALL_RUN.draws
-    completed = again(small_problem, run.path)
-    assert contents(run) == contents(extended.directory)
-    assert (
-        completed.posterior["posterior"]
-        .to_dataset()
-        .equals(extended.posterior["posterior"].to_dataset())
-    )
-
-
 def test_it_goes_on_from_any_extension_and_not_without_being_asked(
     extended: Fit, small_problem: Problem, tmp_path: Path
 ) -> None:
@@ -104,31 +87,36 @@ def test_it_goes_on_from_any_extension_and_not_without_being_asked(
     assert longer.checked_draws is not None
 
 
-def test_another_number_is_added_after_what_was_interrupted(
-    extended: Fit, small_problem: Problem, tmp_path: Path, caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize("more", [None, MORE, 20])
+def test_a_run_that_was_killed_is_completed_before_another_number_is_added(
+    more: int | None,
+    extended: Fit,
+    small_problem: Problem,
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
     run = RunDirectory(tmp_path / "run")
     shutil.copytree(extended.directory.path, run.path)
     shutil.rmtree(run.extended_folder(2, 1))
+    assert Fit.load(run.path).posterior["posterior"].sizes["draw"] == SMALL_RUN.draws
     caplog.set_level(logging.INFO, "pyburgers.sampling.extensions")
-    longer = again(small_problem, run.path, 20)
-    assert longer.manifest["more_draws"] == [MORE, 20]
-    assert longer.posterior["posterior"].sizes["draw"] == SMALL_RUN.draws + MORE + 20
-    assert caplog.messages == [
-        "Adding 60 draws was asked for before and is completed first.",
-        "Extending 1 chain by 60 draws.",
-        "Extending 2 chains by 20 draws.",
-    ]
-
-
-def test_the_same_number_again_completes_what_was_interrupted(
-    extended: Fit, small_problem: Problem, tmp_path: Path
-) -> None:
-    run = RunDirectory(tmp_path / "run")
-    shutil.copytree(extended.directory.path, run.path)
-    shutil.rmtree(run.extended_folder(2, 1))
-    assert again(small_problem, run.path, MORE).manifest["more_draws"] == [MORE]
-    assert contents(run) == contents(extended.directory)
+    completed = again(small_problem, run.path, more)
+    added = [20] if more == 20 else []
+    assert completed.manifest["more_draws"] == [MORE, *added]
+    kept = contents(extended.directory)
+    assert {name: contents(run)[name] for name in kept} == kept
+    draws = completed.posterior["posterior"].to_dataset()
+    first = draws.isel(draw=slice(SMALL_RUN.draws + MORE))
+    assert first.equals(extended.posterior["posterior"].to_dataset())
+    assert draws.sizes["draw"] == SMALL_RUN.draws + MORE + sum(added)
+    if added:
+        assert caplog.messages == [
+            "Adding 60 draws was asked for before and is completed first.",
+            "Extending 1 chain by 60 draws.",
+            "Extending 2 chains by 20 draws.",
+        ]
+    else:
+        assert contents(run) == kept
 
 
 @pytest.mark.parametrize("more", [-5, 0, 10**6 + 1, 10**20])
@@ -200,7 +188,7 @@ def test_changed_draws_of_an_extension_are_noticed(extended: Fit, tmp_path: Path
     extended.save(path)
     file = RunDirectory(path).draws_file(1, 1)
     file.write_text(file.read_text(encoding="utf-8").replace("1", "2"), encoding="utf-8")
-    with pytest.raises(Exception, match=r"extended_1/draws\.csv has changed"):
+    with pytest.raises(InputError, match=r"extended_1/draws\.csv has changed"):
         Fit.load(path)
 
 

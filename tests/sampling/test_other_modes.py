@@ -89,20 +89,15 @@ def test_the_weight_is_that_of_the_probability_around_a_mode(ends: list[End]) ->
     np.testing.assert_array_equal(variables["coordinate"], PLACES[1])
 
 
-def test_what_lies_far_below_the_highest_is_not_looked_at(ends: list[End]) -> None:
-    lower = [(density - 13 * (at["coordinate"][0] > 3), at) for density, at in ends]
-    assert modes_beside_the_highest(Mixture(), {}, lower) == []
-
-
 def test_an_end_beside_which_nothing_is_solved_is_no_mode(ends: list[End]) -> None:
     assert modes_beside_the_highest(Unsolved(), {}, ends) == []
-
-
-def test_nothing_is_weighed_against_a_mode_at_the_edge(ends: list[End]) -> None:
-    """As where the lesser mode is the one beside which there are solutions."""
+    # As where the lesser mode is the one beside which there are solutions.
     turned = sorted(ends, key=lambda one: one[0])
     assert turned[0][1]["coordinate"][0] > 3
     assert modes_beside_the_highest(Unsolved(), {}, turned) == []
+    # Nor is one that lies far below the highest.
+    lower = [(density - 13 * (at["coordinate"][0] > 3), at) for density, at in ends]
+    assert modes_beside_the_highest(Mixture(), {}, lower) == []
 
 
 def test_a_part_of_a_joint_fit_has_its_own_values() -> None:

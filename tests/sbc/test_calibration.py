@@ -1,5 +1,6 @@
 """Calibration: simulated data are the program's, and truths are ranked among draws."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError, SamplingError, SystemFailureError
 from pyburgers.fitting.fit import Fit, fit_problem
 from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forced_oscillation.experiment import (
     load_forced_oscillation,
     with_background,
@@ -150,39 +152,40 @@ def test_draws_without_solution_are_counted_and_replaced(
         simulate_from_prior(template, seed=4)
 
 
-def test_data_sets_outside_the_range_are_counted_and_replaced(programs: None) -> None:
-    experiment = load_constant_rate(ICE / "PIL40.toml")
-    template = one_test(experiment, calibration_priors("ice"))
-    largest, outside = [], 0
-    for seed in range(12):
-        simulated = simulate_from_prior(template, seed=seed, stress_range=(5e6, 20e6))
-        largest.append(simulated.problem.experiments[0].largest_stress)
-        outside += simulated.n_outside
-    assert 5e6 <= min(largest) < max(largest) <= 20e6
-    assert outside > 12  # half of the draws of Table 1 lie above 70 MPa
+def stress_of(test: Experiment) -> float:
+    return test.largest_stress
 
 
-def test_strains_outside_their_range_are_replaced_too(programs: None) -> None:
-    """At one imposed stress the whole priors creep from nothing to many times the length."""
-    creep = load_experiment(ICE.parent / "calibration" / "ice_creep.toml")
-    template = one_test(
-        creep, load_priors(ICE.parent / "calibration" / "priors" / "ice_creep.toml")
-    )
-    largest, outside = [], 0
-    for seed in range(4):
-        simulated = simulate_from_prior(template, seed=seed, strain_range=(0.01, 0.3))
-        (experiment,) = simulated.problem.experiments
-        largest.append(experiment.largest_strain_read or 0.0)
-        outside += simulated.n_outside
-    assert 0.01 <= min(largest) < max(largest) <= 0.3
-    assert outside > 4
+def strain_of(test: Experiment) -> float:
+    return test.largest_strain_read or 0.0
 
 
-def test_the_template_in_three_stages_has_two_noises() -> None:
-    folder = ICE.parent / "calibration"
-    priors = load_priors(folder / "priors" / "ice_mixed.toml")
-    problem = one_test(load_experiment(folder / "ice_mixed.toml"), priors)
-    assert {"stress_noise", "strain_noise"} <= set(problem.free)
+@pytest.mark.parametrize(
+    ("template", "limit", "low", "high", "number", "largest"),
+    [
+        # Half of the draws of Table 1 lie above 70 MPa.
+        (ICE / "PIL40.toml", "stress_range", 5e6, 20e6, 12, stress_of),
+        # At one imposed stress the whole priors creep from nothing to many times the length.
+        (TEMPLATES / "ice_creep.toml", "strain_range", 0.01, 0.3, 4, strain_of),
+    ],
+)
+def test_data_sets_outside_a_range_are_counted_and_replaced(
+    template: Path,
+    limit: str,
+    low: float,
+    high: float,
+    number: int,
+    largest: Callable[[Experiment], float],
+    programs: None,
+) -> None:
+    own = template.parent / "priors" / template.name
+    priors = load_priors(own) if own.is_file() else calibration_priors("ice")
+    problem = one_test(load_experiment(template), priors)
+    ranges: dict[str, Any] = {limit: (low, high)}
+    made = [simulate_from_prior(problem, seed=seed, **ranges) for seed in range(number)]
+    found = [largest(one.problem.experiments[0]) for one in made]
+    assert low <= min(found) < max(found) <= high
+    assert sum(one.n_outside for one in made) > number
 
 
 def test_tests_of_a_joint_template_share_what_is_shared(programs: None) -> None:
@@ -418,3 +421,6 @@ def test_shipped_templates_can_be_simulated(file: Path, programs: None) -> None:
     (test,) = simulated.problem.experiments
     assert 1e6 <= test.largest_stress <= 1e9
     assert test.n_points == experiment.n_points
+    if file.stem == "ice_mixed":
+        priors = load_priors(TEMPLATES / "priors" / file.name)
+        assert {"stress_noise", "strain_noise"} <= set(one_test(experiment, priors).free)

@@ -1,10 +1,10 @@
 """The synthetic table and curve of ice with their generator; the measured tables of olivine."""
 
-import importlib.util
 from pathlib import Path
 
 import numpy as np
 from conftest import ICE
+from data_script import data_script
 
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.constant_rate.experiment import load_constant_rate
@@ -17,13 +17,7 @@ OLIVINE = ICE.parent / "olivine"
 
 
 def test_the_synthetic_table_and_curve_are_what_their_generator_writes() -> None:
-    spec = importlib.util.spec_from_file_location(
-        "generate_attenuation_twin", ICE / "generate_attenuation_twin.py"
-    )
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    module = data_script(ICE / "generate_attenuation_twin.py")
     written: str = module.table_text()
     assert written == (ICE / "attenuation_twin.csv").read_text(encoding="utf-8")
     assert "SYNTHETIC" in written

@@ -1,13 +1,12 @@
 """The synthetic olivine record: its files, its solver against closed forms, its truth."""
 
-import importlib.util
-import sys
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
+from data_script import data_script
 
 from pyburgers.drawing.views.oscillation_response import observed_response
 from pyburgers.kinds.forced_oscillation.experiment import (
@@ -25,14 +24,7 @@ OLIVINE = Path(__file__).parents[2] / "data" / "olivine"
 
 @pytest.fixture(scope="module")
 def generator() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("generate_record", OLIVINE / "generate_record.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    # Dataclasses look their module up by name.
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    return data_script(OLIVINE / "generate_record.py")
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,5 @@
 """Data in the project: the synthetic twins and the published peak stresses."""
 
-import importlib.util
-import sys
 import tomllib
 from collections.abc import Callable
 from dataclasses import fields, replace
@@ -13,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 import pytest
+from data_script import data_script
 from independent_table import PEAKS, STRAIN_RATES, STRESS_OF_FAST, TRUTHS
 
 from pyburgers.kinds.constant_rate.experiment import load_constant_rate
@@ -26,26 +25,14 @@ ICE = Path(__file__).parents[2] / "data" / "ice"
 PUBLISHED = {"PIL40": (1.69e-4, 8.03), "PIL72": (8.0e-5, 6.32), "PIL105": (2.53e-5, 4.49)}
 
 
-def script(name: str) -> ModuleType:
-    """Load a script from the folder of the data."""
-    spec = importlib.util.spec_from_file_location(name, ICE / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    # Dataclasses look their module up by name.
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.fixture(scope="module")
 def generator() -> ModuleType:
-    return script("generate_twins")
+    return data_script(ICE / "generate_twins.py")
 
 
 @pytest.fixture(scope="module")
 def searcher() -> ModuleType:
-    return script("search_twins")
+    return data_script(ICE / "search_twins.py")
 
 
 def test_the_generator_rewrites_the_files_bit_for_bit(

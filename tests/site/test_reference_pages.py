@@ -25,7 +25,7 @@ from pyburgers.kinds.experiment import CONDITION_KEYS
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.likelihood import NAMES
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
-from pyburgers.kinds.loading_history.priors import own_priors
+from pyburgers.kinds.loading_history.likelihood import LIKELIHOOD
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import default_priors
@@ -176,7 +176,7 @@ def test_values_of_parameters_that_are_left_out_are_those_of_a_fit() -> None:
     history = load_experiment(SHIPPED["loading_history"])
     assert isinstance(history, HistoryExperiment)
     plain = default_priors(history.material, history.protocol)
-    (priors,) = own_priors([history], plain)
+    (priors,) = LIKELIHOOD.own_priors([history], plain)
     for name in FREE_IN_HISTORIES:
         assert name not in plain.priors
         assert not priors[name].is_fixed
@@ -238,7 +238,7 @@ def test_what_depends_on_readings_stands_above_the_tables() -> None:
     said = " ".join(page.read_text(encoding="utf-8").split())
     history = load_experiment(SHIPPED["loading_history"])
     assert isinstance(history, HistoryExperiment)
-    (priors,) = own_priors([history], default_priors(history.material, history.protocol))
+    (priors,) = LIKELIHOOD.own_priors([history], default_priors(history.material, history.protocol))
     law = variant_of(priors, history).residuals
     assert f"whose strain is read takes `residuals={law}`" in said
     without_scatter = [

@@ -5,7 +5,7 @@ from attenuation_oracle import fluidity_of_stress
 from conftest import FunctionValues
 from stan_values import PHYSICS
 
-from pyburgers.kinds.attenuation.stan_data import stress_nodes
+from pyburgers.kinds.attenuation.likelihood import stress_nodes
 
 CASES = [
     # median, amplitude (Pa), n, sigma_L (Pa)

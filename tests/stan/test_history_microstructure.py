@@ -19,8 +19,8 @@ from truth_as_mode import at_truth
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.likelihood import likelihood_of
-from pyburgers.kinds.loading_history.conversion import as_history
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stan_data import leg_of_times
 from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
@@ -182,7 +182,7 @@ def test_a_curve_has_the_same_density_as_a_history() -> None:
     few = ("maxwell_modulus", "steady_state_grain_size", "stress_noise")
     known = {name: truth[name] for name in default_priors("ice").free if name not in few}
     found = []
-    for test in (curve, as_history(curve)):
+    for test in (curve, CONSTANT_RATE.as_history(curve)):
         problem = problem_of([test], with_fixed(default_priors("ice"), known))
         data = program_data(problem, solver=TIGHT)
         point = {"coordinate": np.full(data["n_coordinates"], 0.3).tolist()}

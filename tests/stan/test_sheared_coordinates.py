@@ -27,13 +27,13 @@ from pyburgers.kinds.forced_oscillation.experiment import (
     with_known_strain,
 )
 from pyburgers.kinds.forced_oscillation.harmonics import fundamentals
+from pyburgers.kinds.forced_oscillation.likelihood import LIKELIHOOD
 from pyburgers.kinds.forced_oscillation.preparation import Background, prepare
-from pyburgers.kinds.forced_oscillation.sheared import find_sheared
-from pyburgers.kinds.forced_oscillation.stan_data import (
+from pyburgers.kinds.forced_oscillation.sheared import (
     LOG_RATE_STEP,
     N_SOLUTIONS,
+    ShearedChart,
     ShearedReference,
-    grid_block,
 )
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import one_test, plain_coordinates, problem_of
@@ -217,7 +217,7 @@ def assert_coordinates_work(
 ) -> ShearedReference:
     """The set-up from the curvature works, and what it sets up has the right density."""
     mode = truth_in(experiment, priors)
-    reference, centre = find_sheared(
+    reference, centre = ShearedChart().reference(
         at_mode(problem_of([experiment], priors), mode, SolverOptions(tolerance=1e-6))
     )
     assert np.all(np.isfinite(reference.flow_slope))
@@ -336,7 +336,7 @@ def test_the_stretch_of_the_flow_rate_does_not_depend_on_its_slopes_at_the_mode(
     priors = resolved_priors(experiment)
     mode = truth_in(experiment, priors)
     test = at_mode(problem_of([experiment], priors), mode, SolverOptions(tolerance=1e-6))
-    reference, _ = find_sheared(test)
+    reference, _ = ShearedChart().reference(test)
     flow = test.coordinates.quantities.index(REFERENCE_FLOW_RATE)
     moderate, large = (
         sheared_truth(experiment, priors, replace(reference, flow_slope=np.array(slope)))[flow]
@@ -370,11 +370,11 @@ def test_dashpot_and_kelvin_element_share_the_loss_at_every_flow_rate(
     priors = resolved_priors(experiment)
     mode = truth_in(experiment, priors)
     test = at_mode(problem_of([experiment], priors), mode, SolverOptions(tolerance=1e-7))
-    reference, _ = find_sheared(test)
+    reference, _ = ShearedChart().reference(test)
     rates = reference.first_log_rate + LOG_RATE_STEP * np.arange(N_SOLUTIONS)
     flow = test.coordinates.quantities.index(REFERENCE_FLOW_RATE)
     prepared = experiment.prepared
-    grid = grid_block([experiment], [prepared.time])
+    grid = LIKELIHOOD.grid_block([experiment], [prepared.time])
     kelvin_compliance = 1 / (
         mode.values["kelvin_modulus"]
         + 2j * np.pi / prepared.period * mode.values["kelvin_viscosity"]
@@ -404,7 +404,7 @@ def test_the_stretch_is_found_from_a_dashpot_that_stands_still() -> None:
     priors = resolved_priors(experiment)
     mode = truth_in(experiment, priors)
     test = at_mode(problem_of([experiment], priors), mode, SolverOptions(tolerance=1e-6))
-    reference, centre = find_sheared(test)
+    reference, centre = ShearedChart().reference(test)
     flow = test.coordinates.quantities.index(REFERENCE_FLOW_RATE)
     assert centre[flow] < -20  # the logarithm of a share of a tenth of the loss
     rates = reference.first_log_rate + LOG_RATE_STEP * np.arange(N_SOLUTIONS)

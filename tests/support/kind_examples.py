@@ -29,8 +29,8 @@ from pyburgers.kinds.forced_oscillation.experiment import (
     load_forced_oscillation,
     with_background,
 )
+from pyburgers.kinds.forced_oscillation.likelihood import START_MARGIN
 from pyburgers.kinds.forced_oscillation.preparation import Background, prepare
-from pyburgers.kinds.forced_oscillation.stan_data import START_MARGIN
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stan_data import leg_of_times
 from pyburgers.kinds.stan_data import SolverOptions

@@ -18,6 +18,7 @@ from pyburgers.drawing.panels import (
     HALF_WIDTH,
     LINES_AND_AREAS,
     FittedCurve,
+    ReadCurve,
     draw_band,
     draw_open_dots,
     figure_of,
@@ -33,6 +34,7 @@ from pyburgers.kinds.kind import FittedTest
 GPA = 1e-9
 PERIOD_LABEL = "period (s)"
 PLACE_LABEL = "spectra of attenuation, then of modulus, each along log period"
+TAN_DELTA_LABEL = r"$\tan\delta$ (–)"
 DOT_SIZE = 4.5
 MODULUS_NAMES = {"axial": "Young's modulus", "shear": "shear modulus"}
 
@@ -105,7 +107,7 @@ def master_curves(fit: FittedTest) -> Figure:
             if readings.modulus.size:
                 moduli = readings.modulus[own.rows] * GPA
                 draw_open_dots(lower, period[own.rows], moduli, own.colour, size=DOT_SIZE)
-        upper.set(xscale="log", yscale="log", ylabel=r"$\tan\delta$ (–)")
+        upper.set(xscale="log", yscale="log", ylabel=TAN_DELTA_LABEL)
         modulus = MODULUS_NAMES[experiment.elasticity.deformation]
         lower.set(xlabel=PERIOD_LABEL, ylabel=f"{modulus} (GPa)")
         upper.legend(loc="best", ncols=2)
@@ -284,19 +286,36 @@ def rms_table(fit: FittedTest) -> PageTable:
     )
 
 
+def read_curve(experiment: AttenuationExperiment) -> ReadCurve:
+    """Gather the attenuation along the period, or the limits of it."""
+    readings = experiment.readings
+    recorded = np.maximum(readings.tan_delta, readings.limit)
+    return ReadCurve(
+        position=experiment.conditions.period[: recorded.size],
+        data=recorded,
+        position_label=PERIOD_LABEL,
+        label=TAN_DELTA_LABEL,
+        heading=experiment.title,
+        scale="log",
+    )
+
+
 def fitted_curve(fit: FittedTest) -> FittedCurve:
     """Gather all readings along their places, measured and as a fit has them."""
     experiment = of_kind(fit.experiment, AttenuationExperiment)
     return curve_of(
         fit,
         "log_reading",
+        ReadCurve(
+            position=experiment.position,
+            data=experiment.response,
+            position_label=PLACE_LABEL,
+            label="ln tan δ, ln(modulus/Pa)",
+            heading=experiment.title,
+        ),
         grid=positions(fit, "place"),
-        position=experiment.position,
-        data=experiment.response,
         residuals=np.concatenate(left_over(fit)),
         noise_band=HALF_WIDTH * mean_of(fit, "attenuation_scatter"),
-        position_label=PLACE_LABEL,
-        label="ln tan δ, ln(modulus/Pa)",
         residual_label="residual",
     )
 
@@ -356,6 +375,7 @@ def facts(experiment: AttenuationExperiment) -> Sequence[tuple[str, str]]:
 
 VIEW = View(
     figures=(master_curves, residuals, cole_cole, arrhenius, relaxation_spectrum),
+    read=read_curve,
     curve=fitted_curve,
     facts=facts,
     reference_text=Markup(

@@ -12,6 +12,7 @@ from pyburgers.drawing.panels import (
     STRAIN_LABEL,
     STRESS_LABEL,
     FittedCurve,
+    ReadCurve,
     curve_result,
     curve_with_residuals,
 )
@@ -46,27 +47,35 @@ def stress_strain(fit: FittedTest) -> Figure:
     return curve_with_residuals(fitted_curve(fit))
 
 
-def fitted_curve(fit: FittedTest) -> FittedCurve:
-    """Gather the stress-strain curve as measured and as a fit has it."""
-    experiment = of_kind(fit.experiment, ConstantRateExperiment)
-    return curve_of(
-        fit,
-        "stress",
-        STRESS_FACTOR,
-        grid=positions(fit, "strain") * STRAIN_FACTOR,
+def read_curve(experiment: ConstantRateExperiment) -> ReadCurve:
+    """Gather the measured stress-strain curve."""
+    return ReadCurve(
         position=experiment.strain * STRAIN_FACTOR,
         data=experiment.stress * STRESS_FACTOR,
-        residuals=residuals(fit, "stress", experiment.stress) * STRESS_FACTOR,
-        noise_band=HALF_WIDTH * mean_of(fit, "stress_noise") * STRESS_FACTOR,
         position_label=STRAIN_LABEL,
         label=STRESS_LABEL,
-        residual_label=f"residual ({STRESS_UNIT})",
+        heading=experiment.title,
         # The first rate is in the title.
         marks=[
             (segment.start_strain * STRAIN_FACTOR, f"then {rate_text(segment.strain_rate)}")
             for segment in experiment.segments[1:]
         ],
         limits=(0.0, 1.02 * experiment.final_strain * STRAIN_FACTOR),
+    )
+
+
+def fitted_curve(fit: FittedTest) -> FittedCurve:
+    """Gather the stress-strain curve as measured and as a fit has it."""
+    experiment = of_kind(fit.experiment, ConstantRateExperiment)
+    return curve_of(
+        fit,
+        "stress",
+        read_curve(experiment),
+        STRESS_FACTOR,
+        grid=positions(fit, "strain") * STRAIN_FACTOR,
+        residuals=residuals(fit, "stress", experiment.stress) * STRESS_FACTOR,
+        noise_band=HALF_WIDTH * mean_of(fit, "stress_noise") * STRESS_FACTOR,
+        residual_label=f"residual ({STRESS_UNIT})",
     )
 
 
@@ -116,6 +125,7 @@ def _mantissa_and_exponent(number: float) -> tuple[str, str]:
 
 VIEW = View(
     figures=(stress_strain, softening),
+    read=read_curve,
     curve=fitted_curve,
     facts=facts,
     reference_text=Markup(

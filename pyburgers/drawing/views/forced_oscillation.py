@@ -15,6 +15,7 @@ from pyburgers.drawing.panels import (
     MEDIAN_LABEL,
     STRESS_LABEL,
     FittedCurve,
+    ReadCurve,
     curve_result,
     curve_with_residuals,
     draw_band_panel,
@@ -73,22 +74,32 @@ def stress_time(fit: FittedTest) -> Figure:
     return curve_with_residuals(fitted_curve(fit))
 
 
+def read_curve(experiment: OscillationExperiment) -> ReadCurve:
+    """Gather the stress along time as measured, and as it is compared with the model."""
+    prepared = experiment.prepared
+    return ReadCurve(
+        position=prepared.time,
+        data=prepared.stress * STRESS_FACTOR,
+        error=prepared.uncertainty * STRESS_FACTOR,
+        position_label=TIME_LABEL,
+        label=STRESS_LABEL,
+        heading=experiment.title,
+    )
+
+
 def fitted_curve(fit: FittedTest) -> FittedCurve:
     """Gather the stress along time as measured and as a fit has it."""
-    prepared = of_kind(fit.experiment, OscillationExperiment).prepared
+    experiment = of_kind(fit.experiment, OscillationExperiment)
+    prepared = experiment.prepared
     noise = mean_of(fit, "stress_noise") * prepared.relative_uncertainty
     return curve_of(
         fit,
         "stress",
+        read_curve(experiment),
         STRESS_FACTOR,
         grid=positions(fit, "time"),
-        position=prepared.time,
-        data=prepared.stress * STRESS_FACTOR,
         residuals=residuals(fit, "stress", prepared.stress) / noise,
-        error=prepared.uncertainty * STRESS_FACTOR,
         noise_band=HALF_WIDTH,
-        position_label=TIME_LABEL,
-        label=STRESS_LABEL,
         residual_label="residual / noise (–)",
     )
 
@@ -269,6 +280,7 @@ def _strain_error_text(prepared: PreparedOscillation) -> str:
 
 VIEW = View(
     figures=(stress_time, stress_loop, amplitude_phase, microstructure, preparation_of),
+    read=read_curve,
     curve=fitted_curve,
     facts=facts,
     reference_text=Markup(

@@ -19,6 +19,7 @@ from pyburgers.drawing.panels import (
     STRAIN_LABEL,
     STRESS_LABEL,
     FittedCurve,
+    ReadCurve,
     band_text,
     curve_result,
     draw_band,
@@ -165,27 +166,42 @@ def _main(experiment: HistoryExperiment) -> Quantity:
     return _STRAIN if 2 * experiment.response_is_strain.sum() >= experiment.n_points else _STRESS
 
 
+def read_curve(experiment: HistoryExperiment) -> ReadCurve:
+    """Gather what was read along time; of two quantities that of which there are more readings."""
+    return _read(experiment, _main(experiment))
+
+
+def _read(experiment: HistoryExperiment, shown: Quantity) -> ReadCurve:
+    """Gather a quantity along time as read."""
+    unit, seconds = time_unit(experiment.end_time)
+    is_read = experiment.response_is_strain == (shown is _STRAIN)
+    return ReadCurve(
+        position=experiment.time[is_read] / seconds,
+        data=experiment.reading[is_read] * shown.display_factor,
+        position_label=f"time ({unit})",
+        label=_LABELS[shown.name],
+        heading=experiment.title,
+        marks=[(stage.start_time / seconds, "") for stage in experiment.stages[1:]],
+        limits=(0.0, 1.01 * experiment.end_time / seconds),
+    )
+
+
 def _curve(fit: FittedTest, shown: Quantity) -> FittedCurve:
     """Gather a quantity along time as read and as a fit has it, in display units."""
     experiment = of_kind(fit.experiment, HistoryExperiment)
-    unit, seconds = time_unit(experiment.end_time)
+    _, seconds = time_unit(experiment.end_time)
     time = positions(fit, "time")
     imposed = np.array([stage.driven == shown.name for stage in experiment.stages])
     is_read = experiment.response_is_strain == (shown is _STRAIN)
     curve = curve_of(
         fit,
         shown.name,
+        _read(experiment, shown),
         shown.display_factor,
         grid=time / seconds,
-        position=experiment.time[is_read] / seconds,
-        data=experiment.reading[is_read] * shown.display_factor,
         residuals=residuals(fit, "response", experiment.reading)[is_read] * shown.display_factor,
         noise_band=HALF_WIDTH * mean_of(fit, f"{shown.name}_noise") * shown.display_factor,
-        position_label=f"time ({unit})",
-        label=_LABELS[shown.name],
         residual_label=f"residual ({shown.display_unit})",
-        marks=[(stage.start_time / seconds, "") for stage in experiment.stages[1:]],
-        limits=(0.0, 1.01 * experiment.end_time / seconds),
     )
     # What is imposed has no reading error.
     is_imposed = imposed[stage_of_times(experiment, time)]
@@ -337,6 +353,7 @@ def _place(experiment: HistoryExperiment, section: MeasuredMicrostructure) -> st
 
 VIEW = View(
     figures=(history, response, softening),
+    read=read_curve,
     curve=fitted_curve,
     facts=facts,
     reference_text=Markup(

@@ -4,13 +4,15 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import span_text
+from pyburgers.kinds.attenuation.imagined_spectra import spectra_of
 from pyburgers.kinds.attenuation.table import (
     ATTENUATION,
     MODULUS,
@@ -30,7 +32,7 @@ LARGEST_TAN_DELTA = 3.0
 """tan(delta) beyond which its unit may be wrong."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class AttenuationExperiment(Experiment):
     """One specimen's table of attenuation and modulus in SI units.
 
@@ -163,6 +165,21 @@ class AttenuationExperiment(Experiment):
         }
         return {name: 0.0 if np.all(error > 0) else None for name, error in errors.items()}
 
+    def solution_table(self, solution: pd.DataFrame) -> pd.DataFrame:
+        """Return tan delta and modulus at the rows of the table."""
+        conditions = self.conditions
+        reading = np.exp(solution.set_index("place")["log_reading"])
+        return pd.DataFrame(
+            {
+                "period_s": conditions.period,
+                "temperature_K": conditions.temperature,
+                "median_stress_Pa": conditions.median_stress,
+                "amplitude_Pa": conditions.amplitude,
+                "tan_delta": reading[conditions.place].to_numpy(),
+                "modulus_Pa": reading[conditions.place + conditions.n_spectra].to_numpy(),
+            }
+        )
+
     @property
     def stated_errors(self) -> FloatArray:
         """Stated errors of the logarithms of readings, 0 where there are none, (n_points,)."""
@@ -206,6 +223,50 @@ class AttenuationExperiment(Experiment):
             f"{range_text(temperature)} K, periods {range_text(period)} s, "
             f"{self.elasticity.deformation} cycles"
         )
+
+    def own_tables(self) -> dict[str, Any]:
+        """Return what the cycles are, and rows with readings; without any, the spectra."""
+        conditions, readings = self.conditions, self.readings
+        attenuation = {
+            "deformation": self.elasticity.deformation,
+            "poisson_ratio": self.elasticity.poisson_ratio,
+            "bulk_modulus_Pa": self.elasticity.bulk_modulus,
+        }
+        if readings.tan_delta.size == 0:
+            return {"attenuation": attenuation, "spectra": spectra_of(conditions)}
+        columns: dict[str, FloatArray] = {
+            "period_s": conditions.period,
+            "temperature_K": conditions.temperature,
+            "median_stress_Pa": conditions.median_stress,
+            "tan_delta": readings.tan_delta,
+            "tan_delta_uncertainty": readings.tan_delta_error,
+            "limit": readings.limit,
+        }
+        data: dict[str, Any] = {
+            "file": columns,
+            "missing": [],
+            "period_column": "period_s",
+            "period_unit": "s",
+            "temperature_column": "temperature_K",
+            "temperature_unit": "K",
+            "stress_unit": "Pa",
+            "median_stress_column": "median_stress_Pa",
+            "attenuation_column": "tan_delta",
+            "attenuation_form": "tan_delta",
+            "attenuation_uncertainty_column": "tan_delta_uncertainty",
+            "limit_column": "limit",
+        }
+        if self.amplitude_is_stated:
+            columns["amplitude_Pa"] = conditions.amplitude
+            data["amplitude_column"] = "amplitude_Pa"
+        if readings.modulus.size:
+            columns |= {"modulus_Pa": readings.modulus, "uncertainty_Pa": readings.modulus_error}
+            data |= {
+                "modulus_column": "modulus_Pa",
+                "modulus_unit": "Pa",
+                "modulus_uncertainty_column": "uncertainty_Pa",
+            }
+        return {"attenuation": attenuation, "data": data}
 
 
 def range_text(numbers: FloatArray, digits: int = 6) -> str:

@@ -7,17 +7,15 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_data
+from pyburgers.common.columns import Column, DataFile, TextFilesTable, read_columns
 from pyburgers.common.errors import InputError, all_of
-from pyburgers.common.paths import given_path
-from pyburgers.common.toml_files import Table, factor_to_si, read_toml
+from pyburgers.common.toml_files import Table, factor_to_si
 from pyburgers.common.units import UNIT_TABLE, units_text
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.forms import Form, loss_of, tan_delta_of
 from pyburgers.kinds.attenuation.imagined_spectra import (
     SpectrumTable,
     conditions_of,
-    spectra_of,
 )
 from pyburgers.kinds.attenuation.table import (
     NO_READINGS,
@@ -28,12 +26,8 @@ from pyburgers.kinds.attenuation.table import (
     Readings,
     check_table,
 )
-from pyburgers.kinds.experiment import (
-    CONDITION_KEYS,
-    ExperimentFile,
-    shared_values,
-    write_experiment,
-)
+from pyburgers.kinds.experiment import CONDITION_KEYS
+from pyburgers.kinds.experiment_file import ExperimentFile, experiment_file, shared_values
 
 MODULI = ("modulus_column", "storage_modulus_column")
 """Keys of columns of which |M| is one, or follows."""
@@ -58,7 +52,7 @@ class _AttenuationTable(Table):
 
 
 class _DataTable(TextFilesTable):
-    file: str = Field(description="the data file")
+    file: DataFile = Field(description="the data file")
     period_column: Column | None = None
     period_unit: str | None = Field(None, description=units_text("time"))
     frequency_column: Column | None = None
@@ -104,7 +98,9 @@ class _DataTable(TextFilesTable):
     )
 
 
-class _AttenuationFile(ExperimentFile):
+class AttenuationFile(ExperimentFile):
+    """The keys of the file of a table of attenuation."""
+
     protocol: Literal["attenuation"] = Field(description="the kind of test")
     temperature_K: float = Field(  # noqa: N815
         description="the temperature in kelvin for which the flow rate is given, and of rows "
@@ -119,14 +115,15 @@ class _AttenuationFile(ExperimentFile):
     data: _DataTable | None = Field(None, description="the table that names the data file")
 
 
-def load_attenuation(path: str | Path) -> AttenuationExperiment:
-    """Read and check the file of a table of attenuation and its data file.
+def load_attenuation(
+    path: str | Path, tables: Mapping[str, Any] | None = None
+) -> AttenuationExperiment:
+    """Read and check the file of a table of attenuation, or its tables, and its data file.
 
     A file with spectra in the place of data is a table that can be simulated. Raise InputError if a
     file, key, unit or number is not what it has to be.
     """
-    path = given_path(path)
-    file = read_toml(path, _AttenuationFile)
+    path, file = experiment_file(path, AttenuationFile, tables)
     for key, _ in CONDITION_KEYS.values():
         if getattr(file, key) is not None:
             raise InputError(
@@ -147,56 +144,7 @@ def load_attenuation(path: str | Path) -> AttenuationExperiment:
     )
 
 
-def save_attenuation(experiment: AttenuationExperiment, directory: Path) -> Path:
-    """Write a self-contained copy in SI units: ``experiment.toml``, and ``experiment.csv`` of data.
-
-    `load_attenuation` reads back exactly equal contents, notices included.
-    """
-    conditions, readings = experiment.conditions, experiment.readings
-    elasticity = experiment.elasticity
-    attenuation = {
-        "deformation": elasticity.deformation,
-        "poisson_ratio": elasticity.poisson_ratio,
-        "bulk_modulus_Pa": elasticity.bulk_modulus,
-    }
-    if readings.tan_delta.size == 0:
-        own = {"attenuation": attenuation, "spectra": spectra_of(conditions)}
-        return write_experiment(experiment, directory, own)
-    table: dict[str, FloatArray] = {
-        "period_s": conditions.period,
-        "temperature_K": conditions.temperature,
-        "median_stress_Pa": conditions.median_stress,
-        "tan_delta": readings.tan_delta,
-        "tan_delta_uncertainty": readings.tan_delta_error,
-        "limit": readings.limit,
-    }
-    data: dict[str, Any] = {
-        "period_column": "period_s",
-        "period_unit": "s",
-        "temperature_column": "temperature_K",
-        "temperature_unit": "K",
-        "stress_unit": "Pa",
-        "median_stress_column": "median_stress_Pa",
-        "attenuation_column": "tan_delta",
-        "attenuation_form": "tan_delta",
-        "attenuation_uncertainty_column": "tan_delta_uncertainty",
-        "limit_column": "limit",
-    }
-    if experiment.amplitude_is_stated:
-        table["amplitude_Pa"] = conditions.amplitude
-        data["amplitude_column"] = "amplitude_Pa"
-    if readings.modulus.size:
-        table |= {"modulus_Pa": readings.modulus, "uncertainty_Pa": readings.modulus_error}
-        data |= {
-            "modulus_column": "modulus_Pa",
-            "modulus_unit": "Pa",
-            "modulus_uncertainty_column": "uncertainty_Pa",
-        }
-    data = {**write_data(directory, table), **data}
-    return write_experiment(experiment, directory, {"attenuation": attenuation, "data": data})
-
-
-def _table(path: Path, file: _AttenuationFile) -> tuple[CycleConditions, Readings, tuple[str, ...]]:
+def _table(path: Path, file: AttenuationFile) -> tuple[CycleConditions, Readings, tuple[str, ...]]:
     """Return the rows, measured or imagined, and notes on their file."""
     if (file.data is None) == (not file.spectra):
         found = "neither" if file.data is None else "both"
@@ -215,13 +163,13 @@ def _table(path: Path, file: _AttenuationFile) -> tuple[CycleConditions, Reading
 
 
 def _measured(
-    path: Path, file: _AttenuationFile, data: _DataTable
+    path: Path, file: AttenuationFile, data: _DataTable
 ) -> tuple[CycleConditions, Readings, tuple[str, ...]]:
     """Read and check the rows, in the order of the data file; return notes on it with them."""
-    source = data.folder(path) / data.file
+    source = data.source(path)
     periods = _one_of(path, data, "period_column", "frequency_column")
     columns = _columns(path, data, periods)
-    read, notes = read_columns(source, data, columns, where=path, file_key="'file' in [data]")
+    read, notes = read_columns(path, data, columns)
     found = dict(zip(columns, read, strict=True))
     if data.least_temperature is not None:
         found = _from_temperature(path, data, found, data.least_temperature)

@@ -5,10 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
-from pyburgers.kinds.attenuation.files import load_attenuation, save_attenuation
+from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.attenuation.table import MODULUS, NO_READINGS
 from pyburgers.kinds.kind import Kind
 
@@ -20,7 +19,6 @@ class Attenuation(Kind[AttenuationExperiment]):
 
     name = "attenuation"
     load = staticmethod(load_attenuation)
-    save = staticmethod(save_attenuation)
 
     def without_data(self, experiment: AttenuationExperiment) -> AttenuationExperiment:
         """Return the table without what was read."""
@@ -37,23 +35,6 @@ class Attenuation(Kind[AttenuationExperiment]):
             "period_s": period,
             "temperature_K": conditions.temperature[conditions.first_rows[spectrum]],
         }
-
-    def solution_table(
-        self, experiment: AttenuationExperiment, solution: pd.DataFrame
-    ) -> pd.DataFrame:
-        """Return tan delta and modulus at the rows of the table."""
-        conditions = experiment.conditions
-        reading = np.exp(solution.set_index("place")["log_reading"])
-        return pd.DataFrame(
-            {
-                "period_s": conditions.period,
-                "temperature_K": conditions.temperature,
-                "median_stress_Pa": conditions.median_stress,
-                "amplitude_Pa": conditions.amplitude,
-                "tan_delta": reading[conditions.place].to_numpy(),
-                "modulus_Pa": reading[conditions.place + conditions.n_spectra].to_numpy(),
-            }
-        )
 
     def with_noise(
         self,

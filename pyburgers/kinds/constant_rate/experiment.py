@@ -3,15 +3,13 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.common.columns import read_columns, write_data
+from pyburgers.common.columns import read_columns
 from pyburgers.common.errors import InputError, all_of
-from pyburgers.common.paths import given_path
-from pyburgers.common.toml_files import read_toml
 from pyburgers.kinds.constant_rate.curves import (
     Curve,
     join_curves,
@@ -24,13 +22,12 @@ from pyburgers.kinds.constant_rate.file_tables import (
     check_data_keys,
     check_segments,
 )
-from pyburgers.kinds.experiment import (
+from pyburgers.kinds.experiment import Experiment, FloatArray
+from pyburgers.kinds.experiment_file import (
     SIGNS_WERE_TURNED,
-    Experiment,
-    FloatArray,
+    experiment_file,
     shared_values,
     sign_of,
-    write_experiment,
 )
 from pyburgers.kinds.limits import far_reading
 from pyburgers.kinds.microstructure import (
@@ -64,7 +61,7 @@ class RateSegment:
     strain_rate: float
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class ConstantRateExperiment(Experiment):
     """One test at piecewise constant strain rate in SI units.
 
@@ -138,6 +135,27 @@ class ConstantRateExperiment(Experiment):
         """Final strain."""
         return self.final_strain
 
+    def own_tables(self) -> dict[str, Any]:
+        """Return segments, readings and microstructure."""
+        data: dict[str, Any] = {
+            "file": {"strain": self.strain, "stress_Pa": self.stress},
+            "missing": [],
+            "strain_column": "strain",
+            "strain_unit": "fraction",
+            "stress_column": "stress_Pa",
+            "stress_unit": "Pa",
+            "stress_uncertainty": self.stress_uncertainty,
+        }
+        return {
+            "final_strain": self.final_strain,
+            "segments": [
+                {"start_strain": s.start_strain, "strain_rate_per_s": s.strain_rate}
+                for s in self.segments
+            ],
+            "data": data if self.n_points else None,
+            "microstructure": microstructure_tables(self.microstructure) or None,
+        }
+
     @property
     def noises(self) -> Mapping[str, float | None]:
         """Noise of the stress."""
@@ -205,8 +223,10 @@ def rate_text(rate: float) -> str:
     return rf"${mantissa}\times10^{{{int(exponent)}}}$ s$^{{-1}}$"
 
 
-def load_constant_rate(path: str | Path) -> ConstantRateExperiment:
-    """Read and check the file of a test at constant rate and the data files that it names.
+def load_constant_rate(
+    path: str | Path, tables: Mapping[str, Any] | None = None
+) -> ConstantRateExperiment:
+    """Read and check the file of a test at constant rate, or its tables, and its readings.
 
     Strains that are out of order or outside their segment by a reading error (see
     `pyburgers.kinds.constant_rate.curves`) are put right with a notice. Points at zero strain
@@ -215,8 +235,7 @@ def load_constant_rate(path: str | Path) -> ConstantRateExperiment:
     Times beside strains are compared with the rates, and a notice says where they differ. Raise
     InputError if a file, key, unit or number is not what it has to be.
     """
-    path = given_path(path)
-    file = read_toml(path, ConstantRateFile)
+    path, file = experiment_file(path, ConstantRateFile, tables)
     segments = tuple(RateSegment(s.start_strain, s.strain_rate_per_s) for s in file.segments)
     values, _, curves = all_of(
         lambda: shared_values(path, file),
@@ -244,37 +263,6 @@ def load_constant_rate(path: str | Path) -> ConstantRateExperiment:
     )
 
 
-def save_constant_rate(experiment: ConstantRateExperiment, directory: Path) -> Path:
-    """Write a self-contained copy, ``experiment.toml`` and ``experiment.csv``, in SI units.
-
-    `load_constant_rate` reads back exactly equal contents, notices included.
-    """
-    data = None
-    if experiment.n_points > 0:
-        columns = {"strain": experiment.strain, "stress_Pa": experiment.stress}
-        data = {
-            **write_data(directory, columns),
-            "strain_column": "strain",
-            "strain_unit": "fraction",
-            "stress_column": "stress_Pa",
-            "stress_unit": "Pa",
-            "stress_uncertainty": experiment.stress_uncertainty,
-        }
-    return write_experiment(
-        experiment,
-        directory,
-        {
-            "final_strain": experiment.final_strain,
-            "segments": [
-                {"start_strain": s.start_strain, "strain_rate_per_s": s.strain_rate}
-                for s in experiment.segments
-            ],
-            "data": data,
-            "microstructure": microstructure_tables(experiment.microstructure) or None,
-        },
-    )
-
-
 def _read_curves(
     path: Path, file: ConstantRateFile, segments: Sequence[RateSegment]
 ) -> list[Curve]:
@@ -283,43 +271,53 @@ def _read_curves(
     data = file.data
     if data is None:
         return []
-    root, sign = data.folder(path), sign_of(file.compression)
+    sign = sign_of(file.compression)
     end = np.inf if file.final_strain is None else file.final_strain
-    if data.file is not None and file.segments[0].rows is None:
-        strain, stress, notes = _read_points(
-            path, root / data.file, data, segments, "'file' in [data]", sign
-        )
-        return [Curve(root / data.file, data.selection, strain, stress, 0.0, end, notes)]
     bounds = [*(segment.start_strain for segment in segments), end]
+    parts = [
+        (
+            data.model_copy(
+                update={
+                    "file": data.file if segment.file is None else segment.file,
+                    "rows": {**data.rows, **(segment.rows or {})},
+                }
+            ),
+            "[data]" if data.file is not None else f"[[segments]] number {k + 1}",
+            (bounds[k], bounds[k + 1]),
+        )
+        for k, segment in enumerate(file.segments)
+    ]
+    if data.file is not None and file.segments[0].rows is None:
+        parts = [(data, "[data]", (0.0, end))]
     curves = []
-    for k, segment in enumerate(file.segments):
-        source = root / str(segment.file or data.file)
-        key = "'file' in [data]" if data.file else f"'file' in [[segments]] number {k + 1}"
-        own = data.model_copy(update={"rows": {**data.rows, **(segment.rows or {})}})
-        strain, stress, notes = _read_points(path, source, own, segments, key, sign)
-        curves.append(Curve(source, own.selection, strain, stress, bounds[k], bounds[k + 1], notes))
+    for part, named_in, ends in parts:
+        strain, stress, notes = _read_points(
+            path, part, segments, named_in, sign, is_whole=data.file is not None
+        )
+        curves.append(Curve(part.source(path), part.selection, strain, stress, *ends, notes))
     return curves
 
 
 def _read_points(
     path: Path,
-    source: Path,
     data: DataTable,
     segments: Sequence[RateSegment],
-    file_key: str,
+    named_in: str,
     sign: int,
+    *,
+    is_whole: bool,
 ) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
     """Strain (fraction) and stress (Pa) of one file, each of shape (n_rows,), and notes."""
+    source = data.source(path)
     read = [name for name in ("strain", "time") if getattr(data, f"{name}_column") is not None]
     names = (*read, "stress")
     columns = {f"{name}_column": (f"{name}_unit", name) for name in names}
     values, notes = read_columns(
-        source,
+        path,
         data,
         columns,
-        where=path,
-        file_key=file_key,
-        has_own_clock="strain" in read or data.file is not None or len(segments) == 1,
+        named_in=named_in,
+        has_own_clock="strain" in read or is_whole or len(segments) == 1,
     )
     found = dict(zip(names, values, strict=True))
     stress, time = sign * found["stress"], found.get("time")

@@ -7,11 +7,11 @@ from typing import Literal
 
 from pydantic import Field
 
-from pyburgers.common.columns import Cell, Column, TextFilesTable
+from pyburgers.common.columns import Cell, Column, DataFile, TextFilesTable
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table
 from pyburgers.common.units import units_text
-from pyburgers.kinds.experiment import Compression, ExperimentFile
+from pyburgers.kinds.experiment_file import Compression, ExperimentFile
 from pyburgers.kinds.microstructure import MicrostructureTable
 
 
@@ -20,7 +20,7 @@ class SegmentTable(Table):
 
     strain_rate_per_s: float = Field(gt=0, description="the imposed strain rate in 1/s")
     start_strain: float = Field(ge=0, description="the strain (fraction) at which the rate starts")
-    file: str | None = Field(None, description="the data file of this segment")
+    file: DataFile | None = Field(None, description="the data file of this segment")
     rows: dict[str, Cell] | None = Field(
         None, description="the rows of the data file of the whole test that are of this segment"
     )
@@ -29,7 +29,7 @@ class SegmentTable(Table):
 class DataTable(TextFilesTable):
     """The table [data]."""
 
-    file: str | None = Field(None, description="the data file of the whole test")
+    file: DataFile | None = Field(None, description="the data file of the whole test")
     strain_column: Column | None = None
     strain_unit: str | None = Field(None, description=units_text("strain"))
     time_column: Column | None = Field(

@@ -9,7 +9,6 @@ import numpy.typing as npt
 from pyburgers.kinds.constant_rate.experiment import (
     ConstantRateExperiment,
     load_constant_rate,
-    save_constant_rate,
 )
 from pyburgers.kinds.kind import Kind
 from pyburgers.kinds.residuals import draw_residuals
@@ -22,7 +21,6 @@ class ConstantRate(Kind[ConstantRateExperiment]):
 
     name = "constant_rate"
     load = staticmethod(load_constant_rate)
-    save = staticmethod(save_constant_rate)
 
     def without_data(self, experiment: ConstantRateExperiment) -> ConstantRateExperiment:
         """Return the test without its points."""

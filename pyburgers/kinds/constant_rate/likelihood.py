@@ -1,20 +1,34 @@
 """How tests at piecewise constant strain rate are sampled."""
 
+from collections.abc import Sequence
+from itertools import chain
 from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
 
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, strain_grid
-from pyburgers.kinds.constant_rate.stan_data import grid_block, reference_origin, tests_block
 from pyburgers.kinds.constant_rate.valley import ConstantRateValley
-from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import Likelihood
-from pyburgers.kinds.loading_history.conversion import as_history
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
+from pyburgers.kinds.loading_history.stages import Stage
+from pyburgers.kinds.microstructure import measured_block, strains_of
+from pyburgers.kinds.stan_data import StanData, ends
 from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
+from pyburgers.model.prior_families import is_fixed_at
+from pyburgers.model.priors import PriorSet
 from pyburgers.model.read_quantities import STRAIN, STRESS
 
 FloatArray = npt.NDArray[np.float64]
+
+REFERENCE_STRESS_SCALE = 0.1
+"""Scale of ln S_0: data fix it to about 0.01, the prior to about 1."""
+
+LABORATORY_STRESS = 1e7
+"""Origin of the reference stress (Pa) where nothing was observed."""
+
+STEP_ROUNDING = 1e-12
+"""Relative distance from a rate step below which a strain counts as the step."""
 
 
 class ConstantRateLikelihood(Likelihood[ConstantRateExperiment]):
@@ -39,9 +53,71 @@ class ConstantRateLikelihood(Likelihood[ConstantRateExperiment]):
     warmup = 300
     target_acceptance = 0.98
     chart = ConstantRateValley()
-    reference_origin = staticmethod(reference_origin)
-    tests_block = staticmethod(tests_block)
-    grid_block = staticmethod(grid_block)
+
+    def reference_origin(self, experiment: ConstantRateExperiment) -> tuple[float, float]:
+        """Origin and size of ln S_0: the largest observed stress."""
+        stress = experiment.largest_stress if experiment.n_points > 0 else LABORATORY_STRESS
+        return float(np.log(stress)), REFERENCE_STRESS_SCALE
+
+    def tests_block(
+        self, experiments: Sequence[ConstantRateExperiment], priors: Sequence[PriorSet]
+    ) -> StanData:
+        """Return the block `stan/data/constant_rate.stan`."""
+        outputs = [
+            solver_strains(e, np.append(e.strain, strains_of(e.microstructure)))
+            for e in experiments
+        ]
+        at_points, at_measured = (
+            [places[part] for (_, _, places), part in zip(outputs, parts, strict=True)]
+            for parts in (
+                [slice(e.n_points) for e in experiments],
+                [slice(e.n_points, None) for e in experiments],
+            )
+        )
+        segments = [segment for e in experiments for segment in e.segments]
+        return {
+            "segment_end": ends(len(e.segments) for e in experiments),
+            "segment_start": [segment.start_strain for segment in segments],
+            "segment_rate": [segment.strain_rate for segment in segments],
+            "strain_end": ends(strain.size for strain, _, _ in outputs),
+            "strain": np.concatenate([strain for strain, _, _ in outputs]).tolist(),
+            "n_strains_in_segment": list(chain.from_iterable(counts for _, counts, _ in outputs)),
+            "strain_of_point": np.concatenate([places + 1 for places in at_points]).tolist(),
+            "point_strain": np.concatenate(
+                [strain[places] for (strain, _, _), places in zip(outputs, at_points, strict=True)]
+            ).tolist(),
+            "measured_end": ends(len(e.microstructure) for e in experiments),
+            "strain_of_measured": np.concatenate([places + 1 for places in at_measured]).tolist(),
+            "measured": measured_block([e.microstructure for e in experiments]),
+            "point_segment": np.concatenate([e.reading_segment for e in experiments]).tolist(),
+            "stress_observed": np.concatenate([e.stress for e in experiments]).tolist(),
+            "correlated_residuals": int(
+                not all(is_fixed_at(own["residual_correlation_strain"], 0.0) for own in priors)
+            ),
+        }
+
+    def grid_block(
+        self, experiments: Sequence[ConstantRateExperiment], grids: Sequence[FloatArray]
+    ) -> StanData:
+        """Return the strains at which the solutions are reported apart from the observed ones.
+
+        Rate steps are added to a grid, so that the result may be longer; an empty one stays so.
+        """
+        strains, counts, rates = [], [], []
+        for experiment, grid in zip(experiments, grids, strict=True):
+            strain, count, _ = solver_strains(experiment, grid)
+            if grid.size == 0:
+                strain, count = grid, [0] * len(experiment.segments)
+            rate = np.array([segment.strain_rate for segment in experiment.segments])
+            strains.append(strain)
+            counts.append(count)
+            rates.append(rate[experiment.segment_of(strain)])
+        return {
+            "grid_end": ends(strain.size for strain in strains),
+            "grid_strain": np.concatenate(strains).tolist(),
+            "grid_rate": np.concatenate(rates).tolist(),
+            "n_grid_in_segment": list(chain.from_iterable(counts)),
+        }
 
     def grid(self, experiment: ConstantRateExperiment, *, fine: bool = False) -> FloatArray:
         """Return strains, denser at each segment's start; fine ones where stress first rises."""
@@ -60,9 +136,63 @@ class ConstantRateLikelihood(Likelihood[ConstantRateExperiment]):
             **stated,
         }
 
-    def as_history(self, experiment: ConstantRateExperiment) -> Experiment:
-        """Return the test as stages of constant rate."""
-        return as_history(experiment)
+    def as_history(self, experiment: ConstantRateExperiment) -> HistoryExperiment:
+        """Return the test as stages of constant rate.
+
+        The model, the readings and their density are the same; a path strain is the strain.
+        """
+        starts = np.array([segment.start_strain for segment in experiment.segments])
+        times = experiment.time_at(np.append(starts, experiment.final_strain))
+        stages = tuple(
+            Stage(
+                control="strain_rate",
+                start_time=float(times[k]),
+                end_time=float(times[k + 1]),
+                temperature=experiment.temperature,
+                value=segment.strain_rate,
+            )
+            for k, segment in enumerate(experiment.segments)
+        )
+        stage = experiment.reading_segment
+        time = np.clip(experiment.time_at(experiment.strain), times[stage], times[stage + 1])
+        return HistoryExperiment(
+            id=experiment.id,
+            material=experiment.material,
+            temperature=experiment.temperature,
+            initial_grain_size=experiment.initial_grain_size,
+            provenance=experiment.provenance,
+            metadata=experiment.metadata,
+            notices=experiment.notices,
+            true_parameters=experiment.true_parameters,
+            uncertain=experiment.uncertain,
+            stages=stages,
+            time=time,
+            reading_stage=stage,
+            reading=experiment.stress,
+            stress_uncertainty=experiment.stress_uncertainty,
+            n_readings_in_file=experiment.n_points,
+            microstructure=experiment.microstructure,
+        )
+
+
+def solver_strains(
+    experiment: ConstantRateExperiment, strain: FloatArray
+) -> tuple[FloatArray, list[int], npt.NDArray[np.int64]]:
+    """Solver outputs for the wanted strains: increasing, rate steps included.
+
+    A rate step is an output of the segment that ends there (the solver restarts from it). A strain
+    that rounding puts beside a step counts as the step: the solver cannot start into so short a
+    segment. Return `outputs` (n_outputs,): strains without repetition. Return `counts`: number of
+    outputs in each segment. Return `positions` (n,): place of each wanted strain among the outputs,
+    from 0.
+    """
+    steps = np.array([segment.start_strain for segment in experiment.segments[1:]])
+    snapped = strain.copy()
+    for step in steps:
+        snapped[np.isclose(strain, step, rtol=STEP_ROUNDING, atol=0.0)] = step
+    outputs = np.unique(np.concatenate([snapped, steps]))
+    counts = np.bincount(experiment.segment_of(outputs), minlength=len(experiment.segments))
+    return outputs, counts.tolist(), np.searchsorted(outputs, snapped)
 
 
 LIKELIHOOD = ConstantRateLikelihood()

@@ -9,24 +9,12 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field
 
-from pyburgers.common.columns import (
-    WRITTEN_LAYOUT,
-    Column,
-    TextFilesTable,
-    read_columns,
-    write_columns,
-)
+from pyburgers.common.columns import Column, DataFile, TextFilesTable, read_columns
 from pyburgers.common.errors import InputError, all_of
-from pyburgers.common.paths import given_path
-from pyburgers.common.toml_files import Table, read_toml
+from pyburgers.common.toml_files import Table
 from pyburgers.common.units import units_text
-from pyburgers.kinds.experiment import (
-    Experiment,
-    ExperimentFile,
-    FloatArray,
-    shared_values,
-    write_experiment,
-)
+from pyburgers.kinds.experiment import Experiment, FloatArray
+from pyburgers.kinds.experiment_file import ExperimentFile, experiment_file, shared_values
 from pyburgers.kinds.forced_oscillation.imposed_cycles import NO_RECORD, ImposedCycles
 from pyburgers.kinds.forced_oscillation.preparation import (
     Background,
@@ -39,7 +27,7 @@ from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT
 from pyburgers.model.read_quantities import STRESS
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class OscillationExperiment(Experiment):
     """One forced oscillation test in SI units.
 
@@ -149,6 +137,46 @@ class OscillationExperiment(Experiment):
             f"{amplitude * STRAIN_FACTOR:.2g} {STRAIN_UNIT}, background {prepared.background}"
         )
 
+    def own_tables(self) -> dict[str, Any]:
+        """Return how the record is prepared, and the record; or the imposed cycles."""
+        imposed, record, settings = self.imposed, self.record, self.settings
+        if imposed is not None:
+            return {
+                "oscillation": {
+                    "period_s": imposed.period,
+                    "spin_up_cycles": self.spin_up_cycles,
+                    "start_stress_Pa": imposed.start_stress,
+                },
+                "imposed_cycles": {
+                    "strain_amplitude": imposed.strain_amplitude,
+                    "cycles": imposed.cycles,
+                    "mean_strain_rate_per_s": imposed.mean_strain_rate,
+                },
+            }
+        series = {
+            "strain": ("fraction", record.strain_time, record.strain, record.strain_uncertainty),
+            "stress": ("Pa", record.stress_time, record.stress, record.stress_uncertainty),
+        }
+        data: dict[str, Any] = {"missing": []}
+        for name, (unit, *columns) in series.items():
+            data |= {
+                f"{name}_file": dict(zip(("time_s", name, "uncertainty"), columns, strict=True)),
+                f"{name}_time_column": "time_s",
+                f"{name}_time_unit": "s",
+                f"{name}_column": name,
+                f"{name}_unit": unit,
+                f"{name}_uncertainty_column": "uncertainty",
+            }
+        oscillation = {
+            "period_s": settings.period,
+            "strain_trend_degree": settings.strain_trend_degree,
+            "stress_trend_degree": settings.stress_trend_degree,
+            "background": settings.background,
+            "spin_up_cycles": self.spin_up_cycles,
+            "start_stress_Pa": settings.start_stress,
+        }
+        return {"oscillation": oscillation, "data": data}
+
 
 class _OscillationTable(Table):
     period_s: float | None = Field(None, gt=0, description="the period in seconds")
@@ -180,7 +208,7 @@ class _ImposedTable(Table):
 
 
 class _DataTable(TextFilesTable):
-    strain_file: str = Field(description="the data file of the strain")
+    strain_file: DataFile = Field(description="the data file of the strain")
     strain_time_column: Column
     strain_time_unit: str = Field(description=units_text("time"))
     strain_column: Column
@@ -189,7 +217,7 @@ class _DataTable(TextFilesTable):
     strain_uncertainty: float | None = Field(
         None, gt=0, description="the standard deviation of every strain, in its unit"
     )
-    stress_file: str = Field(description="the data file of the stress")
+    stress_file: DataFile = Field(description="the data file of the stress")
     stress_time_column: Column
     stress_time_unit: str = Field(description=units_text("time"))
     stress_column: Column
@@ -199,8 +227,16 @@ class _DataTable(TextFilesTable):
         None, gt=0, description="the standard deviation of every stress, in its unit"
     )
 
+    @property
+    def is_one_file(self) -> bool:
+        """Whether strain and stress are columns of one file, or of one table in memory."""
+        one, other = self.strain_file, self.stress_file
+        return one == other if isinstance(one, str) and isinstance(other, str) else one is other
 
-class _OscillationFile(ExperimentFile):
+
+class OscillationFile(ExperimentFile):
+    """The keys of the file of a forced oscillation test."""
+
     protocol: Literal["forced_oscillation"] = Field(description="the kind of test")
     initial_grain_size_m: float = Field(
         description="the mean grain size at the start of the record in metres"
@@ -214,8 +250,10 @@ class _OscillationFile(ExperimentFile):
     data: _DataTable | None = Field(None, description="the table that names the data files")
 
 
-def load_forced_oscillation(path: str | Path) -> OscillationExperiment:
-    """Read and check the file of a forced oscillation test and its data files.
+def load_forced_oscillation(
+    path: str | Path, tables: Mapping[str, Any] | None = None
+) -> OscillationExperiment:
+    """Read and check the file of a forced oscillation test, or its tables, and its data files.
 
     Strain and stress stand in files (or columns of one file) with clocks of their own that have a
     common origin. What [oscillation] leaves open is estimated or chosen while the record is
@@ -223,8 +261,7 @@ def load_forced_oscillation(path: str | Path) -> OscillationExperiment:
     cycles in their place is a test that can be simulated. Raise InputError if a file, key, unit or
     number is not what it has to be, or the record cannot be prepared.
     """
-    path = given_path(path)
-    file = read_toml(path, _OscillationFile)
+    path, file = experiment_file(path, OscillationFile, tables)
     if file.data is None:
         return _imagined(path, file)
     if file.imposed_cycles is not None:
@@ -268,45 +305,6 @@ def load_forced_oscillation(path: str | Path) -> OscillationExperiment:
     )
 
 
-def save_forced_oscillation(experiment: OscillationExperiment, directory: Path) -> Path:
-    """Write a self-contained copy in SI units.
-
-    The files are ``experiment.toml``, ``experiment_strain.csv`` and ``experiment_stress.csv``, the
-    latter two where there is a record. `load_forced_oscillation` reads back exactly equal contents,
-    notices included.
-    """
-    record, settings = experiment.record, experiment.settings
-    if experiment.imposed is not None:
-        return _save_imagined(experiment, experiment.imposed, directory)
-    series = {
-        "strain": ("fraction", record.strain_time, record.strain, record.strain_uncertainty),
-        "stress": ("Pa", record.stress_time, record.stress, record.stress_uncertainty),
-    }
-    data: dict[str, Any] = {**WRITTEN_LAYOUT}
-    for name, (unit, *columns) in series.items():
-        names = ("time_s", name, "uncertainty")
-        table = dict(zip(names, columns, strict=True))
-        write_columns(directory / f"experiment_{name}.csv", table)
-        data |= {
-            f"{name}_file": f"experiment_{name}.csv",
-            f"{name}_time_column": "time_s",
-            f"{name}_time_unit": "s",
-            f"{name}_column": name,
-            f"{name}_unit": unit,
-            f"{name}_uncertainty_column": "uncertainty",
-        }
-    oscillation: dict[str, Any] = {
-        "period_s": settings.period,
-        "strain_trend_degree": settings.strain_trend_degree,
-        "stress_trend_degree": settings.stress_trend_degree,
-        "background": settings.background,
-        "spin_up_cycles": experiment.spin_up_cycles,
-    }
-    if settings.start_stress is not None:
-        oscillation["start_stress_Pa"] = settings.start_stress
-    return write_experiment(experiment, directory, {"oscillation": oscillation, "data": data})
-
-
 def with_background(
     experiment: OscillationExperiment, background: Background
 ) -> OscillationExperiment:
@@ -325,7 +323,7 @@ def with_known_strain(experiment: OscillationExperiment) -> OscillationExperimen
     return replace(experiment, prepared=known)
 
 
-def _imagined(path: Path, file: _OscillationFile) -> OscillationExperiment:
+def _imagined(path: Path, file: OscillationFile) -> OscillationExperiment:
     """Return a test with imposed cycles."""
     cycles, settings = file.imposed_cycles, file.oscillation
     if cycles is None:
@@ -363,28 +361,6 @@ def _imagined(path: Path, file: _OscillationFile) -> OscillationExperiment:
     )
 
 
-def _save_imagined(
-    experiment: OscillationExperiment, imposed: ImposedCycles, directory: Path
-) -> Path:
-    """Write a test with imposed cycles."""
-    return write_experiment(
-        experiment,
-        directory,
-        {
-            "oscillation": {
-                "period_s": imposed.period,
-                "spin_up_cycles": experiment.spin_up_cycles,
-                "start_stress_Pa": imposed.start_stress,
-            },
-            "imposed_cycles": {
-                "strain_amplitude": imposed.strain_amplitude,
-                "cycles": imposed.cycles,
-                "mean_strain_rate_per_s": imposed.mean_strain_rate,
-            },
-        },
-    )
-
-
 def _read_series(
     path: Path, data: _DataTable, name: str
 ) -> tuple[tuple[FloatArray, ...], tuple[str, ...]]:
@@ -399,18 +375,14 @@ def _read_series(
         )
     unit = (f"{name}_unit", name)
     columns = {f"{name}_time_column": (f"{name}_time_unit", "time"), f"{name}_column": unit}
-    file_key = f"{name}_file"
-    source = data.folder(path) / getattr(data, file_key)
     if uncertainty is None:
         columns[column] = unit
     (time, value, *spread), notes = read_columns(
-        source,
+        path,
         data,
         columns,
-        where=path,
-        file_key=f"{file_key!r} in [data]",
-        has_own_clock=(data.strain_file, data.strain_time_column)
-        == (data.stress_file, data.stress_time_column),
+        key=f"{name}_file",
+        has_own_clock=data.strain_time_column == data.stress_time_column and data.is_one_file,
     )
     if not spread:
         spread = [np.full_like(value, data.in_si(number, *unit, path))]

@@ -80,13 +80,13 @@ class HarmonicFit:
 
     def periodic(self, time: FloatArray) -> FloatArray:
         """Oscillating part (U) at times (s), shape (n,)."""
-        angles = self._angles(time)
+        angles = _angles(time, self.period, self.n_harmonics)
         values: FloatArray = np.sin(angles) @ self.sine + np.cos(angles) @ self.cosine
         return values
 
     def periodic_rate(self, time: FloatArray) -> FloatArray:
         """Time derivative (U/s) of the oscillating part, shape (n,)."""
-        angles = self._angles(time)
+        angles = _angles(time, self.period, self.n_harmonics)
         factors = self.angular_frequency * np.arange(1, self.n_harmonics + 1)
         values: FloatArray = np.cos(angles) @ (factors * self.sine) - np.sin(angles) @ (
             factors * self.cosine
@@ -127,10 +127,6 @@ class HarmonicFit:
         """Legendre coefficients of the trend (U), shape (degree + 1,)."""
         return self.coefficients[: self.degree + 1]
 
-    def _angles(self, time: FloatArray) -> FloatArray:
-        """Phase angles k w t, shape (n, n_harmonics)."""
-        return _angles(time, self.period, self.n_harmonics)
-
     def _scaled(self, time: FloatArray) -> FloatArray:
         return (time - self.t_middle) / self.t_half
 
@@ -160,8 +156,7 @@ def fit_harmonics(
     coefficients need, or they do not tell the coefficients apart.
     """
     weight = np.ones_like(value) if uncertainty is None else 1.0 / uncertainty
-    design = _design(time, period, degree, n_harmonics)
-    solver = _solver(design, weight, period, degree, n_harmonics)
+    design, solver = _least_squares(time, weight, period, degree, n_harmonics)
     coefficients = solver @ value
     residual = value - design @ coefficients
     freedom = time.size - coefficients.size
@@ -197,9 +192,7 @@ def fundamentals(
     `series` (..., n): values at the same times.
     """
     weight = np.ones_like(time) if uncertainty is None else 1.0 / uncertainty
-    solver = _solver(
-        _design(time, period, degree, N_HARMONICS), weight, period, degree, N_HARMONICS
-    )
+    _, solver = _least_squares(time, weight, period, degree, N_HARMONICS)
     found: npt.NDArray[np.complex128] = series @ (
         solver[degree + 1] + 1j * solver[degree + 1 + N_HARMONICS]
     )
@@ -229,20 +222,18 @@ def _span(time: FloatArray) -> tuple[float, float]:
     return float(0.5 * (time[0] + time[-1])), float(0.5 * (time[-1] - time[0]))
 
 
-def _design(time: FloatArray, period: float, degree: int, n_harmonics: int) -> FloatArray:
-    """Values of trend polynomials, sines and cosines, shape (n, n_coefficients)."""
+def _least_squares(
+    time: FloatArray, weight: FloatArray, period: float, degree: int, n_harmonics: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return values of trend polynomials, sines and cosines, and what turns a series into theirs.
+
+    The design has the shape (n, n_coefficients), what gives the coefficients (n_coefficients, n).
+    """
     t_middle, t_half = _span(time)
     angles = _angles(time, period, n_harmonics)
-    columns: FloatArray = np.hstack(
+    design: FloatArray = np.hstack(
         [legendre.legvander((time - t_middle) / t_half, degree), np.sin(angles), np.cos(angles)]
     )
-    return columns
-
-
-def _solver(
-    design: FloatArray, weight: FloatArray, period: float, degree: int, n_harmonics: int
-) -> FloatArray:
-    """Return what turns a series into its least-squares coefficients, (n_coefficients, n)."""
     n_readings, n_coefficients = design.shape
     if n_readings <= n_coefficients:
         raise InputError(
@@ -256,7 +247,7 @@ def _solver(
             f"trend of degree {degree} apart, expected denser or longer sampling."
         )
     solver: FloatArray = (right.T / singular) @ left.T * weight
-    return solver
+    return design, solver
 
 
 def choose_degree(
@@ -264,7 +255,6 @@ def choose_degree(
     value: FloatArray,
     *,
     period: float,
-    n_harmonics: int = N_HARMONICS,
     uncertainty: FloatArray | None = None,
 ) -> int:
     """Choose the degree of the trend by the Bayesian information criterion.
@@ -276,17 +266,10 @@ def choose_degree(
     constant trend.
     """
     cycles = (time[-1] - time[0]) / period
-    spare = time.size - 2 - 2 * n_harmonics
+    spare = time.size - 2 - 2 * N_HARMONICS
     largest = max(0, min(MAX_DEGREE, int(2.0 * cycles) - 1, spare))
     fits = [
-        fit_harmonics(
-            time,
-            value,
-            period=period,
-            degree=degree,
-            n_harmonics=n_harmonics,
-            uncertainty=uncertainty,
-        )
+        fit_harmonics(time, value, period=period, degree=degree, uncertainty=uncertainty)
         for degree in range(largest + 1)
     ]
     return min(fits, key=lambda fit: _bayesian_criterion(fit, uncertainty is not None)).degree
@@ -297,7 +280,6 @@ def estimate_period(
     value: FloatArray,
     *,
     degree: int | None = None,
-    n_harmonics: int = N_HARMONICS,
     uncertainty: FloatArray | None = None,
 ) -> float:
     """Estimate the period (s) of the fundamental from a series alone.
@@ -314,16 +296,10 @@ def estimate_period(
     chosen = CUBIC if degree is None else degree
     # The degree can only be judged well near the right period, hence the second round.
     for _ in range(2):
-        frequency = _refine(time, value, frequency, chosen, n_harmonics, uncertainty)
+        frequency = _refine(time, value, frequency, chosen, uncertainty)
         if degree is None:
-            chosen = choose_degree(
-                time,
-                value,
-                period=1.0 / frequency,
-                n_harmonics=n_harmonics,
-                uncertainty=uncertainty,
-            )
-    return 1.0 / _refine(time, value, frequency, chosen, n_harmonics, uncertainty)
+            chosen = choose_degree(time, value, period=1.0 / frequency, uncertainty=uncertainty)
+    return 1.0 / _refine(time, value, frequency, chosen, uncertainty)
 
 
 def _refine(
@@ -331,21 +307,13 @@ def _refine(
     value: FloatArray,
     frequency: float,
     degree: int,
-    n_harmonics: int,
     uncertainty: FloatArray | None,
 ) -> float:
     """Least-squares frequency (Hz) within the peak of the periodogram around a first guess."""
     half_width = 0.5 / float(time[-1] - time[0])
 
     def misfit(trial: float) -> float:
-        fit = fit_harmonics(
-            time,
-            value,
-            period=1.0 / trial,
-            degree=degree,
-            n_harmonics=n_harmonics,
-            uncertainty=uncertainty,
-        )
+        fit = fit_harmonics(time, value, period=1.0 / trial, degree=degree, uncertainty=uncertainty)
         return fit.residual_sd if uncertainty is None else fit.chi_square
 
     found = optimize.minimize_scalar(

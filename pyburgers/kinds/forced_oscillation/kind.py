@@ -9,7 +9,6 @@ import numpy.typing as npt
 from pyburgers.kinds.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
-    save_forced_oscillation,
     with_known_strain,
 )
 from pyburgers.kinds.forced_oscillation.preparation import prepare
@@ -26,7 +25,6 @@ class ForcedOscillation(Kind[OscillationExperiment]):
 
     name = "forced_oscillation"
     load = staticmethod(load_forced_oscillation)
-    save = staticmethod(save_forced_oscillation)
 
     def without_data(self, experiment: OscillationExperiment) -> OscillationExperiment:
         """Return the test driven by the strain as it was fitted.

@@ -5,6 +5,7 @@ on it, not its result.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
@@ -13,19 +14,17 @@ from scipy.interpolate import make_interp_spline
 from pyburgers.kinds.coordinates import Layout, Mode, PlainCoordinates
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.forced_oscillation.harmonics import fundamentals
-from pyburgers.kinds.forced_oscillation.stan_data import (
-    LOG_RATE_STEP,
-    N_SOLUTIONS,
-    ShearedReference,
-    grid_block,
-    sheared_block,
-    shifts_block,
-)
-from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited
+from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited, likelihood_of
 from pyburgers.kinds.stan_data import StanData
 from pyburgers.model.prior_families import Prior
 
 FloatArray = npt.NDArray[np.float64]
+
+LOG_RATE_STEP, N_SOLUTIONS = 0.5, 25
+"""Between solutions that say what the dashpot does at other flow rates, and how many there are."""
+
+NO_COMPLIANCE = -100.0
+"""ln of a compliance (1/Pa) next to which that of any element is large."""
 
 LEAST_INFORMATION = 10.0
 """Curvature of the log likelihood along ln(flow rate s) below which its slopes say nothing."""
@@ -49,6 +48,44 @@ UNINFORMED_SLOPE = np.array([0.0, 0.0, 1.0])
 """The flow at the grain size half way through the record, whatever n."""
 
 
+@dataclass(frozen=True, eq=False)
+class ShearedReference:
+    """What sets the sheared coordinates of a test up, as in `stan/data/sheared.stan`.
+
+    `flow_slope` (3,): derivatives of the ln(flow rate s) that fits best by n, p and p ln(d/d_0).
+    `flow_reference` (3,): n, p and epsilon_c1 where the flow rate is not shifted.
+    `log_rate_scale`: ln(flow rate s) from which on the coordinate is the rate itself.
+    `first_log_rate`: ln(flow rate s) of the first solution, those of the others follow in
+        `LOG_RATE_STEP`.
+    `log_dashpot_compliance` (N_SOLUTIONS,): ln of the dashpot's loss compliance (1/Pa) in the
+        solutions.
+    """
+
+    flow_slope: FloatArray
+    flow_reference: FloatArray
+    log_rate_scale: float
+    first_log_rate: float
+    log_dashpot_compliance: FloatArray
+
+
+UNSHIFTED = ShearedReference(
+    np.zeros(3), np.array([3.0, 0.0, 1.0]), 0.0, 0.0, np.full(N_SOLUTIONS, NO_COMPLIANCE)
+)
+"""In place of a reference in plain coordinates, which make no use of it."""
+
+
+def shifts_block(references: Sequence[ShearedReference]) -> StanData:
+    """Return shifts of the block `stan/data/sheared.stan`, a reference for each test."""
+    return {
+        "log_rate_step": LOG_RATE_STEP,
+        "n_solutions": N_SOLUTIONS,
+        **{
+            field.name: np.array([getattr(one, field.name) for one in references]).tolist()
+            for field in fields(ShearedReference)
+        },
+    }
+
+
 class ShearedChart(Chart[OscillationExperiment]):
     """The sheared coordinates."""
 
@@ -59,46 +96,44 @@ class ShearedChart(Chart[OscillationExperiment]):
     rate came out 50 times too large."""
 
     def reference(self, test: AtMode[OscillationExperiment]) -> tuple[ShearedReference, FloatArray]:
-        """Set the shifts (`find_sheared`)."""
-        return find_sheared(test)
+        """Set the shifts so that the flow rate is as independent of n, p and epsilon_c1 as can be.
+
+        Return slopes of the flow rate, zero shift at the mode and the dashpot's compliance at other
+        rates; and the sheared coordinates of the mode, (n_coordinates,).
+        """
+        priors, coordinates = test.priors, test.coordinates
+        replaced = coordinates.replaced_parameter
+        if replaced is None:
+            raise ChartUnsuited("neither Q_M nor beta leaves its place to the flow rate")
+        beta = priors["beta"]
+        if replaced == "activation_enthalpy" and not beta.is_fixed:
+            for prior in (beta, priors[replaced]):
+                if not _is_unbounded_normal(prior):
+                    raise ChartUnsuited(
+                        f"the prior of {prior.parameter} is not an unbounded normal"
+                    )
+        if test.data["storage_compliance"][0] <= 0 or test.data["loss_compliance"][0] <= 0:
+            raise ChartUnsuited("the observed stress is not ahead of the strain by 0 to 90 degrees")
+        flow = coordinates.parameters.index(replaced)
+        wanted = STRETCHED_FROM * test.data["loss_compliance"][0]
+        log_rates, log_compliance = _dashpot_at_other_rates(test, flow, wanted)
+        seen_from = float(
+            np.interp(np.log(wanted), np.maximum.accumulate(log_compliance), log_rates)
+        )
+        curvature = test.curvature()
+        reference = ShearedReference(
+            _flow_slope(test, flow, curvature - test.curvature(use_likelihood=0)),
+            np.array([test.mode.values[name] for name in SHIFTED_BY]),
+            max(seen_from, _log_width(test, flow, curvature)),
+            float(log_rates[0]),
+            log_compliance,
+        )
+        shifted = test.generated(**shifts_block([reference]))
+        return reference, np.atleast_1d(shifted["sheared_coordinate"])
 
     def block(self, references: Sequence[ShearedReference], layout: Layout) -> StanData:
-        """Return the block `stan/data/sheared.stan`."""
-        return sheared_block(references, layout)
-
-
-def find_sheared(test: AtMode[OscillationExperiment]) -> tuple[ShearedReference, FloatArray]:
-    """Set the shifts so that the flow rate is as independent of n, p and epsilon_c1 as can be.
-
-    The test has data. Return slopes of the flow rate, zero shift at the mode, and what the dashpot
-    does at other rates. Return also the sheared coordinates of the mode, shape (n_coordinates,).
-    Raise ChartUnsuited if the priors or the record do not fit the coordinates.
-    """
-    priors, coordinates = test.priors, test.coordinates
-    replaced = coordinates.replaced_parameter
-    if replaced is None:
-        raise ChartUnsuited("neither Q_M nor beta leaves its place to the flow rate")
-    beta = priors["beta"]
-    if replaced == "activation_enthalpy" and not beta.is_fixed:
-        for prior in (beta, priors[replaced]):
-            if not _is_unbounded_normal(prior):
-                raise ChartUnsuited(f"the prior of {prior.parameter} is not an unbounded normal")
-    if test.data["storage_compliance"][0] <= 0 or test.data["loss_compliance"][0] <= 0:
-        raise ChartUnsuited("the observed stress is not ahead of the strain by 0 to 90 degrees")
-    flow = coordinates.parameters.index(replaced)
-    wanted = STRETCHED_FROM * test.data["loss_compliance"][0]
-    log_rates, log_compliance = _dashpot_at_other_rates(test, flow, wanted)
-    seen_from = float(np.interp(np.log(wanted), np.maximum.accumulate(log_compliance), log_rates))
-    curvature = test.curvature()
-    reference = ShearedReference(
-        _flow_slope(test, flow, curvature - test.curvature(use_likelihood=0)),
-        np.array([test.mode.values[name] for name in SHIFTED_BY]),
-        max(seen_from, _log_width(test, flow, curvature)),
-        float(log_rates[0]),
-        log_compliance,
-    )
-    shifted = test.generated(**shifts_block([reference]))
-    return reference, np.atleast_1d(shifted["sheared_coordinate"])
+        """Return shifts of the block `stan/data/sheared.stan`; no references: plain coordinates."""
+        return shifts_block(references or [UNSHIFTED] * layout.n_tests)
 
 
 def _dashpot_at_other_rates(
@@ -123,7 +158,8 @@ def _dashpot_compliance(
     prepared = test.experiment.prepared
     points = np.tile(np.append(test.mode.coordinate, test.mode.driving_error), (log_rates.size, 1))
     points[:, flow] = test.coordinates.of_quantity(flow, log_rates)
-    solved, found = test.generated_at(points, **grid_block([test.experiment], [prepared.time]))
+    grids = likelihood_of(test.experiment).grid_block([test.experiment], [prepared.time])
+    solved, found = test.generated_at(points, **grids)
     if solved.sum() < min(2, log_rates.size):
         raise ChartUnsuited("there is no solution at flow rates near that of the mode")
     rate, stress = fundamentals(

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,7 @@ from pyburgers.kinds.loading_history.stages import (
     imposed_stresses,
     legs_of,
 )
+from pyburgers.kinds.microstructure import microstructure_tables
 from pyburgers.kinds.read_test import Stated
 from pyburgers.model.display import time_unit
 from pyburgers.model.read_quantities import STRAIN, STRESS
@@ -27,7 +28,7 @@ MAX_UNREAD_SHARE = 0.5
 """Share of a stage at either end of the readings from which on their times are doubted."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class HistoryExperiment(Experiment):
     """One test under a history of imposed strain and stress, in SI units.
 
@@ -243,3 +244,64 @@ class HistoryExperiment(Experiment):
             f"{self.id}: {self.material}, {self.temperature_text}, "
             f"{n_stages} {'stage' if n_stages == 1 else 'stages'}, {self.provenance.kind} data"
         )
+
+    def own_tables(self) -> dict[str, Any]:
+        """Return stages, apparatus, readings and microstructure."""
+        compliance, offset = self.apparatus_compliance, self.strain_offset
+        is_force = any(stage.is_force for stage in self.stages)
+        return {
+            "stages": [_stage_table(stage) for stage in self.stages],
+            "stress_measure": "engineering" if is_force else None,
+            "apparatus": compliance
+            and {"compliance_per_Pa": compliance.value, "compliance_sd_per_Pa": compliance.sd},
+            "strain_offset": offset
+            and {"value": offset.value, "sd": offset.sd, "unit": "fraction"},
+            "data": self._data_table() if self.n_points else None,
+            "microstructure": microstructure_tables(self.microstructure) or None,
+        }
+
+    def _data_table(self) -> dict[str, Any]:
+        """Return the table [data] with its columns."""
+        is_strain = self.response_is_strain
+        columns: dict[str, FloatArray] = {
+            "time_s": self.time,
+            "stage": (self.reading_stage + 1).astype(np.float64),
+        }
+        table: dict[str, Any] = {
+            "file": columns,
+            "missing": [],
+            "time_column": "time_s",
+            "time_unit": "s",
+            "stage_column": "stage",
+            "max_readings": max(self.n_points, 10),
+            "readings_in_file": self.n_readings_in_file,
+        }
+        for quantity, unit, own, error in (
+            ("stress", "Pa", ~is_strain, self.stress_uncertainty),
+            ("strain", "fraction", is_strain, self.strain_uncertainty),
+        ):
+            if own.any() or error is not None:
+                columns[quantity] = np.where(own, self.reading, np.nan)
+                table |= {f"{quantity}_column": quantity, f"{quantity}_unit": unit}
+                table[f"{quantity}_uncertainty"] = error
+        return table
+
+
+def _stage_table(stage: Stage) -> dict[str, Any]:
+    """One of [[stages]], in SI."""
+    table: dict[str, Any] = {
+        "control": stage.control,
+        "start_time": stage.start_time,
+        "end_time": stage.end_time,
+        "temperature_K": stage.temperature,
+    }
+    match stage.control:
+        case "strain_rate":
+            table["strain_rate_per_s"] = stage.value
+        case "stress":
+            table["stress"] = stage.value
+        case "stress_rate":
+            table |= {"stress_rate": stage.value, "start_stress": stage.start_stress}
+        case "strain_series" | "stress_series":
+            table["knots"] = [list(knot) for knot in stage.knots]
+    return table

@@ -1,23 +1,22 @@
 """Files of loading histories: what a file says, read and written (docs/loading_history.md)."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
 
-from pyburgers.common.columns import write_data
 from pyburgers.common.errors import InputError, all_of
-from pyburgers.common.paths import given_path
-from pyburgers.common.toml_files import Table, factor_to_si, read_toml
+from pyburgers.common.toml_files import Table, factor_to_si
 from pyburgers.common.units import units_text
-from pyburgers.kinds.experiment import (
+from pyburgers.kinds.experiment import FloatArray
+from pyburgers.kinds.experiment_file import (
     SIGNS_WERE_TURNED,
     Compression,
     ExperimentFile,
-    FloatArray,
+    experiment_file,
     shared_values,
-    write_experiment,
 )
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.measured_sections import SectionTable, read_sections
@@ -49,7 +48,6 @@ from pyburgers.kinds.loading_history.true_readings import (
     without_start,
     without_states_before,
 )
-from pyburgers.kinds.microstructure import microstructure_tables
 from pyburgers.kinds.read_test import Stated
 
 
@@ -66,7 +64,9 @@ class _OffsetTable(Table):
     unit: str = Field(description="fraction or percent")
 
 
-class _LoadingHistoryFile(ExperimentFile):
+class LoadingHistoryFile(ExperimentFile):
+    """The keys of the file of a loading history."""
+
     protocol: Literal["loading_history"] = Field(description="the kind of test")
     stage_time_unit: str = Field("s", description=units_text("time"))
     stage_stress_unit: str = Field("Pa", description=units_text("stress"))
@@ -85,14 +85,15 @@ class _LoadingHistoryFile(ExperimentFile):
     )
 
 
-def load_loading_history(path: str | Path) -> HistoryExperiment:
-    """Read and check the file of a loading history and the data file that it names.
+def load_loading_history(
+    path: str | Path, tables: Mapping[str, Any] | None = None
+) -> HistoryExperiment:
+    """Read and check the file of a loading history, or its tables, and its data file.
 
     Time counts from the start of the first stage. What is turned, smoothed, left out or thinned is
     said in a notice. Raise InputError if a file, key, unit or number is not what it has to be.
     """
-    path = given_path(path)
-    file = read_toml(path, _LoadingHistoryFile)
+    path, file = experiment_file(path, LoadingHistoryFile, tables)
     values, (test, offset) = all_of(lambda: shared_values(path, file), lambda: _test(path, file))
     stages, changes = read_stages(test, file.stages)
     if file.data is None or not file.data.is_copy:
@@ -134,30 +135,7 @@ def load_loading_history(path: str | Path) -> HistoryExperiment:
     )
 
 
-def save_loading_history(experiment: HistoryExperiment, directory: Path) -> Path:
-    """Write a self-contained copy, ``experiment.toml`` and ``experiment.csv``, in SI units.
-
-    `load_loading_history` reads back exactly equal contents, notices included.
-    """
-    own: dict[str, Any] = {"stages": [_stage_table(stage) for stage in experiment.stages]}
-    if any(stage.is_force for stage in experiment.stages):
-        own["stress_measure"] = "engineering"
-    if experiment.apparatus_compliance is not None:
-        own["apparatus"] = {
-            "compliance_per_Pa": experiment.apparatus_compliance.value,
-            "compliance_sd_per_Pa": experiment.apparatus_compliance.sd,
-        }
-    if experiment.strain_offset is not None:
-        offset = experiment.strain_offset
-        own["strain_offset"] = {"value": offset.value, "sd": offset.sd, "unit": "fraction"}
-    if experiment.n_points > 0:
-        own["data"] = _write_readings(experiment, directory)
-    if experiment.microstructure:
-        own["microstructure"] = microstructure_tables(experiment.microstructure)
-    return write_experiment(experiment, directory, own)
-
-
-def _test(path: Path, file: _LoadingHistoryFile) -> tuple[StageSource, Stated | None]:
+def _test(path: Path, file: LoadingHistoryFile) -> tuple[StageSource, Stated | None]:
     """Return what stages are read with, and the zero of strain."""
     conventions = Conventions.of(
         path,
@@ -190,7 +168,7 @@ def _test(path: Path, file: _LoadingHistoryFile) -> tuple[StageSource, Stated | 
     return test, offset
 
 
-def _strain_offset(path: Path, file: _LoadingHistoryFile, sign: int) -> Stated | None:
+def _strain_offset(path: Path, file: LoadingHistoryFile, sign: int) -> Stated | None:
     table = file.strain_offset
     if table is None:
         return None
@@ -198,7 +176,7 @@ def _strain_offset(path: Path, file: _LoadingHistoryFile, sign: int) -> Stated |
     return Stated(sign * unit * table.value, unit * table.sd)
 
 
-def _apparatus(file: _LoadingHistoryFile) -> Stated | None:
+def _apparatus(file: LoadingHistoryFile) -> Stated | None:
     table = file.apparatus
     return Stated(table.compliance_per_Pa, table.compliance_sd_per_Pa) if table else None
 
@@ -212,7 +190,7 @@ def _uncertainty(path: Path, data: HistoryDataTable | None, quantity: str) -> fl
     return stated if stated is None or over is None else stated * over
 
 
-def _turned(file: _LoadingHistoryFile) -> list[str]:
+def _turned(file: LoadingHistoryFile) -> list[str]:
     """Sentences about measures and signs."""
     notices = []
     if file.compression == "negative":
@@ -263,48 +241,3 @@ def _n_in_file(data: HistoryDataTable | None, found: int) -> int:
     if data is None or data.readings_in_file is None:
         return found
     return data.readings_in_file
-
-
-def _stage_table(stage: Stage) -> dict[str, Any]:
-    """One of [[stages]], in SI."""
-    table: dict[str, Any] = {
-        "control": stage.control,
-        "start_time": stage.start_time,
-        "end_time": stage.end_time,
-        "temperature_K": stage.temperature,
-    }
-    match stage.control:
-        case "strain_rate":
-            table["strain_rate_per_s"] = stage.value
-        case "stress":
-            table["stress"] = stage.value
-        case "stress_rate":
-            table |= {"stress_rate": stage.value, "start_stress": stage.start_stress}
-        case "strain_series" | "stress_series":
-            table["knots"] = [list(knot) for knot in stage.knots]
-    return table
-
-
-def _write_readings(experiment: HistoryExperiment, directory: Path) -> dict[str, Any]:
-    """Write the columns; return the table [data]."""
-    is_strain = experiment.response_is_strain
-    columns: dict[str, FloatArray] = {
-        "time_s": experiment.time,
-        "stage": (experiment.reading_stage + 1).astype(np.float64),
-    }
-    table: dict[str, Any] = {
-        "time_column": "time_s",
-        "time_unit": "s",
-        "stage_column": "stage",
-        "max_readings": max(experiment.n_points, 10),
-        "readings_in_file": experiment.n_readings_in_file,
-    }
-    for quantity, unit, own, error in (
-        ("stress", "Pa", ~is_strain, experiment.stress_uncertainty),
-        ("strain", "fraction", is_strain, experiment.strain_uncertainty),
-    ):
-        if own.any() or error is not None:
-            columns[quantity] = np.where(own, experiment.reading, np.nan)
-            table |= {f"{quantity}_column": quantity, f"{quantity}_unit": unit}
-            table |= {f"{quantity}_uncertainty": error} if error is not None else {}
-    return {**write_data(directory, columns), **table}

@@ -9,7 +9,7 @@ import pandas as pd
 
 from pyburgers.kinds.kind import Kind
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
-from pyburgers.kinds.loading_history.files import load_loading_history, save_loading_history
+from pyburgers.kinds.loading_history.files import load_loading_history
 from pyburgers.kinds.loading_history.stan_data import times_of_readings
 from pyburgers.kinds.residuals import draw_residuals
 
@@ -21,7 +21,6 @@ class LoadingHistoryKind(Kind[HistoryExperiment]):
 
     name = "loading_history"
     load = staticmethod(load_loading_history)
-    save = staticmethod(save_loading_history)
 
     def without_data(self, experiment: HistoryExperiment) -> HistoryExperiment:
         """Return the test with its readings, which set the scales of the solution."""

@@ -1,5 +1,6 @@
 """How tests under any loading history are sampled."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -7,11 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.common.errors import InputError
+from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment
 from pyburgers.kinds.likelihood import Likelihood
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.measured_sections import section_times
-from pyburgers.kinds.loading_history.priors import own_priors
 from pyburgers.kinds.loading_history.solution_times import load_times, stage_times
 from pyburgers.kinds.loading_history.stan_data import (
     grid_block,
@@ -20,14 +21,20 @@ from pyburgers.kinds.loading_history.stan_data import (
     tests_block,
 )
 from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
+from pyburgers.kinds.stated_priors import stated_priors
 from pyburgers.model.display import time_unit
 from pyburgers.model.laws import DASHPOT_LAWS, KELVIN_LAWS
-from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
-from pyburgers.model.priors import PriorSet
+from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_FLOW_RATE_QUANTITY
+from pyburgers.model.prior_families import fixed_prior, is_fixed_at
+from pyburgers.model.priors import PriorSet, priors_of_freed_parameters
 from pyburgers.model.read_quantities import STRAIN, STRESS, Quantity
-from pyburgers.model.variants import variant_of
+from pyburgers.model.variants import variant_of, with_variant
 
 FloatArray = npt.NDArray[np.float64]
+
+
+STRAIN_NOISE_SHARE = 0.01
+"""Median of the strain noise, over the range of the strain readings."""
 
 
 class HistoryLikelihood(Likelihood[HistoryExperiment]):
@@ -61,7 +68,6 @@ class HistoryLikelihood(Likelihood[HistoryExperiment]):
     reference_origin = staticmethod(reference_origin)
     tests_block = staticmethod(tests_block)
     grid_block = staticmethod(grid_block)
-    own_priors = staticmethod(own_priors)
 
     def grid(self, experiment: HistoryExperiment, *, fine: bool = False) -> FloatArray:
         """Return times, denser at the start of every stage, and unless fine of every load."""
@@ -95,6 +101,36 @@ class HistoryLikelihood(Likelihood[HistoryExperiment]):
             **({"reading_error": (stated, "SI")} if has_errors else {}),
         }
 
+    def own_priors(
+        self,
+        experiments: Sequence[HistoryExperiment | AttenuationExperiment],
+        priors: PriorSet,
+    ) -> tuple[PriorSet, ...]:
+        """Return priors of each of some histories, and tables behind them, in a fit.
+
+        If strain is read, its noise is free and residuals correlate in time, unless priors say
+        otherwise. They do so too if priors say no more than the share that correlates. Stress that
+        is not read has no noise. Tables take the priors of the first history. Raise InputError if
+        residuals are to correlate along strain.
+        """
+        histories = [one for one in experiments if isinstance(one, HistoryExperiment)]
+        for experiment in histories:
+            if not is_fixed_at(priors["residual_correlation_strain"], 0.0):
+                raise InputError(
+                    f"{experiment.id}: residuals of a loading history correlate in time, found a "
+                    "prior of residual_correlation_strain, expected one of "
+                    "residual_correlation_time."
+                )
+        reads_strain = any(e.response_is_strain.any() for e in histories)
+        reads_stress = any((~e.response_is_strain).any() for e in histories)
+        found = tuple(
+            _priors_of_readings(e, priors, reads_strain, reads_stress).exchanging(
+                *stated_priors(e).values()
+            )
+            for e in histories
+        )
+        return found + found[:1] * (len(experiments) - len(histories))
+
     def check_priors(self, experiment: HistoryExperiment, priors: PriorSet) -> None:
         """Refuse laws with a stress of their own where the load cell is uncertain.
 
@@ -119,6 +155,26 @@ class HistoryLikelihood(Likelihood[HistoryExperiment]):
     def as_history(self, experiment: HistoryExperiment) -> Experiment:
         """Return the test, which is one."""
         return experiment
+
+
+def _priors_of_readings(
+    experiment: HistoryExperiment, priors: PriorSet, reads_strain: bool, reads_stress: bool
+) -> PriorSet:
+    """Return priors of a history with noise and correlation of what is read in a fit."""
+    if not reads_stress:
+        noise = fixed_prior(PARAMETER_BY_NAME["stress_noise"], 1.0, "no stress is read")
+        priors = priors.exchanging(noise)
+    if reads_strain and "strain_noise" not in priors.priors:
+        strain = experiment.reading[experiment.response_is_strain]
+        free = priors_of_freed_parameters()["strain_noise"]
+        if strain.size > 0 and np.ptp(strain) > 0:
+            median = float(f"{STRAIN_NOISE_SHARE * np.ptp(strain):.0e}")
+            free = replace(free, location=median)
+        priors = priors.exchanging(free)
+    correlate = reads_strain or not is_fixed_at(priors["residual_correlated_share"], 1.0)
+    if correlate and experiment.residual_correlation not in priors.priors:
+        priors = with_variant(priors, experiment, {"residuals": "autocorrelated"})
+    return priors
 
 
 LIKELIHOOD = HistoryLikelihood()

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from pyburgers.common.columns import Column, TextFilesTable, read_columns
+from pyburgers.common.columns import Column, DataFile, TextFilesTable, read_columns
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import factor_to_si
 from pyburgers.common.units import count_points, units_text
@@ -26,7 +26,7 @@ ROUNDING = 1e-14
 class HistoryDataTable(TextFilesTable):
     """The table [data]. An empty cell is no reading."""
 
-    file: str = Field(description="the data file")
+    file: DataFile = Field(description="the data file")
     time_column: Column
     time_unit: str = Field(description=units_text("time"))
     stress_column: Column | None = None
@@ -113,14 +113,9 @@ def read_readings(path: Path, data: HistoryDataTable, bounds: FloatArray, sign: 
         )
     if data.stage_column is not None:
         columns["stage_column"] = None
-    source = data.folder(path) / data.file
+    source = data.source(path)
     found, notes = read_columns(
-        source,
-        data,
-        columns,
-        where=path,
-        file_key="'file' in [data]",
-        may_be_empty=("stress_column", "strain_column"),
+        path, data, columns, may_be_empty=("stress_column", "strain_column")
     )
     table = dict(zip(columns, found, strict=True))
     time = _at_bounds(table["time_column"], bounds)

@@ -11,7 +11,8 @@ from pydantic import Field
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, factor_to_si
-from pyburgers.kinds.experiment import Compression, FloatArray, sign_of
+from pyburgers.kinds.experiment import FloatArray
+from pyburgers.kinds.experiment_file import Compression, sign_of
 
 Control = Literal[
     "strain_rate", "stress", "stress_rate", "strain_series", "stress_series", "hold_strain"

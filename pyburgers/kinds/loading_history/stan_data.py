@@ -7,8 +7,9 @@ from itertools import chain
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.kinds.attenuation import stan_data as attenuation
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
+from pyburgers.kinds.attenuation.likelihood import LIKELIHOOD as TABLES
+from pyburgers.kinds.attenuation.likelihood import tables_block
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.measured_sections import section_times
 from pyburgers.kinds.microstructure import measured_block, strains_of
@@ -75,7 +76,7 @@ def tests_block(experiments: Sequence[HistoryOrTable], priors: Sequence[PriorSet
             not all(is_fixed_at(own["residual_correlation_time"], 0.0) for own in priors)
         ),
         **elements_block(list(zip(histories, priors, strict=True))),
-        **attenuation.tables_block(tables),
+        **tables_block(tables),
     }
 
 
@@ -88,7 +89,7 @@ def grid_block(experiments: Sequence[HistoryOrTable], grids: Sequence[FloatArray
     return {
         **_joined(entries),
         "grid_end": ends(len(own["grid_time"]) for own in entries),
-        **attenuation.grid_block(_by_kind(experiments)[1], grids),
+        **TABLES.grid_block(_by_kind(experiments)[1], grids),
     }
 
 

@@ -25,6 +25,11 @@ ARGUMENT_NAMES = (
 )
 """Patterns of keys in messages about files, and of the arguments that stand for them."""
 
+UNSTATED_KIND = (
+    "Where the readings come from was not stated, so they count as measured: "
+    'state kind="synthetic" or kind="digitised" if they are not.'
+)
+
 E = TypeVar("E", bound=Experiment)
 
 
@@ -40,6 +45,8 @@ def test_of(
     """
     (protocol,) = get_args(structure.model_fields["protocol"].annotation)
     given = {"kind": "measured", "source": f"arrays given to {called}", **arguments}
+    if not {"kind", "provenance"} & arguments.keys():
+        given["notices"] = [*arguments.get("notices", []), UNSTATED_KIND]
     tables = {"protocol": protocol, **_tables(structure, given)}
     try:
         return load(called, tables)
@@ -83,7 +90,14 @@ def _plain(value: Any) -> Any:
 
 
 def _of_arguments(sentence: str) -> str:
-    """Return a message about keys of a file as one about arguments."""
+    """Return a message about keys of a file as one about arguments, a grain size in micrometres."""
+    sentence = re.sub(
+        r"(?<='initial_grain_size_m': found )([-+.e\d]+), expected metres.*",
+        lambda found: f"{1e6 * float(found[1]):g}, expected micrometres between 0 and 1e6.",
+        sentence,
+    )
+    if "'initial_grain_size_m'" in sentence:
+        sentence = sentence.replace("in metres", "in micrometres")
     for pattern, text in ARGUMENT_NAMES:
         sentence = re.sub(pattern, text, sentence)
     return sentence

@@ -47,8 +47,10 @@ def methods_text(
     if not manifest["use_likelihood"]:
         said.insert(0, "The likelihood was switched off: all draws are of the prior.")
     if priors.flow_law:
-        source = f" from {priors.flow_law.source}" * (priors.flow_law.source not in priors.title)
-        said.append(f"The priors of n, p, Q_M and beta are a joint one{source}.")
+        source = f": {priors.flow_law.source}" * (priors.flow_law.source not in priors.title)
+        said.append(
+            f"The priors of n, p, Q_M and beta are a joint one from another source{source}."
+        )
     said += _sampling(manifest, fit.posterior["posterior"].sizes["chain"])
     said += [_verdict(verdicts[kind], checks) for kind in CheckKind]
     return " ".join([*said, "R-hat and effective sample sizes are those of ArviZ (arviz)."])

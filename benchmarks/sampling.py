@@ -203,12 +203,8 @@ COLUMNS = {
     "ess_bulk": "bulk ESS",
     "ess_tail": "tail ESS",
     "ess_bulk_per_s": "bulk ESS/s",
-    "ess_tail_per_s": "tail ESS/s",
     "ess_bulk_per_s_with_warmup": "bulk ESS/s with warm-up",
-    "ess_tail_per_s_with_warmup": "tail ESS/s with warm-up",
     "ess_bulk_per_s_median": "median ESS/s",
-    "s_per_draw": "s per draw",
-    "s_per_warmup_iteration": "s per warm-up iteration",
     "wall_s": "wall s",
     "peak_MiB": "peak MiB",
 }
@@ -232,15 +228,15 @@ default tolerance. A row with gradients alone: that form did not get through {wa
 step-size adaptation and two draws in {seconds:.0f} s.
 
 The six-state row is extrapolated from a run stopped after {seconds:.0f} s: {chains} chains side by
-side that start at posterior draws with the dense metric of the posterior, both given, and adapt
-their step size for {warmup} iterations. Effective draws per draw come from the mean squared jump
-of each parameter against its posterior variance, as of a first-order autoregressive chain, for the
-slowest parameter; the column "median ESS/s" has that of the median parameter. With warm-up: as
-many warm-up iterations as draws ({length} each), at the pace of the first ones of chains with
-CmdStan's defaults that start at posterior draws too, watched for {warmup_seconds:.0f} s. This is
-kind to it: whether that warm-up would ever find the metric that the draws are given is not asked.
+side that start at posterior draws with the dense metric of the posterior, and adapt their step
+size for {warmup} iterations. Effective draws per draw come from the mean squared jump of each
+parameter against its posterior variance, as of a first-order autoregressive chain, for the slowest
+parameter; "median ESS/s" is that of the median parameter. With warm-up: as many warm-up iterations
+as draws ({length} each), at the pace of the first {warmup_seconds:.0f} s of chains with CmdStan's
+defaults that start at posterior draws too. Both choices favour the six-state form.
 
 The plain row has 2 chains of 200 + 200 iterations; memory is that of all processes together.
+`sampling.csv` has more columns.
 
 ## Table
 

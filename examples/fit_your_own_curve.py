@@ -12,7 +12,7 @@ import logging
 from pathlib import Path
 
 import pyburgers
-from pyburgers.common.shipped_files import shipped_folder
+from pyburgers.common.paths import shipped_folder
 from pyburgers.drawing.style import image
 from pyburgers.drawing.views.constant_rate import stress_strain
 from pyburgers.page.posterior_figures import prior_posterior

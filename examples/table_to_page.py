@@ -17,6 +17,8 @@ test = pyburgers.ConstantRateTest(
     grain_size_um=230,
     material="ice",
     name="PIL40",
+    kind="synthetic",
+    source="a simulation with the published numbers of PIL40",
 )
 fit = pyburgers.fit(test)
 print(fit.summary()[["unit", "mean", "sd", "decided_by"]].to_string())

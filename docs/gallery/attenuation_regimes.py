@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import pyburgers
-from pyburgers.common.shipped_files import shipped_folder
+from pyburgers.common.paths import shipped_folder
 
 test = pyburgers.load_experiment(shipped_folder("data") / "ice" / "PIL40.toml")
 truth = dict(test.true_parameters or {}) | {"maxwell_modulus": 9.3e9}  # that of ice itself

@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.common.draws import FloatArray
-from pyburgers.common.neighbours import distances_from_neighbours
+from pyburgers.kinds.loading_history.driver import distances_from_neighbours
 
 BoolArray = npt.NDArray[np.bool_]
 

@@ -10,10 +10,10 @@ import numpy as np
 from pyburgers.common.cells import DECIMAL_COMMA, ODD_MINUS
 from pyburgers.common.errors import InputError
 from pyburgers.common.text_tables import TextTable, look_at
+from pyburgers.kinds.column_names import COLUMN_NAMES
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.guessed_columns import unit_in_name
 from pyburgers.kinds.new_file import NAMED_SEPARATORS, new_files
-from pyburgers.kinds.quantities import QUANTITIES
 
 SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "white space", ",": "commas"}
 DEFAULT_UNITS = {"temperature": "K", "stress": "MPa"}
@@ -106,15 +106,15 @@ def _hints_of_units(look: TextTable, data: Mapping[str, Any]) -> Iterator[str]:
     """Name columns whose names have another unit than the file states."""
     for key, column in data.items():
         stem = key.removesuffix("_column")
-        looks_like = QUANTITIES.get(stem.removeprefix("strain_").removeprefix("stress_"))
-        if stem == key or looks_like is None or column not in look.columns:
+        patterns = COLUMN_NAMES.get(stem.removeprefix("strain_").removeprefix("stress_"))
+        if stem == key or patterns is None or column not in look.columns:
             continue
         if look.is_time_stamps(column):
             continue
-        default = DEFAULT_UNITS.get(looks_like.kind)
-        shared = "modulus_unit" if "modulus" in stem else f"{looks_like.kind}_unit"
+        default = DEFAULT_UNITS.get(patterns.kind)
+        shared = "modulus_unit" if "modulus" in stem else f"{patterns.kind}_unit"
         stated = data.get(f"{stem}_unit", data.get(shared, default))
-        named = unit_in_name(look.described(column), looks_like.kind)
+        named = unit_in_name(look.described(column), patterns.kind)
         if named is not None and named != str(stated).removeprefix("deg" * (named == "C")):
             said = f"unit {stated!r} is stated" if stated else "no unit is stated"
             other = f"the unit {named!r}" if named else "another unit, or a logarithm"

@@ -23,6 +23,7 @@ from pyburgers.common.paths import shown
 from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.common.toml_files import read_tables
 from pyburgers.common.units import UNIT_TABLE, units_text
+from pyburgers.kinds.column_names import ALONG_AXIS, COLUMN_NAMES
 from pyburgers.kinds.guessed_columns import GuessedColumn, guess_columns, left_out
 from pyburgers.kinds.likelihood import NAMES
 from pyburgers.kinds.new_file import (
@@ -33,7 +34,6 @@ from pyburgers.kinds.new_file import (
     experiment_text,
     new_files,
 )
-from pyburgers.kinds.quantities import ALONG_AXIS, QUANTITIES
 from pyburgers.model.priors import shipped_prior_files
 
 MATERIAL = Question("material", "material", example="ice")
@@ -82,8 +82,8 @@ def _column_question(quantity: str) -> Question:
 def _column_questions() -> dict[str, Question]:
     """Return the questions which column holds what, by the quantities that files can name."""
     named = {quantity for new_file in new_files().values() for quantity in new_file.quantities}
-    errors = (f"{quantity}_uncertainty" for quantity in QUANTITIES)
-    return {name: _column_question(name) for name in (*QUANTITIES, *errors) if name in named}
+    errors = (f"{quantity}_uncertainty" for quantity in COLUMN_NAMES)
+    return {name: _column_question(name) for name in (*COLUMN_NAMES, *errors) if name in named}
 
 
 def add_options(command: argparse.ArgumentParser) -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pyburgers.common.errors import ToolchainError
-from pyburgers.common.shipped_files import shipped_folder
+from pyburgers.common.paths import shipped_folder
 
 # Programs without threads are compiled with CmdStan's defaults (-O3, range checks on), which are
 # portable. With -march=native a gradient of PIL40 takes as long, and a home folder, with its cache,

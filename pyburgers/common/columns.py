@@ -1,11 +1,12 @@
-"""Columns of numbers in text files, as a TOML file beside them describes them; in SI units."""
+"""Columns of numbers in text files: read in SI units as a TOML file describes them, and written."""
 
 import math
 import os
 import re
-from collections.abc import Container, Mapping
+from collections.abc import Container, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy.typing as npt
 from pydantic import Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
+from pyburgers.common.atomic_files import write_text
 from pyburgers.common.cells import number_in
 from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.paths import given_path
@@ -340,3 +342,35 @@ def _column(
     if sentences:
         raise InputError(*sentences)
     return np.array(values)
+
+
+WRITTEN_LAYOUT = MappingProxyType({"separator": ",", "header": True, "missing": []})
+"""Keys of a table [data] that describe what `write_columns` writes."""
+
+
+def write_data(directory: Path, data: Mapping[str, Any]) -> dict[str, Any]:
+    """Write columns in memory as text files; return a table [data] that names the files.
+
+    The columns of the key ``file`` go to ``experiment.csv``, of ``NAME_file`` to
+    ``experiment_NAME.csv``.
+    """
+    named: dict[str, Any] = {**data, **WRITTEN_LAYOUT}
+    for key, columns in data.items():
+        if isinstance(columns, Mapping):
+            named[key] = f"experiment_{key}".removesuffix("_file") + ".csv"
+            write_columns(directory / named[key], columns)
+    return named
+
+
+def write_columns(path: Path, columns: Mapping[str, Sequence[float] | FloatArray]) -> None:
+    """Write columns with a header, separated by commas, that read back to the same numbers.
+
+    The cells of NaN are empty.
+    """
+    rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
+    lines = [",".join(columns), *(",".join(map(_written, row)) for row in rows)]
+    write_text(path, "\n".join(lines) + "\n")
+
+
+def _written(number: float) -> str:
+    return "" if math.isnan(number) else repr(number)

@@ -1,5 +1,6 @@
-"""Paths as users give them, and as messages show them."""
+"""Paths as users give them, as messages show them, and of the files that come with the package."""
 
+import importlib.resources
 import os
 import re
 from pathlib import Path
@@ -25,3 +26,13 @@ def shown(text: object) -> str:
     begins, ends = r"(?<![^\s'\"`(=:,])", r"(?![^\s'\"`):;,])"
     below = re.sub(rf"{begins}{here}{os.sep}(?!~)(?=\S)", "", str(text))
     return re.sub(rf"{begins}{here}{ends}", ".", below)
+
+
+def shipped_folder(name: str) -> Path:
+    """Return ``data`` or ``stan`` of the package: inside it in a wheel, beside it in a checkout.
+
+    If neither is there, return that of a checkout.
+    """
+    package = Path(str(importlib.resources.files("pyburgers")))
+    inside = package / name
+    return inside if inside.is_dir() else package.parent / name

@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
-from pyburgers.common.atomic_files import write_bytes
+from pyburgers.common.atomic_files import write_bytes, write_text
+from pyburgers.drawing.figure_data import figure_data
 
 # The palette of Okabe and Ito (2008), which readers with any colour vision can tell apart.
 BLACK, GREY = "#000000", "#b8b8b8"
@@ -112,8 +113,14 @@ def write_images(figure: Figure, path: Path) -> None:
 
 
 def write_page_images(figure: Figure, path: Path) -> str:
-    """Write a figure as PNG and SVG, and return what `inline_svg` makes a part of a page of."""
+    """Write a figure as PNG and SVG with its data as CSV, and return its part of a page.
+
+    `inline_svg` completes that part. A figure without `figure_data` has no CSV.
+    """
     write_images(figure, path)
+    data = figure_data(figure)
+    if len(data):
+        write_text(path.with_suffix(".csv"), data.to_csv(index=False, float_format="%.7g"))
     return image(figure, "page").decode("utf-8")
 
 

@@ -85,7 +85,10 @@ def prior_draws(
     problem = one_test(test, _each_by_itself(priors))
     (coordinates,) = problem.coordinates
     rows = np.column_stack(
-        [coordinates.of_quantity(k, values[name]) for k, name in enumerate(coordinates.quantities)]
+        [
+            *(coordinates.of_quantity(k, values[n]) for k, n in enumerate(coordinates.quantities)),
+            rng.standard_normal((draws, test.n_driving_errors)),
+        ]
     )
     grid = likelihood.grid(experiment)
     data = program_data(problem, solver=SolverOptions(), grids=[grid])

@@ -13,8 +13,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from pyburgers.common.columns import Column, TextFilesTable, read_columns
-from pyburgers.common.csv_files import write_columns
+from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path

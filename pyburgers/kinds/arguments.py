@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin
 
 import numpy as np
@@ -25,12 +26,17 @@ ARGUMENT_NAMES = (
 )
 """Patterns of keys in messages about files, and of the arguments that stand for them."""
 
+UNSTATED_KIND = (
+    "Where the readings come from was not stated, so they count as measured: "
+    'state kind="synthetic" or kind="digitised" if they are not.'
+)
+
 E = TypeVar("E", bound=Experiment)
 
 
 def test_of(
     called: str,
-    load: Callable[[str, Mapping[str, Any]], E],
+    load: Callable[[Path, Mapping[str, Any]], E],
     structure: type[ExperimentFile],
     arguments: Mapping[str, Any],
 ) -> E:
@@ -40,9 +46,11 @@ def test_of(
     """
     (protocol,) = get_args(structure.model_fields["protocol"].annotation)
     given = {"kind": "measured", "source": f"arrays given to {called}", **arguments}
+    if not {"kind", "provenance"} & arguments.keys():
+        given["notices"] = [*arguments.get("notices", []), UNSTATED_KIND]
     tables = {"protocol": protocol, **_tables(structure, given)}
     try:
-        return load(called, tables)
+        return load(Path(called), tables)
     except InputError as error:
         raise InputError(*map(_of_arguments, error.sentences)) from None
 
@@ -83,7 +91,14 @@ def _plain(value: Any) -> Any:
 
 
 def _of_arguments(sentence: str) -> str:
-    """Return a message about keys of a file as one about arguments."""
+    """Return a message about keys of a file as one about arguments, a grain size in micrometres."""
+    sentence = re.sub(
+        r"(?<='initial_grain_size_m': found )([-+.e\d]+), expected metres.*",
+        lambda found: f"{1e6 * float(found[1]):g}, expected micrometres between 0 and 1e6.",
+        sentence,
+    )
+    if "'initial_grain_size_m'" in sentence:
+        sentence = sentence.replace("in metres", "in micrometres")
     for pattern, text in ARGUMENT_NAMES:
         sentence = re.sub(pattern, text, sentence)
     return sentence

@@ -366,7 +366,10 @@ def _common(name: str, material: str, temperature: float, grain_size: float) -> 
         "id": name,
         "material": material,
         "temperature_K": temperature,
-        "initial_grain_size_m": grain_size / 1e6,
+        # Anything but a number is refused where the key is checked.
+        "initial_grain_size_m": grain_size / 1e6
+        if isinstance(grain_size, (int, float, np.number))
+        else grain_size,
     }
 
 

@@ -1,8 +1,8 @@
 """Deformation experiments: what every test has, in SI."""
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.paths import given_path
@@ -17,9 +18,10 @@ from pyburgers.common.toml_files import without_none, write_toml
 from pyburgers.common.units import counted, span_text
 from pyburgers.kinds.limits import refuse_impossible
 from pyburgers.kinds.microstructure import MeasuredMicrostructure
-from pyburgers.kinds.read_test import ReadTest
 from pyburgers.model.laws import KELVIN_LAWS
-from pyburgers.model.parameters import CONDITIONS
+from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME
+from pyburgers.model.peak_test import PeakTest
+from pyburgers.model.prior_families import Prior, fixed_prior
 
 FloatArray = npt.NDArray[np.float64]
 MetadataValue = str | float | int | bool
@@ -39,6 +41,17 @@ class Provenance:
     doi: str | None = None
     licence: str | None = None
     notes: str | None = None
+
+
+@dataclass(frozen=True)
+class Stated:
+    """A number that a file states with its uncertainty, in SI.
+
+    `value`, `sd`: mean and standard deviation; with an sd of 0 the number is known.
+    """
+
+    value: float
+    sd: float
 
 
 @dataclass(frozen=True)
@@ -65,7 +78,7 @@ CONDITION_KEYS: Mapping[str, tuple[str, str]] = MappingProxyType(
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Experiment(ReadTest):
+class Experiment(ABC):
     """A deformation test of any protocol, in SI units.
 
     Attributes
@@ -86,6 +99,10 @@ class Experiment(ReadTest):
         Parameters that such tests do not inform. A constant as well.
     small_strain : float
         Largest strain (fraction) of a table below which its unit is doubted. A constant as well.
+    of_points : tuple of str
+        Attributes with an entry for each point. A constant as well.
+    points_together : str
+        Why single points cannot be left out; empty if they can. A constant as well.
     id, material : str
         Sample and material; the material names the default priors.
     temperature : float
@@ -115,6 +132,9 @@ class Experiment(ReadTest):
     may_be_uncertain: ClassVar[frozenset[str]] = CONDITIONS
     without_effect: ClassVar[frozenset[str]] = frozenset()
     small_strain: ClassVar[float] = 5e-3
+    of_points: ClassVar[tuple[str, ...]] = ()
+    points_together: ClassVar[str] = ""
+    id: str
     material: str
     temperature: float
     initial_grain_size: float
@@ -134,6 +154,77 @@ class Experiment(ReadTest):
             self.response,
             None if self.provenance.kind == "synthetic" else self.largest_strain,
         )
+
+    @property
+    @abstractmethod
+    def position(self) -> FloatArray:
+        """Positions of the readings on the clock of the protocol (SI), shape (n_points,)."""
+
+    @property
+    @abstractmethod
+    def response(self) -> FloatArray:
+        """Readings for comparison with the model (SI unit), shape (n_points,)."""
+
+    @property
+    def response_limit(self) -> FloatArray:
+        """Response at or below which a reading is an upper limit; -inf: none, (n_points,)."""
+        return np.full(self.n_points, -np.inf)
+
+    @property
+    def n_points(self) -> int:
+        """Number of data points; zero for an experiment that can only be simulated."""
+        return len(self.response)
+
+    @property
+    def quantity(self) -> npt.NDArray[np.int64]:
+        """Number, in what its kind reads, of what each reading is of, shape (n_points,)."""
+        return np.zeros(self.n_points, dtype=np.int64)
+
+    @property
+    @abstractmethod
+    def noises(self) -> Mapping[str, float | None]:
+        """Noises (parameters) of what is read, and the sizes (SI) that the file states.
+
+        Zero: each reading has a stated error, and there may be no noise beside it.
+        """
+
+    @property
+    def stated(self) -> Mapping[str, Stated]:
+        """Parameters of the test and its apparatus that its file states."""
+        return {}
+
+    @property
+    def peak(self) -> PeakTest | None:
+        """Its peak as tables of peak stresses have it, if it has one."""
+        return None
+
+    def solution_table(self, solution: pd.DataFrame) -> pd.DataFrame:
+        """Return the table that `pyburgers simulate` writes of a solution."""
+        return solution
+
+    @property
+    def n_driving_errors(self) -> int:
+        """Number of uncertain numbers in what drives the test, which are inferred with it."""
+        return 0
+
+    def driving_error(self, true: Self) -> FloatArray:
+        """Return the standardised errors of what drives a simulated test, (n_driving_errors,).
+
+        `true`: the same test, driven by what drove the simulation.
+        """
+        return np.zeros(self.n_driving_errors)
+
+    def without_point(self, point: int) -> Self:
+        """Return the test without one of its points, counted from 0, unless they go together."""
+        if self.points_together:
+            raise InputError(
+                f"{self.id}: points cannot be left out one by one, expected a comparison without "
+                f"fitting again, because {self.points_together}."
+            )
+        left: dict[str, Any] = {
+            name: np.delete(getattr(self, name), point) for name in self.of_points
+        }
+        return replace(self, **left)
 
     @property
     @abstractmethod
@@ -270,3 +361,30 @@ def of_kind(experiment: Experiment, kind: type[E]) -> E:
             f"protocol {kind.protocol!r}."
         )
     return experiment
+
+
+def stated_priors(experiment: Experiment) -> dict[str, Prior]:
+    """Return priors of the test and its apparatus, by the parameter."""
+    return {
+        name: _normal(name, stated, "stated with the test")
+        for name, stated in experiment.stated.items()
+    }
+
+
+def condition_priors(experiment: Experiment) -> tuple[Prior, ...]:
+    """Return the priors of the errors of a test's conditions."""
+    source = "stated in the file of the test"
+    return tuple(
+        _normal(one.parameter, Stated(0.0, one.sd), source) for one in experiment.uncertain
+    )
+
+
+def _normal(name: str, stated: Stated, source: str) -> Prior:
+    """Return the normal prior of a stated number, cut at zero where it cannot be negative."""
+    parameter = PARAMETER_BY_NAME[name]
+    if stated.sd == 0:
+        return fixed_prior(parameter, stated.value, source)
+    numbers = {"location": stated.value, "scale": stated.sd}
+    if name == "apparatus_compliance":
+        numbers["lower"] = 0.0
+    return Prior.of_family(name, "normal", numbers, unit=parameter.si_unit, source=source)

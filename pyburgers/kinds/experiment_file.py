@@ -9,13 +9,12 @@ from collections.abc import Mapping
 from datetime import date, datetime, time
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
 from pydantic import Field
 
 from pyburgers.common.errors import InputError, all_of, nearest
-from pyburgers.common.paths import given_path
-from pyburgers.common.toml_files import NAME, Table, read_toml
+from pyburgers.common.toml_files import NAME, Table
 from pyburgers.kinds.experiment import CONDITION_KEYS, Provenance, UncertainCondition
 from pyburgers.kinds.limits import impossible_conditions
 from pyburgers.model.parameters import PARAMETER_BY_NAME
@@ -66,17 +65,6 @@ class ExperimentFile(Table):
     true_parameters: dict[str, float] | None = Field(
         None, description="the parameters (SI) behind synthetic data"
     )
-
-
-FileT = TypeVar("FileT", bound=ExperimentFile)
-
-
-def experiment_file(
-    path: str | Path, structure: type[FileT], tables: Mapping[str, Any] | None
-) -> tuple[Path, FileT]:
-    """Read an experiment file, or check its tables in memory, which messages name by `path`."""
-    where = given_path(path) if tables is None else Path(path)
-    return where, read_toml(where, structure, tables)
 
 
 def shared_values(path: Path, file: ExperimentFile) -> dict[str, Any]:

@@ -12,14 +12,14 @@ import numpy.typing as npt
 from pyburgers.common.cells import as_number, has_date
 from pyburgers.common.text_tables import TextTable
 from pyburgers.common.units import FOREIGN_UNIT_NAMES, UNIT_TABLE, Unit, unit_in
-from pyburgers.kinds.quantities import (
+from pyburgers.kinds.column_names import (
     ALONG_AXIS,
     ANGLES,
+    COLUMN_NAMES,
     ERRORS,
     FORCES,
     LOGARITHM,
     OTHER_QUANTITIES,
-    QUANTITIES,
     SET_POINT,
     SHEAR,
 )
@@ -41,7 +41,7 @@ MAX_RELATIVE_DIFFERENCE = 1e-3
 class GuessedColumn:
     """A column of a text file.
 
-    `quantity`: what it holds, a key of `QUANTITIES`, or that with ``_uncertainty``.
+    `quantity`: what it holds, a key of `COLUMN_NAMES`, or that with ``_uncertainty``.
     `column`: its name, or its number from 1.
     `name`: its name with the unit under it.
     `unit`: its unit; None where it has none.
@@ -70,7 +70,7 @@ class GuessedColumn:
     @property
     def kind(self) -> str:
         """What its unit is one of, a key of `UNIT_TABLE` where it has one."""
-        return QUANTITIES[self.quantity.removesuffix("_uncertainty")].kind
+        return COLUMN_NAMES[self.quantity.removesuffix("_uncertainty")].kind
 
     @property
     def si(self) -> FloatArray:
@@ -125,7 +125,7 @@ def guess_columns(
         found[quantity] = replace(
             first, rivals=rivals, is_decided=not is_tied, confined_by=confined_by
         )
-    order = [*QUANTITIES, *(f"{name}_uncertainty" for name in QUANTITIES)]
+    order = [*COLUMN_NAMES, *(f"{name}_uncertainty" for name in COLUMN_NAMES)]
     return {name: _with_shared_unit(found[name], found) for name in order if name in found}
 
 
@@ -186,11 +186,11 @@ def _named(table: TextTable) -> dict[str | int, str]:
 def _quantity_of(name: str) -> str | None:
     """Return the quantity that a name looks like, unless its unit is one of another."""
     kinds = _kinds_in(name)
-    for quantity, looks in QUANTITIES.items():
-        if any(re.search(pattern, name) for pattern in looks.names):
-            if not kinds or looks.kind in kinds:
+    for quantity, patterns in COLUMN_NAMES.items():
+        if any(re.search(pattern, name) for pattern in patterns.names):
+            if not kinds or patterns.kind in kinds:
                 return quantity
-            if re.search(FOREIGN_UNIT_NAMES.get(looks.kind, "$^"), name):
+            if re.search(FOREIGN_UNIT_NAMES.get(patterns.kind, "$^"), name):
                 return quantity
     return None
 
@@ -213,9 +213,9 @@ def _kinds_in(name: str) -> set[str]:
 def _place(guessed: GuessedColumn) -> tuple[float, ...]:
     """Return the place of a column among rivals, by its name and then its unit."""
     name = _plain(guessed.name)
-    looks = QUANTITIES[guessed.quantity.removesuffix("_uncertainty")]
-    pattern = next((k for k, one in enumerate(looks.names) if re.search(one, name)), 0)
-    word = next((place for words, place in looks.words if re.search(words, name)), 2)
+    patterns = COLUMN_NAMES[guessed.quantity.removesuffix("_uncertainty")]
+    pattern = next((k for k, one in enumerate(patterns.names) if re.search(one, name)), 0)
+    word = next((place for words, place in patterns.words if re.search(words, name)), 2)
     has_unit = guessed.told_by == "its name" and not guessed.is_foreign
     is_set_point = re.search(SET_POINT, name) is not None
     return pattern, is_set_point, word, 0 if has_unit else 1 + guessed.is_foreign
@@ -266,7 +266,7 @@ def _with_unit(
     cells = map(as_number, table.cleaned(table.columns.index(column)))
     numbers = np.array([np.nan if value is None else value for value in cells])
     name = table.described(column)
-    kind = QUANTITIES[quantity.removesuffix("_uncertainty")].kind
+    kind = COLUMN_NAMES[quantity.removesuffix("_uncertainty")].kind
     found = GuessedColumn(quantity, column, name, None, "its name", numbers)
     if table.is_time_stamps(column):
         return replace(found, unit="s", told_by="its time stamps")

@@ -20,7 +20,7 @@ import pandas as pd
 import xarray as xr
 from pydantic import ConfigDict, Field
 
-from pyburgers.common.csv_files import write_data
+from pyburgers.common.columns import write_data
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, checked, read_tables, write_toml
@@ -118,6 +118,30 @@ class Kind(ABC, Generic[E]):
 
         `response` (n_points,): without noise.
         """
+
+
+def draw_residuals(
+    experiment: Experiment,
+    noise: FloatArray,
+    part: npt.NDArray[np.int64],
+    values: Mapping[str, float],
+    rng: np.random.Generator,
+) -> FloatArray:
+    """Return residuals (SI), (n_points,), as `stan/statistics/residuals.stan` describes them.
+
+    `noise`, `part` (n_points,): their standard deviations (SI), and segment or stage, between
+    which nothing correlates.
+    """
+    n, correlation_length = experiment.n_points, values.get(experiment.residual_correlation, 0.0)
+    if correlation_length == 0:
+        return np.asarray(noise * rng.standard_normal(n))
+    share = values.get("residual_correlated_share", 1.0)
+    correlated: FloatArray = np.sqrt(share) * rng.standard_normal(n)
+    step = np.diff(experiment.position) / correlation_length
+    correlation, spread = np.exp(-step), np.sqrt(-np.expm1(-2 * step))
+    for k in np.flatnonzero(np.diff(part) == 0):
+        correlated[k + 1] = correlation[k] * correlated[k] + spread[k] * correlated[k + 1]
+    return np.asarray(noise * (correlated + np.sqrt(1 - share) * rng.standard_normal(n)))
 
 
 class _ProtocolTable(Table):

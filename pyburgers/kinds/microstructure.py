@@ -21,6 +21,9 @@ FloatArray = npt.NDArray[np.float64]
 NOT_MEASURED = 0.0
 """What the program is given in the place of a fabric factor that was not measured."""
 
+PATH_STRAIN_ROUNDING = 1e-9
+"""Share of a path strain by which it may lie beyond the end: units were converted."""
+
 
 @dataclass(frozen=True)
 class MeasuredMicrostructure:

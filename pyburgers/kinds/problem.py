@@ -9,9 +9,8 @@ import numpy as np
 
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.coordinates import Layout, PlainCoordinates, layout_of
-from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment, condition_priors
 from pyburgers.kinds.likelihood import Likelihood, likelihood_of, likelihoods
-from pyburgers.kinds.stated_priors import check_conditions, condition_priors
 from pyburgers.model.parameters import (
     CONDITIONS,
     PARAMETER_BY_NAME,
@@ -241,7 +240,7 @@ def problem_of(
     for experiment in experiments:
         _check_test(experiment, experiments[0], priors)
     largest = [experiment.largest_stress for experiment in experiments]
-    check_conditions(experiments)
+    _check_conditions(experiments)
     of_tests = tuple(
         _with_own_grains(own, experiments[0], experiment).exchanging(*condition_priors(experiment))
         for experiment, own in zip(
@@ -345,6 +344,39 @@ def _check_test(experiment: Experiment, first: Experiment, priors: PriorSet) -> 
         )
     check_variant(priors, experiment)
     likelihood_of(experiment).check_priors(experiment, priors)
+
+
+def _check_conditions(experiments: Sequence[Experiment]) -> None:
+    """Ask for the same uncertain conditions in all tests, and one error of one apparatus.
+
+    Raise InputError if a test cannot have such an error, or lacks one that another has.
+    """
+    for experiment in experiments:
+        for one in experiment.uncertain:
+            if one.parameter not in experiment.may_be_uncertain:
+                raise InputError(
+                    f"{experiment.id}: key {CONDITION_KEYS[one.parameter][0]!r}: found {one.sd:g}, "
+                    f"expected none because tests of the protocol {experiment.protocol} take it as "
+                    "known."
+                )
+    for name, (sd_key, apparatus_key) in CONDITION_KEYS.items():
+        stated = {
+            test.id: one for test in experiments for one in test.uncertain if one.parameter == name
+        }
+        missing = [test.id for test in experiments if test.id not in stated]
+        if stated and missing:
+            raise InputError(
+                f"{missing[0]}: key {sd_key!r} is missing, expected it because {min(stated)} of "
+                "the same joint fit has it; a condition that is well known has a small one."
+            )
+        for test, one in stated.items():
+            for other, again in stated.items():
+                same = one.apparatus is not None and one.apparatus == again.apparatus
+                if same and one.sd != again.sd:
+                    raise InputError(
+                        f"{test}: key {sd_key!r} is {one.sd:g}, in {other} it is {again.sd:g}, "
+                        f"expected one number for the {apparatus_key} {one.apparatus!r}."
+                    )
 
 
 def _check_not_in_prior(experiment: Experiment, priors: PriorSet) -> None:

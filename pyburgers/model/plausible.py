@@ -4,7 +4,7 @@ from functools import cache
 
 from pydantic import Field
 
-from pyburgers.common.shipped_files import shipped_folder
+from pyburgers.common.paths import shipped_folder
 from pyburgers.common.toml_files import Table, checked, read_tables
 
 

@@ -1,8 +1,9 @@
 """What a page says about a fit, and about fits of the same data, which share a section."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -20,6 +21,7 @@ from pyburgers.kinds.fixed_parameters import fixed_in_effect
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.page import tables
 from pyburgers.page.illustrations import Illustration, picture_file
+from pyburgers.page.methods import methods_text
 from pyburgers.page.overview import Entry, entry_of
 from pyburgers.page.posterior_figures import figures_for
 
@@ -73,6 +75,32 @@ class Section:
         return list(view_of(self.experiment).facts(self.experiment))
 
     @property
+    def about_test(self) -> str:
+        """Material, kind and temperature of the test in words."""
+        one = self.experiment
+        kind = one.protocol.replace("_", " ")
+        return f"{one.material}, {kind}, {one.temperature_text}"
+
+    @property
+    def found(self) -> list[tuple[str, list[dict[Hashable, Any]]]]:
+        """What data decide: an opening of a sentence, and the rows of the table that end it.
+
+        There is nothing without likelihood, nor if the posterior was not sampled well.
+        """
+        outcome = self.entry.verdicts[CheckKind.SAMPLING].outcome
+        if tables.DECISION not in self.parameters or outcome is not Outcome.YES:
+            return []
+        rows = self.parameters.to_dict("records")
+        decided = [
+            (opening, [row for row in rows if row[tables.DECISION].startswith(origin)])
+            for opening, origin in (
+                ("The data decide", Origin.DATA),
+                ("Data and priors together decide", Origin.BOTH),
+            )
+        ]
+        return [one for one in decided if one[1]] or [("The data decide no number.", [])]
+
+    @property
     def about_data(self) -> tuple[object, ...]:
         """What the page tells about the data."""
         one = self.experiment
@@ -80,20 +108,9 @@ class Section:
         return *known, one.provenance, dict(one.metadata), self.facts
 
     @property
-    def how_made(self) -> tuple[object, ...]:
-        """What the page tells of the making of the fit but for time and hash."""
-        entries = (
-            "command",
-            "sampler",
-            "more_draws",
-            "noisy",
-            "refits",
-            "shortened",
-            "coordinates",
-        )
-        fit, told = self.fit, [self.fit.manifest.get(entry) for entry in entries]
-        flow_law = fit.priors.flow_law and fit.priors.flow_law.source
-        return fit.variant, fit.priors.title, flow_law, len(self.sampler), repr(told)
+    def methods(self) -> str:
+        """How the fit was made and what its checks found."""
+        return methods_text(self.fit, self.entry.checks, self.entry.verdicts)
 
     @property
     def not_by_data(self) -> dict[str, list[bool]]:

@@ -46,12 +46,14 @@ class Picture:
     """A figure as it stands in a page.
 
     `svg`: what is drawn.
-    `explained_at`: anchor of the first figure of the page with the same caption, which holds the
-        caption.
+    `number`: its number, from 1 at the top of the page.
+    `explained_by`: an earlier figure with the same caption, which stands there; None if there is
+        none.
     """
 
     svg: InlineSvg
-    explained_at: str
+    number: int
+    explained_by: Illustration | None
 
     @property
     def width(self) -> int:
@@ -98,8 +100,9 @@ def write_figures(
         drawn = run_tasks(write_page_images, calls, workers=workers, out=out)
     by_file |= dict(drawn)
     found: dict[str, Picture] = {}
-    explained: dict[str, str] = {}
-    for number, one in enumerate(illustrations):
-        first = explained.setdefault(one.text.caption, one.anchor)
-        found[one.anchor] = Picture(inline_svg(by_file[one.file], f"f{number}"), first)
+    explained: dict[str, Illustration] = {}
+    for number, one in enumerate(illustrations, start=1):
+        first = explained.setdefault(one.text.caption, one)
+        svg = inline_svg(by_file[one.file], f"f{number}")
+        found[one.anchor] = Picture(svg, number, None if first is one else first)
     return Pictures(found)

@@ -28,6 +28,7 @@ from pyburgers.page import tables
 from pyburgers.page.fit_sections import SameData, Section, by_data, write_section
 from pyburgers.page.glossary import with_definitions
 from pyburgers.page.illustrations import Illustration, Pictures, picture_file, write_figures
+from pyburgers.page.methods import bibtex
 from pyburgers.page.names import file_key, in_words, joint_key, page_keys, page_names
 from pyburgers.page.overview import (
     ANSWER_COLUMNS,
@@ -147,6 +148,7 @@ def write_report(
         entries=entries,
         told_entries=told_entries,
         runs=runs_table(named),
+        references=bibtex(all_fits),
         title=title,
         command=command,
         to_come=[in_words(*one) for one in to_come.items()],
@@ -179,6 +181,7 @@ def render_page(
     entries: Sequence[Entry],
     told_entries: Sequence[Entry],
     runs: pd.DataFrame,
+    references: str,
     title: str,
     command: str,
     to_come: Sequence[str],
@@ -224,6 +227,13 @@ def render_page(
         told_by={text: extra for extra, _ in reversed(extras) for text in extra.details},
         made_alike=_made_alike(sections),
         runs=runs,
+        references=references,
+        is_of_one_fit=len(entries) == 1 and not any(not extra.after_fits for extra, _ in extras),
+        findings=[
+            one
+            for one in extras
+            if one[0].paragraphs and not one[0].after_fits and len(entries) > 1
+        ],
         reference_texts=list(dict.fromkeys(view_of(s.experiment).reference_text for s in sections)),
         tex=_TEX,
         written=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
@@ -239,9 +249,10 @@ def render_page(
 
 def _made_alike(sections: Sequence[Section]) -> list[list[Section]]:
     """Put together fits of which the page tells the same about how they were made."""
-    found: dict[tuple[object, ...], list[Section]] = {}
+    found: dict[tuple[str, str], list[Section]] = {}
     for section in sections:
-        found.setdefault(section.how_made, []).append(section)
+        made = section.methods, section.fit.manifest["command"]
+        found.setdefault(made, []).append(section)
     return list(found.values())
 
 

@@ -8,6 +8,7 @@ import json
 import logging
 import warnings
 from collections.abc import Iterable, Mapping
+from hashlib import sha256
 from importlib import import_module
 from typing import Any
 
@@ -17,7 +18,7 @@ import xarray as xr
 from scipy.special import logsumexp
 
 from pyburgers.cmdstan.draw_files import Draws
-from pyburgers.common.atomic_files import sha256_of_bytes, sha256_of_file
+from pyburgers.common.atomic_files import sha256_of_file
 from pyburgers.common.draws import TAIL, FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.netcdf_files import read_netcdf, write_netcdf
@@ -140,7 +141,7 @@ def load_posterior(run: RunDirectory, manifest: Mapping[str, Any]) -> xr.DataTre
     noted = manifest.get("posterior_sha256")
     if not run.posterior_file.is_file() or noted is None:
         return None
-    if sha256_of_bytes(content := run.posterior_file.read_bytes()) != noted:
+    if sha256(content := run.posterior_file.read_bytes()).hexdigest() != noted:
         raise InputError(
             f"{run.posterior_file} has changed since the run, as its hash says; {REMEDY}."
         )

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pyburgers.common.shipped_files import shipped_folder
+from pyburgers.common.paths import shipped_folder
 
 
 def test_stan_programs_and_data_are_found() -> None:

@@ -15,9 +15,9 @@ from pyburgers.fitting.new_test import (
 )
 from pyburgers.fitting.prediction import predict_test
 from pyburgers.fitting.prior_draws import prior_draws
+from pyburgers.kinds.experiment import Stated
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.problem import problem_of
-from pyburgers.kinds.read_test import Stated
 from pyburgers.model.priors import default_priors
 
 FloatArray = npt.NDArray[np.float64]

@@ -21,7 +21,7 @@ from pyburgers.fitting.prediction import Prediction, predict_test
 from pyburgers.fitting.prior_draws import prior_draws
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
-from pyburgers.kinds.experiment import Experiment, UncertainCondition, of_kind
+from pyburgers.kinds.experiment import Experiment, Stated, UncertainCondition, of_kind
 from pyburgers.kinds.forced_oscillation.experiment import (
     load_forced_oscillation,
     with_known_strain,
@@ -32,7 +32,6 @@ from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.kinds.problem import one_test, problem_of
-from pyburgers.kinds.read_test import Stated
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import PriorSet
 from pyburgers.predictions.other_test_figures import prediction_figure

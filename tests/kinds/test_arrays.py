@@ -22,6 +22,7 @@ COMMON: dict[str, Any] = {
     "grain_size_um": 230,
     "material": "ice",
     "name": "one",
+    "kind": "measured",
 }
 STRAINS = [0.1, 0.2, 0.5, 1.0]
 CURVE: dict[str, Any] = {
@@ -245,7 +246,8 @@ REFUSED: list[tuple[Callable[..., Experiment], dict[str, Any], dict[str, Any], s
     (pyburgers.ConstantRateTest, CURVE, change, words)
     for change, words in (
         ({"temperature_K": -10}, "argument 'temperature_K': found -10, expected kelvin"),
-        ({"grain_size_um": -5}, "argument 'grain_size_um': found -5e-06, expected metres"),
+        ({"grain_size_um": -5}, "argument 'grain_size_um': found -5, expected micrometres"),
+        ({"grain_size_um": None}, "argument 'grain_size_um' is missing, expected the mean"),
         ({"strain": [10.0, 20.0, 30.0, 2500.0], "strain_unit": "fraction"}, "check its unit"),
         ({"strain": [0.1, 0.2]}, "found columns of different lengths, 2 in 'strain'"),
         ({"strain": [0.1, 1.0, 0.5, 1.2]}, "data row 3: found strain 0.005, which runs backwards"),
@@ -281,6 +283,15 @@ def test_arguments_are_refused_by_name(
         make(**{**COMMON, **arguments, **change})
     assert words in " ".join(refused.value.sentences)
     assert "key" not in str(refused.value)
+
+
+def test_readings_of_unstated_origin_count_as_measured_and_the_test_says_so() -> None:
+    arguments = {**COMMON, **CURVE}
+    del arguments["kind"]
+    assert "count as measured" in repr(pyburgers.ConstantRateTest(**arguments))
+    synthetic = pyburgers.ConstantRateTest(**arguments, kind="synthetic", source="made up")
+    assert synthetic.provenance.kind == "synthetic"
+    assert "count as" not in repr(synthetic)
 
 
 def test_percent_as_a_fraction_is_doubted_as_in_files() -> None:

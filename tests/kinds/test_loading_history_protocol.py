@@ -11,12 +11,12 @@ from synthetic_fit import uniform
 
 from pyburgers.checks.discrepancies import place_text
 from pyburgers.common.errors import InputError
+from pyburgers.kinds.experiment import Stated
 from pyburgers.kinds.forward import simulate, simulate_data
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.likelihood import LIKELIHOOD
 from pyburgers.kinds.loading_history.stan_data import leg_of_times, times_of_readings
 from pyburgers.kinds.problem import problem_of
-from pyburgers.kinds.read_test import Stated
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import variant_of, with_variant
 

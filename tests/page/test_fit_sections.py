@@ -158,10 +158,11 @@ def test_one_section_holds_fits_of_the_same_data(page: Page) -> None:
 def test_a_page_has_few_words_until_it_is_unfolded(
     fits: Mapping[str, Fit], sketched: None, tmp_path: Path
 ) -> None:
+    third = make_fit(tmp_path / "third", name="C", chains=2, draws=300, seed=3)
     counts = []
-    for number, shown in enumerate((["other"], ["other", "good"])):
+    for number, more in enumerate(([], [fits["good"]])):
         out = tmp_path / str(number)
-        file = write_report([fits[name] for name in shown], out, title="T", command="x")
+        file = write_report([fits["other"], third, *more], out, title="T", command="x")
         found = Page(file.read_text(encoding="utf-8"))
         counts.append(len(found.unfolded.split()))
         assert len(found.text.split()) > 2 * counts[-1]

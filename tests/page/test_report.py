@@ -101,7 +101,8 @@ def test_the_page_is_well_formed_and_needs_nothing_but_itself(page: Page) -> Non
     assert not {"link", "iframe", "object", "img"} & set(page.tags)
     assert page.tags.count("script") == 1
     for tag, reference in page.references:
-        allowed = ("#", "https://doi.org/", "tables/") if tag == "a" else ("#", "data:image/png;")
+        linked = ("#", "https://doi.org/", "tables/", "figures/")
+        allowed = linked if tag == "a" else ("#", "data:image/png;")
         assert reference.startswith(allowed), reference
 
 
@@ -121,12 +122,18 @@ def test_every_figure_is_on_the_page_with_a_text_alternative_and_in_files(
         assert "<svg" in base.with_suffix(".svg").read_text(encoding="utf-8")
 
 
-def test_a_caption_stands_once_and_later_figures_lead_to_it(page: Page, fits: list[Fit]) -> None:
-    for recipe in figures_for(fits[0]):
+def test_figures_have_numbers_and_later_ones_lead_to_the_same_caption(
+    page: Page, fits: list[Fit]
+) -> None:
+    recipes = figures_for(fits[0])
+    for number, recipe in enumerate(recipes, start=1):
         assert page.text_without_marks.count(recipe.caption) == 1
         assert f"figure-A_{recipe.name}" in page.ids
-        assert f"figure-B_{recipe.name}-legend" in page.ids
-        assert ("a", f"#figure-B_{recipe.name}-legend") in page.references
+        assert ("a", f"#figure-B_{recipe.name}") in page.references
+        assert f"Legend: Figure {number} ." in page.text
+    for number in range(1, 2 * len(recipes) + 1):
+        assert page.text.count(f"Figure {number}.") == 1
+    assert recipes[0].caption in page.unfolded
 
 
 def test_strings_from_files_are_escaped(folder: Path, page: Page) -> None:
@@ -177,16 +184,49 @@ def test_failed_checks_cannot_be_overlooked(page: Page, fits: list[Fit]) -> None
 def test_a_page_without_failures_says_so(fits: list[Fit], passing_page: Page) -> None:
     assert all(check.passed for check in fits[1].checks())
     for kind in CheckKind:
-        assert f"✓ {kind.value} Yes." in passing_page.text
+        assert f"✓ {ANSWERS[kind][Outcome.YES]}" in passing_page.unfolded
     assert "FAILED" not in passing_page.text
+
+
+def test_the_page_of_one_fit_begins_with_its_figure_and_three_answers(
+    fits: list[Fit], passing_page: Page, sketched: None, tmp_path: Path
+) -> None:
+    assert "page-overview" not in passing_page.ids
+    answers = [f"✓ {ANSWERS[kind][Outcome.YES]}" for kind in CheckKind]
+    words = ["constant rate, 260 K", "Figure 1.", "The data decide", *answers, "decided by"]
+    places = [passing_page.unfolded.index(text) for text in words]
+    assert places == sorted(places)
+    by_data = fits[1].summary().query("decided_by == 'data'")
+    told = passing_page.unfolded.partition("The data decide")[2].partition("Data and priors")[0]
+    assert told.count("±") == len(by_data) > 0
+    # Numbers of draws that do not serve are not quoted.
+    failed = write([fits[0]], tmp_path)
+    assert "The data decide" not in failed.unfolded
+    assert "Do not use numbers of this fit before you have read why." in failed.unfolded
+
+
+def test_findings_of_a_study_stand_in_a_table_above_its_folded_fits(
+    fits: list[Fit], sketched: None, tmp_path: Path
+) -> None:
+    parts = (
+        PageSection("study", "A study", ("Ice creeps.", "More.")),
+        PageSection("behind", "Behind", ("Last.",), after_fits=True),
+    )
+    file = write_report(fits, tmp_path, title="T", command="x", extras=parts)
+    page = Page(file.read_text(encoding="utf-8"))
+    assert "Overviewpartfound" + "AstudyIcecreeps.All2fits" in "".join(page.unfolded.split())
+    assert page.text.count("Last.") == 1
+    assert "stress exponent n" in page.text
+    assert "in 90 % band" not in page.unfolded
 
 
 def test_what_cannot_be_told_is_no_finding(sketched: None, tmp_path: Path) -> None:
     few = small_fit(tmp_path / "runs" / "few", draws=12)
     assert {verdict.outcome for verdict in few.verdicts().values()} == {Outcome.CANNOT_TELL}
     text = write([few], tmp_path / "page").text
-    assert "? Does the model describe the data? Cannot tell ." in text
-    assert "Intervals of these fits may leave out what the model misses." in text
+    for kind in CheckKind:
+        assert f"? {ANSWERS[kind][Outcome.CANNOT_TELL]}" in text
+    assert "Intervals of this fit may leave out what the model misses." in text
 
 
 def test_both_answers_stand_in_the_contents_and_in_the_section(page: Page, fits: list[Fit]) -> None:
@@ -210,7 +250,7 @@ def test_conflicts_of_prior_and_data_stand_at_the_top(
     assert "stress exponent (-" in conflict
     page = write([fit], tmp_path / "page")
     told = f"! Prior and data disagree in B : {CONFLICT_MEANING}."
-    assert page.text.index(told) < page.text.rindex("Overview")
+    assert page.text.index(told) < page.text.index("constant rate, 260 K")
     assert page.text.count(CONFLICT_MEANING) == 1
     named = conflict.removeprefix("B: ").removesuffix(f": {CONFLICT_MEANING}.")
     assert f"{named}." in page.text_without_marks

@@ -12,7 +12,6 @@ import pandas as pd
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import span_text
-from pyburgers.kinds.attenuation.imagined_spectra import spectra_of
 from pyburgers.kinds.attenuation.table import (
     ATTENUATION,
     MODULUS,
@@ -20,6 +19,7 @@ from pyburgers.kinds.attenuation.table import (
     Elasticity,
     FloatArray,
     Readings,
+    spectra_of,
 )
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.model.laws import laws_in_closed_form

@@ -9,25 +9,25 @@ from pydantic import Field
 
 from pyburgers.common.columns import Column, DataFile, TextFilesTable, read_columns
 from pyburgers.common.errors import InputError, all_of
-from pyburgers.common.toml_files import Table, factor_to_si
+from pyburgers.common.toml_files import Table, factor_to_si, read_toml
 from pyburgers.common.units import UNIT_TABLE, units_text
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
-from pyburgers.kinds.attenuation.forms import Form, loss_of, tan_delta_of
-from pyburgers.kinds.attenuation.imagined_spectra import (
-    SpectrumTable,
-    conditions_of,
-)
 from pyburgers.kinds.attenuation.table import (
     NO_READINGS,
     CycleConditions,
     Deformation,
     Elasticity,
     FloatArray,
+    Form,
     Readings,
+    SpectrumTable,
     check_table,
+    conditions_of,
+    loss_of,
+    tan_delta_of,
 )
 from pyburgers.kinds.experiment import CONDITION_KEYS
-from pyburgers.kinds.experiment_file import ExperimentFile, experiment_file, shared_values
+from pyburgers.kinds.experiment_file import ExperimentFile, shared_values
 
 MODULI = ("modulus_column", "storage_modulus_column")
 """Keys of columns of which |M| is one, or follows."""
@@ -115,15 +115,13 @@ class AttenuationFile(ExperimentFile):
     data: _DataTable | None = Field(None, description="the table that names the data file")
 
 
-def load_attenuation(
-    path: str | Path, tables: Mapping[str, Any] | None = None
-) -> AttenuationExperiment:
+def load_attenuation(path: Path, tables: Mapping[str, Any] | None = None) -> AttenuationExperiment:
     """Read and check the file of a table of attenuation, or its tables, and its data file.
 
     A file with spectra in the place of data is a table that can be simulated. Raise InputError if a
     file, key, unit or number is not what it has to be.
     """
-    path, file = experiment_file(path, AttenuationFile, tables)
+    file = read_toml(path, AttenuationFile, tables)
     for key, _ in CONDITION_KEYS.values():
         if getattr(file, key) is not None:
             raise InputError(

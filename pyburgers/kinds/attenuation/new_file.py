@@ -4,7 +4,8 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
-from pyburgers.kinds.attenuation.forms import Form
+from pyburgers.kinds.attenuation.table import Form
+from pyburgers.kinds.column_names import LOGARITHM
 from pyburgers.kinds.guessed_columns import GuessedColumn
 from pyburgers.kinds.new_file import (
     LAYOUT,
@@ -13,7 +14,6 @@ from pyburgers.kinds.new_file import (
     NewFile,
     Question,
 )
-from pyburgers.kinds.quantities import LOGARITHM
 
 DEFORMATION = Question("deformation", "deformation", choices=("axial", "shear"), example="shear")
 POISSON_RATIO = Question("poisson_ratio", "Poisson's ratio", float, default=0.25)

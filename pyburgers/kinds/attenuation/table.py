@@ -1,19 +1,27 @@
-"""Tables of attenuation and modulus in SI units: conditions of every row, what was read there."""
+"""Tables of attenuation and modulus in SI units: conditions of every row, what was read there.
+
+Rows are read in one of several forms, or listed as spectra that can only be simulated.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import Field
 
 from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import Table
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 Deformation = Literal["axial", "shear"]
+
+Form = Literal["tan_delta", "log10_tan_delta", "loss_angle"]
+"""Forms in which tables state tan(delta); 1/Q is the first."""
 
 ATTENUATION, MODULUS = 0, 1
 """Codes of what is read."""
@@ -211,3 +219,104 @@ def check_sign(
             f"{where}: data row {bad[0] + 1}: found {values[bad[0]]:g} (SI) as {name}, expected "
             f"{expected}."
         )
+
+
+def tan_delta_of(form: Form, values: FloatArray, radian: float, where: str) -> FloatArray:
+    """Return tan(delta) of readings in a form.
+
+    `values` (n_rows,): the readings. `radian`: unit of a loss angle in rad. Raise InputError if an
+    angle reaches 90 degrees, or a logarithm is too large.
+    """
+    if form == "tan_delta":
+        return values
+    if form == "log10_tan_delta":
+        with np.errstate(over="ignore"):
+            tan_delta: FloatArray = 10**values
+        if np.isinf(tan_delta).any():
+            raise InputError(
+                f"{where}: found logarithms beyond 308, expected those of tan delta to the base 10."
+            )
+        return tan_delta
+    angle = radian * values
+    if np.any(np.abs(angle) >= np.pi / 2):
+        raise InputError(
+            f"{where}: found an angle of {np.degrees(np.abs(angle).max()):g} degrees, expected "
+            "less than 90; check 'attenuation_unit'."
+        )
+    return np.asarray(np.tan(angle))
+
+
+def loss_of(storage: FloatArray, loss: FloatArray, source: str) -> FloatArray:
+    """Return tan(delta) of a storage and a loss modulus in one unit, shape (n_rows,).
+
+    Raise InputError if a storage modulus is not positive.
+    """
+    check_sign(storage > 0, storage, source, "storage modulus", "a positive number")
+    return loss / storage
+
+
+class SpectrumTable(Table):
+    """A table of [[spectra]]."""
+
+    periods_s: list[Annotated[float, Field(gt=0)]] = Field(
+        min_length=1, description="the periods in s, increasing"
+    )
+    temperature_K: float | None = Field(  # noqa: N815
+        None, gt=0, description="its temperature in kelvin, if it is not that of the file's head"
+    )
+    median_stress_Pa: float | None = Field(  # noqa: N815
+        None, ge=0, description="its median stress in Pa, if it is not that in [attenuation]"
+    )
+    amplitude_Pa: float | None = Field(  # noqa: N815
+        None, gt=0, description="its stress amplitude in Pa, if it is not that in [attenuation]"
+    )
+
+
+def conditions_of(
+    spectra: Sequence[SpectrumTable],
+    temperature: float,
+    median_stress: float | None,
+    amplitude: float | None,
+    *,
+    where: str,
+) -> CycleConditions:
+    """Return the rows of listed spectra.
+
+    `temperature`, `median_stress`, `amplitude`: of spectra that have none of their own (K, Pa, Pa).
+    Raise InputError if some spectra have an amplitude and others have none, periods do not
+    increase, or a spectrum stands twice.
+    """
+    sizes = [len(spectrum.periods_s) for spectrum in spectra]
+
+    def rows(own: Sequence[float | None], common: float | None) -> FloatArray:
+        return np.repeat([(common or 0.0) if one is None else one for one in own], sizes)
+
+    conditions = CycleConditions(
+        period=np.concatenate([spectrum.periods_s for spectrum in spectra]),
+        temperature=rows([one.temperature_K for one in spectra], temperature),
+        median_stress=rows([one.median_stress_Pa for one in spectra], median_stress),
+        amplitude=rows([one.amplitude_Pa for one in spectra], amplitude),
+    )
+    if 0 < np.count_nonzero(conditions.amplitude) < conditions.n_rows:
+        raise InputError(
+            f"{where}: key 'amplitude_Pa' is given in some of them, expected it in all or none, or "
+            "in [attenuation]."
+        )
+    check_table(conditions, NO_READINGS, conditions.period, where, "period")
+    return conditions
+
+
+def spectra_of(conditions: CycleConditions) -> list[dict[str, Any]]:
+    """Return tables [[spectra]] from which `conditions_of` makes the rows again."""
+    periods = np.split(conditions.period, conditions.first_rows[1:])
+    spectra = []
+    for first, own in zip(conditions.first_rows, periods, strict=True):
+        table = {
+            "periods_s": own.tolist(),
+            "temperature_K": float(conditions.temperature[first]),
+            "median_stress_Pa": float(conditions.median_stress[first]),
+        }
+        if conditions.amplitude[first] > 0:
+            table["amplitude_Pa"] = float(conditions.amplitude[first])
+        spectra.append(table)
+    return spectra

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from pyburgers.common.columns import read_columns
 from pyburgers.common.errors import InputError, all_of
+from pyburgers.common.toml_files import read_toml
 from pyburgers.kinds.constant_rate.curves import (
     Curve,
     join_curves,
@@ -25,7 +26,6 @@ from pyburgers.kinds.constant_rate.file_tables import (
 from pyburgers.kinds.experiment import Experiment, FloatArray
 from pyburgers.kinds.experiment_file import (
     SIGNS_WERE_TURNED,
-    experiment_file,
     shared_values,
     sign_of,
 )
@@ -224,7 +224,7 @@ def rate_text(rate: float) -> str:
 
 
 def load_constant_rate(
-    path: str | Path, tables: Mapping[str, Any] | None = None
+    path: Path, tables: Mapping[str, Any] | None = None
 ) -> ConstantRateExperiment:
     """Read and check the file of a test at constant rate, or its tables, and its readings.
 
@@ -235,7 +235,7 @@ def load_constant_rate(
     Times beside strains are compared with the rates, and a notice says where they differ. Raise
     InputError if a file, key, unit or number is not what it has to be.
     """
-    path, file = experiment_file(path, ConstantRateFile, tables)
+    file = read_toml(path, ConstantRateFile, tables)
     segments = tuple(RateSegment(s.start_strain, s.strain_rate_per_s) for s in file.segments)
     values, _, curves = all_of(
         lambda: shared_values(path, file),

@@ -10,8 +10,7 @@ from pyburgers.kinds.constant_rate.experiment import (
     ConstantRateExperiment,
     load_constant_rate,
 )
-from pyburgers.kinds.kind import Kind
-from pyburgers.kinds.residuals import draw_residuals
+from pyburgers.kinds.kind import Kind, draw_residuals
 
 FloatArray = npt.NDArray[np.float64]
 

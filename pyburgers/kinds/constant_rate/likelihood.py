@@ -1,6 +1,7 @@
 """How tests at piecewise constant strain rate are sampled."""
 
 from collections.abc import Sequence
+from dataclasses import fields
 from itertools import chain
 from types import MappingProxyType
 
@@ -9,6 +10,7 @@ import numpy.typing as npt
 
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, strain_grid
 from pyburgers.kinds.constant_rate.valley import ConstantRateValley
+from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import Likelihood
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Stage
@@ -155,23 +157,15 @@ class ConstantRateLikelihood(Likelihood[ConstantRateExperiment]):
         )
         stage = experiment.reading_segment
         time = np.clip(experiment.time_at(experiment.strain), times[stage], times[stage + 1])
+        shared = {one.name: getattr(experiment, one.name) for one in fields(Experiment)}
         return HistoryExperiment(
-            id=experiment.id,
-            material=experiment.material,
-            temperature=experiment.temperature,
-            initial_grain_size=experiment.initial_grain_size,
-            provenance=experiment.provenance,
-            metadata=experiment.metadata,
-            notices=experiment.notices,
-            true_parameters=experiment.true_parameters,
-            uncertain=experiment.uncertain,
+            **shared,
             stages=stages,
             time=time,
             reading_stage=stage,
             reading=experiment.stress,
             stress_uncertainty=experiment.stress_uncertainty,
             n_readings_in_file=experiment.n_points,
-            microstructure=experiment.microstructure,
         )
 
 

@@ -5,6 +5,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from pyburgers.kinds.column_facts import read_together
+from pyburgers.kinds.column_names import ENGINEERING
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.limits import slope_of
 from pyburgers.kinds.new_file import (
@@ -16,7 +17,6 @@ from pyburgers.kinds.new_file import (
     NewFile,
     compression_of,
 )
-from pyburgers.kinds.quantities import ENGINEERING
 
 TEMPLATE = f"""
 compression = {{compression}}  # as in the text file; else positive

@@ -11,10 +11,10 @@ from pydantic import Field
 
 from pyburgers.common.columns import Column, DataFile, TextFilesTable, read_columns
 from pyburgers.common.errors import InputError, all_of
-from pyburgers.common.toml_files import Table
+from pyburgers.common.toml_files import Table, read_toml
 from pyburgers.common.units import units_text
 from pyburgers.kinds.experiment import Experiment, FloatArray
-from pyburgers.kinds.experiment_file import ExperimentFile, experiment_file, shared_values
+from pyburgers.kinds.experiment_file import ExperimentFile, shared_values
 from pyburgers.kinds.forced_oscillation.imposed_cycles import NO_RECORD, ImposedCycles
 from pyburgers.kinds.forced_oscillation.preparation import (
     Background,
@@ -251,7 +251,7 @@ class OscillationFile(ExperimentFile):
 
 
 def load_forced_oscillation(
-    path: str | Path, tables: Mapping[str, Any] | None = None
+    path: Path, tables: Mapping[str, Any] | None = None
 ) -> OscillationExperiment:
     """Read and check the file of a forced oscillation test, or its tables, and its data files.
 
@@ -261,7 +261,7 @@ def load_forced_oscillation(
     cycles in their place is a test that can be simulated. Raise InputError if a file, key, unit or
     number is not what it has to be, or the record cannot be prepared.
     """
-    path, file = experiment_file(path, OscillationFile, tables)
+    file = read_toml(path, OscillationFile, tables)
     if file.data is None:
         return _imagined(path, file)
     if file.imposed_cycles is not None:

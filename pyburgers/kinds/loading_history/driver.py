@@ -20,7 +20,6 @@ import numpy.typing as npt
 from scipy import stats
 from scipy.interpolate import make_lsq_spline
 
-from pyburgers.common.neighbours import distances_from_neighbours
 from pyburgers.kinds.experiment import FloatArray
 
 TOLERANCE = 5.0
@@ -40,6 +39,22 @@ one only if the series turns as often as noise does; else the second takes its p
 TURNED_TOLERANCE = 1e-3
 """The least tolerance, in shares of the largest value: 0.1 % of a stress moves the rate by less
 than a percent, and a series without noise would otherwise get a corner at every reading."""
+
+
+def distances_from_neighbours(at: FloatArray, value: FloatArray) -> FloatArray:
+    """Distance of each reading from the line through its two neighbours.
+
+    Positions `at`, shape (n,), do not decrease; `value` has shape (..., n), the distances (..., at
+    most n - 2). Readings between two neighbours at one position are left out. Independent errors of
+    the readings make distances with their own standard deviation.
+    """
+    span = at[2:] - at[:-2]
+    kept = span > 0
+    share = (at[1:-1] - at[:-2])[kept] / span[kept]
+    before, here, after = (value[..., k : value.shape[-1] - 2 + k][..., kept] for k in range(3))
+    distance = here - (1 - share) * before - share * after
+    found: FloatArray = distance / np.sqrt(1 + share**2 + (1 - share) ** 2)
+    return found
 
 
 def scatter(time: FloatArray, value: FloatArray) -> float:

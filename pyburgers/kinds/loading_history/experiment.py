@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.kinds.experiment import Experiment, FloatArray
+from pyburgers.kinds.experiment import Experiment, FloatArray, Stated
 from pyburgers.kinds.limits import far_reading
 from pyburgers.kinds.loading_history.stages import (
     Leg,
@@ -18,7 +18,6 @@ from pyburgers.kinds.loading_history.stages import (
     legs_of,
 )
 from pyburgers.kinds.microstructure import microstructure_tables
-from pyburgers.kinds.read_test import Stated
 from pyburgers.model.display import time_unit
 from pyburgers.model.read_quantities import STRAIN, STRESS
 

@@ -1,25 +1,25 @@
 """Files of loading histories: what a file says, read and written (docs/loading_history.md)."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PlainValidator
+from pydantic_core import PydanticCustomError
 
 from pyburgers.common.errors import InputError, all_of
-from pyburgers.common.toml_files import Table, factor_to_si
+from pyburgers.common.toml_files import Table, factor_to_si, read_toml
 from pyburgers.common.units import units_text
-from pyburgers.kinds.experiment import FloatArray
+from pyburgers.kinds.experiment import FloatArray, Stated
 from pyburgers.kinds.experiment_file import (
     SIGNS_WERE_TURNED,
     Compression,
     ExperimentFile,
-    experiment_file,
     shared_values,
+    sign_of,
 )
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
-from pyburgers.kinds.loading_history.measured_sections import SectionTable, read_sections
 from pyburgers.kinds.loading_history.readings import (
     NO_READINGS,
     HistoryDataTable,
@@ -36,6 +36,7 @@ from pyburgers.kinds.loading_history.stage_tables import (
 )
 from pyburgers.kinds.loading_history.stages import (
     Conventions,
+    Leg,
     Measure,
     Stage,
     StageTable,
@@ -48,7 +49,45 @@ from pyburgers.kinds.loading_history.true_readings import (
     without_start,
     without_states_before,
 )
-from pyburgers.kinds.read_test import Stated
+from pyburgers.kinds.microstructure import (
+    PATH_STRAIN_ROUNDING,
+    MeasuredMicrostructure,
+    MeasuredTable,
+    check_increasing,
+    measured_row,
+    row_text,
+    strain_factor,
+)
+
+END: Literal["end"] = "end"
+"""Of the test, in the place of a time: the sample was sectioned after it."""
+
+
+def _checked_time(found: object) -> float | Literal["end"]:
+    if found == END:
+        return END
+    if isinstance(found, bool) or not isinstance(found, int | float) or not np.isfinite(found):
+        raise PydanticCustomError("time", 'a number or "end"')
+    return float(found)
+
+
+SectionTime = Annotated[float | Literal["end"], PlainValidator(_checked_time)]
+"""A time in the unit of the stages, or the end of the test."""
+
+
+class _PlaceTable(Table):
+    """Where it was measured: at a time or a path strain."""
+
+    time: SectionTime | None = Field(
+        None, description='the time in the unit stage_time_unit, or "end" of the test'
+    )
+    strain: float | None = Field(
+        None, gt=0, description="the path strain, in the place of the time"
+    )
+
+
+class SectionTable(MeasuredTable, _PlaceTable):
+    """One of the tables [[microstructure]] of a loading history."""
 
 
 class _ApparatusTable(Table):
@@ -85,15 +124,13 @@ class LoadingHistoryFile(ExperimentFile):
     )
 
 
-def load_loading_history(
-    path: str | Path, tables: Mapping[str, Any] | None = None
-) -> HistoryExperiment:
+def load_loading_history(path: Path, tables: Mapping[str, Any] | None = None) -> HistoryExperiment:
     """Read and check the file of a loading history, or its tables, and its data file.
 
     Time counts from the start of the first stage. What is turned, smoothed, left out or thinned is
     said in a notice. Raise InputError if a file, key, unit or number is not what it has to be.
     """
-    path, file = experiment_file(path, LoadingHistoryFile, tables)
+    file = read_toml(path, LoadingHistoryFile, tables)
     values, (test, offset) = all_of(lambda: shared_values(path, file), lambda: _test(path, file))
     stages, changes = read_stages(test, file.stages)
     if file.data is None or not file.data.is_copy:
@@ -111,7 +148,7 @@ def load_loading_history(
     used, more = _used(test, found, stages, file.data)
     time, reading_stage, reading = used
     apparatus = _apparatus(file)
-    microstructure = read_sections(
+    microstructure = _sections(
         test,
         file.microstructure,
         file.stages,
@@ -137,12 +174,13 @@ def load_loading_history(
 
 def _test(path: Path, file: LoadingHistoryFile) -> tuple[StageSource, Stated | None]:
     """Return what stages are read with, and the zero of strain."""
-    conventions = Conventions.of(
-        path,
+    conventions = Conventions(
+        time=factor_to_si(file.stage_time_unit, "time", f"{path}: key 'stage_time_unit'"),
+        stress=factor_to_si(file.stage_stress_unit, "stress", f"{path}: key 'stage_stress_unit'"),
         time_unit=file.stage_time_unit,
-        stress_unit=file.stage_stress_unit,
-        compression=file.compression,
-        measures=(file.stress_measure, file.strain_measure),
+        sign=sign_of(file.compression),
+        stress_measure=file.stress_measure,
+        strain_measure=file.strain_measure,
     )
     bounds = stage_bounds(path, file.stages, conventions.time)
     offset = _strain_offset(path, file, conventions.sign)
@@ -241,3 +279,84 @@ def _n_in_file(data: HistoryDataTable | None, found: int) -> int:
     if data is None or data.readings_in_file is None:
         return found
     return data.readings_in_file
+
+
+def _sections(
+    test: StageSource,
+    tables: Sequence[SectionTable],
+    stage_tables: Sequence[StageTable],
+    legs: Sequence[Leg],
+    *,
+    strain_unit: str | None,
+    is_rigid: bool,
+) -> tuple[MeasuredMicrostructure, ...]:
+    """Check the tables [[microstructure]] of a loading history.
+
+    `test`: the file, and how its numbers are meant.
+    `tables`: its tables.
+    `stage_tables`: its stages, whose times bound those of the tables.
+    `legs`: what is imposed.
+    `strain_unit`: of the strains in [data]; None: path strains are fractions.
+    `is_rigid`: whether an imposed strain is all the specimen's.
+
+    Raise InputError if a place is missing or given twice, lies outside the test or does not
+    increase, or what was measured makes no sense.
+    """
+    factor = strain_factor(test.path, strain_unit)
+    start, end = stage_tables[0].start_time, stage_tables[-1].end_time
+    times = [end if table.time == END else table.time for table in tables]
+    for number, (table, time) in enumerate(zip(tables, times, strict=True), start=1):
+        where = row_text(test.path, number)
+        _check_one_place(where, table)
+        if time is not None and not start < time <= end:
+            raise InputError(
+                f"{where}: key 'time': found {time:g}, expected more than {start:g} and at most "
+                f"{end:g} {test.conventions.time_unit}, where the test starts and ends."
+            )
+        if table.strain is not None:
+            _check_strain(where, table.strain, factor, test.conventions, legs, is_rigid=is_rigid)
+    check_increasing(test.path, "time", times)
+    check_increasing(test.path, "strain", [table.strain for table in tables])
+    return tuple(
+        measured_row(
+            test.path,
+            number,
+            table,
+            strain=None if table.strain is None else table.strain * factor,
+            time=None if time is None else time * test.conventions.time - float(test.bounds[0]),
+        )
+        for number, (table, time) in enumerate(zip(tables, times, strict=True), start=1)
+    )
+
+
+def _check_one_place(where: str, table: SectionTable) -> None:
+    if (table.time is None) == (table.strain is None):
+        found = "neither" if table.time is None else "both"
+        raise InputError(
+            f"{where}: found {found} of the keys 'time' and 'strain', expected one of them "
+            '(time = "end" for a sample that was sectioned after the test).'
+        )
+
+
+def _check_strain(
+    where: str,
+    strain: float,
+    factor: float,
+    conventions: Conventions,
+    legs: Sequence[Leg],
+    *,
+    is_rigid: bool,
+) -> None:
+    """Check a path strain, which adds up whatever its sign, and is a true one."""
+    if conventions.strain_measure == "engineering":
+        raise InputError(
+            f"{where}: key 'strain': found {strain:g} with engineering strains, expected the key "
+            "'time' because a path strain is a true one."
+        )
+    imposed = [abs(leg.end_value) for leg in legs if leg.driven == "strain"]
+    is_known = is_rigid and len(imposed) == len(legs)
+    if is_known and strain * factor > (1 + PATH_STRAIN_ROUNDING) * sum(imposed):
+        raise InputError(
+            f"{where}: key 'strain': found {strain:g}, expected at most {sum(imposed) / factor:g}, "
+            "the path strain at the end of the test."
+        )

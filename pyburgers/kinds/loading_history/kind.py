@@ -7,11 +7,10 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from pyburgers.kinds.kind import Kind
+from pyburgers.kinds.kind import Kind, draw_residuals
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.files import load_loading_history
 from pyburgers.kinds.loading_history.stan_data import times_of_readings
-from pyburgers.kinds.residuals import draw_residuals
 
 FloatArray = npt.NDArray[np.float64]
 

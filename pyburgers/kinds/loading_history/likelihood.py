@@ -9,19 +9,18 @@ import numpy.typing as npt
 
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
-from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment
+from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment, stated_priors
 from pyburgers.kinds.likelihood import Likelihood
+from pyburgers.kinds.loading_history.creep_intervals import CreepInterval, creep_intervals
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
-from pyburgers.kinds.loading_history.measured_sections import section_times
-from pyburgers.kinds.loading_history.solution_times import load_times, stage_times
 from pyburgers.kinds.loading_history.stan_data import (
     grid_block,
     leg_of_times,
     reference_origin,
+    section_times,
     tests_block,
 )
 from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
-from pyburgers.kinds.stated_priors import stated_priors
 from pyburgers.model.display import time_unit
 from pyburgers.model.laws import DASHPOT_LAWS, KELVIN_LAWS
 from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_FLOW_RATE_QUANTITY
@@ -32,9 +31,18 @@ from pyburgers.model.variants import variant_of, with_variant
 
 FloatArray = npt.NDArray[np.float64]
 
-
 STRAIN_NOISE_SHARE = 0.01
 """Median of the strain noise, over the range of the strain readings."""
+
+TIMES_IN_A_LOAD = 48
+"""Times beside those of its stage in a load that is only part of it: as many as a stage has."""
+
+MOST_TIMES_IN_LOADS = 480
+"""Of all such loads of a test, so that bands and files stay small: of more than ten loads each has
+its share of them."""
+
+SHORTEST_STEP = 1e-4
+"""From the start of a load to the first of its times, and from the last to its end, as a share."""
 
 
 class HistoryLikelihood(Likelihood[HistoryExperiment]):
@@ -73,11 +81,11 @@ class HistoryLikelihood(Likelihood[HistoryExperiment]):
         """Return times, denser at the start of every stage, and unless fine of every load."""
         first, n = (1e-5, (80, 81)) if fine else (1e-4, (24, 25))
         shape = np.union1d(np.geomspace(first, 1, n[0]), np.linspace(0, 1, n[1]))
-        times = stage_times(experiment, shape)
+        times = _stage_times(experiment, shape)
         if fine:
             return times
         # Equal times at which stages meet all stay.
-        return np.sort(np.concatenate([times, np.setdiff1d(load_times(experiment), times)]))
+        return np.sort(np.concatenate([times, np.setdiff1d(_load_times(experiment), times)]))
 
     def shown_clock(self, last: float) -> Quantity:
         """Return time in a unit of which the test has at least ten."""
@@ -175,6 +183,39 @@ def _priors_of_readings(
     if correlate and experiment.residual_correlation not in priors.priors:
         priors = with_variant(priors, experiment, {"residuals": "autocorrelated"})
     return priors
+
+
+def _stage_times(experiment: HistoryExperiment, shape: FloatArray) -> FloatArray:
+    """Return times spread in the same way over every stage, from its start to its end: both count.
+
+    The start of a later stage is so the second of two equal times, behind a jump of the stress.
+    """
+    parts = []
+    for stage in experiment.stages:
+        time = stage.start_time + shape * (stage.end_time - stage.start_time)
+        time[-1] = stage.end_time
+        parts.append(time)
+    return np.concatenate(parts)
+
+
+def _load_times(experiment: HistoryExperiment) -> FloatArray:
+    """Return times inside the loads that are part of a stage, dense at the start of each.
+
+    A load that fills its stage has the times of the stage.
+    """
+    loads = [one for one in creep_intervals(experiment) if not _fills_its_stage(experiment, one)]
+    number = min(TIMES_IN_A_LOAD, MOST_TIMES_IN_LOADS // max(1, len(loads)))
+    n_even = number - number // 2
+    even = np.arange(1, n_even + 1) / n_even
+    even[-1] = 1 - SHORTEST_STEP  # at the end itself the rate may be that of what comes after
+    shape = np.union1d(np.geomspace(SHORTEST_STEP, 1.0, number // 2 + 1)[:-1], even)
+    times = [load.start_time + shape * load.duration for load in loads]
+    return np.concatenate([np.empty(0), *times])
+
+
+def _fills_its_stage(experiment: HistoryExperiment, load: CreepInterval) -> bool:
+    stage = experiment.stages[load.stage]
+    return (load.start_time, load.end_time) == (stage.start_time, stage.end_time)
 
 
 LIKELIHOOD = HistoryLikelihood()

@@ -10,6 +10,7 @@ import numpy as np
 
 from pyburgers.common.units import UNITS, units_text
 from pyburgers.kinds.column_facts import Facts, facts_of, read_together
+from pyburgers.kinds.column_names import ENGINEERING
 from pyburgers.kinds.experiment import FloatArray
 from pyburgers.kinds.limits import slope_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
@@ -23,7 +24,6 @@ from pyburgers.kinds.new_file import (
     compression_of,
     filled,
 )
-from pyburgers.kinds.quantities import ENGINEERING
 
 JUMP_DURATION_SHARE = 1e-3
 """Time that loading in no time is given, in shares of the time until the first reading."""

@@ -10,9 +10,8 @@ import numpy as np
 from pydantic import Field
 
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import Table, factor_to_si
+from pyburgers.common.toml_files import Table
 from pyburgers.kinds.experiment import FloatArray
-from pyburgers.kinds.experiment_file import Compression, sign_of
 
 Control = Literal[
     "strain_rate", "stress", "stress_rate", "strain_series", "stress_series", "hold_strain"
@@ -158,25 +157,6 @@ class Conventions:
     sign: int
     stress_measure: Measure
     strain_measure: Measure
-
-    @classmethod
-    def of(
-        cls,
-        path: Path,
-        *,
-        time_unit: str,
-        stress_unit: str,
-        compression: Compression,
-        measures: tuple[Measure, Measure],
-    ) -> "Conventions":
-        """Check the units of a file."""
-        return cls(
-            factor_to_si(time_unit, "time", f"{path}: key 'stage_time_unit'"),
-            factor_to_si(stress_unit, "stress", f"{path}: key 'stage_stress_unit'"),
-            time_unit,
-            sign_of(compression),
-            *measures,
-        )
 
     def time_text(self, time: float) -> str:
         """Return a time on the clock of the file (s) in the unit of its stages."""

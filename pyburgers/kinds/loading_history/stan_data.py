@@ -1,4 +1,4 @@
-"""Data of `stan/loading_history.stan`: tests, grids, and elements of the Kelvin part."""
+"""Data of `stan/loading_history.stan`: tests, sections, grids, and elements of the Kelvin part."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -7,17 +7,19 @@ from itertools import chain
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.likelihood import LIKELIHOOD as TABLES
 from pyburgers.kinds.attenuation.likelihood import tables_block
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
-from pyburgers.kinds.loading_history.measured_sections import section_times
-from pyburgers.kinds.microstructure import measured_block, strains_of
+from pyburgers.kinds.loading_history.stages import Leg
+from pyburgers.kinds.microstructure import PATH_STRAIN_ROUNDING, measured_block, strains_of
 from pyburgers.kinds.stan_data import StanData, ends
 from pyburgers.model.arrhenius import log_slowdown
 from pyburgers.model.kelvin_elements import andrade_elements, band_elements, peak_elements
 from pyburgers.model.prior_families import Prior, is_fixed_at
 from pyburgers.model.priors import PriorSet
+from pyburgers.model.variants import variant_of
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -163,6 +165,46 @@ def _grid_entries(test: HistoryOrTable, grid: FloatArray) -> StanData:
         "grid_time": grid.tolist(),
         "grid_stage": stage_of_times(test, grid).tolist(),
     }
+
+
+def section_times(experiment: HistoryExperiment, priors: PriorSet) -> list[float | None]:
+    """Return the time (s) at which each section needs the solution of a test fitted with `priors`.
+
+    A time is None if the path strain alone says the microstructure. Raise InputError if grains
+    follow the stress, and it is not known in advance when a path strain is reached.
+    """
+    if variant_of(priors, experiment).grain_size != "piezometric":
+        return [one.time for one in experiment.microstructure]
+    is_rigid = experiment.apparatus_compliance is None and (
+        "apparatus_compliance" not in priors.priors
+        or is_fixed_at(priors["apparatus_compliance"], 0.0)
+    )
+    times: list[float | None] = []
+    for number, one in enumerate(experiment.microstructure, start=1):
+        time = one.time
+        if one.strain is not None:
+            time = _time_at(experiment.legs, one.strain) if is_rigid else None
+        if time is None:
+            raise InputError(
+                f"{experiment.id}: [[microstructure]] number {number}: found the key 'strain' with "
+                "grain_size = piezometric, expected 'time' because the grain size depends on the "
+                "stress on the way, and when the path strain is reached is not known in advance."
+            )
+        times.append(time)
+    return times
+
+
+def _time_at(legs: Sequence[Leg], path_strain: float) -> float | None:
+    """Return the time (s) of a path strain; None where a stress imposed before makes it unknown."""
+    before = 0.0
+    for leg in legs:
+        if leg.driven == "stress":
+            return None
+        after = before + abs(leg.end_value)
+        if before < path_strain <= (1 + PATH_STRAIN_ROUNDING) * after:
+            return min(leg.start_time + (path_strain - before) / abs(leg.rate), leg.end_time)
+        before = after
+    return None
 
 
 @dataclass(frozen=True, eq=False)

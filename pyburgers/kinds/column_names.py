@@ -1,4 +1,4 @@
-"""Quantities of text files, and what the names of their columns look like.
+"""Patterns of the names that columns of text files have, by quantity.
 
 Names are compared in lower case and without accents. Units are in `pyburgers.common.units`.
 """
@@ -13,27 +13,27 @@ OTHER_QUANTITIES = re.compile(
     r"|(?:gas|oil|fluid|water|ambient).{0,2}press|hydrostat|compliance|viscos|strain.?ampl|manteldruck|vitesse|geschwindigkeit"
     r"|^(?:sigma|sig|σ|s)_?[23](?![0-9a-z])|^p(?:c|conf)?(?![a-z])"
 )
-"""What the name of a column has that is none of these, though it may look like one: strain rates,
-pressures and strains beside the axis, compliances."""
+"""Pattern of columns that resemble a quantity and are another one: strain rates, compliances,
+pressures and strains across the axis."""
 
 SET_POINT = (
     r"(?<![a-z])set(?![a-z])|setpoint|target|command|demand|(?<![a-z])(?:sp|soll)|sollwert|consigne"
 )
-"""What the name of a column has that was asked for, not read."""
+"""Pattern of columns of set points, which are no readings."""
 
 
 ENGINEERING = r"engineering|nominal|(?<![a-z])eng(?![a-z])|technisch"
-"""What the name of a column of engineering stress or strain has."""
+"""Pattern of columns of engineering stress or strain."""
 
 
 @dataclass(frozen=True)
-class Quantity:
-    """What the names of columns of a quantity look like, in lower case without accents.
+class ColumnNames:
+    """Patterns of the names that columns of one quantity have.
 
-    `kind`: what its unit is one of, a key of `UNIT_TABLE` where it has one.
+    `kind`: the kind of its unit, a key of `UNIT_TABLE`, or "limit", which has no unit.
     `names`: patterns, the surest first.
-    `words`: places among columns of one pattern, the lowest first, by what else a name holds; 2 for
-        names that hold none of it.
+    `words`: pairs of a pattern and a rank. If several columns match one of `names`, the lowest rank
+        is taken; a name without any of the words has the rank 2.
     """
 
     kind: str
@@ -41,22 +41,22 @@ class Quantity:
     words: tuple[tuple[str, int], ...] = ()
 
 
-QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
+COLUMN_NAMES: Mapping[str, ColumnNames] = MappingProxyType(
     {
-        "relaxation_modulus": Quantity(
+        "relaxation_modulus": ColumnNames(
             "stress", (r"relax\w*.{0,3}mod|mod\w* (?:of|de) relax|(?<![a-z])[eg]\(t\)",)
         ),
-        "loss_modulus": Quantity(
+        "loss_modulus": ColumnNames(
             "stress",
             (
                 r"loss.?mod|verlustmod|(?<![a-z])[egm](?:''|\"|′′|’’|”)|imag.*mod|mod.*(?:imag|perte)",
             ),
         ),
-        "storage_modulus": Quantity(
+        "storage_modulus": ColumnNames(
             "stress",
             (r"storage.?mod|speichermod|(?<![a-z])[egm]['′’]|real.*mod|mod.*(?:real|conserv)",),
         ),
-        "attenuation": Quantity(
+        "attenuation": ColumnNames(
             "attenuation",
             (
                 r"(?<![a-z])(?:log_?(?:10)?_?)?tan(?!g)|loss.?(?:factor|tangent)|verlustfaktor",
@@ -65,20 +65,20 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
                 r"attenuation|loss|internal.?friction|^q$|quality.?factor|gutefaktor",
             ),
         ),
-        "modulus": Quantity(
+        "modulus": ColumnNames(
             "stress",
             (r"modul|\|[egm]\*?\||(?<![a-z])[egm]\*", r"^[ge](?![a-z])"),
             ((r"\||\*|complex|dynami|absol", 0),),
         ),
-        "period": Quantity("time", (r"period|^t_?[o0](?![a-z0-9])",)),
-        "frequency": Quantity(
+        "period": ColumnNames("time", (r"period|^t_?[o0](?![a-z0-9])",)),
+        "frequency": ColumnNames(
             "frequency",
             (
                 r"^(?!.*(?:ang|circular|omega|ω|kreis|winkel|rad)).*(?:freq|^f(?![a-z]))",
                 r"freq|omega|ω|^w(?![a-z])|pulsation",
             ),
         ),
-        "temperature": Quantity(
+        "temperature": ColumnNames(
             "temperature",
             (r"temp(?!s(?![a-z]))|temps? ?[(\[]°?[cfk]|^t ?[(\[/_]? ?°?[kcf](?![a-z])",),
             (
@@ -87,10 +87,10 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
                 (r"sample|specimen|probe|echantillon", 0),
             ),
         ),
-        "median_stress": Quantity("stress", (r"median|mean_?stress|bias",)),
-        "amplitude": Quantity("stress", (r"(?<![a-z])ampl",)),
-        "limit": Quantity("limit", (r"limit",)),
-        "stress": Quantity(
+        "median_stress": ColumnNames("stress", (r"median|mean_?stress|bias",)),
+        "amplitude": ColumnNames("stress", (r"(?<![a-z])ampl",)),
+        "limit": ColumnNames("limit", (r"limit",)),
+        "stress": ColumnNames(
             "stress",
             (
                 r"stress|sigma|(?<![a-z])sig(?![a-z])|σ|(?<![a-z])tau|τ|deviator|spannung|contrainte|s_?diff"
@@ -109,7 +109,7 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
                 (r"^(?:sigma|sig|σ|s)_?1(?![0-9a-z])", 4),
             ),
         ),
-        "strain": Quantity(
+        "strain": ColumnNames(
             "strain",
             (
                 r"strain|(?<![a-z])eps|ε|shorten|dehnung|stauchung|gamma|γ|deformation|verformung|raccourc",
@@ -119,31 +119,31 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
                 (r"true|(?<![a-z])(?:log|ist|wahr|ax)|hencky|sample|actual|corr", 1),
             ),
         ),
-        "time": Quantity(
+        "time": ColumnNames(
             "time",
             (r"time|^t(?![a-z])|^(?:s|sec|h|hours?|min)$|zeit|temps|(?<![a-z])dauer|duree",),
             ((r"cycle|stage|segment|block|day", 3), (r"test|elapsed|total|run", 1)),
         ),
     }
 )
-"""Quantities; a column holds the first whose names look like its own."""
+"""Patterns by quantity; a column holds the first quantity whose patterns match its name."""
 
 SHEAR = r"(?<![a-z])(?:g\(t\)|tau|gamma)|shear|schub|octahedral|τ|γ"
-"""What the name of a column of shear has, which is no stress, strain or modulus along the axis."""
+"""Pattern of columns of shear, which hold no stress, strain or modulus along the axis."""
 
 ALONG_AXIS = frozenset({"stress", "strain", "relaxation_modulus"})
-"""Quantities that files take along the axis alone."""
+"""Quantities that files state along the axis alone."""
 
 FORCES = re.compile(r"load|force|pressure|pression|kraft|druck(?!spann)|charge")
-"""What the name of a column has that is a stress only where its unit says so."""
+"""Pattern of columns that hold a stress only if their unit is one of stress."""
 
 ANGLES = re.compile(r"^(?!.*tan).*(?:angle|winkel|phase|^delta|^δ)")
-"""What the name of a column of loss angles has, whose unit has to be said."""
+"""Pattern of columns of loss angles, whose unit has to be stated."""
 
 ERRORS = re.compile(
     r"err|(?<![a-z])unc|std(?:ev|dev|_|$)|(?:^|[_ ])sd(?![a-z])|±|(?:^|[_ ])se(?:$|[_ (\[])"
 )
-"""What the name of a column of standard deviations looks like."""
+"""Pattern of columns of standard deviations."""
 
 LOGARITHM = re.compile(r"(?<![a-z])(?:log|ln)(?![a-z])|(?<![a-z])log_?10")
-"""What the name of a column of logarithms looks like, which are read of attenuation alone."""
+"""Pattern of columns of logarithms, which are read for attenuation alone."""

@@ -1,0 +1,135 @@
+"""Methods of fits in sentences and their references as BibTeX, to copy into a paper."""
+
+import importlib.metadata
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
+from pyburgers.checks.verdicts import Verdict
+from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.sampled_fit import SampledFit
+
+_ESCAPED = str.maketrans({letter: f"\\{letter}" for letter in "&%$#_"} | dict.fromkeys("{}\\~^"))
+"""Letters that LaTeX reads as commands: escaped, or left out."""
+
+REFERENCES = r"""@misc{burgers_mcmc,
+  author = {Maor and Hansen and Jerolmack and Goldsby},
+  title = {Learning the nature of viscoelasticity in geologic materials with {MCMC}}
+}
+@article{stan,
+  author = {Carpenter, Bob and Gelman, Andrew and Hoffman, Matthew D. and Lee, Daniel and
+    Goodrich, Ben and Betancourt, Michael and Brubaker, Marcus and Guo, Jiqiang and Li, Peter and
+    Riddell, Allen},
+  title = {{Stan}: A Probabilistic Programming Language},
+  journal = {Journal of Statistical Software}, volume = {76}, number = {1}, year = {2017},
+  doi = {10.18637/jss.v076.i01}
+}
+@article{arviz,
+  author = {Kumar, Ravin and Carroll, Colin and Hartikainen, Ari and Martin, Osvaldo},
+  title = {{ArviZ} a unified library for exploratory analysis of {Bayesian} models in {Python}},
+  journal = {Journal of Open Source Software}, volume = {4}, number = {33}, pages = {1143},
+  year = {2019}, doi = {10.21105/joss.01143}
+}"""
+"""The model, the sampler, and what computes R-hat and effective sample sizes."""
+
+
+def methods_text(
+    fit: Fit, checks: Sequence[CheckResult], verdicts: Mapping[CheckKind, Verdict]
+) -> str:
+    """Say how a fit was made and what its checks found, but for the name of its test."""
+    manifest, priors = fit.manifest, fit.priors
+    said = [
+        f"Laws: {fit.variant.text}.",
+        f"Priors: {priors.title} (inputs/priors.toml of the run).",
+    ]
+    if fit.is_part:
+        said.insert(0, f"The fit is of several tests together ({_pooling(manifest)}).")
+    if not manifest["use_likelihood"]:
+        said.insert(0, "The likelihood was switched off: all draws are of the prior.")
+    if priors.flow_law:
+        source = f": {priors.flow_law.source}" * (priors.flow_law.source not in priors.title)
+        said.append(
+            f"The priors of n, p, Q_M and beta are a joint one from another source{source}."
+        )
+    said += _sampling(manifest, fit.posterior["posterior"].sizes["chain"])
+    said += [_verdict(verdicts[kind], checks) for kind in CheckKind]
+    return " ".join([*said, "R-hat and effective sample sizes are those of ArviZ (arviz)."])
+
+
+def _pooling(manifest: dict[str, Any]) -> str:
+    """Say which parameters the tests of a joint fit have in common, and how."""
+    kinds: dict[str, str] = manifest["pooling"]["kinds"]
+    named = {
+        kind: ", ".join(name for name, one in kinds.items() if one == kind)
+        for kind in dict.fromkeys(kinds.values())
+    }
+    return "; ".join(f"{kind}: {names}" for kind, names in named.items()).replace("_", " ")
+
+
+def _sampling(manifest: dict[str, Any], n_chains: int) -> list[str]:
+    """State the settings of the sampler, and what had to be done again."""
+    sampler = manifest["sampler"]
+    version = manifest["versions"]["cmdstan"] or "of unknown version"
+    draws = " + ".join(map(str, [sampler["draws"], *manifest.get("more_draws", [])]))
+    said = [
+        f"{n_chains} of {sampler['chains']} chains of the no-U-turn sampler of Stan (stan; CmdStan "
+        f"{version}) ran with {sampler['warmup']} iterations of warm-up, {draws} draws, seed "
+        f"{sampler['seed']}, target acceptance {sampler['adapt_delta']:g} and a tree depth of at "
+        f"most {sampler['max_treedepth']}."
+    ]
+    said += [
+        f"At tolerance {loose['tolerance']:.0e} of the solver the log density jumped by "
+        f"{loose['noise']:.2g} from point to point, too much to sample with."
+        for loose in manifest.get("noisy", [])
+    ]
+    said += [
+        f"A first run at tolerance {refit['tolerance']:.0e} was put aside ({refit['chains']}): its "
+        f"draws, solved again at the reference tolerance, had Pareto k {refit['pareto_k']:.2f}."
+        for refit in manifest.get("refits", [])
+    ]
+    said += [
+        f"Draws of which {longer['divergences']} had diverged were put aside ({longer['chains']}), "
+        "and all chains went on with shorter steps."
+        for longer in manifest.get("shortened", [])
+    ]
+    if "coordinates" in manifest:
+        coordinates = manifest["coordinates"]
+        said.append(f"Coordinates: {coordinates['system']} ({coordinates['reason']}).")
+    return said
+
+
+def _verdict(verdict: Verdict, checks: Sequence[CheckResult]) -> str:
+    """Answer a question about a fit with the checks behind the answer."""
+    made = [one for one in checks if one.check.kind is verdict.kind]
+    checked = f" (checks: {', '.join(one.name for one in made)})" if made else ""
+    doubted = ", ".join(one.name for one in made if one.outcome is not Outcome.YES)
+    return f"{verdict.answer}{checked}{f'; not passed: {doubted}' * bool(doubted)}."
+
+
+def bibtex(fits: Iterable[SampledFit]) -> str:
+    """Return BibTeX entries of measured data, the model, Stan, ArviZ and this software."""
+    return "\n".join([*_data_entries(fits), REFERENCES, _software_entry()])
+
+
+def _data_entries(fits: Iterable[SampledFit]) -> Iterator[str]:
+    """Yield an entry for each source of data that somebody measured."""
+    found = {
+        (provenance.source, provenance.doi): provenance.kind
+        for provenance in (fit.provenance for fit in fits)
+        if provenance.kind != "synthetic"
+    }
+    for number, ((source, doi), kind) in enumerate(found.items(), start=1):
+        doi_text = f"\n  doi = {{{doi.translate(_ESCAPED)}}}," if doi else ""
+        yield (
+            f"@misc{{data_{number},\n  title = {{{{{source.translate(_ESCAPED)}}}}},{doi_text}\n"
+            f"  note = {{{kind.capitalize()} data}}\n}}"
+        )
+
+
+def _software_entry() -> str:
+    """Return the entry of this software from the metadata of the package."""
+    about = importlib.metadata.metadata("pyburgers")
+    return (
+        f"@misc{{pyburgers,\n  author = {{{{The pyburgers developers}}}},\n"
+        f"  title = {{pyburgers: {about['Summary']}}},\n  note = {{Version {about['Version']}}}\n}}"
+    )

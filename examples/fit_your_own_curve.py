@@ -11,21 +11,19 @@ import argparse
 import logging
 from pathlib import Path
 
+from matplotlib import pyplot as plt
+
 import pyburgers
-from pyburgers.common.paths import shipped_folder
-from pyburgers.drawing.style import image
-from pyburgers.drawing.views.constant_rate import stress_strain
-from pyburgers.page.posterior_figures import prior_posterior
 
 
 def main() -> None:
-    """Fit, print the posterior and the checks, draw two figures."""
+    """Fit, print the posterior and the checks, draw a figure."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
         "experiment",
         type=Path,
         nargs="?",
-        default=shipped_folder("data") / "ice" / "PIL40.toml",
+        default=Path(__file__).parents[1] / "data" / "ice" / "PIL40.toml",
     )
     parser.add_argument("--priors", type=Path, help="prior file (default: the material's)")
     parser.add_argument("--out", type=Path, help="run directory (default: runs/ID)")
@@ -34,7 +32,7 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=500)
     options = parser.parse_args()
 
-    # What takes long tells of its progress through the logger of the package.
+    # Long calls report progress to the logger of the package.
     logging.basicConfig(format="%(message)s")
     logging.getLogger("pyburgers").setLevel(logging.INFO)
 
@@ -78,10 +76,12 @@ def main() -> None:
     steep = float((draws["stress_exponent"] > 3.5).mean())
     print(f"probability that the stress exponent is above 3.5: {steep:.2f}")
 
-    for draw in (stress_strain, prior_posterior):
-        file = fit.directory.path / f"{draw.name}.png"
-        file.write_bytes(image(draw(fit), "png"))
-        print(file)
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
+    fit.plot.stress_strain(left)
+    fit.plot.posterior("maxwell_modulus", right)
+    file = fit.directory.path / "fit.png"
+    figure.savefig(file)
+    print(file)
 
 
 if __name__ == "__main__":

@@ -196,8 +196,8 @@ def export(
     fit : Fit or PeakStressFit
         A fit of one test (of a joint fit: ``fit["ID"]``), or of a table of peak stresses.
     file_format : str
-        aspect, elmer, geoparams, icepack, lamem, pism or underworld for the creep law; specfem or
-        tidalpy for compliances in shear; json, csv or latex for all parameters.
+        For the creep law aspect, elmer, geoparams, icepack, lamem, pism or underworld. For
+        compliances in shear specfem or tidalpy. For all parameters json, csv or latex.
     out : path, optional
         File of the mean. Draws go to files beside it, with ``_1`` and so on behind its name.
     draws : int

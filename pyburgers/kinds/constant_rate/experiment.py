@@ -178,8 +178,8 @@ class ConstantRateExperiment(Experiment):
     def reading_segment(self) -> IntArray:
         """Segment of each observed point, from 0, shape (n_points,).
 
-        Of points at the strain of a rate step the first is the last one of the segment before, the
-        others are in the one that begins there.
+        If several points lie at the strain of a rate step, the first ends the segment before. The
+        others are in the segment that begins there.
         """
         steps = [segment.start_strain for segment in self.segments[1:]]
         after_another = np.diff(self.strain, prepend=-1.0) == 0

@@ -12,19 +12,24 @@ from pyburgers.common.toml_files import nested_table
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.experiment_file import ExperimentFile
 
-ARGUMENT_NAMES = (
+ARGUMENT_NAMES: tuple[tuple[str, str | Callable[[re.Match[str]], str]], ...] = (
     (r" in \[\[segments\]\] number (\d+)", r", entry \1"),
     (r" in \[\w+\]", ""),
     (r"\[data\] needs", "needs"),
     (r"'(\w+)_column'", r"'\1'"),
     (r"'stage_(\w+)_unit'", r"'\1_unit'"),
+    (
+        r"(?<='initial_grain_size_m': found )([-+.e\d]+), expected metres.*",
+        lambda found: f"{1e6 * float(found[1]):g}, expected micrometres between 0 and 1e6.",
+    ),
+    (r"('initial_grain_size_m'.*) in metres", r"\1 in micrometres"),
     ("'initial_grain_size_m'", "'grain_size_um'"),
     ("'strain_rate_per_s'", "'strain_rate'"),
     ("'id'", "'name'"),
     (r"\ba key(?= ')", "the argument"),
     (r"\bkey(s?)(?= ')", r"argument\1"),
 )
-"""Patterns of keys in messages about files, and of the arguments that stand for them."""
+"""Patterns of keys and units in messages about files, and what stands for them about arguments."""
 
 UNSTATED_KIND = (
     "Where the readings come from was not stated, so they count as measured: "
@@ -91,14 +96,7 @@ def _plain(value: Any) -> Any:
 
 
 def _of_arguments(sentence: str) -> str:
-    """Return a message about keys of a file as one about arguments, a grain size in micrometres."""
-    sentence = re.sub(
-        r"(?<='initial_grain_size_m': found )([-+.e\d]+), expected metres.*",
-        lambda found: f"{1e6 * float(found[1]):g}, expected micrometres between 0 and 1e6.",
-        sentence,
-    )
-    if "'initial_grain_size_m'" in sentence:
-        sentence = sentence.replace("in metres", "in micrometres")
+    """Return a message about keys of a file as one about arguments."""
     for pattern, text in ARGUMENT_NAMES:
         sentence = re.sub(pattern, text, sentence)
     return sentence

@@ -17,6 +17,7 @@ from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
+from pyburgers.model.variants import variant_of
 
 SHARES = (-1.0, 2.0)
 """Shares of grain size in the softening, the least and the largest, up to which an axis may go."""
@@ -47,6 +48,13 @@ def microstructure_facts(
             fabric = f", fabric factor {with_error(one.fabric_factor, one.fabric_factor_sd)}"
         said.append(f"grain size {with_error(size, error)} {LENGTH_UNIT}{fabric} at {place(one)}")
     return [("Measured microstructure", "; ".join(said))]
+
+
+def evolves(fit: FittedTest) -> bool:
+    """Whether grain size or fabric change in a fit, or were measured."""
+    variant = variant_of(fit.priors, fit.experiment)
+    constant = variant.grain_size == variant.fabric == "constant"
+    return not constant or bool(fit.experiment.microstructure)
 
 
 def softening_caption(end: str) -> str:

@@ -8,6 +8,7 @@ import numpy.typing as npt
 import oracle
 import pytest
 from conftest import ICE, FunctionValues
+from imposed_stress import simulate_imposed_stress
 from independent_table import TRUTHS
 from scipy import stats
 from scipy.integrate import solve_ivp
@@ -18,7 +19,6 @@ from pyburgers.kinds.constant_rate.experiment import (
 )
 from pyburgers.kinds.program_data import solve
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER
-from pyburgers.predictions.imposed_stress import simulate_imposed_stress
 from pyburgers.predictions.stress_cycles import Regime
 
 FloatArray = npt.NDArray[np.float64]

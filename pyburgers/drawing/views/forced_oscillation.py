@@ -37,6 +37,7 @@ from pyburgers.drawing.views.oscillation_response import (
     replicated_response,
     response_page_table,
 )
+from pyburgers.drawing.views.softening import evolves
 from pyburgers.kinds.coordinates import REFERENCE_FLOW_RATE
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
@@ -200,11 +201,17 @@ def amplitude_phase(fit: FittedTest) -> Figure:
 @recipe(
     "microstructure",
     "Grain size and dashpot",
-    "Two quantities that the record does not show directly: (a) mean grain size, (b) strain rate "
-    "of the dashpot; lines are medians over the posterior, areas hold 90 % of draws. "
-    "Grains approach the size that the piezometer gives for the current stress, over strains of "
-    "the order of the critical strain; near zero stress the piezometer asks for very large ones. "
-    "The dashpot follows stress by a power law, so it flows mainly while stress is high.",
+    lambda fit: (
+        "Two quantities that the record does not show directly: (a) mean grain size, (b) strain "
+        "rate of the dashpot; lines are medians over the posterior, areas hold 90 % of draws. "
+        + (
+            "Grains approach the size that the piezometer gives for the current stress, over "
+            "strains of the order of the critical strain; near zero stress the piezometer asks for "
+            "very large ones. "
+        )
+        * evolves(fit)
+        + "The dashpot flows fastest while stress is high."
+    ),
     grains_result,
 )
 def microstructure(fit: FittedTest) -> Figure:

@@ -20,6 +20,7 @@ from pyburgers.drawing.panels import (
     curve_with_residuals,
     draw_band_panel,
     draw_data,
+    draw_dots,
     draw_retrodictions,
     figure_of,
 )
@@ -180,16 +181,14 @@ def amplitude_phase(fit: FittedTest) -> Figure:
             for end in (low, high):
                 draw_line(end, color=VERMILION, linestyle="--", linewidth=1.2)
         axes.plot([], [], color=VERMILION, linestyle="--", label="90 % of replicated data")
-        axes.errorbar(
-            observed.amplitude * STRESS_FACTOR,
-            np.degrees(observed.lag),
-            xerr=observed.amplitude_standard_error * STRESS_FACTOR,
-            yerr=np.degrees(observed.lag_standard_error),
-            color=BLACK,
-            linewidth=1.4,
-            marker="o",
-            markersize=4,
-            linestyle="none",
+        draw_dots(
+            axes,
+            np.array([observed.amplitude]) * STRESS_FACTOR,
+            np.degrees([observed.lag]),
+            xerr=np.array([observed.amplitude_standard_error]) * STRESS_FACTOR,
+            yerr=np.degrees([observed.lag_standard_error]),
+            face=BLACK,
+            elinewidth=1.4,
             label=f"{experiment.provenance.kind} data ± standard error",
         )
         axes.set_xlabel(f"amplitude of the stress ({STRESS_UNIT})")

@@ -24,11 +24,12 @@ from pyburgers.drawing.panels import (
     curve_result,
     draw_band,
     draw_curve,
+    draw_dots,
     draw_residuals,
     figure_of,
     legend_above,
 )
-from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, PURPLE, VERMILION
+from pyburgers.drawing.style import BLUE, GREY, ORANGE, PURPLE, VERMILION
 from pyburgers.drawing.view import View
 from pyburgers.drawing.views.isochronous import isochronous_figure
 from pyburgers.drawing.views.minimum_rates import minimum_rate_table
@@ -151,16 +152,9 @@ def response(fit: FittedTest) -> Figure:
             if read.any():
                 since = experiment.time[read] - stage.start_time
                 end = np.nanmedian(values[name][:, here[-1]])
-                places["log"].plot(
-                    since[since > 0],
-                    experiment.reading[read][since > 0] / end,
-                    linestyle="none",
-                    marker="o",
-                    markersize=2.5,
-                    color=BLACK,
-                    markerfacecolor="white",
-                    markeredgewidth=0.5,
-                )
+                later = since > 0
+                over_end = experiment.reading[read][later] / end
+                draw_dots(places["log"], since[later], over_end, size=2.5)
         _cut_slow_recovery(places["rate"], middle["strain_rate"])
         _label_response(places)
     return figure

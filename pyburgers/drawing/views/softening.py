@@ -11,7 +11,13 @@ from matplotlib.figure import Figure
 from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.units import with_error
 from pyburgers.drawing.fitted import predicted
-from pyburgers.drawing.panels import LINES_AND_AREAS, band_text, draw_band_panel, figure_of
+from pyburgers.drawing.panels import (
+    LINES_AND_AREAS,
+    band_text,
+    draw_band_panel,
+    draw_dots,
+    figure_of,
+)
 from pyburgers.drawing.style import BLACK, BLUE, GREEN, SKY_BLUE, VERMILION
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import FittedTest
@@ -151,16 +157,8 @@ def _draw_measured(
         (fabric, position[some], factor[some], error[some]),
     ):
         if at.size:
-            axes.errorbar(
-                at,
-                value,
-                spread,
-                fmt="o",
-                color=BLACK,
-                mfc="white",
-                clip_on=False,  # the last one is at the end of the axis
-                label="measured",
-            )
+            # The last one is at the end of the axis.
+            draw_dots(axes, at, value, yerr=spread, size=6.0, label="measured", clip_on=False)
             axes.legend(loc="best")
 
 

@@ -13,7 +13,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.common.draws import TAIL
-from pyburgers.kinds.coordinates import OtherMode
+from pyburgers.kinds.stan_data import OtherMode
 from pyburgers.posterior.labelled_draws import (
     convergence_table,
     groups_of_tests,

@@ -31,12 +31,13 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.table_layout import (
     COMMENT,
     MAX_SMALL_TABLE_SHARE,
+    Sheet,
     cells_of,
     is_comment,
     layout_of,
+    read_sheets,
     separator_of,
 )
-from pyburgers.common.text_files import Sheet, read_sheets
 
 FROM_ZERO = re.compile(r"elaps|durat|since|run(?:ning)?.?time|test.?time", re.IGNORECASE)
 """What the name of a clock has that counts from the start of a test."""

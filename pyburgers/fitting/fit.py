@@ -28,7 +28,7 @@ from pyburgers.fitting.sampled_fit import (
     put_aside_where_few_diverged,
     write_tables,
 )
-from pyburgers.kinds.doubts import doubts
+from pyburgers.kinds.conditions import doubts
 from pyburgers.kinds.experiment import Experiment, Provenance
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import Problem, one_test, problem_of

@@ -29,8 +29,7 @@ from pyburgers.fitting.sampled_fit import (
     put_aside_where_few_diverged,
     write_tables,
 )
-from pyburgers.flow_law_tables.description import LOG_STRESS, TABLE_CHECKS
-from pyburgers.flow_law_tables.groups import GRID_STRESSES, groups
+from pyburgers.flow_law_tables.description import GRID_STRESSES, LOG_STRESS, TABLE_CHECKS, groups
 from pyburgers.flow_law_tables.inputs import (
     FLOW_LAW_PARAMETERS,
     SI_UNITS,
@@ -41,11 +40,10 @@ from pyburgers.flow_law_tables.inputs import (
     save_peak_stress,
 )
 from pyburgers.flow_law_tables.softening import N_SOFTENING, SofteningPrior, softening_prior
-from pyburgers.kinds.coordinates import REFERENCE_FLOW_RATE, PlainCoordinates
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.kinds.problem import coordinates_through
 from pyburgers.kinds.program_data import prior_block
-from pyburgers.kinds.stan_data import StanData
+from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE, PlainCoordinates, StanData
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, PRIOR_QUANTITIES, FlowLawPrior
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.priors import PriorSet, default_priors, note_other_material, save_priors

@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import factor_to_si
-from pyburgers.kinds.arguments import test_of
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import AttenuationFile, load_attenuation
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.kinds.constant_rate.file_tables import ConstantRateFile
+from pyburgers.kinds.experiment_file import test_of
 from pyburgers.kinds.forced_oscillation.experiment import (
     OscillationExperiment,
     OscillationFile,

@@ -12,10 +12,9 @@ import pandas as pd
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import read_json
-from pyburgers.kinds.experiment import Experiment, Provenance
+from pyburgers.kinds.experiment import Experiment, MeasuredMicrostructure, Provenance
 from pyburgers.kinds.kind import kind_of
 from pyburgers.kinds.likelihood import likelihood_of
-from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.kinds.program_data import given_parameters, solve
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions
 from pyburgers.model.parameters import (

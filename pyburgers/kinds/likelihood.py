@@ -18,16 +18,17 @@ import numpy.typing as npt
 from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.coordinates import Layout, Mode, PlainCoordinates
-from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.stan_data import SolverOptions, StanData
+from pyburgers.kinds.experiment import Experiment, MeasuredMicrostructure
+from pyburgers.kinds.stan_data import Layout, Mode, PlainCoordinates, SolverOptions, StanData
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.read_quantities import Quantity, ReadQuantity
 
 FloatArray = npt.NDArray[np.float64]
 
+
 E = TypeVar("E", bound=Experiment)
+
 
 NAMES = ("constant_rate", "forced_oscillation", "loading_history", "attenuation")
 """Of all kinds of test, in files, and of their folders."""
@@ -203,3 +204,20 @@ def likelihoods() -> Mapping[str, Likelihood[Any]]:
 def likelihood_of(experiment: Experiment) -> Likelihood[Any]:
     """Return the likelihood of a test's kind."""
     return likelihoods()[experiment.protocol]
+
+
+def strains_of(measured: Sequence[MeasuredMicrostructure]) -> FloatArray:
+    """Return the strains (fraction) that were measured at, NaN where a time stands for one."""
+    return np.array([one.strain for one in measured], dtype=np.float64)
+
+
+def times_of(measured: Sequence[MeasuredMicrostructure]) -> FloatArray:
+    """Return the times (s) that were measured at, NaN where a strain stands for one."""
+    return np.array([one.time for one in measured], dtype=np.float64)
+
+
+def measured_block(of_tests: Sequence[Sequence[MeasuredMicrostructure]]) -> list[list[float]]:
+    """Return the rows of `stan/statistics/measured_microstructure.stan`, of tests in turn."""
+    rows = [one.numbers for measured in of_tests for one in measured]
+    found: list[list[float]] = np.array(rows).reshape(-1, 4).tolist()
+    return found

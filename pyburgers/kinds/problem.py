@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.coordinates import Layout, PlainCoordinates, layout_of
 from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment, condition_priors
 from pyburgers.kinds.likelihood import Likelihood, likelihood_of, likelihoods
+from pyburgers.kinds.stan_data import Layout, PlainCoordinates, layout_of
 from pyburgers.model.parameters import (
     CONDITIONS,
     PARAMETER_BY_NAME,

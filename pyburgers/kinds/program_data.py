@@ -13,15 +13,14 @@ import numpy.typing as npt
 
 from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.errors import SamplingError
-from pyburgers.kinds.coordinates import Layout
-from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.experiment import Experiment, MeasuredMicrostructure
+from pyburgers.kinds.kind import FittedTest, kind_of
 from pyburgers.kinds.likelihood import likelihood_of
-from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.kinds.problem import Problem, one_test
 from pyburgers.kinds.stan_data import (
     CHART,
     PLAIN,
+    Layout,
     SolverOptions,
     StanData,
     ends,
@@ -34,16 +33,19 @@ from pyburgers.model.parameters import (
     PIEZOMETER,
     PLACE,
     PROGRAM_PARAMETERS,
+    RESIDUAL_CORRELATION,
     Parameter,
 )
-from pyburgers.model.prior_families import FAMILIES, fixed_prior
+from pyburgers.model.prior_families import FAMILIES, Prior, fixed_prior
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import variant_of
 
 FloatArray = npt.NDArray[np.float64]
 
+
 PART_OF_FLOW_LAW = 4
 """Code of a parameter whose density is in the joint prior of the flow law."""
+
 
 CHART_DATA_PRECISION = 1.0
 """Of a partially pooled number in a chart, as a guess of what data say; speed only."""
@@ -278,3 +280,34 @@ def solve(
             )
     clock = f"grid_{likelihood.clock.name}"
     return {**draw, clock: np.asarray(data.get(clock, at))}
+
+
+def fixed_in_effect(fit: FittedTest) -> tuple[Prior, ...]:
+    """Return the fixed parameters that the solution or the likelihood of a test has in it.
+
+    A law that a variant takes out leaves its parameters fixed, as does a kind of reading that the
+    test does not have; their values say nothing about the material.
+    """
+    idle = _idle(fit)
+    return tuple(
+        prior for name, prior in fit.priors.priors.items() if prior.is_fixed and name not in idle
+    )
+
+
+def _idle(fit: FittedTest) -> frozenset[str]:
+    """Name the parameters that nothing depends on."""
+    variant = variant_of(fit.priors, fit.experiment)
+    read = likelihood_of(fit.experiment).read
+    without_readings = {*read} - {read[k] for k in fit.experiment.quantity}
+    idle = {*fit.experiment.without_effect, *(one.noise for one in without_readings)}
+    if variant.grain_size != "piezometric":
+        idle |= {*PIEZOMETER}
+    if variant.grain_size != "evolving":
+        idle |= {"steady_state_grain_size"}
+    if variant.grain_size == "constant":
+        idle |= {"critical_strain_grain_size"}
+    if variant.fabric == "constant":
+        idle |= {"steady_state_fabric_factor", "critical_strain_fabric"}
+    if not variant.residuals_correlate:
+        idle |= {*RESIDUAL_CORRELATION}
+    return frozenset(idle)

@@ -14,10 +14,9 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.kinds.coordinates import Layout, PlainCoordinates
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited
-from pyburgers.kinds.stan_data import StanData, ends
+from pyburgers.kinds.stan_data import Layout, PlainCoordinates, StanData, ends
 from pyburgers.model.laws import DASHPOT_LAWS
 from pyburgers.model.parameters import PLACE, PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet

@@ -34,7 +34,7 @@ from pyburgers.checks.fit_checks import (
 from pyburgers.checks.modes import check_other_modes
 from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.verdicts import verdicts
-from pyburgers.kinds.coordinates import OtherMode
+from pyburgers.kinds.stan_data import OtherMode
 from pyburgers.posterior.labelled_draws import DRIVING_ERRORS, convergence_table, free_parameters
 from pyburgers.sampling.manifest import ChainFailure
 

@@ -22,11 +22,10 @@ from pyburgers.kinds.constant_rate.experiment import (
     RateSegment,
     load_constant_rate,
 )
-from pyburgers.kinds.experiment import Experiment, UncertainCondition
+from pyburgers.kinds.experiment import Experiment, MeasuredMicrostructure, UncertainCondition
 from pyburgers.kinds.forced_oscillation.experiment import load_forced_oscillation
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
-from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.kinds.problem import of_one_program, problem_of
 from pyburgers.model.parameters import PIEZOMETER
 from pyburgers.model.pooling import pooling_of

@@ -21,7 +21,6 @@ from pyburgers.kinds.constant_rate.experiment import (
     load_constant_rate,
 )
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
-from pyburgers.kinds.coordinates import Mode
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forced_oscillation.experiment import load_forced_oscillation
 from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
@@ -32,7 +31,7 @@ from pyburgers.kinds.program_data import (
     program_data,
     values_of_test,
 )
-from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.kinds.stan_data import Mode, SolverOptions
 from pyburgers.kinds.together import default_priors_for, pooling_for
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet

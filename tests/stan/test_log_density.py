@@ -18,9 +18,8 @@ from pyburgers.kinds.constant_rate.experiment import (
     RateSegment,
     load_constant_rate,
 )
-from pyburgers.kinds.coordinates import REFERENCE_STRESS, PlainCoordinates
 from pyburgers.kinds.problem import plain_coordinates
-from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.kinds.stan_data import REFERENCE_STRESS, PlainCoordinates, SolverOptions
 from pyburgers.model.priors import PriorSet
 
 pytestmark = pytest.mark.usefixtures("programs")

@@ -13,9 +13,8 @@ from pyburgers.common.units import with_error
 from pyburgers.drawing.fitted import predicted
 from pyburgers.drawing.panels import LINES_AND_AREAS, band_text, draw_band_panel, figure_of
 from pyburgers.drawing.style import BLACK, BLUE, GREEN, SKY_BLUE, VERMILION
-from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.experiment import Experiment, MeasuredMicrostructure
 from pyburgers.kinds.kind import FittedTest
-from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
 
 SHARES = (-1.0, 2.0)

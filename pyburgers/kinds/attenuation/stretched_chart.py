@@ -7,9 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
-from pyburgers.kinds.coordinates import Layout
 from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited
-from pyburgers.kinds.stan_data import CHART, StanData
+from pyburgers.kinds.stan_data import CHART, Layout, StanData
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -23,19 +23,16 @@ from pyburgers.kinds.constant_rate.file_tables import (
     check_data_keys,
     check_segments,
 )
-from pyburgers.kinds.experiment import Experiment, FloatArray
+from pyburgers.kinds.experiment import Experiment, FloatArray, MeasuredMicrostructure
 from pyburgers.kinds.experiment_file import (
     SIGNS_WERE_TURNED,
+    measured_microstructure,
+    microstructure_tables,
     shared_values,
     sign_of,
 )
+from pyburgers.kinds.likelihood import strains_of
 from pyburgers.kinds.limits import far_reading
-from pyburgers.kinds.microstructure import (
-    MeasuredMicrostructure,
-    measured_microstructure,
-    microstructure_tables,
-    strains_of,
-)
 from pyburgers.model.peak_test import PeakTest
 from pyburgers.model.read_quantities import STRESS
 

@@ -11,8 +11,7 @@ from pyburgers.common.columns import Cell, Column, DataFile, TextFilesTable
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table
 from pyburgers.common.units import units_text
-from pyburgers.kinds.experiment_file import Compression, ExperimentFile
-from pyburgers.kinds.microstructure import MicrostructureTable
+from pyburgers.kinds.experiment_file import Compression, ExperimentFile, MicrostructureTable
 
 
 class SegmentTable(Table):

@@ -11,10 +11,9 @@ import numpy.typing as npt
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, strain_grid
 from pyburgers.kinds.constant_rate.valley import ConstantRateValley
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.likelihood import Likelihood
+from pyburgers.kinds.likelihood import Likelihood, measured_block, strains_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Stage
-from pyburgers.kinds.microstructure import measured_block, strains_of
 from pyburgers.kinds.stan_data import StanData, ends
 from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
 from pyburgers.model.prior_families import is_fixed_at

@@ -11,11 +11,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import make_interp_spline
 
-from pyburgers.kinds.coordinates import Layout, Mode, PlainCoordinates
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.forced_oscillation.harmonics import fundamentals
 from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited, likelihood_of
-from pyburgers.kinds.stan_data import StanData
+from pyburgers.kinds.stan_data import Layout, Mode, PlainCoordinates, StanData
 from pyburgers.model.prior_families import Prior
 
 FloatArray = npt.NDArray[np.float64]

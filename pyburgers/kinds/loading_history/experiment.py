@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.kinds.experiment import Experiment, FloatArray, Stated
+from pyburgers.kinds.experiment_file import microstructure_tables
 from pyburgers.kinds.limits import far_reading
 from pyburgers.kinds.loading_history.stages import (
     Leg,
@@ -17,7 +18,6 @@ from pyburgers.kinds.loading_history.stages import (
     imposed_stresses,
     legs_of,
 )
-from pyburgers.kinds.microstructure import microstructure_tables
 from pyburgers.model.display import time_unit
 from pyburgers.model.read_quantities import STRAIN, STRESS
 

@@ -11,13 +11,19 @@ from pydantic_core import PydanticCustomError
 from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.toml_files import Table, factor_to_si, read_toml
 from pyburgers.common.units import units_text
-from pyburgers.kinds.experiment import FloatArray, Stated
+from pyburgers.kinds.experiment import FloatArray, MeasuredMicrostructure, Stated
 from pyburgers.kinds.experiment_file import (
+    PATH_STRAIN_ROUNDING,
     SIGNS_WERE_TURNED,
     Compression,
     ExperimentFile,
+    MeasuredTable,
+    check_increasing,
+    measured_row,
+    row_text,
     shared_values,
     sign_of,
+    strain_factor,
 )
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.readings import (
@@ -48,15 +54,6 @@ from pyburgers.kinds.loading_history.true_readings import (
     unlike_imposed,
     without_start,
     without_states_before,
-)
-from pyburgers.kinds.microstructure import (
-    PATH_STRAIN_ROUNDING,
-    MeasuredMicrostructure,
-    MeasuredTable,
-    check_increasing,
-    measured_row,
-    row_text,
-    strain_factor,
 )
 
 END: Literal["end"] = "end"

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from pyburgers.common.units import UNITS, units_text
-from pyburgers.kinds.column_facts import Facts, facts_of, read_together
-from pyburgers.kinds.column_names import ENGINEERING
 from pyburgers.kinds.experiment import FloatArray
+from pyburgers.kinds.guessed_columns import ENGINEERING
 from pyburgers.kinds.limits import slope_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.new_file import (
@@ -19,10 +18,13 @@ from pyburgers.kinds.new_file import (
     STRAIN_RATE,
     Columns,
     Description,
+    Facts,
     NewFile,
     Question,
     compression_of,
+    facts_of,
     filled,
+    read_together,
 )
 
 JUMP_DURATION_SHARE = 1e-3

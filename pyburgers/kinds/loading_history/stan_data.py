@@ -11,9 +11,10 @@ from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.likelihood import LIKELIHOOD as TABLES
 from pyburgers.kinds.attenuation.likelihood import tables_block
+from pyburgers.kinds.experiment_file import PATH_STRAIN_ROUNDING
+from pyburgers.kinds.likelihood import measured_block, strains_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Leg
-from pyburgers.kinds.microstructure import PATH_STRAIN_ROUNDING, measured_block, strains_of
 from pyburgers.kinds.stan_data import StanData, ends
 from pyburgers.model.arrhenius import log_slowdown
 from pyburgers.model.kelvin_elements import andrade_elements, band_elements, peak_elements

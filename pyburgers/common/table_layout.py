@@ -51,11 +51,7 @@ class Sheet:
 
 
 def read_sheets(path: Path, where: str | None = None) -> tuple[list[Sheet], str | None]:
-    """Read a text, or the sheets of a workbook that hold something.
-
-    Return `sheets`: a single one of a text. Return `note`: encoding of a text that is not UTF-8.
-    Raise InputError if the file cannot be read, or holds neither text nor a workbook.
-    """
+    """Read the single sheet of a text, or those of a workbook that hold something, and a note."""
     content = read_bytes(path, where)
     if content.startswith(ZIP):
         return _workbook(path, content), None
@@ -154,8 +150,7 @@ class Layout:
 
     `width`: how many cells most rows of numbers have.
     `names`, `hidden_names`, `units`, `rows`: as of `pyburgers.common.text_tables.TextTable`.
-    `notes`: what was done to find the table.
-    `problems`: what keeps it from being found.
+    `notes`, `problems`: what was done to find the table; what keeps it from being found.
     `first_line`: line of the names, or else of the first row.
     """
 
@@ -358,11 +353,7 @@ def separator_of(lines: Sequence[str]) -> str:
 
 
 def best_run(rows: Iterable[Sequence[str]]) -> tuple[int, int, frozenset[int]]:
-    """Return the longest run of rows that are alike.
-
-    Return `score`: how many more numbers than texts it holds. Return `width`: how many cells a row
-    has. Return `numeric`: which of these are numbers, from 0.
-    """
+    """Return score (numbers less texts), width and numeric columns of the longest like rows."""
     best: tuple[int, int, frozenset[int]] = (0, 0, frozenset())
     merged: list[CellKind] = []
     score = 0

@@ -10,7 +10,6 @@ from functools import lru_cache, partial
 from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from pyburgers.checks.discrepancies import (
@@ -39,6 +38,7 @@ from pyburgers.checks.residual_numbers import (
     segment_parts,
     straight_line,
 )
+from pyburgers.common.array_types import IntArray
 from pyburgers.common.draws import TAIL, FloatArray
 from pyburgers.common.units import number
 from pyburgers.flow_law_tables.inputs import (
@@ -62,10 +62,10 @@ GRID_MARGIN = 1.3
 class Group:
     """Tests at one grain size (m) and about one temperature (harmonic mean, K) on one line.
 
-    Points (n,) are positions in the table; the line is drawn at GRID_STRESSES stresses (Pa).
+    `points` (n,): positions in the table; `stress` (GRID_STRESSES,): Pa of the drawn line.
     """
 
-    points: npt.NDArray[np.int64]
+    points: IntArray
     temperature: float
     grain_size: float
     stress: FloatArray
@@ -123,7 +123,7 @@ class TableLeftover:
     residual: FloatArray
     weight: FloatArray
     log_rate: FloatArray
-    group: npt.NDArray[np.int64]
+    group: IntArray
     conditions: pd.DataFrame
     judged: Judged
 
@@ -295,7 +295,7 @@ def _per_cent(row: Row) -> str:
 
 
 def _numbers(
-    residuals: FloatArray, *, log_rate: FloatArray, group: npt.NDArray[np.int64]
+    residuals: FloatArray, *, log_rate: FloatArray, group: IntArray
 ) -> dict[str, FloatArray]:
     """Discrepancies that residuals alone say, each of shape (draws,)."""
     trend, spread = segment_parts(residuals, group, log_rate)

@@ -264,10 +264,9 @@ def save_peak_stress(data: PeakStressData, directory: Path) -> Path:
 
 
 def least_squares(data: PeakStressData) -> dict[str, tuple[float, float]]:
-    """Return exponents, with standard errors, by least squares without softening or temperature.
+    """Return exponents with standard errors from ln(stress) by ln(rate) and ln(grain size).
 
-    ln(stress) is regressed on ln(strain rate) and ln(grain size), if grain sizes differ. The
-    result is empty if rows are too few, or too much alike, to tell.
+    The result is empty if rows are too few, or too much alike, to tell.
     """
     columns = [np.ones(data.n_points), np.log(data.strain_rate)]
     if np.ptp(data.grain_size) > 0:

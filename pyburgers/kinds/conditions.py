@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.units import UNITS, number
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import kind_of
@@ -85,13 +85,11 @@ a thousandth of a temperature is worth some three percent of a flow rate."""
 def conditions(experiment: Experiment, predictions: xr.Dataset, parameters: xr.Dataset) -> Ranges:
     """Return the smallest and the largest value (SI) of every condition of a test.
 
-    Strain and stress count from zero, and like the strain rate by their size; they are those of the
-    median solution. The strain is that of the material: how its zero was read, and how the
-    apparatus gave way, is no extrapolation. Tables of attenuation have periods in their place.
-    `parameters`: its labelled parameters (SI) in the same draws; what is missing has no effect.
+    Strain and stress count from zero, like the strain rate by their size, in the median solution.
+    The strain is that of the material: its zero and the apparatus are no extrapolation.
     """
     likelihood = likelihood_of(experiment)
-    median: dict[str, npt.NDArray[np.float64]] = {}
+    median: dict[str, FloatArray] = {}
     for column, (name, _) in likelihood.grid_quantities.items():
         solved = predictions[name].astype(np.float64)
         if name == "strain":

@@ -9,9 +9,9 @@ from types import MappingProxyType
 from typing import Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
+from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import without_none, write_toml
@@ -21,9 +21,6 @@ from pyburgers.model.laws import KELVIN_LAWS
 from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME
 from pyburgers.model.peak_test import PeakTest
 from pyburgers.model.prior_families import Prior, fixed_prior
-
-FloatArray = npt.NDArray[np.float64]
-
 
 MetadataValue = str | float | int | bool
 
@@ -61,7 +58,7 @@ class UncertainCondition:
 
     `parameter`: the error: one of `pyburgers.model.parameters.CONDITIONS`.
     `sd`: its standard deviation (K; 1 of the load cell).
-    `apparatus`: furnace or load cell that gives it, with one error in all tests that name it.
+    `apparatus`: furnace or load cell with one error in all tests that name it.
     """
 
     parameter: str
@@ -87,10 +84,8 @@ class MeasuredMicrostructure:
     """Microstructure of a sample at one strain or time, as measured.
 
     `strain`: path strain (fraction, above 0), where that is what is known.
-    `grain_size`, `grain_size_sd`: mean grain size and its standard deviation (m). The error is
-        lognormal, with the standard deviation over the size as that of the logarithm.
-    `fabric_factor`, `fabric_factor_sd`: fabric factor (1 = isotropic) and its standard deviation,
-        where it was measured.
+    `grain_size`, `grain_size_sd`: mean and standard deviation (m) of a lognormal error.
+    `fabric_factor`, `fabric_factor_sd`: fabric factor (1 = isotropic) and its error, if measured.
     `time`: seconds since the start of a loading history, in the place of the strain.
     """
 
@@ -224,7 +219,7 @@ class Experiment(ABC):
         return len(self.response)
 
     @property
-    def quantity(self) -> npt.NDArray[np.int64]:
+    def quantity(self) -> IntArray:
         """Number, in what its kind reads, of what each reading is of, shape (n_points,)."""
         return np.zeros(self.n_points, dtype=np.int64)
 
@@ -256,10 +251,7 @@ class Experiment(ABC):
         return 0
 
     def driving_error(self, true: Self) -> FloatArray:
-        """Return the standardised errors of what drives a simulated test, (n_driving_errors,).
-
-        `true`: the same test, driven by what drove the simulation.
-        """
+        """Return errors of what drives a simulated test, given the test that knows the truth."""
         return np.zeros(self.n_driving_errors)
 
     def without_point(self, point: int) -> Self:

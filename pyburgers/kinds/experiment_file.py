@@ -14,7 +14,6 @@ from types import MappingProxyType
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
 from pyburgers.common.errors import InputError, all_of, nearest
@@ -78,11 +77,7 @@ class ExperimentFile(Table):
 
 
 def shared_values(path: Path, file: ExperimentFile) -> dict[str, Any]:
-    """Check the keys that all protocols share.
-
-    The result: fields of `Experiment` (SI), without the stress and the notices. Raise InputError if
-    a value is not what it has to be.
-    """
+    """Check the keys that all protocols share; return them as fields of `Experiment` (SI)."""
     _, uncertain, true_parameters = all_of(
         lambda: _check_conditions(path, file),
         lambda: _uncertain_conditions(path, file),
@@ -172,9 +167,6 @@ def sign_of(compression: Compression) -> int:
     return 1 if compression == "positive" else -1
 
 
-FloatArray = npt.NDArray[np.float64]
-
-
 PATH_STRAIN_ROUNDING = 1e-9
 """Share of a path strain by which it may lie beyond the end: units were converted."""
 
@@ -208,12 +200,7 @@ def measured_microstructure(
     strain_unit: str | None,
     final_strain: float | None,
 ) -> tuple[MeasuredMicrostructure, ...]:
-    """Check the tables [[microstructure]] of a test along strain.
-
-    `strain_unit`: of their strains, that of the strains in [data]; None: they are fractions. Raise
-    InputError if strains do not increase or lie beyond the end, an error is as large as the grain
-    size, or a fabric factor lacks its own.
-    """
+    """Check the tables [[microstructure]] of a test along strain, in the unit of [data]."""
     factor = strain_factor(path, strain_unit)
     check_increasing(path, "strain", [table.strain for table in tables])
     for number, table in enumerate(tables, start=1):
@@ -239,10 +226,7 @@ def strain_factor(path: Path, strain_unit: str | None) -> float:
 
 
 def check_increasing(path: Path, key: str, values: Sequence[float | None]) -> None:
-    """Check that values of a key of the tables increase, of those that have it.
-
-    Raise InputError if they do not.
-    """
+    """Refuse values of a key of the tables that do not increase, of those that have it."""
     given = [(number, one) for number, one in enumerate(values, start=1) if one is not None]
     for (_, before), (number, after) in pairwise(given):
         if after <= before:
@@ -260,10 +244,7 @@ def measured_row(
     strain: float | None = None,
     time: float | None = None,
 ) -> MeasuredMicrostructure:
-    """Check what was measured at a strain (fraction) or time (s).
-
-    Raise InputError if an error is as large as the grain size, or a fabric factor lacks its own.
-    """
+    """Check what was measured at a strain (fraction) or time (s)."""
     where = row_text(path, number)
     if (table.fabric_factor is None) != (table.fabric_factor_sd is None):
         raise InputError(
@@ -330,10 +311,7 @@ def test_of(
     structure: type[ExperimentFile],
     arguments: Mapping[str, Any],
 ) -> E:
-    """Check arguments, under the keys of files, as the tables of a file are checked.
-
-    `called`: the function, for messages.
-    """
+    """Check arguments, under the keys of files, as tables of a file; `called` is the function."""
     (protocol,) = get_args(structure.model_fields["protocol"].annotation)
     given = {"kind": "measured", "source": f"arrays given to {called}", **arguments}
     if not {"kind", "provenance"} & arguments.keys():
@@ -346,10 +324,7 @@ def test_of(
 
 
 def _tables(structure: type[ExperimentFile], arguments: Mapping[str, Any]) -> dict[str, Any]:
-    """Return arguments as tables of a file: each in the table that has its key, arrays as columns.
-
-    An unknown argument stays at the top, where it is refused.
-    """
+    """Return arguments as tables of a file, each in that which has its key, arrays as columns."""
     nested = {
         name: table
         for name, field in structure.model_fields.items()

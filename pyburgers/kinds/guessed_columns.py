@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
-import numpy.typing as npt
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.cells import as_number, has_date
 from pyburgers.common.text_tables import TextTable
 from pyburgers.common.units import FOREIGN_UNIT_NAMES, UNIT_TABLE, Unit, unit_in
@@ -163,9 +163,6 @@ LOGARITHM = re.compile(r"(?<![a-z])(?:log|ln)(?![a-z])|(?<![a-z])log_?10")
 """Pattern of columns of logarithms, which are read for attenuation alone."""
 
 
-FloatArray = npt.NDArray[np.float64]
-
-
 MIN_PERCENT, MAX_MEGAPASCAL, MAX_CELSIUS = 1.0, 1e5, 200.0
 """Numbers from which strain is taken as percent, and up to which stress as MPa, or temperature as
 degrees Celsius, where names say nothing."""
@@ -241,10 +238,7 @@ class GuessedColumn:
 def guess_columns(
     table: TextTable, chosen: Mapping[str, str | int] = MappingProxyType({})
 ) -> dict[str, GuessedColumn]:
-    """Return what columns hold, by quantity; their errors are under QUANTITY_uncertainty.
-
-    Of a file without names of two or three columns the last is taken as stress.
-    """
+    """Return what columns hold, by quantity; their errors are under QUANTITY_uncertainty."""
     candidates: dict[str, list[tuple[tuple[float, ...], GuessedColumn]]] = {}
     by_name = {column: q for column, q in _named(table).items() if column not in chosen.values()}
     for column, quantity in by_name.items():
@@ -335,10 +329,7 @@ def _quantity_of(name: str) -> str | None:
 
 
 def _kinds_in(name: str) -> set[str]:
-    """Return the kinds of which the unit in the brackets of a name is one.
-
-    Those of strain and of angles alone count for none: % and degrees have other uses.
-    """
+    """Return kinds of the unit in brackets of a name; strain and angles alone count for none."""
     units = re.findall(r"[(\[] ?([^()\[\]]+?) ?[)\]]", name)
 
     def is_one_of(kind: str) -> bool:
@@ -369,10 +360,7 @@ def _are_alike(one: GuessedColumn, other: GuessedColumn) -> bool:
 
 
 def _confined_by(table: TextTable, stress: GuessedColumn) -> str | int | None:
-    """Return the column of the stress beside the axis that a column of stress may contain.
-
-    One that its name calls differential does not; else it may where it never is below the other.
-    """
+    """Return the column beside the axis that a column of stress may contain, if any."""
     if _place(stress)[2] == DIFFERENTIAL_PLACE:
         return None
     for column in table.columns:

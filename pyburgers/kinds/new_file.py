@@ -16,8 +16,8 @@ from types import MappingProxyType
 from typing import Any, ClassVar, cast
 
 import numpy as np
-import numpy.typing as npt
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.columns import SEPARATORS
 from pyburgers.common.text_tables import TextTable
 from pyburgers.common.units import UNIT_TABLE
@@ -25,9 +25,6 @@ from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment
 from pyburgers.kinds.experiment_file import Compression
 from pyburgers.kinds.guessed_columns import GuessedColumn
 from pyburgers.kinds.likelihood import NAMES
-
-FloatArray = npt.NDArray[np.float64]
-
 
 MAX_STEADY_RANGE = 0.05
 """Relative range of readings that count as one value."""
@@ -222,10 +219,8 @@ header = {header}  # columns are named by their numbers from 1
 class Question:
     """Something that a text file does not say of its test.
 
-    `name`: of the answer; the option has dashes in place of underscores.
-    `text`: what is asked.
-    `kind`: makes the answer from text.
-    `choices`: what it may be.
+    `name`, `text`: of the answer and its option; what is asked.
+    `kind`, `choices`: makes the answer from text; what it may be.
     `default`: where nothing is answered; None where something has to be.
     `example`: an answer that stands in where others are checked before this one is given.
     `key`: key of the file that takes the answer, for its check; empty for that of its name.
@@ -262,10 +257,8 @@ Columns = Mapping[str, GuessedColumn]
 class Description:
     """What is known of a test that a file is written for.
 
-    `file`: its text file, as seen from the file that is written.
-    `table`: how that looks.
-    `columns`: what its columns hold.
-    `values`: answers, by the name of the question.
+    `file`, `table`: its text file, as seen from the file that is written, and how it looks.
+    `columns`, `values`: what its columns hold; answers, by the name of the question.
     """
 
     file: str
@@ -353,9 +346,9 @@ def experiment_text(protocol: str, new_file: NewFile, test: Description) -> str:
 def filled(template: str, values: Mapping[str, object]) -> Iterator[str]:
     """Fill a template of a file, line by line, with comments in one column.
 
-    A line ``key = {name}`` is left out where the value of the name is None, and a proposal
-    ``#? key = ...`` where the key or its column has a value. A line ``{name}`` stands for lines. A
-    unit without a comment gets the other units of its quantity as one.
+    ``key = {name}`` is left out where the value is None, ``#? key = ...`` where the key or its
+        column has a value. ``{name}`` stands for lines. A unit without a comment gets the other
+        units as one.
     """
     last = ""
     for template_line in template.splitlines():

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import expit, logit
 
+from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import (
     REFERENCE_FLOW_RATE_QUANTITY,
@@ -68,11 +69,7 @@ DECISIVE_DIGITS = 6
 
 
 def decisive(content: Any) -> Any:
-    """Return data without the digits in which processors differ, to tell one problem from another.
-
-    Sums of linear algebra end in other last digits where a processor has other vector instructions,
-    and a run is to go on wherever it is taken.
-    """
+    """Return data without the digits in which processors differ, for comparisons."""
     if isinstance(content, float):
         return f"{content + 0.0:.{DECISIVE_DIGITS - 1}e}"
     if isinstance(content, dict):
@@ -96,12 +93,6 @@ def ends(sizes: Iterable[int]) -> list[int]:
     return list(accumulate(sizes, initial=0))
 
 
-FloatArray = npt.NDArray[np.float64]
-
-
-IntArray = npt.NDArray[np.int64]
-
-
 REFERENCE_STRESS = REFERENCE_STRESS_QUANTITY.name
 """Name of the coordinate ln S_0 that replaces Q_M or beta."""
 
@@ -118,11 +109,9 @@ CENTRE, SPREAD = "centre", "spread"
 class PlainCoordinates:
     """Real-line coordinates of the free parameters, as in `stan/charts/plain.stan`.
 
-    `quantities`: quantity of each coordinate: a parameter, or in place of one the reference stress
-        or flow rate, as a logarithm.
-    `parameters`: parameter that each coordinate gives a value to.
-    `shift`, `scale`, `lower`, `upper` (n_coordinates,): origin, size and bounds of the quantities
-        in SI (ln Pa for the reference stress, ln 1/s for the flow rate).
+    `quantities`, `parameters`: quantity of each coordinate, and the parameter that it gives: they
+        differ where the logarithm of a reference stress or flow rate takes a parameter's place.
+    `shift`, `scale`, `lower`, `upper` (n_coordinates,): origin, size and bounds of quantities (SI).
     """
 
     quantities: tuple[str, ...]
@@ -199,8 +188,7 @@ class Mode:
 class OtherMode:
     """Another mode of a problem, lower than the one that chains start from.
 
-    `log_weight`: ln of the probability around it over that around the highest one, by the density
-        and the curvature at both.
+    `log_weight`: ln of the probability around it over that around the highest one.
     `values`: free parameters in SI, by tests.
     """
 
@@ -230,10 +218,7 @@ class Layout:
     of what drives the tests. A value that tests share is the first one's of them.
 
     `names`: parameters with a coordinate in every test by itself.
-    `position` (n_tests, n_names): where the coordinate of each parameter of each test stands, from
-        0; that of a shared parameter is the same in all tests that share it.
-    `source` (n_tests, n_names): test whose value each is, from 0: another one only of shared
-        parameters.
+    `position`, `source` (n_tests, n_names): place of each coordinate, and test whose value it is.
     `shared`, `partial`: shared (by some tests at least) and partially pooled parameters among them.
     `centre`, `spread` (n_partial,): where centres and spreads of the latter stand.
     `errors`: where the errors of what drives each test stand.
@@ -265,10 +250,7 @@ class Layout:
         return [self.names.index(name) for name in self.partial]
 
     def own(self, test: int) -> list[int]:
-        """Places among the names of the parameters that a test has by itself.
-
-        Shared ones are the first test's of those that share them.
-        """
+        """Places among the names of parameters that a test has by itself, or shares as first."""
         return [
             i
             for i, name in enumerate(self.names)

@@ -12,7 +12,7 @@ from same_contents import assert_equal
 
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.view import view_of
-from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.experiment import MeasuredMicrostructure, Stated
 from pyburgers.kinds.forward import simulate, simulate_data

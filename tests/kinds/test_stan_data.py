@@ -10,11 +10,8 @@ from conftest import ICE, with_fixed
 from stan_data import one_test_data
 
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.constant_rate.experiment import (
-    ConstantRateExperiment,
-    RateSegment,
-    load_constant_rate,
-)
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.problem import plain_coordinates, problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import REFERENCE_STRESS, Layout, SolverOptions, StanData

@@ -12,7 +12,7 @@ from measures import grain_size_share
 
 from pyburgers.drawing.views.softening import softening_shares
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.experiment import Experiment, MeasuredMicrostructure
 from pyburgers.kinds.forward import simulate
 from pyburgers.model.priors import default_priors

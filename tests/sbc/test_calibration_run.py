@@ -18,7 +18,7 @@ from refusals import assert_refused
 
 from pyburgers.cli.main import main
 from pyburgers.drawing.style import image
-from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.problem import problem_of
 from pyburgers.model.priors import default_priors
 from pyburgers.sbc.replication import Replication, read_replication_table, replication_table

@@ -21,19 +21,19 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.forced_oscillation.experiment import (
     OscillationExperiment,
-    load_forced_oscillation,
     with_background,
     with_known_strain,
 )
+from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forced_oscillation.harmonics import fundamentals
-from pyburgers.kinds.forced_oscillation.likelihood import LIKELIHOOD
-from pyburgers.kinds.forced_oscillation.preparation import Background, prepare
-from pyburgers.kinds.forced_oscillation.sheared import (
+from pyburgers.kinds.forced_oscillation.likelihood import (
+    LIKELIHOOD,
     LOG_RATE_STEP,
     N_SOLUTIONS,
     ShearedChart,
     ShearedReference,
 )
+from pyburgers.kinds.forced_oscillation.preparation import Background, prepare
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import one_test, plain_coordinates, problem_of
 from pyburgers.kinds.program_data import chart_block

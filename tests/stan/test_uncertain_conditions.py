@@ -15,10 +15,8 @@ from scipy import stats
 from stan_data import parameters_in
 
 from pyburgers.kinds.experiment import Experiment, UncertainCondition
-from pyburgers.kinds.forced_oscillation.experiment import (
-    OscillationExperiment,
-    load_forced_oscillation,
-)
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import Problem, problem_of

@@ -1,6 +1,6 @@
 """What a file of a kind of test is: how it is read, written and simulated; and every kind.
 
-To add a kind: a folder with the modules ``kind`` (``KIND``, a `Kind`), ``likelihood``
+To add a kind: a folder with the modules ``files`` (``KIND``, a `Kind`), ``likelihood``
 (``LIKELIHOOD``, `pyburgers.kinds.likelihood.Likelihood`) and ``new_file`` (``NEW_FILE``,
 `pyburgers.kinds.new_file.NewFile`), and its name in `pyburgers.kinds.likelihood.NAMES`.
 """

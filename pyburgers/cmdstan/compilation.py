@@ -35,12 +35,12 @@ from pyburgers.cmdstan.toolchain import (
     toolchain,
 )
 from pyburgers.common.atomic_files import (
-    process_lock,
     sha256_of_file,
     sha256_of_json,
     write_json,
 )
 from pyburgers.common.errors import InputError, ToolchainError
+from pyburgers.common.locks import process_lock
 from pyburgers.common.processes import cores
 from pyburgers.common.toml_files import Table, read_json_table
 
@@ -181,9 +181,7 @@ def _compile(program: Path, cmdstan: Path, *, threads: bool = False) -> Path:
         return executable
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with process_lock(
-            folder / ".lock", f"Waiting for another process that is compiling {program.name}."
-        ):
+        with process_lock(folder / ".lock", f"Another process is compiling {program.name}"):
             if not _is_whole(executable):
                 _build(sources, tools, executable, threads=threads)
     except OSError as error:

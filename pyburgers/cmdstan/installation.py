@@ -30,8 +30,8 @@ from pyburgers.cmdstan.toolchain import (
     make_version,
     run_tool,
 )
-from pyburgers.common.atomic_files import process_lock
 from pyburgers.common.errors import ToolchainError
+from pyburgers.common.locks import process_lock
 from pyburgers.common.processes import cores
 
 logger = logging.getLogger(__name__)
@@ -120,7 +120,7 @@ def install_cmdstan(source: Source = "auto") -> Path:
         home.mkdir(parents=True, exist_ok=True)
         with process_lock(
             home / ".pyburgers-install.lock",
-            "Waiting for another process that is installing CmdStan.",
+            "Another process is installing CmdStan",
         ):
             for leftover in home.glob(".building-*"):
                 # Of a killed installation, whose make may still be writing there for a moment.

@@ -10,7 +10,6 @@ not what a forger changed who mends every hash.
 import json
 import re
 import shutil
-import tempfile
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -29,6 +28,7 @@ from pyburgers.common.atomic_files import (
 )
 from pyburgers.common.errors import InputError
 from pyburgers.common.locks import process_lock
+from pyburgers.common.scratch import scratch_folder
 from pyburgers.common.toml_files import TableT, checked, read_json, read_json_table
 from pyburgers.sampling.manifest import ChainRecord, RecordedHashes
 
@@ -232,8 +232,8 @@ class RunDirectory:
         the hashes in `manifest`. The chains are only compared unless `with_draws` asks for them
         too. Raises as `require_unchanged`.
         """
-        with tempfile.TemporaryDirectory(prefix="pyburgers-") as folder:
-            copy = RunDirectory(Path(folder))
+        with scratch_folder() as folder:
+            copy = RunDirectory(folder)
             chains = self.path / "chains"
 
             def hash_of(file: Path) -> str:

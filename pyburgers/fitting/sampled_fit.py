@@ -2,10 +2,10 @@
 
 import logging
 import shutil
-import tempfile
 import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -32,6 +32,7 @@ from pyburgers.common.atomic_files import json_text, write_text
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
+from pyburgers.common.scratch import scratch_folder
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.posterior.labelled_draws import arviz_data, in_display_units
 from pyburgers.sampling.manifest import COMPLETE, ChainFailure, missing_chains
@@ -270,13 +271,9 @@ FitT = TypeVar("FitT", bound=SampledFit)
 
 def in_passing(fit_in: Callable[[Path], FitT]) -> FitT:
     """Fit in a temporary folder, which is removed when nothing needs the run directory."""
-    folder = tempfile.TemporaryDirectory(prefix="pyburgers-fit-")
-    try:
-        result = fit_in(Path(folder.name) / "run")
-    except BaseException:
-        folder.cleanup()
-        raise
-    weakref.finalize(result.directory, folder.cleanup)
+    with ExitStack() as folders:
+        result = fit_in(folders.enter_context(scratch_folder()) / "run")
+        weakref.finalize(result.directory, folders.pop_all().close)
     return result
 
 

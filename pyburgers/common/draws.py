@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-FloatArray = npt.NDArray[np.float64]
+from pyburgers.common.array_types import FloatArray as FloatArray
 
 Number = TypeVar("Number", bound=np.number[Any])
 

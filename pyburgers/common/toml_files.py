@@ -45,11 +45,7 @@ _DEEP_KEY = re.compile(rf"(?<![\w-])(?:{_PART}){{{DEEPEST}}}")
 
 
 def read_bytes(path: Path, where: str | None = None) -> bytes:
-    """Return the bytes of an input file.
-
-    Raise InputError if the file is missing or unreadable. In the message, `where` is the file and
-    key that name `path`.
-    """
+    """Return the bytes of an input file; `where` is the file and key that name it."""
     prefix = f"{where}: " if where else ""
     try:
         if path.exists() and not (path.is_file() or path.is_dir()):
@@ -66,10 +62,7 @@ def read_bytes(path: Path, where: str | None = None) -> bytes:
 
 
 def read_text(path: Path) -> str:
-    """Return the text of an input file: UTF-8 with or without byte order mark.
-
-    Raise InputError if the file is missing, unreadable or not text.
-    """
+    """Return the text of an input file: UTF-8 with or without byte order mark."""
     try:
         return read_bytes(path).decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError:
@@ -79,19 +72,14 @@ def read_text(path: Path) -> str:
 def read_toml(
     path: Path, structure: type[TableT], tables: Mapping[str, Any] | None = None
 ) -> TableT:
-    """Read a TOML file, or its tables in memory, into `structure`.
-
-    Raise InputError if the file cannot be read, is not TOML, or does not have the structure. The
-    error has a sentence for each key at fault, unknown keys before all others.
-    """
+    """Read a TOML file, or its tables in memory, into `structure` (`checked`)."""
     return checked(path, read_tables(path) if tables is None else tables, structure)
 
 
 def read_tables(path: Path) -> dict[str, Any]:
     """Read a TOML file, whatever it holds.
 
-    Raise InputError if the file cannot be read or is not TOML. If the file has another ending, the
-    message says which command writes an experiment file for its readings.
+    Of a file with another ending the InputError names the command that describes readings.
     """
     try:
         return _tables(path)
@@ -116,11 +104,7 @@ def _tables(path: Path) -> dict[str, Any]:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Read a JSON object from a file.
-
-    Raise InputError if the file cannot be read, is not JSON, or holds something else than an
-    object.
-    """
+    """Read a JSON object from a file."""
     text = read_text(path)
     try:
         content = json.loads(text)
@@ -132,10 +116,7 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def read_json_table(path: Path, structure: type[TableT]) -> TableT:
-    """Read a JSON object from a file into `structure`.
-
-    Raise InputError as `read_json` does, or if the object does not have the structure.
-    """
+    """Read a JSON object from a file into `structure`."""
     return checked(path, read_json(path), structure)
 
 

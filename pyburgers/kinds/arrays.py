@@ -11,16 +11,13 @@ from numpy.typing import ArrayLike
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import factor_to_si
-from pyburgers.kinds.arguments import test_of
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import AttenuationFile, load_attenuation
-from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.kinds.constant_rate.file_tables import ConstantRateFile
-from pyburgers.kinds.forced_oscillation.experiment import (
-    OscillationExperiment,
-    OscillationFile,
-    load_forced_oscillation,
-)
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.constant_rate.files import ConstantRateFile, load_constant_rate
+from pyburgers.kinds.experiment_file import test_of
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.kinds.forced_oscillation.files import OscillationFile, load_forced_oscillation
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.files import LoadingHistoryFile, load_loading_history
 

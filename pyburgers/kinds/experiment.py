@@ -9,21 +9,19 @@ from types import MappingProxyType
 from typing import Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
+from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import without_none, write_toml
 from pyburgers.common.units import counted, span_text
 from pyburgers.kinds.limits import refuse_impossible
-from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.model.laws import KELVIN_LAWS
 from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME
 from pyburgers.model.peak_test import PeakTest
 from pyburgers.model.prior_families import Prior, fixed_prior
 
-FloatArray = npt.NDArray[np.float64]
 MetadataValue = str | float | int | bool
 
 
@@ -60,7 +58,7 @@ class UncertainCondition:
 
     `parameter`: the error: one of `pyburgers.model.parameters.CONDITIONS`.
     `sd`: its standard deviation (K; 1 of the load cell).
-    `apparatus`: furnace or load cell that gives it, with one error in all tests that name it.
+    `apparatus`: furnace or load cell with one error in all tests that name it.
     """
 
     parameter: str
@@ -75,6 +73,51 @@ CONDITION_KEYS: Mapping[str, tuple[str, str]] = MappingProxyType(
     }
 )
 """Keys of files that state the standard deviation of an error, and the apparatus."""
+
+
+NOT_MEASURED = 0.0
+"""What the program is given in the place of a fabric factor that was not measured."""
+
+
+@dataclass(frozen=True)
+class MeasuredMicrostructure:
+    """Microstructure of a sample at one strain or time, as measured.
+
+    `strain`: path strain (fraction, above 0), where that is what is known.
+    `grain_size`, `grain_size_sd`: mean and standard deviation (m) of a lognormal error.
+    `fabric_factor`, `fabric_factor_sd`: fabric factor (1 = isotropic) and its error, if measured.
+    `time`: seconds since the start of a loading history, in the place of the strain.
+    """
+
+    strain: float | None
+    grain_size: float
+    grain_size_sd: float
+    fabric_factor: float | None = None
+    fabric_factor_sd: float | None = None
+    time: float | None = None
+
+    @property
+    def numbers(self) -> list[float]:
+        """Row of `measured` in `stan/statistics/measured_microstructure.stan`."""
+        return [
+            self.grain_size,
+            self.grain_size_sd / self.grain_size,
+            NOT_MEASURED if self.fabric_factor is None else self.fabric_factor,
+            NOT_MEASURED if self.fabric_factor_sd is None else self.fabric_factor_sd,
+        ]
+
+    def drawn(
+        self, grain_size: float, fabric_factor: float, rng: np.random.Generator
+    ) -> "MeasuredMicrostructure":
+        """Measure a microstructure (m; 1 = isotropic) in the place of this one, as uncertain."""
+        _, log_sd, _, fabric_sd = self.numbers
+        size = float(grain_size * np.exp(log_sd * rng.standard_normal()))
+        drawn = replace(self, grain_size=size, grain_size_sd=log_sd * size)
+        if self.fabric_factor is None:
+            return drawn
+        return replace(
+            drawn, fabric_factor=float(fabric_factor + fabric_sd * rng.standard_normal())
+        )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -176,7 +219,7 @@ class Experiment(ABC):
         return len(self.response)
 
     @property
-    def quantity(self) -> npt.NDArray[np.int64]:
+    def quantity(self) -> IntArray:
         """Number, in what its kind reads, of what each reading is of, shape (n_points,)."""
         return np.zeros(self.n_points, dtype=np.int64)
 
@@ -208,10 +251,7 @@ class Experiment(ABC):
         return 0
 
     def driving_error(self, true: Self) -> FloatArray:
-        """Return the standardised errors of what drives a simulated test, (n_driving_errors,).
-
-        `true`: the same test, driven by what drove the simulation.
-        """
+        """Return errors of what drives a simulated test, given the test that knows the truth."""
         return np.zeros(self.n_driving_errors)
 
     def without_point(self, point: int) -> Self:

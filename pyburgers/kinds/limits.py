@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
-
-FloatArray = npt.NDArray[np.float64]
 
 TEMPERATURES = (50.0, 3000.0)
 """Kelvin between which materials creep in a laboratory."""
@@ -47,10 +45,7 @@ def refuse_impossible(
     response: FloatArray,
     largest_strain: float | None = None,
 ) -> None:
-    """Refuse a test with numbers that no test has.
-
-    Raise InputError if it has; a sentence for each.
-    """
+    """Refuse a test with numbers that no test has; a sentence for each."""
     hottest = temperatures[np.argmax(np.abs(temperatures - np.mean(TEMPERATURES)))]
     coarsest = grain_sizes[np.argmax(np.abs(grain_sizes - MAX_GRAIN_SIZE / 2))]
     faults = impossible_conditions(float(hottest), float(coarsest), ("temperature", "grain size"))
@@ -88,22 +83,14 @@ value."""
 
 @dataclass(frozen=True)
 class Departure:
-    """Readings that are not those of what is imposed.
-
-    `largest`: largest distance, in the unit of the readings.
-    `first`: first reading, from 0, that is too far.
-    """
+    """Readings unlike what is imposed: the largest distance, and the first of them, from 0."""
 
     largest: float
     first: int
 
 
 def departure(read: FloatArray, imposed: FloatArray, scale: float) -> Departure | None:
-    """Return how far readings are from what is imposed, None where they are near.
-
-    The largest distance counts: a test that turns or changes its rate late is right at most times.
-    `read`, `imposed` (n,): in one unit.
-    """
+    """Return how far readings (n,) are from what is imposed; None where they are near."""
     distance = np.abs(read - imposed)
     far = np.flatnonzero(distance > MAX_DEPARTURE_SHARE * scale)
     return Departure(float(distance.max()), int(far[0])) if far.size else None

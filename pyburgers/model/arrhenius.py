@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from pyburgers.common.array_types import FloatArray
 
 GAS_CONSTANT = 8.314462618  # J/(mol K), as in stan/physics/flow_law.stan
 

@@ -355,7 +355,7 @@ default_priors = priors
 def _kinds_of_test() -> list[str]:
     """Names of the kinds of test, by their folders: the room that knows them is above this one."""
     folder = Path(str(importlib.resources.files("pyburgers"))) / "kinds"
-    return sorted(file.parent.name for file in folder.glob("*/kind.py"))
+    return sorted(file.parent.name for file in folder.glob("*/files.py"))
 
 
 def shipped_file(material: str, protocol: str | None) -> Path:

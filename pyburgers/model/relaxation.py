@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import gamma
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.model.arrhenius import log_slowdown
 from pyburgers.model.kelvin_elements import band_elements, peak_elements
@@ -20,8 +21,6 @@ from pyburgers.model.laws import (
     SPECTRUM_SWITCHES,
 )
 from pyburgers.model.parameters import KELVIN_REFERENCES, STANDARD_VALUES
-
-FloatArray = npt.NDArray[np.float64]
 
 ERROR = 1e-8
 """Of the sums, relative to the relaxed compliance."""

@@ -17,7 +17,7 @@ from pyburgers.drawing.page_parts import PageTable
 from pyburgers.drawing.view import view_of
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.fixed_parameters import fixed_in_effect
+from pyburgers.kinds.program_data import fixed_in_effect
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.page import tables
 from pyburgers.page.illustrations import Illustration, illustrate

@@ -20,7 +20,7 @@ from pyburgers.drawing.panels import draw_curve, figure_of, legend_above
 from pyburgers.drawing.style import BLUE, VERMILION, few_ticks, few_ticks_of_decades
 from pyburgers.drawing.view import marks_text, view_of, views
 from pyburgers.fitting.fit import Fit
-from pyburgers.kinds.coordinates import CENTRE, SPREAD
+from pyburgers.kinds.stan_data import CENTRE, SPREAD
 from pyburgers.model.display import axis_label, shown_quantity, symbol_text
 from pyburgers.page.decades import spans_decades
 from pyburgers.page.names import joint_key, page_keys, page_names

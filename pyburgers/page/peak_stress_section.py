@@ -12,14 +12,14 @@ from pyburgers.common.units import number, with_error
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import draw_band, draw_dots, figure_of
 from pyburgers.drawing.style import BLUE, GREEN, MARKERS, ORANGE, PURPLE, VERMILION
+from pyburgers.flow_law_tables.description import GROUP_TEMPERATURES, groups
 from pyburgers.flow_law_tables.fit import (
     FLOW_RATE_OF_TEST,
     PEAK_SOFTENING,
     PeakStressFit,
 )
-from pyburgers.flow_law_tables.groups import GROUP_TEMPERATURES, groups
 from pyburgers.flow_law_tables.inputs import FLOW_LAW_PARAMETERS, least_squares
-from pyburgers.kinds.coordinates import REFERENCE_FLOW_RATE
+from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE
 from pyburgers.model.arrhenius import log_slowdown
 from pyburgers.model.display import (
     LENGTH_FACTOR,

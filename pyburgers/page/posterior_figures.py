@@ -33,9 +33,9 @@ from pyburgers.drawing.style import (
     style,
 )
 from pyburgers.drawing.view import view_of
-from pyburgers.kinds.coordinates import REFERENCE_FLOW_RATE, REFERENCE_STRESS
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import FittedTest
+from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE, REFERENCE_STRESS
 from pyburgers.model.display import axis_label, unit_text
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.prior_families import Prior

@@ -18,9 +18,7 @@ from stan_data import one_test_data
 from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit
-from pyburgers.kinds.constant_rate.experiment import (
-    load_constant_rate,
-)
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.priors import load_priors

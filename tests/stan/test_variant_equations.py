@@ -14,9 +14,7 @@ from scipy import stats
 from scipy.integrate import solve_ivp
 from stan_values import PHYSICS
 
-from pyburgers.kinds.constant_rate.experiment import (
-    load_constant_rate,
-)
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.program_data import solve
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER
 from pyburgers.predictions.stress_cycles import Regime

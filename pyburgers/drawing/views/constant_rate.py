@@ -28,7 +28,7 @@ from pyburgers.drawing.views.softening import (
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, rate_text
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.kind import FittedTest
-from pyburgers.kinds.microstructure import strains_of
+from pyburgers.kinds.likelihood import strains_of
 from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, STRESS_UNIT
 
 

@@ -39,7 +39,6 @@ from pyburgers.drawing.views.oscillation_response import (
     response_page_table,
 )
 from pyburgers.drawing.views.softening import evolves
-from pyburgers.kinds.coordinates import REFERENCE_FLOW_RATE
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.forced_oscillation.preparation import (
@@ -48,6 +47,7 @@ from pyburgers.kinds.forced_oscillation.preparation import (
     strain_shares,
 )
 from pyburgers.kinds.kind import FittedTest
+from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE
 from pyburgers.model.display import (
     LENGTH_FACTOR,
     LENGTH_UNIT,

@@ -41,11 +41,11 @@ from pyburgers.drawing.views.softening import (
     softening_along,
     softening_caption,
 )
-from pyburgers.kinds.experiment import of_kind
+from pyburgers.kinds.experiment import MeasuredMicrostructure, of_kind
 from pyburgers.kinds.kind import FittedTest
+from pyburgers.kinds.likelihood import strains_of, times_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stan_data import stage_of_times
-from pyburgers.kinds.microstructure import MeasuredMicrostructure, strains_of, times_of
 from pyburgers.model.display import (
     STRAIN_FACTOR,
     STRAIN_UNIT,

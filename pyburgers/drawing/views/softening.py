@@ -19,9 +19,8 @@ from pyburgers.drawing.panels import (
     figure_of,
 )
 from pyburgers.drawing.style import BLACK, BLUE, GREEN, SKY_BLUE, VERMILION
-from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.experiment import Experiment, MeasuredMicrostructure
 from pyburgers.kinds.kind import FittedTest
-from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
 from pyburgers.model.variants import variant_of
 

@@ -6,18 +6,14 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
+from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
 from pyburgers.common.columns import Column, DataFile, TextFilesTable, read_columns
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import factor_to_si
 from pyburgers.common.units import count_points, units_text
-from pyburgers.kinds.experiment import FloatArray
 from pyburgers.kinds.loading_history.driver import kept_readings
-
-IntArray = npt.NDArray[np.int64]
-
 
 ROUNDING = 1e-14
 """Relative difference of equal times that were turned from different units into s."""
@@ -61,12 +57,11 @@ class HistoryDataTable(TextFilesTable):
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """Rows of a table, in SI; NaN stands for no reading.
+    """Rows of a table, in SI, each (n_rows,); NaN stands for no reading, compression is positive.
 
     `source`: the file, for messages; None for none.
-    `time` (n_rows,): seconds since the start of the first stage.
-    `stage` (n_rows,): from 0.
-    `stress`, `strain` (n_rows,): Pa, fraction; compression positive.
+    `time`, `stage`: seconds since the start of the first stage; from 0.
+    `stress`, `strain`: Pa, fraction.
     `notes`: sentences about what was done to read them.
     """
 
@@ -95,12 +90,7 @@ NO_READINGS = Readings(None, np.empty(0), np.empty(0, dtype=np.int64), np.empty(
 
 
 def read_readings(path: Path, data: HistoryDataTable, bounds: FloatArray, sign: int) -> Readings:
-    """Read the table of a test.
-
-    `bounds` (n_stages + 1,): starts of the stages and the end of the last, in s on the clock of the
-    table. The result: measures as in the file. Raise InputError if columns or units are missing or
-    wrong, times go back within a stage, or a reading is outside its stage or every stage.
-    """
+    """Read the table of a test, measures as in the file; `bounds` are ends of stages (s)."""
     columns: dict[str, tuple[str, str] | None] = {"time_column": ("time_unit", "time")}
     for quantity in ("stress", "strain"):
         _check_pair(path, data, quantity)
@@ -137,11 +127,7 @@ def read_readings(path: Path, data: HistoryDataTable, bounds: FloatArray, sign: 
 def responses(
     path: Path, readings: Readings, response: Sequence[Literal["stress", "strain"]]
 ) -> Response:
-    """Return the readings of the response.
-
-    Return `time`, `stage`, `value` (n_readings,): in the order of time. Raise InputError if a stage
-    with rows has no reading of its response.
-    """
+    """Return times, stages and values of the response; a stage with rows has to have one."""
     is_strain = np.array([quantity == "strain" for quantity in response])
     value = np.where(is_strain[readings.stage], readings.strain, readings.stress)
     there = np.isfinite(value)
@@ -163,13 +149,8 @@ def thinned(
     value: FloatArray,
     changes: Callable[[int], FloatArray],
     most: int,
-) -> npt.NDArray[np.bool_]:
-    """Return which readings are kept, shape (n_readings,), by the rule of `thinning`.
-
-    Half of them are shared equally by the stages, half by the number of their readings. `time`,
-    `stage`, `value` (n_readings,): the readings. `changes`: receives a stage; returns the times (s)
-    in it at which what is imposed changes.
-    """
+) -> BoolArray:
+    """Return which readings (n_readings,) are kept: half by stages, half by their numbers."""
     kept = np.ones(time.size, dtype=np.bool_)
     if time.size <= most:
         return kept
@@ -197,12 +178,7 @@ def _check_pair(path: Path, data: HistoryDataTable, quantity: str) -> None:
 
 @dataclass(frozen=True)
 class _Rows:
-    """How messages name the rows of a table.
-
-    `source`: the file, and which of its rows are taken.
-    `unit`: of its times.
-    `second`: the unit in s.
-    """
+    """How messages name the rows of a table: file, unit of its times, and that unit in s."""
 
     source: str
     unit: str

@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.experiment import FloatArray
 from pyburgers.kinds.loading_history.readings import Readings
 from pyburgers.kinds.loading_history.stages import Stage, legs_of
 
@@ -16,11 +16,7 @@ from pyburgers.kinds.loading_history.stages import Stage, legs_of
 def one_reading_each(
     source: Path | None, time: FloatArray, value: FloatArray, text: Callable[[float], str]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return readings that drive a stage, of equal ones of one moment the first.
-
-    `time`, `value` (n,): in the order of time. Raise InputError if readings of one moment differ;
-    the message names all such moments.
-    """
+    """Return readings (n,) that drive a stage, of equal ones of one moment the first."""
     again = np.diff(time, prepend=-np.inf) == 0
     if np.any(again[1:] & (np.diff(value) != 0)):
         moments, counts = np.unique(time[again], return_counts=True)
@@ -47,12 +43,10 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """What was read of a quantity over a stage.
+    """What was read of a quantity over a stage: s since the start of the test; Pa or fraction.
 
-    `time`, `value` (n,): s since the start of the test, the first and the last the ends of the
-        stage; Pa or fraction.
-    `n_read`: readings among them.
-    `gaps`: shares of the stage before the first reading and after the last.
+    `time`, `value` (n,): the first and the last are at the ends of the stage.
+    `n_read`, `gaps`: readings among them; shares of the stage before the first and after the last.
     """
 
     time: FloatArray
@@ -78,10 +72,7 @@ def own_readings(
     span: tuple[float, float],
     shared: tuple[bool, bool],
 ) -> tuple[FloatArray, FloatArray]:
-    """Return times (s) and values of the readings that are of a stage.
-
-    `span`: start and end of the stage (s).
-    """
+    """Return times (s) and values of the readings that are of a stage; `span` are its ends (s)."""
     time, value = readings.of(quantity, stage)
     every, values = readings.of(quantity)
     for end, nothing_jumps in zip(span, shared, strict=True):
@@ -94,10 +85,7 @@ def own_readings(
 
 
 def too_long_a_gap(time: FloatArray, span: tuple[float, float]) -> bool:
-    """Whether readings leave more of an end of a stage out than they may.
-
-    `time` (n,): of the readings (s), n at least 2. `span`: start and end of the stage (s).
-    """
+    """Whether readings (s) leave more of an end of a stage out than they may."""
     start, end = span
     allowed = MAX_GAP_SHARE * (end - start)
     spacing = np.diff(time)
@@ -113,11 +101,7 @@ def with_ends(
     own: tuple[FloatArray, FloatArray],
     span: tuple[float, float],
 ) -> Series:
-    """Add values at the ends of a stage where none was read.
-
-    `own`: times (s) and values of the readings that are of the stage, at least 2. `span`: start and
-    end of the stage (s).
-    """
+    """Add values at the ends of a stage (s) where none was read; at least two readings are."""
     time, value = own
     n_read, duration = time.size, span[1] - span[0]
     gaps = float(time[0] - span[0]) / duration, float(span[1] - time[-1]) / duration
@@ -134,8 +118,8 @@ def with_ends(
 def _gone_on(time: FloatArray, value: FloatArray, end: float, beside: float) -> float:
     """Value at an end of a stage (s) to which the line through two readings is drawn on.
 
-    Not further than to `beside`, a value between the last reading and that of the stage beside, so
-    that a ramp goes on and a jump does not; over more than the time between the two not at all.
+    Not beyond `beside`, so that a ramp goes on and a jump does not; nor over a time longer than
+    theirs.
     """
     share = (end - time[1]) / (time[1] - time[0])
     if share > 1 + ROUNDING:
@@ -161,9 +145,8 @@ def strain_at_start(
 ) -> StartStrain | None:
     """Return the strain at the end of stages, None where stress was imposed and no strain read.
 
-    After an imposed stress it is the last reading, and what was imposed since. The slack is the
-    difference of that reading from the one before, for as long again as stress was imposed after
-    it, at least once. `zero`: strain that is read of the sample at rest (fraction).
+    After an imposed stress it is the last reading, and what was imposed since. Its slack is the
+    change from the reading before, for the time that stress was imposed after it.
     """
     loaded = [number for number, stage in enumerate(before) if stage.driven == "stress"]
     if not loaded:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from pyburgers.common.draws import FloatArray
 from pyburgers.drawing.fitted import curve_of, mean_of, positions, predicted
 from pyburgers.drawing.fitted import residuals as residuals_of
-from pyburgers.drawing.page_parts import PageTable, recipe
+from pyburgers.drawing.page_parts import PageTable, recipe, text_table
 from pyburgers.drawing.panels import (
     HALF_WIDTH,
     LINES_AND_AREAS,
@@ -262,19 +262,17 @@ def rms_by_temperature(fit: FittedTest) -> pd.DataFrame:
 def rms_table(fit: FittedTest) -> PageTable:
     """Return `rms_by_temperature` as what a page shows."""
     table = rms_by_temperature(fit).reset_index()
-    shown = pd.DataFrame(
-        {
-            "temperature (K)": table["temperature_K"],
-            "attenuations": table["attenuations"].astype(str),
-            "rms of ln tan δ": table["rms_log_tan_delta"].map("{:.3f}".format),
-            "moduli": table["moduli"].astype(str),
-            "rms of ln modulus": table["rms_log_modulus"].map("{:.4f}".format),
-        }
-    )
+    columns = {
+        "temperature (K)": "{temperature_K}",
+        "attenuations": "{attenuations:.0f}",
+        "rms of ln tan δ": "{rms_log_tan_delta:.3f}",
+        "moduli": "{moduli:.0f}",
+        "rms of ln modulus": "{rms_log_modulus:.4f}",
+    }
     return PageTable(
         "left_over",
         "Residuals by temperature",
-        shown,
+        text_table(table, columns),
         table,
         text=Markup(
             "Root mean square of ln(reading) less the median of the model; upper limits do not "

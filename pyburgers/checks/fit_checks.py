@@ -13,14 +13,13 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.common.draws import TAIL
-from pyburgers.kinds.coordinates import OtherMode
 from pyburgers.posterior.labelled_draws import (
     convergence_table,
     groups_of_tests,
     pareto_k,
     response_in,
 )
-from pyburgers.sampling.manifest import ChainFailure
+from pyburgers.sampling.manifest import ChainFailure, OtherMode
 
 
 class CheckKind(Enum):

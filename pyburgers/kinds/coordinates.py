@@ -110,33 +110,6 @@ class Mode:
     driving_error: FloatArray
 
 
-@dataclass(frozen=True)
-class OtherMode:
-    """Another mode of a problem, lower than the one that chains start from.
-
-    `log_weight`: ln of the probability around it over that around the highest one, by the density
-        and the curvature at both.
-    `values`: free parameters in SI, by tests.
-    """
-
-    log_weight: float
-    values: Mapping[str, Mapping[str, float]]
-
-
-@dataclass(frozen=True, eq=False)
-class ProblemMode:
-    """The highest density found of a problem.
-
-    `tests`: values of each test, and its plain coordinates by itself.
-    `coordinate` (n_coordinates,): plain coordinates of all tests together.
-    `others`: other modes that were met on the way.
-    """
-
-    tests: tuple[Mode, ...]
-    coordinate: FloatArray
-    others: tuple[OtherMode, ...] = ()
-
-
 @dataclass(frozen=True, eq=False)
 class Layout:
     """Which coordinate of a fit stands for what.
@@ -152,6 +125,8 @@ class Layout:
     `shared`, `partial`: shared (by some tests at least) and partially pooled parameters among them.
     `centre`, `spread` (n_partial,): where centres and spreads of the latter stand.
     `errors`: where the errors of what drives each test stand.
+    `own`: for each test, the places among the names of the parameters that it has by itself, among
+        them the shared ones of which it is the first.
     """
 
     names: tuple[str, ...]
@@ -162,6 +137,7 @@ class Layout:
     centre: IntArray
     spread: IntArray
     errors: tuple[IntArray, ...]
+    own: tuple[list[int], ...]
 
     @property
     def n_tests(self) -> int:
@@ -178,17 +154,6 @@ class Layout:
     def pooled(self) -> list[int]:
         """Places of the partially pooled parameters among the names."""
         return [self.names.index(name) for name in self.partial]
-
-    def own(self, test: int) -> list[int]:
-        """Places among the names of the parameters that a test has by itself.
-
-        Shared ones are the first test's of those that share them.
-        """
-        return [
-            i
-            for i, name in enumerate(self.names)
-            if name not in self.partial and self.source[test, i] == test
-        ]
 
 
 def layout_of(
@@ -217,7 +182,18 @@ def layout_of(
     shared = tuple(name for name, change in zip(names, changes, strict=True) if change)
     centre = following + np.arange(len(partial))
     ends = following + 2 * len(partial) + np.cumsum([0, *(n_errors or [0] * n_tests)])
-    errors = tuple(np.arange(start, end) for start, end in pairwise(ends))
+    own = tuple(
+        [i for i, name in enumerate(names) if name not in partial and row[i] == test]
+        for test, row in enumerate(source)
+    )
     return Layout(
-        tuple(names), position, source, shared, partial, centre, centre + len(partial), errors
+        tuple(names),
+        position,
+        source,
+        shared,
+        partial,
+        centre,
+        centre + len(partial),
+        tuple(np.arange(start, end) for start, end in pairwise(ends)),
+        own,
     )

@@ -51,25 +51,6 @@ class SolverOptions:
             raise InputError(f"max_num_steps is {self.max_num_steps}, expected at least 1.")
 
 
-DECISIVE_DIGITS = 6
-"""Significant digits with which data tell one problem from another, see `decisive`."""
-
-
-def decisive(content: Any) -> Any:
-    """Return data without the digits in which processors differ, to tell one problem from another.
-
-    Sums of linear algebra end in other last digits where a processor has other vector instructions,
-    and a run is to go on wherever it is taken.
-    """
-    if isinstance(content, float):
-        return f"{content + 0.0:.{DECISIVE_DIGITS - 1}e}"
-    if isinstance(content, dict):
-        return {name: decisive(part) for name, part in content.items()}
-    if isinstance(content, (list, tuple)):
-        return [decisive(part) for part in content]
-    return content
-
-
 REFERENCE_SOLVER = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
 """Tolerance at which a solution is taken as exact."""
 

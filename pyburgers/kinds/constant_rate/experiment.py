@@ -188,8 +188,7 @@ def strain_grid(experiment: ConstantRateExperiment, shape: FloatArray) -> FloatA
     ends = np.append(starts[1:], experiment.final_strain)
     grid = starts[:, np.newaxis] + (ends - starts)[:, np.newaxis] * shape
     grid[:, -1] = ends
-    strain: FloatArray = grid.ravel()
-    return strain
+    return np.asarray(grid.ravel())
 
 
 def rate_text(rate: float) -> str:
@@ -224,8 +223,7 @@ def _strain_at(time: FloatArray, segments: Sequence[RateSegment]) -> FloatArray:
     starts, rates = _steps(segments)
     times = _step_times(starts, rates)
     segment = np.clip(np.searchsorted(times, time, side="right") - 1, 0, None)
-    strain: FloatArray = starts[segment] + (time - times[segment]) * rates[segment]
-    return strain
+    return np.asarray(starts[segment] + (time - times[segment]) * rates[segment])
 
 
 LATE_STRAIN = 0.01

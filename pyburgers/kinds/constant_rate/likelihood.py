@@ -66,8 +66,7 @@ class ConstantRateValley(ValleyChart[ConstantRateExperiment]):
 def _knot_strain(experiment: ConstantRateExperiment, pin_strain: FloatArray) -> FloatArray:
     """Strains of the piecewise linear reference curve: dense at each segment's start."""
     shape = np.union1d(np.geomspace(1e-3, 1.0, 25), np.linspace(0.0, 1.0, 16)[1:])
-    strain: FloatArray = np.union1d(strain_grid(experiment, shape), pin_strain)
-    return strain
+    return np.asarray(np.union1d(strain_grid(experiment, shape), pin_strain))
 
 
 REFERENCE_STRESS_SCALE = 0.1

@@ -9,8 +9,7 @@ import numpy as np
 
 from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
 from pyburgers.kinds.experiment import Experiment, Stated
-from pyburgers.kinds.experiment_file import microstructure_tables
-from pyburgers.kinds.limits import far_reading
+from pyburgers.kinds.experiment_file import far_reading, microstructure_tables
 from pyburgers.kinds.loading_history.stages import (
     Leg,
     Stage,

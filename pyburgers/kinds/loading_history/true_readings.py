@@ -9,7 +9,7 @@ from scipy.special import lambertw
 
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.limits import departure
+from pyburgers.kinds.experiment_file import departure
 from pyburgers.kinds.loading_history.driver import reading_error
 from pyburgers.kinds.loading_history.readings import Readings, Response
 from pyburgers.kinds.loading_history.stages import (

@@ -26,8 +26,9 @@ from independent_table import TRUTHS
 from matplotlib.figure import Figure
 from truth_as_mode import at_truth
 
-from pyburgers.cmdstan.program import compile_programs, load_program
+from pyburgers.cmdstan.program import compile_program, load_program
 from pyburgers.cmdstan.toolchain import stan_directory
+from pyburgers.common.processes import cores
 from pyburgers.common.tasks import Workers
 from pyburgers.comparison.by_tests import fit_without_tests
 from pyburgers.fitting.fit import Fit, fit
@@ -191,21 +192,16 @@ def quiet_logger() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def programs() -> None:
     """Compile what the tests need, side by side."""
-    compile_programs(
-        [
-            *(likelihood.program for likelihood in likelihoods().values()),
-            *(
-                stan_directory() / f"{name}.stan"
-                for name in (
-                    "imposed_stress",
-                    "stress_cycles",
-                    "peak_stress",
-                    "peaks",
-                )
-            ),
-            *sorted((TESTS / "stan").glob("*.stan")),
-        ]
-    )
+    sources = [
+        *(likelihood.program for likelihood in likelihoods().values()),
+        *(
+            stan_directory() / f"{name}.stan"
+            for name in ("imposed_stress", "stress_cycles", "peak_stress", "peaks")
+        ),
+        *sorted((TESTS / "stan").glob("*.stan")),
+    ]
+    with ThreadPoolExecutor(cores()) as pool:
+        list(pool.map(compile_program, sources))
 
 
 @pytest.fixture

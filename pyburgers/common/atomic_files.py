@@ -1,21 +1,21 @@
-"""Files that several processes may use: written whole or not at all, locked, told by hashes."""
+"""Files that several processes may use: written whole or not at all, told by hashes."""
 
 import hashlib
 import json
-import logging
 import os
+import re
 import uuid
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import filelock
-
-logger = logging.getLogger(__name__)
-
 UNFINISHED = ".unfinished-"
 """Start of the name of a file that is being written; a killed process leaves it behind."""
+
+
+def is_unfinished(name: str) -> bool:
+    """Tell whether `write_atomically` gave a file this name, which a killed process left behind."""
+    return re.fullmatch(rf"{re.escape(UNFINISHED)}[0-9a-f]{{32}}(\.\w+)?", name) is not None
 
 
 def sha256_of_json(content: Any) -> str:
@@ -83,18 +83,3 @@ def json_text(content: Any) -> str:
 def write_json(path: Path, content: Any) -> None:
     """Write a JSON file atomically (`json_text`)."""
     write_text(path, json_text(content))
-
-
-@contextmanager
-def process_lock(path: Path, waiting: str) -> Iterator[None]:
-    """Hold a lock between processes and threads; say `waiting` if another one has it."""
-    lock = filelock.FileLock(path)
-    try:
-        lock.acquire(timeout=0)
-    except filelock.Timeout:
-        logger.info(waiting)
-        lock.acquire()
-    try:
-        yield
-    finally:
-        lock.release()

@@ -34,6 +34,7 @@ from pyburgers.kinds.stan_data import (
 )
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.run_directory import RunDirectory
 
 FREE = ["maxwell_modulus", "activation_enthalpy", "stress_noise"]
 
@@ -315,11 +316,9 @@ def test_a_run_stopped_after_its_first_chain_can_be_looked_at(copy: Path) -> Non
     shutil.rmtree(copy / "chains" / "chain_2")
     for name in ("posterior.nc", "checks.json", "summary.csv"):
         (copy / name).unlink()
-    manifest = json.loads((copy / "manifest.json").read_text(encoding="utf-8"))
+    manifest = RunDirectory(copy).read_manifest()
     del manifest["chains"]
-    (copy / "manifest.json").write_text(
-        json.dumps({**manifest, "status": "sampling"}), encoding="utf-8"
-    )
+    RunDirectory(copy).write_manifest({**manifest, "status": "sampling"})
     loaded = Fit.load(copy)
     chains = loaded.checks()[0]
     assert not chains.passed

@@ -553,7 +553,7 @@ def test_old_runs_load(small_fit: Fit, tmp_path: Path) -> None:
     run = replace(small_fit.directory, path=tmp_path / "run")
     manifest = run.read_manifest()
     del manifest["variant"]
-    write_json(run.manifest_file, manifest)
+    run.write_manifest(manifest)
     data = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
     for name in ("family", "location", "scale", "lower", "upper"):
         data[f"prior_{name}"] = data[f"prior_{name}"][: len(PARAMETERS)]

@@ -303,7 +303,7 @@ def test_what_was_not_good_enough_to_sample_with_is_told(sketched: None, tmp_pat
     for told in (
         "At tolerance 1e-05 of the solver the log density jumped by 5.6 from point to point",
         "A first run at tolerance 1e-06 was put aside (superseded/tolerance_1e-06)",
-        "Draws of which 3 had diverged were put aside (superseded/longer_steps_1)",
+        "Chains with 3 divergences were put aside (superseded/longer_steps_1)",
         f"{fit.manifest['sampler']['draws']} + 50 + 70 draws, seed",
     ):
         assert told in text

@@ -27,8 +27,8 @@ from olivine_spectra import LAWS, run_name
 from page import Page
 from study import (
     COMBINED_RUN,
-    EXTENSIONS,
     MAIN,
+    MAX_MINUTES,
     PEAK_STRESS_TABLE,
     Study,
     main,
@@ -353,7 +353,7 @@ def test_the_main_part_is_on_its_page_after_each_of_its_fits(
     ) -> dict[str, Fit]:
         found = {}
         for name, task in tasks.items():
-            assert task.extensions == EXTENSIONS
+            assert task.options.max_minutes == MAX_MINUTES
             assert folder == tmp_path / "runs" / "quick"
             found[name] = (
                 make_olivine_fit(folder / name, "kept")

@@ -17,10 +17,10 @@ from pydantic_core import PydanticCustomError
 from pyburgers.common.array_types import BoolArray, FloatArray
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.cells import number_in
-from pyburgers.common.errors import InputError, all_of
+from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.text_tables import TextTable, look_at, table_of_columns
-from pyburgers.common.toml_files import Table, factor_to_si, unit_of
+from pyburgers.common.toml_files import Table, all_of, factor_to_si, unit_of
 from pyburgers.common.units import Unit, counted
 
 Separator = Literal[",", ";", "tab", "whitespace"]

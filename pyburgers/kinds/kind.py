@@ -101,8 +101,7 @@ class Kind(ABC, Generic[E]):
         """Return the response (SI), (n_points,), in a solution at `simulated_positions`."""
         likelihood = likelihood_of(experiment)
         clock, response = likelihood.clock.column, likelihood.response.column
-        found: FloatArray = np.interp(experiment.position, solution[clock], solution[response])
-        return found
+        return np.asarray(np.interp(experiment.position, solution[clock], solution[response]))
 
     @abstractmethod
     def with_noise(

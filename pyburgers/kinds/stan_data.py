@@ -151,14 +151,11 @@ class PlainCoordinates:
         position = np.asarray(position, dtype=np.float64)
         lower, upper, scale = self.lower[k], self.upper[k], self.scale[k]
         if np.isinf(lower):
-            anywhere: FloatArray = (position - self.shift[k]) / scale
-            return anywhere
+            return np.asarray((position - self.shift[k]) / scale)
         with np.errstate(divide="ignore"):
             if np.isinf(upper):
-                above: FloatArray = np.log((position - lower) / scale)
-                return above
-            inside: FloatArray = logit((position - lower) / (upper - lower))
-            return inside
+                return np.asarray(np.log((position - lower) / scale))
+            return np.asarray(logit((position - lower) / (upper - lower)))
 
     def value(self, k: int, position: float) -> float:
         """Quantity k (or its logarithm) at a coordinate, the inverse of `of_quantity`."""

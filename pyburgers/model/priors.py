@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from pyburgers.common.errors import InputError, all_of, nearest
+from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.paths import given_path, shipped_folder
-from pyburgers.common.toml_files import Table, read_toml, write_toml
+from pyburgers.common.toml_files import Table, all_of, read_toml, write_toml
 from pyburgers.model.flow_law_prior import FlowLawPrior, FlowLawTable
 from pyburgers.model.parameters import (
     CONDITIONS,

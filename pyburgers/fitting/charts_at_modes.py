@@ -11,11 +11,10 @@ import numpy as np
 from pyburgers.cmdstan.program import Density, Ending, ModeNotFound, Program, load_program
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, SamplingError
-from pyburgers.kinds.coordinates import Mode
 from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited, likelihood_of
 from pyburgers.kinds.problem import Problem
 from pyburgers.kinds.program_data import chart_block, program_data, solve, values_of_test
-from pyburgers.kinds.stan_data import SolverOptions, StanData, solver_block
+from pyburgers.kinds.stan_data import Mode, SolverOptions, StanData, solver_block
 from pyburgers.sampling.manifest import OtherMode
 from pyburgers.sampling.modes import START_ATTEMPTS, draw_around, modes_beside_the_highest
 

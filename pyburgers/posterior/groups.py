@@ -7,8 +7,7 @@ import xarray as xr
 
 from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.likelihood import likelihood_of
-from pyburgers.kinds.microstructure import strains_of, times_of
+from pyburgers.kinds.likelihood import likelihood_of, strains_of, times_of
 from pyburgers.model.read_quantities import Quantity
 from pyburgers.posterior.labelled_draws import CORRELATED
 

@@ -25,13 +25,12 @@ from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError, SystemFailureError
 from pyburgers.fitting.charts_at_modes import draw_priors
 from pyburgers.fitting.fit import Fit, fit_problem
-from pyburgers.kinds.coordinates import CENTRE, SPREAD
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate, simulate_data
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import Problem, one_test
 from pyburgers.kinds.program_data import given_parameters, program_data
-from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.kinds.stan_data import CENTRE, SPREAD, SolverOptions
 from pyburgers.model.parameters import CONDITIONS
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, shipped_prior_files
 from pyburgers.posterior.labelled_draws import (
@@ -286,6 +285,7 @@ def lengthened(options: SamplerOptions, n_refits: int, failed: Sequence[str]) ->
         warmup=options.warmup * LONGER**n_refits,
         draws=options.draws * LONGER**n_refits,
         adapt_delta=1 - (1 - options.adapt_delta) / stricter,
+        max_minutes=0.0,  # the number of draws follows from the data alone
     )
 
 

@@ -11,7 +11,8 @@ from same_contents import assert_equal
 
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.charts_at_modes import share_values
-from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.experiment import UncertainCondition
 from pyburgers.kinds.kind import load_experiment, save_experiment

@@ -15,8 +15,9 @@ from pyburgers.fitting.charts_at_modes import (
     density_of,
     find_mode,
 )
-from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.kinds.constant_rate.valley import ConstantRateValley
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
+from pyburgers.kinds.constant_rate.likelihood import ConstantRateValley
 from pyburgers.kinds.likelihood import ChartUnsuited
 from pyburgers.kinds.problem import plain_coordinates, problem_of
 from pyburgers.kinds.stan_data import SolverOptions

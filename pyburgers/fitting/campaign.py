@@ -5,6 +5,7 @@ The folder of a campaign holds ``runs/NAME/``, the run directory of each fit, ``
 on any machines, can work on the same campaign.
 """
 
+import logging
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,10 +29,13 @@ from pyburgers.sampling.manifest import COMPLETE
 from pyburgers.sampling.options import SamplerOptions, options_table
 from pyburgers.sampling.run_directory import RunDirectory
 
+logger = logging.getLogger(__name__)
+
 SHIPPED = "default"
 """Stands in a plan for the priors that come with the package."""
 
-NOT_BEGUN = "not begun"
+NOT_BEGUN, DAMAGED = "not begun", "damaged"
+"""Status of runs that have no manifest, or cannot be read."""
 
 LONGEST_NAME = 200
 """Letters of the name of a run, which is that of a folder."""
@@ -158,12 +162,16 @@ def status_table(campaign: Campaign, out: Path) -> pd.DataFrame:
 def _status(folder: Path, one: Combination, task: Task) -> dict[str, Any]:
     """Return the row of a fit."""
     run = RunDirectory(folder)
-    begun = run.manifest_file.is_file()
-    status = run.read_manifest().get("status", NOT_BEGUN) if begun else NOT_BEGUN
-    chains = run.chain_records()
-    verdicts = {}
-    if status == COMPLETE and run.checks_file.is_file():
-        verdicts = read_json(run.checks_file).get("verdicts", {})
+    status, chains, verdicts = NOT_BEGUN, dict[str, Any](), dict[str, Any]()
+    try:
+        if run.manifest_file.is_file():
+            status = run.read_manifest().get("status", NOT_BEGUN)
+        chains = run.chain_records()
+        if status == COMPLETE and run.checks_file.is_file():
+            verdicts = read_json(run.checks_file).get("verdicts", {})
+    except (InputError, OSError) as error:
+        logger.info(f"{one.name} is damaged: {error}")
+        status = DAMAGED
     return {
         "test": one.test,
         "variant": one.variant,

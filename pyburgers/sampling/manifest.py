@@ -1,15 +1,27 @@
 """What the manifest of a run holds, checked on reading: users may have touched it."""
 
+import json
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import ConfigDict, Field
 
+from pyburgers.common.atomic_files import sha256_of_json
 from pyburgers.common.toml_files import Table
 from pyburgers.sampling.options import options_table
 
 COMPLETE = "complete"
 """Status of a run that lacks nothing."""
+
+
+SEAL = "seal"
+"""Entry of a manifest: the hash of all others. Runs of versions without it have none."""
+
+
+def seal_of(manifest: Mapping[str, Any]) -> str:
+    """Return the hash of all entries of a manifest but the seal, as they are read back."""
+    content = {name: value for name, value in manifest.items() if name != SEAL}
+    return sha256_of_json(json.loads(json.dumps(content)))
 
 
 class Entries(Table):

@@ -1,5 +1,6 @@
 """What the page of a campaign shows: complete fits, how far all are, and whether seeds agree."""
 
+import logging
 from collections.abc import Mapping
 from itertools import groupby
 from pathlib import Path
@@ -8,26 +9,43 @@ import pandas as pd
 
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.page_parts import PageSection, PageTable
-from pyburgers.fitting.campaign import Campaign, run_folder, shown_status_table, status_table
+from pyburgers.fitting.campaign import (
+    DAMAGED,
+    Campaign,
+    Combination,
+    run_folder,
+    shown_status_table,
+    status_table,
+)
 from pyburgers.fitting.fit import Fit
 from pyburgers.sampling.manifest import COMPLETE
+
+logger = logging.getLogger(__name__)
 
 
 def shown_fits(campaign: Campaign, out: Path) -> tuple[list[Fit], PageSection]:
     """Return the complete fits that the page of a campaign shows, and its part about all of them.
 
     Of fits that differ only in their seed the page has the first, and a table of the largest
-    difference between seeds. Raises InputError if no fit is complete.
+    difference between seeds. A damaged fit is named and left out. Raises InputError if no fit is
+    complete.
     """
     table = status_table(campaign, out)
-    complete = [one for one in campaign.tasks if table["status"][one.name] == COMPLETE]
+    complete: dict[Combination, Fit] = {}
+    for one in campaign.tasks:
+        if table["status"][one.name] == COMPLETE:
+            try:
+                complete[one] = Fit.load(run_folder(out, one))
+            except InputError as error:
+                logger.info(f"{one.name} is not on the page: {error}")
+                table.loc[one.name, "status"] = DAMAGED
     if not complete:
         raise InputError(f"{out}: no fit of the campaign is complete, so there is no page yet.")
     first, rows = [], []
     for (test, variant, priors), group in groupby(
         complete, key=lambda one: (one.test, one.variant, one.priors)
     ):
-        fits = {one.seed: Fit.load(run_folder(out, one)) for one in group}
+        fits = {one.seed: complete[one] for one in group}
         first.append(next(iter(fits.values())))
         rows.append(
             {

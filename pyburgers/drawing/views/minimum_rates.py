@@ -57,7 +57,7 @@ def minimum_rates(fit: FittedTest) -> pd.DataFrame:
     least_at_end (share of those whose rate is least, or as good as that, at the end).
     """
     experiment = of_kind(fit.experiment, HistoryExperiment)
-    time = positions(fit, "time")
+    time = positions(fit)
     rate, strain = predicted(fit, "strain_rate"), predicted(fit, "strain")
     rows = []
     for interval in creep_intervals(experiment):

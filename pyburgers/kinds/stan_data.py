@@ -171,9 +171,8 @@ class PlainCoordinates:
 class Mode:
     """The highest density found, on the real line of the plain coordinates.
 
-    `values`: every parameter in SI.
-    `coordinate` (n_coordinates,): plain coordinates.
-    `driving_error` (n_driving_errors,): errors of what drives the test, standardised.
+    `values`, `coordinate` (n_coordinates,): every parameter in SI; plain coordinates.
+    `driving_error` (n_driving_errors,): standardised errors of what drives the test.
     """
 
     values: Mapping[str, float]
@@ -183,11 +182,7 @@ class Mode:
 
 @dataclass(frozen=True)
 class OtherMode:
-    """Another mode of a problem, lower than the one that chains start from.
-
-    `log_weight`: ln of the probability around it over that around the highest one.
-    `values`: free parameters in SI, by tests.
-    """
+    """Another mode of a problem: ln of its weight over that of the highest, values by tests."""
 
     log_weight: float
     values: Mapping[str, Mapping[str, float]]
@@ -195,12 +190,7 @@ class OtherMode:
 
 @dataclass(frozen=True, eq=False)
 class ProblemMode:
-    """The highest density found of a problem.
-
-    `tests`: values of each test, and its plain coordinates by itself.
-    `coordinate` (n_coordinates,): plain coordinates of all tests together.
-    `others`: other modes that were met on the way.
-    """
+    """The highest density found of a problem: its tests, all plain coordinates, other modes."""
 
     tests: tuple[Mode, ...]
     coordinate: FloatArray

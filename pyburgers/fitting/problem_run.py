@@ -59,13 +59,13 @@ def run_chains(
     written, `SamplingError` if no chain finished, or one could not be extended. On a
     `KeyboardInterrupt` the chains are stopped; the same call continues the run.
     """
-    options = settled_options(problem, options)
-    model = _program_for(problem, options)
+    settled = settled_options(problem, options)
+    model, climber = _programs_for(problem, settled)
     # As given: priors are resolved for each test by itself.
     inputs = input_texts(problem.experiments, problem.given_priors)
-    wanted = wanted_record(problem, options, solver, use_likelihood=use_likelihood)
+    wanted = wanted_record(problem, settled, solver, use_likelihood=use_likelihood)
     data = program_data(problem, solver=solver, use_likelihood=use_likelihood)
-    run, identity = RunDirectory(directory), fingerprint(data, options, model.recipe)
+    run, identity = RunDirectory(directory), fingerprint(data, settled, model.recipe)
     if run.manifest_file.is_file() and run.read_manifest().get("fingerprint") != identity:
         if not overwrite:
             raise InputError(refusal(run, wanted, inputs, problem.free))
@@ -73,9 +73,9 @@ def run_chains(
     with run.claimed(identity):
         write_inputs(run, inputs)
         if not run.stan_data_file.is_file():
-            density = Density(load_program(problem.likelihood.program), data)
-            chart = choose_chart(problem, density, wanted=options.coordinates, seed=options.seed)
-            _write_chart(run, density.with_data(chart.block), chart, seed=options.seed)
+            density = Density(climber, data)
+            chart = choose_chart(problem, density, wanted=settled.coordinates, seed=settled.seed)
+            _write_chart(run, density.with_data(chart.block), chart, seed=settled.seed)
         known = run.read_manifest()
         run.update_manifest(
             {
@@ -96,16 +96,19 @@ def run_chains(
         return complete_chains(
             model,
             run,
-            options,
+            settled,
             lambda chain: draw_start(
-                problem, density, _laplace(run), seed=options.seed, chain=chain
+                problem, density, _laplace(run), seed=settled.seed, chain=chain
             ),
             more_draws=more_draws,
         )
 
 
 def settled_options(problem: Problem, options: SamplerOptions) -> SamplerOptions:
-    """Fill in warm-up and target acceptance; raise `InputError` if tests lack the coordinates."""
+    """Fill in warm-up, target acceptance and the threads that are of use.
+
+    Raises `InputError` if the tests do not have the coordinates.
+    """
     likelihood, chart = problem.likelihood, problem.likelihood.chart.name
     if options.coordinates not in ("auto", "plain", chart):
         raise InputError(
@@ -116,6 +119,7 @@ def settled_options(problem: Problem, options: SamplerOptions) -> SamplerOptions
         options,
         warmup=options.warmup or likelihood.warmup,
         adapt_delta=options.adapt_delta or likelihood.target_acceptance,
+        threads_per_chain=threads_for(options, len(problem.experiments)),
     )
 
 
@@ -124,18 +128,19 @@ def threads_for(options: SamplerOptions, n_tests: int) -> int:
     return min(options.threads_per_chain, n_tests)
 
 
-def _program_for(problem: Problem, options: SamplerOptions) -> Program:
-    """Return the program that samples, in as many threads as were asked for and have tests.
+def _programs_for(problem: Problem, options: SamplerOptions) -> tuple[Program, Program]:
+    """Return the program that samples, and the one that climbs, which runs in one thread.
 
     Raises `InputError` if threads cannot share the tests.
     """
-    program, threads = problem.likelihood.program, threads_for(options, len(problem.experiments))
+    program, threads = problem.likelihood.program, options.threads_per_chain
     if threads > 1 and not shares_work(program):
         raise InputError(
-            f"{problem.name}: threads_per_chain is {options.threads_per_chain}, expected 1: "
+            f"{problem.name}: threads_per_chain is {threads}, expected 1: "
             f"threads cannot share tests of the protocol {problem.likelihood.name}."
         )
-    return load_program(program, threads=threads)
+    one = load_program(program)
+    return (load_program(program, threads=threads) if threads > 1 else one), one
 
 
 def _write_chart(run: RunDirectory, density: Density, chart: ChosenChart, *, seed: int) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pyburgers.cmdstan.program import Density, Program, load_program, shares_work
+from pyburgers.cmdstan.program import Density, load_program, shares_work
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
@@ -60,12 +60,15 @@ def run_chains(
     `KeyboardInterrupt` the chains are stopped; the same call continues the run.
     """
     settled = settled_options(problem, options)
-    model, climber = _programs_for(problem, settled)
-    # As given: priors are resolved for each test by itself.
-    inputs = input_texts(problem.experiments, problem.given_priors)
     wanted = wanted_record(problem, settled, solver, use_likelihood=use_likelihood)
     data = program_data(problem, solver=solver, use_likelihood=use_likelihood)
+    source, threads = problem.likelihood.program, settled.threads_per_chain
+    # Climbs are the same whatever the threads of the chains.
+    climber = load_program(source)
+    model = load_program(source, threads=threads) if threads > 1 else climber
     run, identity = RunDirectory(directory), fingerprint(data, settled, model.recipe)
+    # As given: priors are resolved for each test by itself.
+    inputs = input_texts(problem.experiments, problem.given_priors)
     if run.manifest_file.is_file() and run.read_manifest().get("fingerprint") != identity:
         if not overwrite:
             raise InputError(refusal(run, wanted, inputs, problem.free))
@@ -107,7 +110,7 @@ def run_chains(
 def settled_options(problem: Problem, options: SamplerOptions) -> SamplerOptions:
     """Fill in warm-up, target acceptance and the threads that are of use.
 
-    Raises `InputError` if the tests do not have the coordinates.
+    Raises `InputError` if the tests do not have the coordinates, or threads cannot share them.
     """
     likelihood, chart = problem.likelihood, problem.likelihood.chart.name
     if options.coordinates not in ("auto", "plain", chart):
@@ -115,32 +118,23 @@ def settled_options(problem: Problem, options: SamplerOptions) -> SamplerOptions
             f"{problem.name}: {options.coordinates} coordinates are not for tests of the protocol "
             f"{likelihood.name}, expected --coordinates auto, plain or {chart}."
         )
+    threads = threads_for(options, len(problem.experiments))
+    if threads > 1 and not shares_work(likelihood.program):
+        raise InputError(
+            f"{problem.name}: threads_per_chain is {threads}, expected 1: "
+            f"threads cannot share tests of the protocol {likelihood.name}."
+        )
     return replace(
         options,
         warmup=options.warmup or likelihood.warmup,
         adapt_delta=options.adapt_delta or likelihood.target_acceptance,
-        threads_per_chain=threads_for(options, len(problem.experiments)),
+        threads_per_chain=threads,
     )
 
 
 def threads_for(options: SamplerOptions, n_tests: int) -> int:
     """Return the threads of a chain: at most as many as there are tests to share."""
     return min(options.threads_per_chain, n_tests)
-
-
-def _programs_for(problem: Problem, options: SamplerOptions) -> tuple[Program, Program]:
-    """Return the program that samples, and the one that climbs, which runs in one thread.
-
-    Raises `InputError` if threads cannot share the tests.
-    """
-    program, threads = problem.likelihood.program, options.threads_per_chain
-    if threads > 1 and not shares_work(program):
-        raise InputError(
-            f"{problem.name}: threads_per_chain is {threads}, expected 1: "
-            f"threads cannot share tests of the protocol {problem.likelihood.name}."
-        )
-    one = load_program(program)
-    return (load_program(program, threads=threads) if threads > 1 else one), one
 
 
 def _write_chart(run: RunDirectory, density: Density, chart: ChosenChart, *, seed: int) -> None:
@@ -229,7 +223,11 @@ def write_inputs(run: RunDirectory, texts: Mapping[str, str]) -> None:
         file = run.path / name
         if file == run.priors_file or not (file.parent / "experiment.toml").is_file():
             file.parent.mkdir(parents=True, exist_ok=True)
-            write_text(file, text)
+            # A killed process leaves nothing unfinished beside the copies.
+            scratch = run.new_scratch()
+            write_text(scratch / file.name, text)
+            (scratch / file.name).replace(file)
+            scratch.rmdir()
 
 
 def refusal(

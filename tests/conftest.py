@@ -34,8 +34,9 @@ from pyburgers.comparison.by_tests import fit_without_tests
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress
 from pyburgers.flow_law_tables.inputs import default_peak_stress_priors, load_peak_stress
-from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.kinds.constant_rate.valley import ConstantRateValley
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
+from pyburgers.kinds.constant_rate.likelihood import ConstantRateValley
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.kinds.kind import save_experiment

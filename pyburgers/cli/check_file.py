@@ -20,7 +20,7 @@ from pyburgers.flow_law_tables.inputs import (
     load_peak_stress,
     load_peak_stress_priors,
 )
-from pyburgers.kinds.doubts import doubts
+from pyburgers.kinds.conditions import doubts
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.model.parameters import STRESS_SCATTER

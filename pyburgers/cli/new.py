@@ -23,8 +23,13 @@ from pyburgers.common.scratch import scratch_folder
 from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.common.toml_files import read_tables
 from pyburgers.common.units import UNIT_TABLE, units_text
-from pyburgers.kinds.column_names import ALONG_AXIS, COLUMN_NAMES
-from pyburgers.kinds.guessed_columns import GuessedColumn, guess_columns, left_out
+from pyburgers.kinds.guessed_columns import (
+    ALONG_AXIS,
+    COLUMN_NAMES,
+    GuessedColumn,
+    guess_columns,
+    left_out,
+)
 from pyburgers.kinds.likelihood import NAMES
 from pyburgers.kinds.new_file import (
     Columns,

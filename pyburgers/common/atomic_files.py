@@ -52,8 +52,7 @@ def flush_to_disk(path: Path) -> None:
 def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
     """Let `write` fill a temporary file beside `path`, then rename it over `path`.
 
-    The folder of `path` must exist. The temporary name keeps the suffix, which some writers look
-    at. Raise OSError, which names `path`, if the file cannot be written.
+    The temporary name keeps the suffix. Raise OSError, which names `path`, if it cannot be written.
     """
     temporary = path.with_name(f"{UNFINISHED}{uuid.uuid4().hex}{path.suffix}")
     try:

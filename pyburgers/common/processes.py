@@ -181,11 +181,10 @@ def start(
 def side_by_side(
     starting: Iterator[Running], *, at_once: int, limit: float | None = None
 ) -> Generator[tuple[list[Running], list[Running]], None, None]:
-    """Run programs side by side to their ends; stop all that run when the generator is closed.
+    """Run programs to their ends, `at_once` of them, each stopped after `limit` (s).
 
-    The next program starts when `starting` is asked for it, as soon as fewer than `at_once` run; it
-    is stopped after `limit` (s). Yields at every look the programs that ran at the look before, and
-    those of them that have ended since.
+    Yield at every look the programs that ran before, and those that have ended since. All stop when
+    the generator is closed.
     """
     running: list[Running] = []
     try:

@@ -9,7 +9,8 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
-PREFIX = "pyburgers-"
+PREFIX = "pyburgers-scratch-"
+"""Start of a name that nobody else gives to a folder: it may be removed."""
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import pandas as pd
 from pydantic import Field
@@ -26,12 +26,10 @@ from pyburgers.kinds.together import priors_for
 from pyburgers.model.priors import note_other_material
 from pyburgers.model.variants import with_variant
 from pyburgers.sampling.manifest import COMPLETE
-from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.options import SamplerOptions, options_table
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
-
-DEFAULTS = SamplerOptions()
 
 SHIPPED = "default"
 """Stands in a plan for the priors that come with the package."""
@@ -45,17 +43,10 @@ LONGEST_NAME = 200
 Name = Annotated[str, Field(pattern=NAME)]
 
 
-class _SamplerTable(Table):
-    """Settings of the sampler that all fits of a campaign share; those of `SamplerOptions`."""
-
-    chains: int = DEFAULTS.chains
-    warmup: int | None = None
-    draws: int = DEFAULTS.draws
-    adapt_delta: float | None = None
-    max_treedepth: int = DEFAULTS.max_treedepth
-    coordinates: str = DEFAULTS.coordinates
-    chain_timeout: float | None = None
-    threads_per_chain: int = DEFAULTS.threads_per_chain
+if TYPE_CHECKING:
+    SamplerTable = Table
+else:
+    SamplerTable = options_table(settled=False, without={"seed", "parallel_chains"})
 
 
 class _PlanFile(Table):
@@ -75,7 +66,7 @@ class _PlanFile(Table):
     )
     pool: dict[str, str] = Field({}, description="how joint fits pool parameters")
     seeds: list[int] = Field([1], min_length=1, description="a list of whole numbers")
-    sampler: _SamplerTable = Field(_SamplerTable(), description="settings of the sampler")
+    sampler: SamplerTable = Field(SamplerTable(), description="settings of the sampler")
 
 
 @dataclass(frozen=True)

@@ -405,17 +405,18 @@ class RunDirectory:
         folder.mkdir(parents=True)
         return folder
 
-    def supersede_chains(self, name: str) -> str:
-        """Put the finished chains aside under a name, and return where they are in the directory.
+    def supersede_chains(self, name: str, chains: Sequence[int]) -> str:
+        """Put finished chains aside under a name, and return where they are in the directory.
 
         What was made of them is removed.
         """
         aside = self.path / "superseded" / name
-        aside.parent.mkdir(exist_ok=True)
         # A run killed in the midst of this was sampled again: the same chains.
         shutil.rmtree(aside, ignore_errors=True)
-        (self.path / "chains").rename(aside)
-        (self.path / "chains").mkdir()
+        aside.mkdir(parents=True)
+        for chain in chains:
+            folder = self.extended_folder(chain, 0)
+            folder.rename(aside / folder.name)
         for file in (self.posterior_file, self.checks_file, self.summary_file):
             file.unlink(missing_ok=True)
         return aside.relative_to(self.path).as_posix()

@@ -25,9 +25,13 @@ from pyburgers.common.atomic_files import sha256_of_file
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.kinds.coordinates import REFERENCE_STRESS
 from pyburgers.kinds.likelihood import likelihood_of
-from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions, solver_block
+from pyburgers.kinds.stan_data import (
+    REFERENCE_SOLVER,
+    REFERENCE_STRESS,
+    SolverOptions,
+    solver_block,
+)
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory

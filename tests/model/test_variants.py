@@ -21,11 +21,8 @@ from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare, leave_one_out, leave_out_exactly
 from pyburgers.comparison.results import comparison_table
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.kinds.constant_rate.experiment import (
-    ConstantRateExperiment,
-    RateSegment,
-    load_constant_rate,
-)
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.forward import check_parameters, simulate, simulate_data
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.stan_data import SolverOptions

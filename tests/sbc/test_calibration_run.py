@@ -19,7 +19,7 @@ from refusals import assert_refused
 from pyburgers.cli.main import main
 from pyburgers.common.toml_files import read_json
 from pyburgers.drawing.style import image
-from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.problem import problem_of
 from pyburgers.model.priors import default_priors
 from pyburgers.sampling.run_directory import RunDirectory

@@ -34,6 +34,9 @@ DATA_ROOT_VARIABLE = "PYBURGERS_DATA"
 MAX_SI_NUMBER = 1e100
 """Size of a number in SI from which on squares and products of readings may not be numbers."""
 
+MIN_SI_NUMBER = 1e-50
+"""The largest number of a column is at least this, or 0: squares of less vanish."""
+
 INFINITE = re.compile(r"[+-]?(?:inf(?:inity)?|[0-9.]+e[+-]?[0-9]+|nan)", re.IGNORECASE)
 """Cells that are numbers to Python, but not finite ones."""
 
@@ -167,6 +170,12 @@ def read_columns(
             raise InputError(
                 f"{data.source(path, key)}: column {getattr(data, column)!r} holds a number that "
                 f"is too large, expected at most {MAX_SI_NUMBER:g} in SI."
+            )
+        largest = float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))
+        if 0.0 < largest < MIN_SI_NUMBER:
+            raise InputError(
+                f"{data.source(path, key)}: column {getattr(data, column)!r} holds no number above "
+                f"{largest:g} in SI, expected one of at least {MIN_SI_NUMBER:g}; check its unit."
             )
     return scaled, notes
 

@@ -331,6 +331,26 @@ def test_names_and_files_that_cannot_be_are_refused(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("name", ["/proc/kmsg", "/proc/self/environ", "/proc/self/pagemap", "link"])
+def test_files_of_the_system_are_refused_like_devices(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "link").symlink_to("/proc/self/environ")
+    text = (ICE / "PIL40.toml").read_text(encoding="utf-8").replace("PIL40.csv", name)
+    (tmp_path / "test.toml").write_text(text, encoding="utf-8")
+    for command in (["fit"], ["check-file"]):
+        assert main([*command, str(tmp_path / "test.toml")]) == 2
+        assert f"{name} is a device or a pipe; expected a file" in "".join(capsys.readouterr())
+    assert_refused(main(["fit", str(tmp_path / name)]), capsys, "is a device or a pipe")
+
+
+@pytest.mark.parametrize("command", [["doctor"], ["check-file", TEST], ["fit", "--help"]])
+def test_a_python_that_optimises_runs_the_commands(command: list[str]) -> None:
+    """It drops docstrings and assertions."""
+    code, error = ended(f"sys.exit(main({command}))", environment={"PYTHONOPTIMIZE": "2"})
+    assert (code, error) == (0, "")
+
+
 def test_a_pipe_is_not_waited_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     os.mkfifo(tmp_path / "pipe.toml")
     assert_refused(main(["fit", str(tmp_path / "pipe.toml")]), capsys, "is a device or a pipe")

@@ -3,7 +3,8 @@
 import math
 import os
 import re
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -30,6 +31,9 @@ SEPARATORS = {"tab": "\t", "whitespace": " "}
 
 DATA_ROOT_VARIABLE = "PYBURGERS_DATA"
 """Environment variable that takes the place of the key `data_root`."""
+
+TABLE_ENDINGS = (".csv", ".tsv", ".txt", ".dat", ".asc", ".xlsx", ".xls")
+"""Endings of files of tables."""
 
 MAX_SI_NUMBER = 1e100
 """Size of a number in SI from which on squares and products of readings may not be numbers."""
@@ -157,10 +161,11 @@ def read_columns(
         with a note. Return `columns` (n_rows,) in SI, finite but for NaN in empty cells, and
         `notes`. Raise InputError, which names file, line and column, of anything else.
     """
-    units, (found, notes) = all_of(
-        lambda: all_of(*(partial(_unit, data, unit, path) for unit in columns.values())),
-        lambda: _numbers(path, data, columns, key, named_in, may_be_empty, has_own_clock),
-    )
+    with _kept_to_itself(path, data, key):
+        units, (found, notes) = all_of(
+            lambda: all_of(*(partial(_unit, data, unit, path) for unit in columns.values())),
+            lambda: _numbers(path, data, columns, key, named_in, may_be_empty, has_own_clock),
+        )
     with np.errstate(over="ignore"):
         scaled = [
             unit.zero + unit.factor * values for values, unit in zip(found, units, strict=True)
@@ -178,6 +183,31 @@ def read_columns(
                 f"{largest:g} in SI, expected one of at least {MIN_SI_NUMBER:g}; check its unit."
             )
     return scaled, notes
+
+
+def may_be_quoted(file: Path, path: Path) -> bool:
+    """Tell whether messages may show content of a file that the TOML file `path` names.
+
+    It lies in the same folder or below, or its name is that of a table.
+    """
+    inside = file.resolve().is_relative_to(path.resolve().parent)
+    return inside or file.suffix.lower() in TABLE_ENDINGS
+
+
+@contextmanager
+def _kept_to_itself(path: Path, data: TextFilesTable, key: str) -> Iterator[None]:
+    """Quote no content of a file that may be no table, which an experiment file of others names."""
+    try:
+        yield
+    except InputError:
+        file = data.source(path, key)
+        if may_be_quoted(file, path) or not file.is_file():
+            raise
+        raise InputError(
+            f"{path}: key {key!r}: {file} has no such table; its content is not shown, because it "
+            f"lies outside the folder of {path.name}: expected a file there, or one that ends in "
+            f"{', '.join(TABLE_ENDINGS)}."
+        ) from None
 
 
 def _table(path: Path, data: TextFilesTable, key: str, named_in: str) -> TextTable:

@@ -344,6 +344,39 @@ def test_files_of_the_system_are_refused_like_devices(
     assert_refused(main(["fit", str(tmp_path / name)]), capsys, "is a device or a pipe")
 
 
+SECRETS = [
+    "root:x:0:0:root:/root",
+    "machine a login b password hunter2",
+    "hunter2",
+    "a,b\n1,hunter2",
+]
+
+
+@pytest.mark.parametrize("secret", SECRETS)
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("", ""),
+        ('","', '"whitespace"'),
+        ("header = true", "header = false"),
+        ('"stress_MPa"', '"b"'),
+    ],
+)
+def test_no_line_of_a_file_is_shown_that_a_strange_experiment_file_names(
+    old: str, new: str, secret: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / ".netrc").write_text(f"{secret}\n" * 3, encoding="utf-8")
+    folder = tmp_path / "downloaded"
+    folder.mkdir()
+    text = (ICE / "PIL40.toml").read_text(encoding="utf-8").replace("PIL40.csv", "../.netrc")
+    (folder / "test.toml").write_text(text.replace(old, new), encoding="utf-8")
+    for command in ("fit", "check-file"):
+        assert main([command, str(folder / "test.toml")]) == 2
+        said = "".join(capsys.readouterr())
+        assert not any(word in said for word in ("root:x", "hunter2", "machine", "login"))
+        assert "its content is not shown" in said
+
+
 @pytest.mark.parametrize("command", [["doctor"], ["check-file", TEST], ["fit", "--help"]])
 def test_a_python_that_optimises_runs_the_commands(command: list[str]) -> None:
     """It drops docstrings and assertions."""

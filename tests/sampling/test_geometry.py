@@ -15,6 +15,7 @@ from pyburgers.common.toml_files import read_json
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.constant_rate.experiment import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
+from pyburgers.kinds.coordinates import ProblemMode
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import Problem, problem_of
@@ -25,6 +26,7 @@ from pyburgers.sampling.charts import expected_rise
 from pyburgers.sampling.laplace import curvature_at
 from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sampling.solver_noise import noisy_tolerances
+from pyburgers.sampling.starts import find_mode
 from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
 
 pytestmark = pytest.mark.usefixtures("programs")
@@ -40,11 +42,19 @@ def precise() -> Problem:
     return problem_of([curve], default_priors("ice"))
 
 
-def test_the_first_metric_fits_where_noise_is_far_below_a_percent(precise: Problem) -> None:
+@pytest.fixture(scope="module")
+def mode(precise: Problem) -> ProblemMode:
+    """That of the precise curve; the search takes seconds."""
+    return find_mode(precise, seed=1, solver=SolverOptions())
+
+
+def test_the_first_metric_fits_where_noise_is_far_below_a_percent(
+    precise: Problem, mode: ProblemMode
+) -> None:
     problem, solver = precise, SolverOptions()
     data = program_data(problem, solver=solver)
     model = load_program(CONSTANT_RATE.program)
-    chart = chart_at_mode(problem, data, solver, wanted="valley")
+    chart = chart_at_mode(problem, data, solver, wanted="valley", mode=mode)
     assert chart.centre is not None
     assert chart.covariance is not None
     around = {**data, **chart.block}
@@ -58,12 +68,14 @@ def test_the_first_metric_fits_where_noise_is_far_below_a_percent(precise: Probl
     assert rise < chart.centre.size / 2
 
 
-def test_the_sampler_moves_in_standard_deviations_of_plain_coordinates(precise: Problem) -> None:
+def test_the_sampler_moves_in_standard_deviations_of_plain_coordinates(
+    precise: Problem, mode: ProblemMode
+) -> None:
     """Stan pulls variances of the adapted metric to 1e-3, above those of precise data."""
     solver = SolverOptions()
     data = program_data(precise, solver=solver)
     model = load_program(CONSTANT_RATE.program)
-    chart = chart_at_mode(precise, data, solver, wanted="plain")
+    chart = chart_at_mode(precise, data, solver, wanted="plain", mode=mode)
     assert chart.centre is not None
     assert chart.covariance is not None
     assert chart.first_metric is not None

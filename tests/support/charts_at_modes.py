@@ -1,5 +1,6 @@
 """Coordinates of a problem, set up at the mode that is searched for."""
 
+from pyburgers.kinds.coordinates import ProblemMode
 from pyburgers.kinds.problem import Problem
 from pyburgers.kinds.stan_data import SolverOptions, StanData
 from pyburgers.sampling.charts import ChosenChart, choose_chart
@@ -13,12 +14,13 @@ def chart_at_mode(
     *,
     wanted: str = "auto",
     seed: int = 1,
+    mode: ProblemMode | None = None,
 ) -> ChosenChart:
-    """Choose coordinates as a fit does."""
+    """Choose coordinates as a fit does, at a mode that is searched for unless it is given."""
     return choose_chart(
         problem,
         data,
-        lambda: find_mode(problem, seed=seed, solver=solver),
+        lambda: mode or find_mode(problem, seed=seed, solver=solver),
         wanted=wanted,
         seed=seed,
         solver=solver,

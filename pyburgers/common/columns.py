@@ -3,7 +3,8 @@
 import math
 import os
 import re
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -14,15 +15,15 @@ import numpy.typing as npt
 from pydantic import Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
+from pyburgers.common.array_types import BoolArray, FloatArray
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.cells import number_in
-from pyburgers.common.errors import InputError, all_of
+from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.text_tables import TextTable, look_at, table_of_columns
-from pyburgers.common.toml_files import Table, factor_to_si, unit_of
+from pyburgers.common.toml_files import Table, all_of, factor_to_si, unit_of
 from pyburgers.common.units import Unit, counted
 
-FloatArray = npt.NDArray[np.float64]
 Separator = Literal[",", ";", "tab", "whitespace"]
 
 SEPARATORS = {"tab": "\t", "whitespace": " "}
@@ -31,8 +32,14 @@ SEPARATORS = {"tab": "\t", "whitespace": " "}
 DATA_ROOT_VARIABLE = "PYBURGERS_DATA"
 """Environment variable that takes the place of the key `data_root`."""
 
+TABLE_ENDINGS = (".csv", ".tsv", ".txt", ".dat", ".asc", ".xlsx", ".xls")
+"""Endings of files of tables."""
+
 MAX_SI_NUMBER = 1e100
 """Size of a number in SI from which on squares and products of readings may not be numbers."""
+
+MIN_SI_NUMBER = 1e-50
+"""The largest number of a column is at least this, or 0: squares of less vanish."""
 
 INFINITE = re.compile(r"[+-]?(?:inf(?:inity)?|[0-9.]+e[+-]?[0-9]+|nan)", re.IGNORECASE)
 """Cells that are numbers to Python, but not finite ones."""
@@ -145,35 +152,63 @@ def read_columns(
     named_in: str = "[data]",
     may_be_empty: Container[str] = (),
     has_own_clock: bool = True,
-) -> tuple[list[FloatArray], tuple[str, ...]]:
+) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
     """Read columns of a text file, of a workbook, or of a table in memory.
 
-    If a cell stands for no reading in a column that may not be empty, its row is left out with a
-    note. `path`: the TOML file. `key`: of `data`, which names the data file. `named_in`: the table
-    of the TOML file with that key. `columns`: keys of `data` that name the wanted columns, each
-    with the key that names its unit and the quantity (a key of `pyburgers.common.units.UNITS`), or
-    with None if it has no unit. Return `columns` (n_rows,): in the order asked for, in SI, finite
-    but for NaN in empty cells. Return `notes`: sentences about what was done to read them. Raise
-    InputError if a unit is not one of its quantity, the file is missing or has no data rows, its
-    rows do not go with its names, a column is missing, no row is one of those wanted, or a cell is
-    empty, not a number, not finite or larger than `MAX_SI_NUMBER`; the message names file, line and
-    column.
+    `key`, `named_in`: of `data`, which names the data file; the table of the TOML file with that
+        key. `columns`: keys of `data` that name the columns, each with the key of its unit and its
+        quantity, or None. A row without a reading in a column that may not be empty is left out
+        with a note. Return `columns` (n_rows,) in SI, finite but for NaN in empty cells, and
+        `notes`. Raise InputError, which names file, line and column, of anything else.
     """
-    units, (found, notes) = all_of(
-        lambda: all_of(*(partial(_unit, data, unit, path) for unit in columns.values())),
-        lambda: _numbers(path, data, columns, key, named_in, may_be_empty, has_own_clock),
-    )
+    with _kept_to_itself(path, data, key):
+        units, (found, notes) = all_of(
+            lambda: all_of(*(partial(_unit, data, unit, path) for unit in columns.values())),
+            lambda: _numbers(path, data, columns, key, named_in, may_be_empty, has_own_clock),
+        )
     with np.errstate(over="ignore"):
-        scaled = [
-            unit.zero + unit.factor * values for values, unit in zip(found, units, strict=True)
-        ]
-    for column, values in zip(columns, scaled, strict=True):
+        scaled = {
+            column: unit.zero + unit.factor * values
+            for column, values, unit in zip(columns, found, units, strict=True)
+        }
+    for column, values in scaled.items():
         if (np.abs(values) > MAX_SI_NUMBER).any():
             raise InputError(
                 f"{data.source(path, key)}: column {getattr(data, column)!r} holds a number that "
                 f"is too large, expected at most {MAX_SI_NUMBER:g} in SI."
             )
+        largest = float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))
+        if 0.0 < largest < MIN_SI_NUMBER:
+            raise InputError(
+                f"{data.source(path, key)}: column {getattr(data, column)!r} holds no number above "
+                f"{largest:g} in SI, expected one of at least {MIN_SI_NUMBER:g}; check its unit."
+            )
     return scaled, notes
+
+
+def may_be_quoted(file: Path, path: Path) -> bool:
+    """Tell whether messages may show content of a file that the TOML file `path` names.
+
+    It lies in the same folder or below, or its name is that of a table.
+    """
+    inside = file.resolve().is_relative_to(path.resolve().parent)
+    return inside or file.suffix.lower() in TABLE_ENDINGS
+
+
+@contextmanager
+def _kept_to_itself(path: Path, data: TextFilesTable, key: str) -> Iterator[None]:
+    """Quote no content of a file that may be no table, which an experiment file of others names."""
+    try:
+        yield
+    except InputError:
+        file = data.source(path, key)
+        if may_be_quoted(file, path) or not file.is_file():
+            raise
+        raise InputError(
+            f"{path}: key {key!r}: {file} has no such table; its content is not shown, because it "
+            f"lies outside the folder of {path.name}: expected a file there, or one that ends in "
+            f"{', '.join(TABLE_ENDINGS)}."
+        ) from None
 
 
 def _table(path: Path, data: TextFilesTable, key: str, named_in: str) -> TextTable:
@@ -264,9 +299,7 @@ def _unit(data: TextFilesTable, unit: tuple[str, str] | None, where: Path) -> Un
     return unit_of(getattr(data, key), quantity, f"{where}: key {key!r} in [data]")
 
 
-def _selected(
-    table: TextTable, wanted: npt.NDArray[np.bool_], name: str, value: str, where: str
-) -> npt.NDArray[np.bool_]:
+def _selected(table: TextTable, wanted: BoolArray, name: str, value: str, where: str) -> BoolArray:
     """Return which rows hold `value` in the column `name`; one of those that are wanted has to."""
     if table.names is None:
         raise InputError(
@@ -345,31 +378,41 @@ def _column(
 
 
 WRITTEN_LAYOUT = MappingProxyType({"separator": ",", "header": True, "missing": []})
-"""Keys of a table [data] that describe what `write_columns` writes."""
+"""Keys of a table [data] that describe what `columns_text` returns."""
 
 
-def write_data(directory: Path, data: Mapping[str, Any]) -> dict[str, Any]:
-    """Write columns in memory as text files; return a table [data] that names the files.
+def data_files(
+    data: Mapping[str, Any] | None,
+) -> tuple[dict[str, Any] | None, dict[str, str]]:
+    """Return a table [data] that names files for its columns in memory, and their texts by name.
 
     The columns of the key ``file`` go to ``experiment.csv``, of ``NAME_file`` to
     ``experiment_NAME.csv``.
     """
+    if data is None:
+        return None, {}
     named: dict[str, Any] = {**data, **WRITTEN_LAYOUT}
+    texts = {}
     for key, columns in data.items():
         if isinstance(columns, Mapping):
             named[key] = f"experiment_{key}".removesuffix("_file") + ".csv"
-            write_columns(directory / named[key], columns)
-    return named
+            texts[named[key]] = columns_text(columns)
+    return named, texts
 
 
-def write_columns(path: Path, columns: Mapping[str, Sequence[float] | FloatArray]) -> None:
-    """Write columns with a header, separated by commas, that read back to the same numbers.
+def columns_text(columns: Mapping[str, Sequence[float] | FloatArray]) -> str:
+    """Return columns with a header, separated by commas, that read back to the same numbers.
 
     The cells of NaN are empty.
     """
     rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
     lines = [",".join(columns), *(",".join(map(_written, row)) for row in rows)]
-    write_text(path, "\n".join(lines) + "\n")
+    return "\n".join(lines) + "\n"
+
+
+def write_columns(path: Path, columns: Mapping[str, Sequence[float] | FloatArray]) -> None:
+    """Write a file of `columns_text`."""
+    write_text(path, columns_text(columns))
 
 
 def _written(number: float) -> str:

@@ -2,6 +2,9 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from string import Formatter
+from typing import Any
 
 import pandas as pd
 from markupsafe import Markup
@@ -11,23 +14,35 @@ from pyburgers.kinds.kind import FittedTest
 
 
 @dataclass(frozen=True)
-class FigureText:
-    """What a page says about a figure.
+class PageFigure:
+    """A figure.
 
-    `name`: part of file names.
-    `title`: heading.
-    `caption`: what is shown and how to read it, one paragraph.
+    Attributes
+    ----------
+    name : str
+        Part of file names.
+    title : str
+        Heading.
+    caption : str
+        What is shown and how to read it, one paragraph.
+    draw : callable
+        Draws it.
+    result : str
+        Its content in a sentence, for readers who cannot see it; by default its title.
     """
 
     name: str
     title: str
     caption: str
+    draw: Callable[[], Figure]
+    result: str = ""
 
 
 @dataclass(frozen=True)
-class FigureRecipe(FigureText):
+class FigureRecipe:
     """A figure of the fits of a kind.
 
+    `caption`: what is shown and how to read it, one paragraph, or what returns it for a fit.
     `draw`: draws it for a fit.
     `result`: says in a sentence what it shows of a fit, for those who cannot see it.
     `suits`: whether a fit has anything to show; by default every one has.
@@ -35,6 +50,9 @@ class FigureRecipe(FigureText):
         asked for.
     """
 
+    name: str
+    title: str
+    caption: str | Callable[[FittedTest], str]
     draw: Callable[[FittedTest], Figure]
     result: Callable[[FittedTest], str]
     suits: Callable[[FittedTest], bool] = lambda _: True
@@ -44,11 +62,16 @@ class FigureRecipe(FigureText):
         """Draw the figure."""
         return self.draw(fit)
 
+    def of(self, fit: FittedTest) -> PageFigure:
+        """Return the figure of a fit."""
+        caption = self.caption if isinstance(self.caption, str) else self.caption(fit)
+        return PageFigure(self.name, self.title, caption, partial(self.draw, fit), self.result(fit))
+
 
 def recipe(
     name: str,
     title: str,
-    caption: str,
+    caption: str | Callable[[FittedTest], str],
     result: Callable[[FittedTest], str],
     *,
     suits: Callable[[FittedTest], bool] = lambda _: True,
@@ -58,20 +81,21 @@ def recipe(
     return lambda draw: FigureRecipe(name, title, caption, draw, result, suits, on_every_page)
 
 
-@dataclass(frozen=True)
-class PageFigure(FigureText):
-    """A figure that is not about one fit alone.
+def text_table(table: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:
+    """Return rows as text: by heading a format of the row's columns, ``{q5:.3g} to {q95:.3g}``.
 
-    Attributes
-    ----------
-    draw : callable
-        Draws it.
-    result : str
-        Its content in a sentence, for readers who cannot see it; by default its title.
+    A cell is empty if one of its numbers is NaN.
     """
+    rows = table.to_dict("records")
+    cells = [{heading: _cell(form, row) for heading, form in columns.items()} for row in rows]
+    return pd.DataFrame(cells, columns=list(columns))
 
-    draw: Callable[[], Figure]
-    result: str = ""
+
+def _cell(form: str, row: Mapping[Any, Any]) -> str:
+    """Fill a format, unless a number is NaN."""
+    names = [name for _, name, _, _ in Formatter().parse(form) if name]
+    is_known = all(row[name] == row[name] for name in names)
+    return form.format_map(row) if is_known else ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,8 @@ and so how many elements are as good as the integral, in frequency as in time.
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from pyburgers.common.array_types import FloatArray
 
 _POLE = 0.5 * math.pi
 """Distance of an element's poles from the real axis of ln(t)."""

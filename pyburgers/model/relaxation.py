@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import gamma
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.model.arrhenius import log_slowdown
 from pyburgers.model.kelvin_elements import band_elements, peak_elements
@@ -20,8 +21,6 @@ from pyburgers.model.laws import (
     SPECTRUM_SWITCHES,
 )
 from pyburgers.model.parameters import KELVIN_REFERENCES, STANDARD_VALUES
-
-FloatArray = npt.NDArray[np.float64]
 
 ERROR = 1e-8
 """Of the sums, relative to the relaxed compliance."""
@@ -161,8 +160,8 @@ def kelvin_part(
         if (values[name] != STANDARD_VALUES[name]).any():
             raise InputError(
                 f"{name}: found values other than {STANDARD_VALUES[name]:g}, expected a linear "
-                "Kelvin part because the spectrum in closed form needs it; "
-                "pyburgers.predictions.imposed_stress simulates the cycles of any other."
+                "Kelvin part because the spectrum in closed form needs it; simulate cycles of any "
+                "other as a loading history."
             )
     slower = log_slowdown(
         values["kelvin_activation_enthalpy"], temperature, values["kelvin_reference_temperature"]

@@ -15,38 +15,41 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from filelock import FileLock, Timeout
 from pydantic import Field
 
 from pyburgers.cmdstan.program import load_program
-from pyburgers.common.atomic_files import sha256_of_json
+from pyburgers.common.atomic_files import sha256_of_json, write_json
 from pyburgers.common.errors import InputError, SystemFailureError
+from pyburgers.common.locks import process_lock
 from pyburgers.common.tasks import ALL_HERE, Workers, run_tasks
-from pyburgers.common.toml_files import Table
+from pyburgers.common.toml_files import Table, read_json_table
+from pyburgers.fitting.problem_run import (
+    input_texts,
+    problem_record,
+    settled_options,
+    write_inputs,
+)
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import load_experiment, save_experiment
+from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.program_data import program_data
-from pyburgers.kinds.stan_data import SolverOptions, decisive
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.kinds.together import pooling_for
 from pyburgers.model.pooling import pooling_from
-from pyburgers.model.priors import PriorSet, load_priors, note_other_material, save_priors
-from pyburgers.sampling.changes import problem_record
+from pyburgers.model.priors import PriorSet, load_priors, note_other_material
 from pyburgers.sampling.manifest import COMPLETE, PoolingRecord, RecordedHashes, SamplerRecord
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
-from pyburgers.sampling.run import files_in, origin_record
+from pyburgers.sampling.run import decisive, files_in, origin_record
 from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sbc.data_sets import DataSetPlan, check_template, replicate
 from pyburgers.sbc.rank_uniformity import RankBands, RankVerdict, judge_ranks, rank_bands
 from pyburgers.sbc.replication import (
     SIMULATIONS,
     Replication,
-    read_replication,
     replications,
     scratch_of,
     simulation_file,
     take_from_table,
-    write_replication,
 )
 
 logger = logging.getLogger(__name__)
@@ -182,8 +185,8 @@ def calibrate(
     problem = problem_of(tests, priors, pooling_for(tests, pool))
     check_template(problem, plan.strain_range)
     note_other_material(priors, tests[0].material)
-    sampler = plan.sampler.suited_to(problem.likelihood, problem.name)
-    plan = replace(plan, sampler=replace(sampler, parallel_chains=1))
+    sampler = replace(settled_options(problem, plan.sampler), parallel_chains=1)
+    plan = replace(plan, sampler=sampler)
     identity = _fingerprint(problem, plan, load_program(problem.likelihood.program).recipe)
     run = RunDirectory(out)
     _refuse_fewer_repetitions(run, plan)
@@ -217,11 +220,7 @@ def _refuse_fewer_repetitions(run: RunDirectory, plan: CalibrationPlan) -> None:
 def _write_inputs(run: RunDirectory, problem: Problem, plan: CalibrationPlan, command: str) -> None:
     """Save, in a claimed folder, what data sets are made of, and what will run."""
     if "plan" not in run.read_manifest():  # else others may be reading the same inputs
-        for test in problem.experiments:
-            folder = run.test_file(test.id).parent
-            folder.mkdir(parents=True, exist_ok=True)
-            save_experiment(test, folder)
-        save_priors(problem.priors[0], run.priors_file)
+        write_inputs(run, input_texts(problem.experiments, problem.priors[0]))
     run.update_manifest(_record(run, problem, plan, command))
 
 
@@ -330,18 +329,15 @@ def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:
     file = simulation_file(run, seed)
     scratch = scratch_of(file)
     scratch.mkdir(exist_ok=True)
-    try:
-        with FileLock(scratch / ".lock", timeout=0):
-            if not _is_done(file, plan.refits):
-                before = read_replication(file) if file.is_file() else None
-                write_replication(file, _replicate(run, scratch / "fits", seed, plan, before))
-            replication = read_replication(file)
-            shutil.rmtree(scratch)
-    except Timeout as error:
-        raise InputError(
-            f"{path}: another process is doing data set {seed}; wait for it, or let each do "
-            "another --part."
-        ) from error
+    taken = f"{path}: another process is doing data set {seed}"
+    remedy = "wait for it, or let each do another --part"
+    with process_lock(scratch / ".lock", taken, remedy, patience=0):
+        if not _is_done(file, plan.refits):
+            before = read_json_table(file, Replication) if file.is_file() else None
+            done = _replicate(run, scratch / "fits", seed, plan, before)
+            write_json(file, done.model_dump())
+        replication = read_json_table(file, Replication)
+        shutil.rmtree(scratch)
     if replication.failure is not None:
         return "no fit"
     return "ranked" if replication.ranks else "not converged"
@@ -349,7 +345,7 @@ def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:
 
 def _is_done(file: Path, refits: int) -> bool:
     """Tell whether a data set has its outcome, after so many longer fits if they are needed."""
-    return file.is_file() and read_replication(file).is_done(refits)
+    return file.is_file() and read_json_table(file, Replication).is_done(refits)
 
 
 def _replicate(

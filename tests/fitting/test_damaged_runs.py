@@ -1,6 +1,8 @@
 """Run directories that were damaged or changed after the run: told in a sentence, never used."""
 
+import errno
 import json
+import os
 import re
 import shutil
 from collections.abc import Callable, Iterator
@@ -15,9 +17,12 @@ from refusals import assert_refused
 from same_contents import assert_equal
 
 from pyburgers.cli.main import main
+from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError
 from pyburgers.common.netcdf_files import read_netcdf, write_netcdf
 from pyburgers.fitting.fit import Fit, fit
+from pyburgers.sampling.manifest import SEAL, FitManifest
+from pyburgers.sampling.run_directory import RunDirectory
 
 Damage = Callable[[Path], None]
 GONE = object()
@@ -60,7 +65,10 @@ def entry(path: str, value: object = GONE) -> Damage:
             del table[name]
         else:
             table[name] = value
-        file.write_text(json.dumps(content), encoding="utf-8")
+        if file.name == "manifest.json":  # as one that nobody edited
+            RunDirectory(file.parent).write_manifest(content)
+        else:
+            file.write_text(json.dumps(content), encoding="utf-8")
 
     return damage
 
@@ -183,6 +191,43 @@ def test_a_damaged_run_is_refused_in_one_sentence_by_all_that_reads_it(
         assert {file: own for file, own in contents(copy).items() if file in before} == before
 
 
+def test_a_report_shows_the_other_runs_and_names_the_damaged_one(
+    copy: Path, other_fit: Fit, sketched: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cut(copy / DRAWS)
+    page = copy.parent / "page"
+    runs = [str(copy), str(other_fit.directory.path)]
+    assert main(["report", *runs, "--out", str(page)]) == 2
+    out, log = capsys.readouterr()
+    assert "The page is" in out
+    assert f"run: {DRAWS} has changed" in log
+    assert "The page is about the other runs." in log
+    shown = json.loads((page / "manifest.json").read_text(encoding="utf-8"))["runs"]
+    assert [one["id"] for one in shown] == [other_fit.directory.path.name]
+
+
+@pytest.mark.parametrize("name", ["chains", "."])
+def test_a_folder_that_cannot_be_read_is_not_an_empty_one(
+    name: str, copy: Path, small_problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Permissions do not keep the superuser out."""
+
+    def refuse(folder: Path) -> Iterator[Path]:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(folder))
+
+    iterates, locked = Path.iterdir, copy / name
+    monkeypatch.setattr(Path, "iterdir", lambda at: (refuse if at == locked else iterates)(at))
+    before = contents(copy)
+    if name == ".":
+        (copy / "manifest.json").unlink()
+        before = contents(copy)
+    with pytest.raises(InputError, match=r"cannot be read|not a run directory"):
+        Fit.load(copy)
+    with pytest.raises(InputError, match="cannot be read"):
+        fit(small_problem.experiment, small_problem.priors, out=copy, options=SMALL_RUN)
+    assert {file: own for file, own in contents(copy).items() if file in before} == before
+
+
 @pytest.mark.parametrize("damage", [text(""), cut, text("old numbers"), Path.unlink])
 def test_a_check_writes_tables_again_that_are_not_those_of_the_draws(
     damage: Damage, copy: Path, capsys: pytest.CaptureFixture[str]
@@ -231,6 +276,53 @@ def test_labelled_draws_that_were_not_noted_or_are_gone_are_gathered_again(
             again, first = (fit.posterior[name].to_dataset() for fit in (loaded, small_fit))
             assert again.equals(first)
         assert (copy / "posterior.nc").is_file()
+
+
+def edits(value: object) -> Iterator[object]:
+    """Change a value plausibly, at one place at a time."""
+    match value:
+        case dict():
+            for name, part in value.items():
+                yield {key: own for key, own in value.items() if key != name}
+                yield from ({**value, name: other} for other in edits(part))
+        case list():
+            yield [*value, *value[:1]] if value else [1]
+            yield from ([other, *value[1:]] for part in value[:1] for other in edits(part))
+        case bool():
+            yield not value
+        case int() | float():
+            yield value * 10 + 1
+        case _:
+            yield {"measured": "synthetic", "shared": "separate"}.get(str(value), f"{value} ")
+
+
+@pytest.mark.parametrize("name", FitManifest.model_fields)
+def test_every_edit_of_a_manifest_is_noticed_and_nothing_is_written(
+    name: str, copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = RunDirectory(copy)
+    manifest = run.read_manifest()
+    edited = [{**manifest, name: other} for other in edits(manifest.get(name, []))]
+    if name in manifest:
+        edited.append({key: value for key, value in manifest.items() if key != name})
+    for content in edited:
+        write_json(run.manifest_file, content)
+        with pytest.raises(InputError, match="has changed since the run, as its seal says"):
+            run.read_manifest()
+        with pytest.raises(InputError, match="as its seal says"):
+            run.update_manifest({"status": "complete"})
+    before = contents(copy)
+    assert_refused(main(["check", str(copy)]), capsys, "as its seal says; put back")
+    assert contents(copy) == before
+
+
+def test_a_run_of_a_version_without_a_seal_is_read_and_sealed_when_it_goes_on(copy: Path) -> None:
+    run = RunDirectory(copy)
+    manifest = run.read_manifest()
+    write_json(run.manifest_file, {name: manifest[name] for name in manifest if name != SEAL})
+    assert Fit.load(copy).manifest["status"] == "complete"
+    run.update_manifest({})
+    assert run.read_manifest() == manifest
 
 
 class ExchangedWhenClosed:

@@ -22,10 +22,8 @@ from pyburgers.fitting.prior_draws import prior_draws
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.kinds.experiment import Experiment, Stated, UncertainCondition, of_kind
-from pyburgers.kinds.forced_oscillation.experiment import (
-    load_forced_oscillation,
-    with_known_strain,
-)
+from pyburgers.kinds.forced_oscillation.experiment import with_known_strain
+from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.likelihood import likelihood_of
@@ -171,7 +169,7 @@ def test_partially_pooled_parameters_of_a_new_test_come_from_centre_and_spread(
     """A log-odds or logarithm behind bounds is normal about the centre."""
     pooling = pooling_of({"maxwell_modulus": "partial", "stress_noise": "shared"})
     problem = problem_of(pair_of(small_problem), small_problem.priors, pooling)
-    n = 4000
+    n = 1500
     rng = np.random.default_rng(1)
     values = {name: np.full(n, prior.location) for name, prior in problem.priors[0].priors.items()}
     values |= {

@@ -13,18 +13,16 @@ from kind_examples import TWIN_FILE
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_tests import compare_by_test
+from pyburgers.fitting.charts_at_modes import at_mode, density_of
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import load_attenuation
-from pyburgers.kinds.constant_rate.experiment import (
-    ConstantRateExperiment,
-    load_constant_rate,
-)
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
-from pyburgers.kinds.coordinates import Mode
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.forced_oscillation.experiment import load_forced_oscillation
-from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
+from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
+from pyburgers.kinds.loading_history.likelihood import LoadingHistoryValley
 from pyburgers.kinds.problem import Problem, one_test, problem_of
 from pyburgers.kinds.program_data import (
     chart_block,
@@ -32,7 +30,7 @@ from pyburgers.kinds.program_data import (
     program_data,
     values_of_test,
 )
-from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.kinds.stan_data import Mode, SolverOptions
 from pyburgers.kinds.together import default_priors_for, pooling_for
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet
@@ -40,7 +38,6 @@ from pyburgers.page.joint_section import joint_sections, pooling_table
 from pyburgers.page.page import write_report
 from pyburgers.predictions.attenuation import predict_attenuation
 from pyburgers.predictions.stress_cycles import Regime
-from pyburgers.sampling.charts import at_mode
 from pyburgers.sampling.options import SamplerOptions
 
 FloatArray = npt.NDArray[np.float64]
@@ -91,7 +88,7 @@ def test_a_table_shares_flow_law_and_kelvin_part_and_has_no_microstructure() -> 
     assert {"stress_exponent", "kelvin_modulus", "kelvin_viscosity"} <= set(problem.shared)
     assert problem.kind("maxwell_modulus") == "separate"
     assert not problem.partial  # one test alone has a grain size that evolves
-    names, own = problem.layout.names, problem.layout.own(1)
+    names, own = problem.layout.names, problem.layout.own[1]
     assert [names[i] for i in own] == ["maxwell_modulus"]
     assert not problem.has_effect("critical_strain_fabric", 1)
     assert problem.owner("critical_strain_fabric", 1) == problem.experiments[0].id
@@ -210,11 +207,10 @@ def test_each_is_left_out(fitted: Fit) -> None:
 @pytest.mark.usefixtures("programs")
 def test_gradients_are_those_of_the_density() -> None:
     problem = both()
-    data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
-    model = load_program(problem.likelihood.program)
+    density = density_of(problem, SolverOptions(1e-11, 1_000_000))
     rng = np.random.default_rng(4)
     position, along = 0.3 * rng.standard_normal((2, problem.layout.size))
-    (gradient,) = model.gradients(data, "coordinate", [position])
+    (gradient,) = density.gradients(position[np.newaxis])
     step = 1e-4
     high, low = (
         evaluated(problem, position + sign * step * along)["log_density"] for sign in (1, -1)

@@ -18,6 +18,7 @@ from stan_data import one_test_data, parameters_in
 from truth_as_mode import at_truth
 
 from pyburgers.drawing.view import views
+from pyburgers.fitting.charts_at_modes import at_mode, density_of, find_mode
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate
@@ -30,9 +31,7 @@ from pyburgers.model.priors import default_priors
 from pyburgers.page.page import write_report
 from pyburgers.page.posterior_figures import figures_for
 from pyburgers.page.tables import truth_table
-from pyburgers.sampling.charts import at_mode
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.starts import find_mode
 
 FloatArray = npt.NDArray[np.float64]
 RecordProperty = Callable[[str, object], None]
@@ -83,6 +82,7 @@ BAD_TABLES: Mapping[str, Callable[[list[str]], list[str]]] = {
     "not a number": lambda lines: [*lines[:3], "nan," + lines[3].split(",", 1)[1], *lines[4:]],
     "infinite": lambda lines: [*lines[:3], lines[3].rsplit(",", 1)[0] + ",inf", *lines[4:]],
     "too large": lambda lines: [*lines[:3], lines[3].rsplit(",", 1)[0] + ",-1e200", *lines[4:]],
+    "too small": lambda lines: [lines[0], *(f"{x.rsplit(',', 1)[0]},1e-300" for x in lines[1:])],
     "backwards": lambda lines: [lines[0], *lines[:0:-1]],
 }
 
@@ -149,7 +149,7 @@ def at_truth_or_mode(kind: str, name: str) -> AtMode[Experiment]:
     if experiment.true_parameters is not None:
         return at_truth(experiment, priors, solver)
     problem = problem_of([experiment], priors)
-    (mode,) = find_mode(problem, seed=1, solver=solver).tests
+    (mode,) = find_mode(problem, density_of(problem, solver), seed=1).tests
     return at_mode(problem, mode, solver)
 
 
@@ -223,7 +223,7 @@ def test_a_fit_is_kept_and_shown(
     kind: str, name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     sketch_pictures(monkeypatch, drawn_once=True)
-    monkeypatch.setattr("pyburgers.sampling.starts.N_BEST", 2)
+    monkeypatch.setattr("pyburgers.fitting.charts_at_modes.N_BEST", 2)
     example = EXAMPLES[kind]
     experiment = example.load(name)
     priors = default_priors(experiment.material, experiment.protocol)
@@ -245,11 +245,9 @@ def test_a_fit_is_kept_and_shown(
     )
     assert not page.open
     recipes = figures_for(kept)
-    assert page.alternatives == [
-        f"{recipe.title}, run: {recipe.result(kept)}" for recipe in recipes
-    ]
+    assert page.alternatives == [f"{recipe.title}, run: {recipe.result}" for recipe in recipes]
     for recipe in recipes:
-        assert recipe.result(kept).endswith(".")
+        assert recipe.result.endswith(".")
         assert (tmp_path / "page" / "figures" / f"run_{recipe.name}.svg").is_file()
     assert experiment.temperature_text in page.text
     for fact, _ in views()[kind].facts(experiment):

@@ -17,12 +17,10 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError, SamplingError, SystemFailureError
 from pyburgers.fitting.fit import Fit, fit_problem
-from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.forced_oscillation.experiment import (
-    load_forced_oscillation,
-    with_background,
-)
+from pyburgers.kinds.forced_oscillation.experiment import with_background
+from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forced_oscillation.preparation import Background, prepare
 from pyburgers.kinds.forward import simulate, simulate_data
 from pyburgers.kinds.kind import load_experiment
@@ -35,9 +33,9 @@ from pyburgers.model.priors import default_priors, load_priors
 from pyburgers.posterior.labelled_draws import convergence_table, largest_rhat
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
-from pyburgers.sbc.convergence import RHAT_LIMIT
 from pyburgers.sbc.data_sets import (
     LOG_LIKELIHOOD,
+    RHAT_LIMIT,
     DataSetPlan,
     Simulated,
     calibration_priors,

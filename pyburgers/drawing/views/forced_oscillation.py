@@ -1,13 +1,14 @@
 """View of forced oscillations: figures of a fit with their captions, and facts of a test."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from pyburgers.common.draws import central_band
-from pyburgers.drawing.fitted import curve_of, mean_of, positions, predicted, residuals
+from pyburgers.drawing.fitted import curve_of, positions, predicted
 from pyburgers.drawing.page_parts import recipe
 from pyburgers.drawing.panels import (
     HALF_WIDTH,
@@ -20,6 +21,7 @@ from pyburgers.drawing.panels import (
     curve_with_residuals,
     draw_band_panel,
     draw_data,
+    draw_dots,
     draw_retrodictions,
     figure_of,
 )
@@ -37,7 +39,7 @@ from pyburgers.drawing.views.oscillation_response import (
     replicated_response,
     response_page_table,
 )
-from pyburgers.kinds.coordinates import REFERENCE_FLOW_RATE
+from pyburgers.drawing.views.softening import evolves
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.forced_oscillation.preparation import (
@@ -46,6 +48,7 @@ from pyburgers.kinds.forced_oscillation.preparation import (
     strain_shares,
 )
 from pyburgers.kinds.kind import FittedTest
+from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE
 from pyburgers.model.display import (
     LENGTH_FACTOR,
     LENGTH_UNIT,
@@ -90,18 +93,16 @@ def read_curve(experiment: OscillationExperiment) -> ReadCurve:
 def fitted_curve(fit: FittedTest) -> FittedCurve:
     """Gather the stress along time as measured and as a fit has it."""
     experiment = of_kind(fit.experiment, OscillationExperiment)
-    prepared = experiment.prepared
-    noise = mean_of(fit, "stress_noise") * prepared.relative_uncertainty
-    return curve_of(
+    curve = curve_of(
         fit,
-        "stress",
         read_curve(experiment),
-        STRESS_FACTOR,
-        grid=positions(fit, "time"),
-        residuals=residuals(fit, "stress", prepared.stress) / noise,
-        noise_band=HALF_WIDTH,
-        residual_label="residual / noise (–)",
+        "stress",
+        "stress_noise",
+        "residual / noise (–)",
+        factor=STRESS_FACTOR,
     )
+    noise = curve.noise_band / HALF_WIDTH * experiment.prepared.relative_uncertainty
+    return replace(curve, residuals=curve.residuals / noise, noise_band=HALF_WIDTH)
 
 
 @recipe(
@@ -179,16 +180,14 @@ def amplitude_phase(fit: FittedTest) -> Figure:
             for end in (low, high):
                 draw_line(end, color=VERMILION, linestyle="--", linewidth=1.2)
         axes.plot([], [], color=VERMILION, linestyle="--", label="90 % of replicated data")
-        axes.errorbar(
-            observed.amplitude * STRESS_FACTOR,
-            np.degrees(observed.lag),
-            xerr=observed.amplitude_standard_error * STRESS_FACTOR,
-            yerr=np.degrees(observed.lag_standard_error),
-            color=BLACK,
-            linewidth=1.4,
-            marker="o",
-            markersize=4,
-            linestyle="none",
+        draw_dots(
+            axes,
+            np.array([observed.amplitude]) * STRESS_FACTOR,
+            np.degrees([observed.lag]),
+            xerr=np.array([observed.amplitude_standard_error]) * STRESS_FACTOR,
+            yerr=np.degrees([observed.lag_standard_error]),
+            face=BLACK,
+            elinewidth=1.4,
             label=f"{experiment.provenance.kind} data ± standard error",
         )
         axes.set_xlabel(f"amplitude of the stress ({STRESS_UNIT})")
@@ -200,17 +199,23 @@ def amplitude_phase(fit: FittedTest) -> Figure:
 @recipe(
     "microstructure",
     "Grain size and dashpot",
-    "Two quantities that the record does not show directly: (a) mean grain size, (b) strain rate "
-    "of the dashpot; lines are medians over the posterior, areas hold 90 % of draws. "
-    "Grains approach the size that the piezometer gives for the current stress, over strains of "
-    "the order of the critical strain; near zero stress the piezometer asks for very large ones. "
-    "The dashpot follows stress by a power law, so it flows mainly while stress is high.",
+    lambda fit: (
+        "Two quantities that the record does not show directly: (a) mean grain size, (b) strain "
+        "rate of the dashpot; lines are medians over the posterior, areas hold 90 % of draws. "
+        + (
+            "Grains approach the size that the piezometer gives for the current stress, over "
+            "strains of the order of the critical strain; near zero stress the piezometer asks for "
+            "very large ones. "
+        )
+        * evolves(fit)
+        + "The dashpot flows fastest while stress is high."
+    ),
     grains_result,
 )
 def microstructure(fit: FittedTest) -> Figure:
     """Draw grain size and the dashpot's strain rate along time."""
     experiment = of_kind(fit.experiment, OscillationExperiment)
-    time = positions(fit, "time")
+    time = positions(fit)
     rate = shown_quantity(REFERENCE_FLOW_RATE)
     with figure_of(8.0, 5.6, f"{experiment.title}\n{LINES_AND_AREAS}") as figure:
         grains, dashpot = figure.subplots(2, 1, sharex=True)

@@ -13,12 +13,12 @@ from pyburgers.drawing.panels import STRAIN_LABEL, STRESS_LABEL, figure_of
 from pyburgers.drawing.style import BLUE, GREEN, ORANGE, VERMILION
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.kind import FittedTest
-from pyburgers.kinds.loading_history.creep_intervals import (
+from pyburgers.kinds.loading_history.experiment import (
     NEARLY_CONSTANT,
     CreepInterval,
+    HistoryExperiment,
     creep_intervals,
 )
-from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.model.display import (
     STRAIN_FACTOR,
     STRESS_FACTOR,
@@ -106,7 +106,7 @@ def _first_loads(fits: Sequence[FittedTest]) -> list[tuple[FittedTest, CreepInte
 def _strain_after(fit: FittedTest, times: FloatArray) -> FloatArray:
     """Quantiles (low, median, high) of the strain at each of some times (s), shape (times, 3)."""
     # The end of a stage comes twice, the first of the two is before the jump.
-    at, first = np.unique(positions(fit, "time"), return_index=True)
+    at, first = np.unique(positions(fit), return_index=True)
     strain = predicted(fit, "strain")[:, first]
     drawn = np.array([np.interp(times, at, one) for one in strain])
     return np.transpose(central_band(drawn))

@@ -11,10 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pyburgers.common.draws import FloatArray, central_band
-from pyburgers.drawing.fitted import curve_of, mean_of, positions, predicted, residuals
+from pyburgers.drawing.fitted import curve_of, positions, predicted
 from pyburgers.drawing.page_parts import recipe
 from pyburgers.drawing.panels import (
-    HALF_WIDTH,
     LINES_AND_AREAS,
     STRAIN_LABEL,
     STRESS_LABEL,
@@ -24,26 +23,28 @@ from pyburgers.drawing.panels import (
     curve_result,
     draw_band,
     draw_curve,
+    draw_dots,
     draw_residuals,
     figure_of,
     legend_above,
 )
-from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, PURPLE, VERMILION
+from pyburgers.drawing.style import BLUE, GREY, ORANGE, PURPLE, VERMILION
 from pyburgers.drawing.view import View
 from pyburgers.drawing.views.isochronous import isochronous_figure
 from pyburgers.drawing.views.minimum_rates import minimum_rate_table
 from pyburgers.drawing.views.softening import (
     Along,
+    evolves,
     microstructure_facts,
     softened_text,
     softening_along,
     softening_caption,
 )
-from pyburgers.kinds.experiment import of_kind
+from pyburgers.kinds.experiment import MeasuredMicrostructure, of_kind
 from pyburgers.kinds.kind import FittedTest
+from pyburgers.kinds.likelihood import strains_of, times_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stan_data import stage_of_times
-from pyburgers.kinds.microstructure import MeasuredMicrostructure, strains_of, times_of
 from pyburgers.model.display import (
     STRAIN_FACTOR,
     STRAIN_UNIT,
@@ -52,7 +53,6 @@ from pyburgers.model.display import (
     time_unit,
 )
 from pyburgers.model.read_quantities import Quantity
-from pyburgers.model.variants import variant_of
 
 IntArray = npt.NDArray[np.int64]
 
@@ -109,19 +109,23 @@ RECOVERY_SHOWN = 1e-3
 @recipe(
     "response",
     "How the material answers",
-    "The same solutions as the field draws them; lines are posterior medians, areas hold 90 % of "
-    "draws, a colour for each stage. (a) Stress against strain. (b) Strain rate against strain on "
-    "a logarithmic scale: a minimum is where the Kelvin element is exhausted and softening wins; "
-    "rates of recovery, which run backwards, are drawn dashed down to a thousandth of the slowest "
-    "forward one. (c) Readings of each stage, "
-    "against the time since the stage began on a logarithmic scale, over its value at the end of "
-    "the stage: relaxation and transient creep are seen from their first readings on.",
+    lambda fit: (
+        "The same solutions as the field draws them; lines are posterior medians, areas hold 90 % "
+        "of draws, a colour for each stage. (a) Stress against strain. (b) Strain rate against "
+        "strain on a logarithmic scale"
+        + ": a minimum is where the Kelvin element is exhausted and softening wins"
+        * evolves(fit)
+        + "; rates of recovery, which run backwards, are drawn dashed down to a thousandth of the "
+        "slowest forward one. (c) Readings of each stage, against the time since the stage began "
+        "on a logarithmic scale, over its value at the end of the stage: relaxation and transient "
+        "creep are seen from their first readings on."
+    ),
     lambda fit: response_result(fit),
 )
 def response(fit: FittedTest) -> Figure:
     """Draw stress against strain, the rate against strain, and stages on logarithmic time."""
     experiment = of_kind(fit.experiment, HistoryExperiment)
-    time = positions(fit, "time")
+    time = positions(fit)
     values = {name: predicted(fit, name) for name in ("stress", "strain", "strain_rate")}
     middle = {name: np.nanmedian(draws, axis=0) for name, draws in values.items()}
     stage_of = stage_of_times(experiment, time)
@@ -147,16 +151,9 @@ def response(fit: FittedTest) -> Figure:
             if read.any():
                 since = experiment.time[read] - stage.start_time
                 end = np.nanmedian(values[name][:, here[-1]])
-                places["log"].plot(
-                    since[since > 0],
-                    experiment.reading[read][since > 0] / end,
-                    linestyle="none",
-                    marker="o",
-                    markersize=2.5,
-                    color=BLACK,
-                    markerfacecolor="white",
-                    markeredgewidth=0.5,
-                )
+                later = since > 0
+                over_end = experiment.reading[read][later] / end
+                draw_dots(places["log"], since[later], over_end, size=2.5)
         _cut_slow_recovery(places["rate"], middle["strain_rate"])
         _label_response(places)
     return figure
@@ -190,18 +187,17 @@ def _curve(fit: FittedTest, shown: Quantity) -> FittedCurve:
     """Gather a quantity along time as read and as a fit has it, in display units."""
     experiment = of_kind(fit.experiment, HistoryExperiment)
     _, seconds = time_unit(experiment.end_time)
-    time = positions(fit, "time")
+    time = positions(fit)
     imposed = np.array([stage.driven == shown.name for stage in experiment.stages])
-    is_read = experiment.response_is_strain == (shown is _STRAIN)
     curve = curve_of(
         fit,
-        shown.name,
         _read(experiment, shown),
-        shown.display_factor,
-        grid=time / seconds,
-        residuals=residuals(fit, "response", experiment.reading)[is_read] * shown.display_factor,
-        noise_band=HALF_WIDTH * mean_of(fit, f"{shown.name}_noise") * shown.display_factor,
-        residual_label=f"residual ({shown.display_unit})",
+        shown.name,
+        f"{shown.name}_noise",
+        f"residual ({shown.display_unit})",
+        factor=shown.display_factor,
+        clock_factor=1 / seconds,
+        rows=experiment.response_is_strain == (shown is _STRAIN),
     )
     # What is imposed has no reading error.
     is_imposed = imposed[stage_of_times(experiment, time)]
@@ -289,13 +285,13 @@ def response_result(fit: FittedTest) -> str:
     f"{softening_caption('end')} A measurement at a path strain stands where the median "
     "solution reaches that strain.",
     lambda fit: f"at the end {softened_text(fit)}",
-    suits=lambda fit: evolves(fit),
+    suits=evolves,
 )
 def softening(fit: FittedTest) -> Figure:
     """Draw how grain size and fabric soften the material along time."""
     experiment = of_kind(fit.experiment, HistoryExperiment)
     unit, seconds = time_unit(experiment.end_time)
-    time = positions(fit, "time")
+    time = positions(fit)
     path_strain = np.nanmedian(predicted(fit, "path_strain"), axis=0)
     sections = experiment.microstructure
     measured = np.where(
@@ -312,13 +308,6 @@ def softening(fit: FittedTest) -> Figure:
             end=experiment.end_time / seconds,
         ),
     )
-
-
-def evolves(fit: FittedTest) -> bool:
-    """Whether grain size or fabric change in a fit, or were measured."""
-    variant = variant_of(fit.priors, fit.experiment)
-    constant = variant.grain_size == variant.fabric == "constant"
-    return not constant or bool(fit.experiment.microstructure)
 
 
 def facts(experiment: HistoryExperiment) -> Sequence[tuple[str, str]]:

@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
@@ -168,6 +169,15 @@ class Fit(SampledFit):
         dict of str to dict of str to Influence
             By name of the test, then of the quantity.
         """
+        return self._influences_on(derived) if derived else self._influences
+
+    @cached_property
+    def _influences(self) -> dict[str, dict[str, Influence]]:
+        """Those on the parameters, made once: tables, pages and exports ask again and again."""
+        return self._influences_on({})
+
+    def _influences_on(self, derived: Mapping[str, FloatArray]) -> dict[str, dict[str, Influence]]:
+        """Influences by test and quantity; empty without likelihood."""
         if not self.manifest["use_likelihood"]:
             return {}
         fitted = self.manifest["experiments"]

@@ -152,7 +152,7 @@ def read_columns(
     named_in: str = "[data]",
     may_be_empty: Container[str] = (),
     has_own_clock: bool = True,
-) -> tuple[list[FloatArray], tuple[str, ...]]:
+) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
     """Read columns of a text file, of a workbook, or of a table in memory.
 
     `key`, `named_in`: of `data`, which names the data file; the table of the TOML file with that
@@ -167,10 +167,11 @@ def read_columns(
             lambda: _numbers(path, data, columns, key, named_in, may_be_empty, has_own_clock),
         )
     with np.errstate(over="ignore"):
-        scaled = [
-            unit.zero + unit.factor * values for values, unit in zip(found, units, strict=True)
-        ]
-    for column, values in zip(columns, scaled, strict=True):
+        scaled = {
+            column: unit.zero + unit.factor * values
+            for column, values, unit in zip(columns, found, units, strict=True)
+        }
+    for column, values in scaled.items():
         if (np.abs(values) > MAX_SI_NUMBER).any():
             raise InputError(
                 f"{data.source(path, key)}: column {getattr(data, column)!r} holds a number that "

@@ -2,6 +2,7 @@
 
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -170,7 +171,7 @@ def write_section(key: str, name: str, fit: Fit, out: Path) -> Section:
         illustrations=tuple(
             Illustration(
                 recipe,
-                recipe.draw(fit),
+                partial(recipe.draw, fit),
                 picture_file(out, key, recipe),
                 f"{recipe.title}, {name}: {recipe.result(fit)}",
             )

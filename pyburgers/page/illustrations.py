@@ -1,6 +1,6 @@
 """Figures on a page: their files, what stands in the page, and each caption once."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,19 +14,22 @@ from pyburgers.page.names import file_key
 
 CSS_PIXELS_PER_POINT = 100 / 72
 
+FIGURES_A_PROCESS = 4
+"""Figures that take as long to write as a process takes to start."""
+
 
 @dataclass(frozen=True, eq=False)
 class Illustration:
     """A figure for a page.
 
     `text`: its name, title and caption.
-    `figure`: the figure itself.
+    `draw`: draws the figure.
     `file`: where it is written as PNG; beside it as SVG.
     `result`: what it shows, in a sentence.
     """
 
     text: FigureText
-    figure: Figure
+    draw: Callable[[], Figure]
     file: Path
     result: str
 
@@ -88,15 +91,16 @@ def write_figures(
     """Write every figure as PNG and SVG, and return what stands in the page.
 
     Pictures that `by_file` holds are not drawn again; the others are added to it. None as the
-    number of processes takes one for each core.
+    number of processes takes one for each core, if there are many figures.
     """
-    calls = {one.file: (one.figure, one.file) for one in illustrations if one.file not in by_file}
+    missing = [one for one in illustrations if one.file not in by_file]
     workers = Workers(jobs=jobs)
-    if workers.processes(len(calls)) == 1:
+    if workers.processes(len(missing) // FIGURES_A_PROCESS) == 1:
         drawn: Iterable[tuple[Path, str]] = (
-            (file, write_page_images(*call)) for file, call in calls.items()
+            (one.file, write_page_images(one.draw(), one.file)) for one in missing
         )
     else:
+        calls = {one.file: (one.draw(), one.file) for one in missing}
         drawn = run_tasks(write_page_images, calls, workers=workers, out=out)
     by_file |= dict(drawn)
     found: dict[str, Picture] = {}

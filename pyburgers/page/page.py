@@ -296,7 +296,7 @@ def _write_extra(extra: PageSection, out: Path) -> tuple[Illustration, ...]:
     return tuple(
         Illustration(
             figure,
-            figure.draw(),
+            figure.draw,
             picture_file(out, extra.key, figure),
             f"{figure.title}: {figure.result}" if figure.result else figure.title,
         )

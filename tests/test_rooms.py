@@ -9,6 +9,7 @@ from pathlib import Path
 from pyburgers.drawing.view import View, views
 from pyburgers.kinds.kind import Kind, kinds
 from pyburgers.kinds.likelihood import NAMES, Likelihood, likelihoods
+from pyburgers.sampling.options import COORDINATES
 
 PACKAGE = Path(__file__).parents[1] / "pyburgers"
 
@@ -23,9 +24,9 @@ ROOMS = (
     "drawing",
     "checks",
     "posterior",
-    "sampling",
     "kinds",
     "model",
+    "sampling",
     "cmdstan",
     "common",
 )
@@ -192,3 +193,8 @@ def test_files_are_short() -> None:
     files = [*FILES.values(), *(PACKAGE.parent / "stan").rglob("*.stan")]
     lengths = {file: len(file.read_text(encoding="utf-8").splitlines()) for file in files}
     assert {file: n for file, n in lengths.items() if n > LONGEST_FILE} == {}
+
+
+def test_every_chart_can_be_asked_for_by_its_name() -> None:
+    charts = {likelihood.chart.name for likelihood in likelihoods().values()}
+    assert {"auto", "plain", *charts} == {*COORDINATES}

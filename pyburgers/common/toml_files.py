@@ -8,7 +8,7 @@ import json
 import re
 import shlex
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
@@ -22,6 +22,22 @@ from pyburgers.common.errors import InputError, StructureError, nearest
 from pyburgers.common.units import UNIT_TABLE, UNITS, Unit
 
 
+def all_of(*steps: Callable[[], Any]) -> list[Any]:
+    """Take steps that do not need each other; return what they return.
+
+    Raise one InputError with what all of them say if steps raise it.
+    """
+    found, sentences = [], list[str]()
+    for step in steps:
+        try:
+            found.append(step())
+        except InputError as error:
+            sentences += error.sentences
+    if sentences:
+        raise InputError(*dict.fromkeys(sentences))
+    return found
+
+
 class Table(BaseModel):
     """A TOML table whose unknown keys, wrong types and non-finite numbers are errors."""
 
@@ -29,18 +45,26 @@ class Table(BaseModel):
 
 
 T = TypeVar("T")
+
+
 TableT = TypeVar("TableT", bound=Table)
+
 
 NAME = r"^[A-Za-z0-9_][A-Za-z0-9._-]{0,99}$"
 """What a name has to look like that becomes a part of names of files."""
 
+
 DEEPEST = 100
 """Parts of a dotted key. Time to read one goes with the square of their number."""
+
 
 UNKNOWN = "extra_forbidden"
 """Kind of error of pydantic's for a key that a table does not know."""
 
+
 _PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+"""
+
+
 _DEEP_KEY = re.compile(rf"(?<![\w-])(?:{_PART}){{{DEEPEST}}}")
 
 
@@ -158,8 +182,13 @@ def _known(unit: str, units: Mapping[str, T], quantity: str, where: str) -> T:
 
 
 def write_toml(path: Path, table: Mapping[str, Any]) -> None:
-    """Write a table, without what is None, as a file that `tomllib` reads back to equal values."""
-    write_text(path, tomli_w.dumps(without_none(table)))
+    """Write a file of `toml_text`."""
+    write_text(path, toml_text(table))
+
+
+def toml_text(table: Mapping[str, Any]) -> str:
+    """Return a table, without what is None, as text that `tomllib` reads back to equal values."""
+    return tomli_w.dumps(without_none(table))
 
 
 def without_none(table: Mapping[str, Any]) -> dict[str, Any]:

@@ -313,5 +313,4 @@ def _bend(log_rate: FloatArray) -> FloatArray:
     x = log_rate - log_rate.mean()
     line = np.column_stack([np.ones_like(x), x])
     parabola = x**2 - line @ np.linalg.lstsq(line, x**2)[0]
-    shape: FloatArray = parabola / np.linalg.norm(parabola)
-    return shape
+    return np.asarray(parabola / np.linalg.norm(parabola))

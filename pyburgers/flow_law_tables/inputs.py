@@ -19,9 +19,14 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import NAME, Table, checked, read_tables, read_toml, write_toml
 from pyburgers.kinds.conditions import unlikely_stress
-from pyburgers.kinds.experiment import Experiment, Provenance
+from pyburgers.kinds.experiment import (
+    TEMPERATURES,
+    Experiment,
+    Provenance,
+    impossible_conditions,
+    refuse_impossible,
+)
 from pyburgers.kinds.experiment_file import ProvenanceTable
-from pyburgers.kinds.limits import TEMPERATURES, impossible_conditions, refuse_impossible
 from pyburgers.model.flow_law_prior import Conditions
 from pyburgers.model.parameters import PARAMETER_BY_NAME, STRESS_SCATTER, Parameter
 from pyburgers.model.peak_test import PeakTest

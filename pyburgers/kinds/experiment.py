@@ -14,13 +14,67 @@ import pandas as pd
 from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.paths import given_path
-from pyburgers.common.toml_files import without_none, write_toml
+from pyburgers.common.toml_files import write_toml
 from pyburgers.common.units import counted, span_text
-from pyburgers.kinds.limits import refuse_impossible
 from pyburgers.model.laws import KELVIN_LAWS
-from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME
+from pyburgers.model.parameters import CONDITIONS
 from pyburgers.model.peak_test import PeakTest
-from pyburgers.model.prior_families import Prior, fixed_prior
+
+TEMPERATURES = (50.0, 3000.0)
+"""Kelvin between which materials creep in a laboratory."""
+
+
+MAX_GRAIN_SIZE = 1.0
+"""Grain size (m) that no sample of a laboratory has."""
+
+
+MAX_STRAIN = 20.0
+"""Strain (fraction) that no test reaches."""
+
+
+def impossible_conditions(
+    temperature: float, grain_size: float, names: tuple[str, str]
+) -> list[str]:
+    """Say which conditions no test has, under the names of both; NaN is one."""
+    found = []
+    low, high = TEMPERATURES
+    if not low <= temperature <= high:
+        hint = "; it looks like degrees Celsius, add 273.15" if temperature < low else ""
+        between = f"between {low:g} and {high:g}"
+        found.append(f"{names[0]}: found {temperature:g}, expected kelvin {between}{hint}.")
+    if not 0 < grain_size < MAX_GRAIN_SIZE:
+        found.append(
+            f"{names[1]}: found {grain_size:g}, expected metres between 0 and {MAX_GRAIN_SIZE:g} "
+            "(230 um is 230e-6)."
+        )
+    return found
+
+
+def refuse_impossible(
+    name: str,
+    temperatures: FloatArray,
+    grain_sizes: FloatArray,
+    response: FloatArray,
+    largest_strain: float | None = None,
+) -> None:
+    """Refuse a test with numbers that no test has; a sentence for each."""
+    hottest = temperatures[np.argmax(np.abs(temperatures - np.mean(TEMPERATURES)))]
+    coarsest = grain_sizes[np.argmax(np.abs(grain_sizes - MAX_GRAIN_SIZE / 2))]
+    faults = impossible_conditions(float(hottest), float(coarsest), ("temperature", "grain size"))
+    finite = np.isfinite(response)
+    if not finite.all():
+        faults.append(
+            f"reading {np.argmin(finite) + 1}: found {response[np.argmin(finite)]:g}, expected a "
+            "finite number."
+        )
+    if largest_strain is not None and not largest_strain <= MAX_STRAIN:
+        faults.append(
+            f"strain: found {largest_strain:g} as a fraction, expected at most {MAX_STRAIN:g}; "
+            "check its unit, and whether the number stands for no reading."
+        )
+    if faults:
+        raise InputError(*(f"{name}: {fault}" for fault in faults))
+
 
 MetadataValue = str | float | int | bool
 
@@ -75,10 +129,6 @@ CONDITION_KEYS: Mapping[str, tuple[str, str]] = MappingProxyType(
 """Keys of files that state the standard deviation of an error, and the apparatus."""
 
 
-NOT_MEASURED = 0.0
-"""What the program is given in the place of a fabric factor that was not measured."""
-
-
 @dataclass(frozen=True)
 class MeasuredMicrostructure:
     """Microstructure of a sample at one strain or time, as measured.
@@ -98,13 +148,10 @@ class MeasuredMicrostructure:
 
     @property
     def numbers(self) -> list[float]:
-        """Row of `measured` in `stan/statistics/measured_microstructure.stan`."""
-        return [
-            self.grain_size,
-            self.grain_size_sd / self.grain_size,
-            NOT_MEASURED if self.fabric_factor is None else self.fabric_factor,
-            NOT_MEASURED if self.fabric_factor_sd is None else self.fabric_factor_sd,
-        ]
+        """Row of `stan/statistics/measured_microstructure.stan`; 0 was not measured."""
+        relative_sd = self.grain_size_sd / self.grain_size
+        fabric = (self.fabric_factor or 0.0, self.fabric_factor_sd or 0.0)
+        return [self.grain_size, relative_sd, *fabric]
 
     def drawn(
         self, grain_size: float, fabric_factor: float, rng: np.random.Generator
@@ -127,25 +174,23 @@ class Experiment(ABC):
     Attributes
     ----------
     protocol : str
-        Name of the kind of test, as in files; a constant of each derived class.
+        Name of the kind of test, as in files; like all up to `id` a constant of each class.
     laws : mapping of str to sequence of str
         Laws that such tests can be fitted with, by part of the model
-        (`pyburgers.model.variants.CHOICES`): any of a part that is not named. A constant as well.
+        (`pyburgers.model.variants.CHOICES`): any of a part that is not named.
     parts_name : str
-        Name of the parts of a test, in the plural. A constant as well.
+        Name of the parts of a test, in the plural.
     residual_correlation : str
-        Parameter along which residuals may correlate: over strain or over time. A constant as well.
-    may_be_uncertain : frozenset of str
+        Parameter along which residuals may correlate: over strain or over time.
+    may_be_uncertain, without_effect : frozenset of str
         Errors of conditions (`pyburgers.model.parameters.CONDITIONS`) that the program of such
-        tests knows. A constant as well.
-    without_effect : frozenset of str
-        Parameters that such tests do not inform. A constant as well.
+        tests knows, and parameters that they do not inform.
     small_strain : float
-        Largest strain (fraction) of a table below which its unit is doubted. A constant as well.
+        Largest strain (fraction) of a table below which its unit is doubted.
     of_points : tuple of str
-        Attributes with an entry for each point. A constant as well.
+        Attributes with an entry for each point.
     points_together : str
-        Why single points cannot be left out; empty if they can. A constant as well.
+        Why single points cannot be left out; empty if they can.
     id, material : str
         Sample and material; the material names the default priors.
     temperature : float
@@ -329,7 +374,7 @@ class Experiment(ABC):
     def tables(self) -> dict[str, Any]:
         """Return the tables of an experiment file in SI, with readings as arrays by column.
 
-        A test that is read from them is equal, notices included.
+        Keys that do not apply are None. A test that is read from `toml_text` of them is equal.
         """
         conditions = {
             key: value
@@ -340,21 +385,19 @@ class Experiment(ABC):
                 strict=True,
             )
         }
-        return without_none(
-            {
-                "id": self.id,
-                "material": self.material,
-                "protocol": self.protocol,
-                "temperature_K": self.temperature,
-                "initial_grain_size_m": self.initial_grain_size,
-                **conditions,
-                **self.own_tables(),
-                "notices": list(self.notices),
-                "provenance": asdict(self.provenance),
-                "metadata": self.metadata,
-                "true_parameters": self.true_parameters,
-            }
-        )
+        return {
+            "id": self.id,
+            "material": self.material,
+            "protocol": self.protocol,
+            "temperature_K": self.temperature,
+            "initial_grain_size_m": self.initial_grain_size,
+            **conditions,
+            **self.own_tables(),
+            "notices": list(self.notices),
+            "provenance": asdict(self.provenance),
+            "metadata": self.metadata,
+            "true_parameters": self.true_parameters,
+        }
 
     def to_toml(self, path: str | Path) -> None:
         """Write one experiment file in SI, with the readings inside it.
@@ -401,30 +444,3 @@ def of_kind(experiment: Experiment, kind: type[E]) -> E:
             f"protocol {kind.protocol!r}."
         )
     return experiment
-
-
-def stated_priors(experiment: Experiment) -> dict[str, Prior]:
-    """Return priors of the test and its apparatus, by the parameter."""
-    return {
-        name: _normal(name, stated, "stated with the test")
-        for name, stated in experiment.stated.items()
-    }
-
-
-def condition_priors(experiment: Experiment) -> tuple[Prior, ...]:
-    """Return the priors of the errors of a test's conditions."""
-    source = "stated in the file of the test"
-    return tuple(
-        _normal(one.parameter, Stated(0.0, one.sd), source) for one in experiment.uncertain
-    )
-
-
-def _normal(name: str, stated: Stated, source: str) -> Prior:
-    """Return the normal prior of a stated number, cut at zero where it cannot be negative."""
-    parameter = PARAMETER_BY_NAME[name]
-    if stated.sd == 0:
-        return fixed_prior(parameter, stated.value, source)
-    numbers = {"location": stated.value, "scale": stated.sd}
-    if name == "apparatus_compliance":
-        numbers["lower"] = 0.0
-    return Prior.of_family(name, "normal", numbers, unit=parameter.si_unit, source=source)

@@ -6,7 +6,7 @@ arguments of a function; other keys are in the module of its kind. Everything is
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from datetime import date, datetime, time
 from itertools import pairwise
 from pathlib import Path
@@ -16,16 +16,17 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 import numpy as np
 from pydantic import Field
 
-from pyburgers.common.errors import InputError, all_of, nearest
-from pyburgers.common.toml_files import NAME, Table, factor_to_si, nested_table
+from pyburgers.common.array_types import FloatArray
+from pyburgers.common.errors import InputError, nearest
+from pyburgers.common.toml_files import NAME, Table, all_of, factor_to_si, nested_table
 from pyburgers.kinds.experiment import (
     CONDITION_KEYS,
     Experiment,
     MeasuredMicrostructure,
     Provenance,
     UncertainCondition,
+    impossible_conditions,
 )
-from pyburgers.kinds.limits import impossible_conditions
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 
 MAX_TEMPERATURE_SD_SHARE = 0.1
@@ -360,3 +361,46 @@ def _of_arguments(sentence: str) -> str:
     for pattern, text in ARGUMENT_NAMES:
         sentence = re.sub(pattern, text, sentence)
     return sentence
+
+
+MIN_FAR_RATIO, MIN_FAR_READINGS = 10.0, 5
+"""How many times larger than all others a reading is that may be none; of so many at least."""
+
+
+def far_reading(values: FloatArray, what: str) -> list[str]:
+    """Say where one reading is many times larger than all others: it may stand for none."""
+    size = np.sort(np.abs(values))
+    if size.size < MIN_FAR_READINGS or size[-1] <= MIN_FAR_RATIO * size[-2]:
+        return []
+    far = values[np.argmax(np.abs(values))]
+    return [
+        f"one {what} of {far:g} is more than {MIN_FAR_RATIO:g} times as large as all others; if it "
+        "stands for no reading, remove its row or name it in the key missing of [data]."
+    ]
+
+
+MAX_DEPARTURE_SHARE = 0.05
+"""Largest distance from what is imposed that is no mistake of the file, in shares of the largest
+value."""
+
+
+@dataclass(frozen=True)
+class Departure:
+    """Readings unlike what is imposed: the largest distance, and the first of them, from 0."""
+
+    largest: float
+    first: int
+
+
+def departure(read: FloatArray, imposed: FloatArray, scale: float) -> Departure | None:
+    """Return how far readings (n,) are from what is imposed; None where they are near."""
+    distance = np.abs(read - imposed)
+    far = np.flatnonzero(distance > MAX_DEPARTURE_SHARE * scale)
+    return Departure(float(distance.max()), int(far[0])) if far.size else None
+
+
+def slope_of(time: FloatArray, values: FloatArray) -> float | None:
+    """Return the slope of the straight line through readings, None where times tell none."""
+    own = time - time.mean()
+    spread = float(own @ own)
+    return float(own @ (values - values.mean())) / spread if spread > 0 else None

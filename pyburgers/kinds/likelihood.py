@@ -96,6 +96,29 @@ class Chart(ABC, Generic[E]):
         """
 
 
+MICROSTRUCTURE = ("grain_size", "fabric_factor", "grain_size_softening", "fabric_softening")
+"""What programs report of the state of grains and fabric."""
+
+_GRID_UNITS: Mapping[str, str] = MappingProxyType(
+    {"stress": "Pa", "oscillating_stress": "Pa", "grain_size": "m"}
+    | dict.fromkeys(("strain_rate", "dashpot_rate"), "1/s")
+)
+"""SI units of what programs report along the clock; all else is a number."""
+
+
+def grid_quantities(*names: str) -> Mapping[str, tuple[str, str]]:
+    """Return variables ``grid_NAME`` of a program with their name in labelled draws and SI unit."""
+    return MappingProxyType(
+        {
+            f"grid_{name}": (
+                name.removeprefix("oscillating_"),
+                _GRID_UNITS.get(name.removesuffix("_replicated"), "1"),
+            )
+            for name in names
+        }
+    )
+
+
 class Likelihood(ABC, Generic[E]):
     """How a kind of test is sampled: data of its Stan program, coordinates, grids and noises.
 

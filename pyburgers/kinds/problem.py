@@ -1,14 +1,18 @@
 """What is fitted: tests of one material, their priors, and how they are pooled."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment, condition_priors
+from pyburgers.kinds.experiment import (
+    CONDITION_KEYS,
+    Experiment,
+    Stated,
+)
 from pyburgers.kinds.likelihood import Likelihood, likelihood_of, likelihoods
 from pyburgers.kinds.stan_data import Layout, PlainCoordinates, layout_of
 from pyburgers.model.parameters import (
@@ -18,7 +22,7 @@ from pyburgers.model.parameters import (
     Parameter,
 )
 from pyburgers.model.pooling import SEPARATE, Pooling
-from pyburgers.model.prior_families import fixed_prior, is_fixed_at
+from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import WITHOUT_EFFECT, check_variant, variant_of
 
@@ -90,14 +94,6 @@ class Problem:
         """Return whether a test (from 0) feels a parameter; if not it carries another's value."""
         sources = self._carried.get(name)
         return sources is None or sources[test] == test
-
-    def hanging_together(self, drawn: Sequence[Mapping[str, float]]) -> list[dict[str, float]]:
-        """Return values of the parameters of each test, shared ones those of the first of them."""
-        names = self.layout.names
-        return [
-            {**own, **{name: drawn[k][name] for name, k in zip(names, sources, strict=True)}}
-            for own, sources in zip(drawn, self.layout.source, strict=True)
-        ]
 
     @property
     def _apparatus(self) -> dict[str, list[int]]:
@@ -412,3 +408,33 @@ def _check_pooling(problem: Problem) -> None:
             f"--pool: found {', '.join(f'{n}={problem.pooling.kinds[n]}' for n in FLOW_LAW)}, "
             "expected all shared or all separate because they have a joint prior."
         )
+
+
+E = TypeVar("E", bound=Experiment)
+
+
+def stated_priors(experiment: Experiment) -> dict[str, Prior]:
+    """Return priors of the test and its apparatus, by the parameter."""
+    return {
+        name: _normal(name, stated, "stated with the test")
+        for name, stated in experiment.stated.items()
+    }
+
+
+def condition_priors(experiment: Experiment) -> tuple[Prior, ...]:
+    """Return the priors of the errors of a test's conditions."""
+    source = "stated in the file of the test"
+    return tuple(
+        _normal(one.parameter, Stated(0.0, one.sd), source) for one in experiment.uncertain
+    )
+
+
+def _normal(name: str, stated: Stated, source: str) -> Prior:
+    """Return the normal prior of a stated number, cut at zero where it cannot be negative."""
+    parameter = PARAMETER_BY_NAME[name]
+    if stated.sd == 0:
+        return fixed_prior(parameter, stated.value, source)
+    numbers = {"location": stated.value, "scale": stated.sd}
+    if name == "apparatus_compliance":
+        numbers["lower"] = 0.0
+    return Prior.of_family(name, "normal", numbers, unit=parameter.si_unit, source=source)

@@ -17,5 +17,4 @@ def log_slowdown(
     broadcast against each other.
     """
     colder = 1 / np.asarray(temperature) - 1 / np.asarray(reference)
-    slower: FloatArray = np.asarray(enthalpy) / GAS_CONSTANT * colder
-    return slower
+    return np.asarray(np.asarray(enthalpy) / GAS_CONSTANT * colder)

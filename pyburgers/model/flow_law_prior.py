@@ -183,8 +183,7 @@ class FlowLawPrior:
             - np.asarray(stress_exponent) * np.log(at.stress)
             + np.asarray(grain_size_exponent) * np.log(at.grain_size)
         )
-        enthalpy: FloatArray = log_factor / (np.asarray(beta) - 1 / (GAS_CONSTANT * at.temperature))
-        return enthalpy
+        return np.asarray(log_factor / (np.asarray(beta) - 1 / (GAS_CONSTANT * at.temperature)))
 
     def save(self, path: Path) -> None:
         """Write a JSON file; `load` reads back equal contents."""

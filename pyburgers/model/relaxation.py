@@ -160,8 +160,8 @@ def kelvin_part(
         if (values[name] != STANDARD_VALUES[name]).any():
             raise InputError(
                 f"{name}: found values other than {STANDARD_VALUES[name]:g}, expected a linear "
-                "Kelvin part because the spectrum in closed form needs it; "
-                "pyburgers.predictions.imposed_stress simulates the cycles of any other."
+                "Kelvin part because the spectrum in closed form needs it; simulate cycles of any "
+                "other as a loading history."
             )
     slower = log_slowdown(
         values["kelvin_activation_enthalpy"], temperature, values["kelvin_reference_temperature"]

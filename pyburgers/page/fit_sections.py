@@ -2,7 +2,6 @@
 
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.program_data import fixed_in_effect
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.page import tables
-from pyburgers.page.illustrations import Illustration, picture_file
+from pyburgers.page.illustrations import Illustration, illustrate
 from pyburgers.page.methods import methods_text
 from pyburgers.page.overview import Entry, entry_of
 from pyburgers.page.posterior_figures import figures_for
@@ -168,15 +167,7 @@ def write_section(key: str, name: str, fit: Fit, out: Path) -> Section:
         ),
         truth=truth,
         more_tables=more_tables,
-        illustrations=tuple(
-            Illustration(
-                recipe,
-                partial(recipe.draw, fit),
-                picture_file(out, key, recipe),
-                f"{recipe.title}, {name}: {recipe.result(fit)}",
-            )
-            for recipe in figures_for(fit)
-        ),
+        illustrations=illustrate(figures_for(fit), out, key, name),
     )
 
 

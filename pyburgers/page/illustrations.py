@@ -1,14 +1,12 @@
 """Figures on a page: their files, what stands in the page, and each caption once."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from matplotlib.figure import Figure
-
 from pyburgers.common.tasks import Workers, run_tasks
-from pyburgers.drawing.inline_svg import InlineSvg, dark_colours, glyph_library, inline_svg
-from pyburgers.drawing.page_parts import FigureText
+from pyburgers.drawing.inline_svg import InlineSvg, inline_svg
+from pyburgers.drawing.page_parts import PageFigure
 from pyburgers.drawing.style import write_page_images
 from pyburgers.page.names import file_key
 
@@ -22,14 +20,12 @@ FIGURES_A_PROCESS = 4
 class Illustration:
     """A figure for a page.
 
-    `text`: its name, title and caption.
-    `draw`: draws the figure.
+    `text`: its name, title and caption, and what draws it.
     `file`: where it is written as PNG; beside it as SVG.
     `result`: what it shows, in a sentence.
     """
 
-    text: FigureText
-    draw: Callable[[], Figure]
+    text: PageFigure
     file: Path
     result: str
 
@@ -39,9 +35,18 @@ class Illustration:
         return f"figure-{self.file.stem}"
 
 
-def picture_file(out: Path, key: str, text: FigureText) -> Path:
-    """File of a figure in the folder of a page, by the key of the part that shows it."""
-    return out / "figures" / f"{key}_{file_key(text.name)}.png"
+def illustrate(
+    figures: Iterable[PageFigure], out: Path, key: str, of: str = ""
+) -> tuple[Illustration, ...]:
+    """Name figures of a part of a page by its key; `of` names a fit for readers who see nothing."""
+    return tuple(
+        Illustration(
+            one,
+            out / "figures" / f"{key}_{file_key(one.name)}.png",
+            ": ".join(filter(None, (", ".join(filter(None, (one.title, of))), one.result))),
+        )
+        for one in figures
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,31 +69,10 @@ class Picture:
         return round(CSS_PIXELS_PER_POINT * self.svg.width)
 
 
-@dataclass(frozen=True, eq=False)
-class Pictures:
-    """All figures of a page, by their anchors."""
-
-    by_anchor: Mapping[str, Picture]
-
-    def of(self, illustration: Illustration) -> Picture:
-        """Return what stands in the page for a figure."""
-        return self.by_anchor[illustration.anchor]
-
-    @property
-    def glyphs(self) -> str:
-        """Letters of all figures, as elements of one of the page's definitions."""
-        return glyph_library(picture.svg for picture in self.by_anchor.values())
-
-    @property
-    def dark_colours(self) -> dict[str, str]:
-        """Colours of figures on a dark ground, by the digits of those on white."""
-        return dark_colours(picture.svg for picture in self.by_anchor.values())
-
-
 def write_figures(
     illustrations: Sequence[Illustration], out: Path, jobs: int | None, by_file: dict[Path, str]
-) -> Pictures:
-    """Write every figure as PNG and SVG, and return what stands in the page.
+) -> dict[str, Picture]:
+    """Write every figure as PNG and SVG, and return what stands in the page, by anchors.
 
     Pictures that `by_file` holds are not drawn again; the others are added to it. None as the
     number of processes takes one for each core, if there are many figures.
@@ -97,10 +81,10 @@ def write_figures(
     workers = Workers(jobs=jobs)
     if workers.processes(len(missing) // FIGURES_A_PROCESS) == 1:
         drawn: Iterable[tuple[Path, str]] = (
-            (one.file, write_page_images(one.draw(), one.file)) for one in missing
+            (one.file, write_page_images(one.text.draw(), one.file)) for one in missing
         )
     else:
-        calls = {one.file: (one.draw(), one.file) for one in missing}
+        calls = {one.file: (one.text.draw(), one.file) for one in missing}
         drawn = run_tasks(write_page_images, calls, workers=workers, out=out)
     by_file |= dict(drawn)
     found: dict[str, Picture] = {}
@@ -109,4 +93,4 @@ def write_figures(
         first = explained.setdefault(one.text.caption, one)
         svg = inline_svg(by_file[one.file], f"f{number}")
         found[one.anchor] = Picture(svg, number, None if first is one else first)
-    return Pictures(found)
+    return found

@@ -10,6 +10,7 @@ import numpy.typing as npt
 import oracle
 import pytest
 from conftest import ICE, Problem, write_problem
+from imposed_stress import simulate_imposed_stress
 from log_density import constant_rate_program
 from scipy.integrate import quad
 from stan_data import one_test_data
@@ -23,7 +24,6 @@ from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.priors import load_priors
 from pyburgers.model.variants import with_variant
 from pyburgers.predictions.attenuation import attenuation_spectrum, predict_attenuation
-from pyburgers.predictions.imposed_stress import simulate_imposed_stress
 from pyburgers.predictions.stress_cycles import Regime
 
 FloatArray = npt.NDArray[np.float64]

@@ -10,8 +10,8 @@ from pydantic import Field
 
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.columns import Column, DataFile, TextFilesTable, read_columns
-from pyburgers.common.errors import InputError, all_of
-from pyburgers.common.toml_files import Table, factor_to_si, read_toml
+from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import Table, all_of, factor_to_si, read_toml
 from pyburgers.common.units import UNIT_TABLE, units_text
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.table import (

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from types import MappingProxyType
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.table import ATTENUATION, CycleConditions, Elasticity
-from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited, Likelihood
+from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited, Likelihood, grid_quantities
 from pyburgers.kinds.stan_data import CHART, Layout, StanData, ends
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.prior_families import is_fixed_at
@@ -92,7 +91,7 @@ class StretchedChart(Chart[AttenuationExperiment]):
             references = [
                 StretchedReference(0.0, 0.0, 1.0, 0.0, np.ones(n), np.zeros(n))
             ] * layout.n_tests
-        return _block(references, [layout.own(e) for e in range(layout.n_tests)])
+        return _block(references, layout.own)
 
 
 def _block(
@@ -245,13 +244,8 @@ class AttenuationLikelihood(Likelihood[AttenuationExperiment]):
     read = (LOG_TAN_DELTA, LOG_MODULUS)
     response = Quantity("log_reading", "log_reading", "1", "in ln", 1.0)
     reference = REFERENCE_FLOW_RATE_QUANTITY
-    grid_quantities = MappingProxyType(
-        {
-            "grid_log_reading": ("log_reading", "1"),
-            "grid_log_reading_replicated": ("log_reading_replicated", "1"),
-            "grid_log_relaxation_time": ("log_relaxation_time", "1"),
-            "grid_log_maxwell_time": ("log_maxwell_time", "1"),
-        }
+    grid_quantities = grid_quantities(
+        "log_reading", "log_reading_replicated", "log_relaxation_time", "log_maxwell_time"
     )
     warmup = 500
     target_acceptance = 0.98

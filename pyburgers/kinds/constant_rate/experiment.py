@@ -10,9 +10,9 @@ from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.units import count_points
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.experiment_file import (
+    far_reading,
     microstructure_tables,
 )
-from pyburgers.kinds.limits import far_reading
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.peak_test import PeakTest
 from pyburgers.model.read_quantities import STRESS
@@ -188,8 +188,7 @@ def strain_grid(experiment: ConstantRateExperiment, shape: FloatArray) -> FloatA
     ends = np.append(starts[1:], experiment.final_strain)
     grid = starts[:, np.newaxis] + (ends - starts)[:, np.newaxis] * shape
     grid[:, -1] = ends
-    strain: FloatArray = grid.ravel()
-    return strain
+    return np.asarray(grid.ravel())
 
 
 def rate_text(rate: float) -> str:
@@ -224,8 +223,7 @@ def _strain_at(time: FloatArray, segments: Sequence[RateSegment]) -> FloatArray:
     starts, rates = _steps(segments)
     times = _step_times(starts, rates)
     segment = np.clip(np.searchsorted(times, time, side="right") - 1, 0, None)
-    strain: FloatArray = starts[segment] + (time - times[segment]) * rates[segment]
-    return strain
+    return np.asarray(starts[segment] + (time - times[segment]) * rates[segment])
 
 
 LATE_STRAIN = 0.01

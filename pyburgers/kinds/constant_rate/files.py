@@ -12,8 +12,8 @@ from pydantic import Field
 
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.columns import Cell, Column, DataFile, TextFilesTable, read_columns
-from pyburgers.common.errors import InputError, all_of
-from pyburgers.common.toml_files import Table, read_toml
+from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import Table, all_of, read_toml
 from pyburgers.common.units import count_points, units_text
 from pyburgers.kinds.constant_rate.experiment import (
     ConstantRateExperiment,
@@ -28,13 +28,14 @@ from pyburgers.kinds.experiment_file import (
     Compression,
     ExperimentFile,
     MicrostructureTable,
+    departure,
     measured_microstructure,
     shared_values,
     sign_of,
+    slope_of,
 )
 from pyburgers.kinds.kind import Kind, draw_residuals
 from pyburgers.kinds.likelihood import strains_of
-from pyburgers.kinds.limits import departure, slope_of
 
 
 class SegmentTable(Table):

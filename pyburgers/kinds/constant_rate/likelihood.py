@@ -3,14 +3,20 @@
 from collections.abc import Sequence
 from dataclasses import fields
 from itertools import chain
-from types import MappingProxyType
 
 import numpy as np
 
 from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, strain_grid
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.likelihood import AtMode, Likelihood, measured_block, strains_of
+from pyburgers.kinds.likelihood import (
+    MICROSTRUCTURE,
+    AtMode,
+    Likelihood,
+    grid_quantities,
+    measured_block,
+    strains_of,
+)
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.kinds.stan_data import StanData, ends
@@ -66,8 +72,7 @@ class ConstantRateValley(ValleyChart[ConstantRateExperiment]):
 def _knot_strain(experiment: ConstantRateExperiment, pin_strain: FloatArray) -> FloatArray:
     """Strains of the piecewise linear reference curve: dense at each segment's start."""
     shape = np.union1d(np.geomspace(1e-3, 1.0, 25), np.linspace(0.0, 1.0, 16)[1:])
-    strain: FloatArray = np.union1d(strain_grid(experiment, shape), pin_strain)
-    return strain
+    return np.asarray(np.union1d(strain_grid(experiment, shape), pin_strain))
 
 
 REFERENCE_STRESS_SCALE = 0.1
@@ -90,16 +95,8 @@ class ConstantRateLikelihood(Likelihood[ConstantRateExperiment]):
     read = (STRESS,)
     response = STRESS
     reference = REFERENCE_STRESS_QUANTITY
-    grid_quantities = MappingProxyType(
-        {
-            "grid_stress": ("stress", "Pa"),
-            "grid_stress_replicated": ("stress_replicated", "Pa"),
-            "grid_kelvin_strain": ("kelvin_strain", "1"),
-            "grid_grain_size": ("grain_size", "m"),
-            "grid_fabric_factor": ("fabric_factor", "1"),
-            "grid_grain_size_softening": ("grain_size_softening", "1"),
-            "grid_fabric_softening": ("fabric_softening", "1"),
-        }
+    grid_quantities = grid_quantities(
+        "stress", "stress_replicated", "kelvin_strain", *MICROSTRUCTURE
     )
     warmup = 300
     target_acceptance = 0.98

@@ -5,8 +5,8 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.experiment_file import slope_of
 from pyburgers.kinds.guessed_columns import ENGINEERING
-from pyburgers.kinds.limits import slope_of
 from pyburgers.kinds.new_file import (
     LAYOUT,
     STRAIN_RATE,

@@ -10,8 +10,8 @@ from pydantic import Field
 
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.columns import Column, DataFile, TextFilesTable, read_columns
-from pyburgers.common.errors import InputError, all_of
-from pyburgers.common.toml_files import Table, read_toml
+from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import Table, all_of, read_toml
 from pyburgers.common.units import units_text
 from pyburgers.kinds.experiment_file import ExperimentFile, shared_values
 from pyburgers.kinds.forced_oscillation.experiment import (

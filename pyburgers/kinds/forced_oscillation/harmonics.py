@@ -76,8 +76,7 @@ class HarmonicFit:
     def periodic(self, time: FloatArray) -> FloatArray:
         """Oscillating part (U) at times (s), shape (n,)."""
         angles = _angles(time, self.period, self.n_harmonics)
-        values: FloatArray = np.sin(angles) @ self.sine + np.cos(angles) @ self.cosine
-        return values
+        return np.asarray(np.sin(angles) @ self.sine + np.cos(angles) @ self.cosine)
 
     def periodic_rate(self, time: FloatArray) -> FloatArray:
         """Time derivative (U/s) of the oscillating part, shape (n,)."""
@@ -310,12 +309,10 @@ def _bayesian_criterion(fit: HarmonicFit, known_uncertainty: bool) -> float:
 
 def _polynomial(x: FloatArray, coefficients: FloatArray) -> FloatArray:
     """Legendre series at positions, shape (n,)."""
-    values: FloatArray = legendre.legvander(x, coefficients.size - 1) @ coefficients
-    return values
+    return np.asarray(legendre.legvander(x, coefficients.size - 1) @ coefficients)
 
 
 def _angles(time: FloatArray, period: float, n_harmonics: int) -> FloatArray:
     """Phase angles k w t, shape (n, n_harmonics)."""
     multiples = np.arange(1, n_harmonics + 1)
-    angles: FloatArray = 2.0 * math.pi / period * np.asarray(time)[:, None] * multiples
-    return angles
+    return np.asarray(2.0 * math.pi / period * np.asarray(time)[:, None] * multiples)

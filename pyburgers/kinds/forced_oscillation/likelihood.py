@@ -6,7 +6,6 @@ Only the speed of a run depends on them, not its result.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,14 @@ from scipy.interpolate import make_interp_spline
 from pyburgers.common.array_types import FloatArray
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.forced_oscillation.harmonics import fundamentals, trend_projection
-from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited, Likelihood, likelihood_of
+from pyburgers.kinds.likelihood import (
+    AtMode,
+    Chart,
+    ChartUnsuited,
+    Likelihood,
+    grid_quantities,
+    likelihood_of,
+)
 from pyburgers.kinds.stan_data import Layout, Mode, PlainCoordinates, StanData, ends
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.prior_families import Prior
@@ -258,14 +264,8 @@ class OscillationLikelihood(Likelihood[OscillationExperiment]):
     read = (STRESS,)
     response = STRESS
     reference = REFERENCE_FLOW_RATE_QUANTITY
-    grid_quantities = MappingProxyType(
-        {
-            "grid_oscillating_stress": ("stress", "Pa"),
-            "grid_stress_replicated": ("stress_replicated", "Pa"),
-            "grid_kelvin_strain": ("kelvin_strain", "1"),
-            "grid_grain_size": ("grain_size", "m"),
-            "grid_dashpot_rate": ("dashpot_rate", "1/s"),
-        }
+    grid_quantities = grid_quantities(
+        "oscillating_stress", "stress_replicated", "kelvin_strain", "grain_size", "dashpot_rate"
     )
     warmup = 250
     target_acceptance = 0.95

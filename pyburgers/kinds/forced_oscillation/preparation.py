@@ -142,8 +142,7 @@ class PreparedOscillation:
         """Uncertainty of each stress over the root mean square of all, shape (n_points,)."""
         if self.uncertainty.size == 0:
             return self.uncertainty
-        relative: FloatArray = self.uncertainty / np.sqrt(np.mean(self.uncertainty**2))
-        return relative
+        return np.asarray(self.uncertainty / np.sqrt(np.mean(self.uncertainty**2)))
 
     def strain(self, time: FloatArray) -> FloatArray:
         """Strain (fraction) at times (s), shape (n,): without its trend where that is removed."""
@@ -156,8 +155,7 @@ class PreparedOscillation:
         """Driving strain rate (1/s) at times (s), shape (n,)."""
         scaled = (time - self.t_middle) / self.t_half
         background = polynomial.polyval(scaled, self.background_rate)
-        rate: FloatArray = self.strain_fit.periodic_rate(time) + background
-        return rate
+        return np.asarray(self.strain_fit.periodic_rate(time) + background)
 
 
 @dataclass(frozen=True, eq=False)

@@ -52,8 +52,7 @@ def distances_from_neighbours(at: FloatArray, value: FloatArray) -> FloatArray:
     share = (at[1:-1] - at[:-2])[kept] / span[kept]
     before, here, after = (value[..., k : value.shape[-1] - 2 + k][..., kept] for k in range(3))
     distance = here - (1 - share) * before - share * after
-    found: FloatArray = distance / np.sqrt(1 + share**2 + (1 - share) ** 2)
-    return found
+    return np.asarray(distance / np.sqrt(1 + share**2 + (1 - share) ** 2))
 
 
 def scatter(time: FloatArray, value: FloatArray) -> float:
@@ -200,8 +199,7 @@ def _log_time(time: FloatArray, changes: FloatArray) -> FloatArray:
     within = np.log1p((time - changes[last]) / scale)
     spans = np.log1p(np.diff(changes) / scale)
     before = np.concatenate([[0.0], np.cumsum(spans)])
-    added: FloatArray = before[last] + within
-    return added
+    return np.asarray(before[last] + within)
 
 
 def _way(time: FloatArray, response: FloatArray) -> FloatArray:
@@ -210,11 +208,9 @@ def _way(time: FloatArray, response: FloatArray) -> FloatArray:
     moment, place, count = np.unique(time, return_inverse=True, return_counts=True)
     corners, values = line_through(moment, np.bincount(place, response) / count, tolerance)
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values)))])
-    up_to: FloatArray = np.interp(time, corners, way)
-    return up_to
+    return np.asarray(np.interp(time, corners, way))
 
 
 def _from_0_to_1(measure: FloatArray) -> FloatArray:
     span = measure[-1] - measure[0]
-    scaled: FloatArray = (measure - measure[0]) / span if span > 0 else np.zeros_like(measure)
-    return scaled
+    return np.asarray((measure - measure[0]) / span if span > 0 else np.zeros_like(measure))

@@ -9,8 +9,7 @@ import numpy as np
 
 from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
 from pyburgers.kinds.experiment import Experiment, Stated
-from pyburgers.kinds.experiment_file import microstructure_tables
-from pyburgers.kinds.limits import far_reading
+from pyburgers.kinds.experiment_file import far_reading, microstructure_tables
 from pyburgers.kinds.loading_history.stages import (
     Leg,
     Stage,
@@ -102,8 +101,7 @@ class HistoryExperiment(Experiment):
     def response_is_strain(self) -> BoolArray:
         """Whether each reading is a strain, shape (n_points,)."""
         stress_driven = np.array([stage.driven == "stress" for stage in self.stages])
-        is_strain: BoolArray = stress_driven[self.reading_stage]
-        return is_strain
+        return np.asarray(stress_driven[self.reading_stage])
 
     @property
     def quantity(self) -> IntArray:
@@ -208,8 +206,7 @@ class HistoryExperiment(Experiment):
     def _strains_read(self) -> FloatArray:
         """Strains among the readings, from their stated zero."""
         zero = 0.0 if self.strain_offset is None else self.strain_offset.value
-        strains: FloatArray = self.reading[self.response_is_strain] - zero
-        return strains
+        return np.asarray(self.reading[self.response_is_strain] - zero)
 
     def _doubts_about_path_strains(self) -> tuple[str, ...]:
         """Say where microstructure was measured beyond all strain that is imposed and read."""

@@ -11,8 +11,8 @@ from pydantic import Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
 from pyburgers.common.array_types import FloatArray
-from pyburgers.common.errors import InputError, all_of
-from pyburgers.common.toml_files import Table, factor_to_si, read_toml
+from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import Table, all_of, factor_to_si, read_toml
 from pyburgers.common.units import units_text
 from pyburgers.kinds.experiment import MeasuredMicrostructure, Stated
 from pyburgers.kinds.experiment_file import (

@@ -2,15 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 
 from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
-from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment, stated_priors
-from pyburgers.kinds.likelihood import AtMode, Likelihood
+from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment
+from pyburgers.kinds.likelihood import MICROSTRUCTURE, AtMode, Likelihood, grid_quantities
 from pyburgers.kinds.loading_history.experiment import (
     CreepInterval,
     HistoryExperiment,
@@ -26,6 +25,7 @@ from pyburgers.kinds.loading_history.stan_data import (
     stress_scale,
     tests_block,
 )
+from pyburgers.kinds.problem import stated_priors
 from pyburgers.kinds.valley import (
     FLOWING_SHARE,
     N_PINS,
@@ -268,20 +268,15 @@ class HistoryLikelihood(Likelihood[HistoryExperiment]):
     read = (STRESS, STRAIN)
     response = Quantity("response", "response", "SI", "SI", 1.0)
     reference = REFERENCE_FLOW_RATE_QUANTITY
-    grid_quantities = MappingProxyType(
-        {
-            "grid_stress": ("stress", "Pa"),
-            "grid_stress_replicated": ("stress_replicated", "Pa"),
-            "grid_strain": ("strain", "1"),
-            "grid_strain_replicated": ("strain_replicated", "1"),
-            "grid_strain_rate": ("strain_rate", "1/s"),
-            "grid_kelvin_strain": ("kelvin_strain", "1"),
-            "grid_path_strain": ("path_strain", "1"),
-            "grid_grain_size": ("grain_size", "m"),
-            "grid_fabric_factor": ("fabric_factor", "1"),
-            "grid_grain_size_softening": ("grain_size_softening", "1"),
-            "grid_fabric_softening": ("fabric_softening", "1"),
-        }
+    grid_quantities = grid_quantities(
+        "stress",
+        "stress_replicated",
+        "strain",
+        "strain_replicated",
+        "strain_rate",
+        "kelvin_strain",
+        "path_strain",
+        *MICROSTRUCTURE,
     )
     warmup = 300
     # One chain in some has steps half as long again as the others, and at 0.98 loses trajectories

@@ -19,8 +19,8 @@ from pyburgers.kinds.loading_history.driver import (
     tolerance_of,
     tolerances,
 )
-from pyburgers.kinds.loading_history.readings import Readings
-from pyburgers.kinds.loading_history.series import (
+from pyburgers.kinds.loading_history.readings import (
+    Readings,
     Series,
     one_reading_each,
     own_readings,

@@ -257,8 +257,7 @@ def times_of_readings(experiment: HistoryExperiment) -> tuple[FloatArray, IntArr
 def leg_of_readings(experiment: HistoryExperiment) -> IntArray:
     """Return the leg of each reading, from 0."""
     time, place = times_of_readings(experiment)
-    leg: IntArray = leg_of_times(experiment, time)[place]
-    return leg
+    return np.asarray(leg_of_times(experiment, time)[place])
 
 
 def _times_in_legs(

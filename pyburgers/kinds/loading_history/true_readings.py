@@ -9,7 +9,7 @@ from scipy.special import lambertw
 
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.limits import departure
+from pyburgers.kinds.experiment_file import departure
 from pyburgers.kinds.loading_history.driver import reading_error
 from pyburgers.kinds.loading_history.readings import Readings, Response
 from pyburgers.kinds.loading_history.stages import (
@@ -109,8 +109,7 @@ def _imposed(legs: Sequence[Leg], number: int, time: FloatArray) -> FloatArray:
     if own[0].driven == "strain":
         values = np.array([0.0, *imposed_strains(own)[:-1]])
     k = np.searchsorted(starts, time, side="right") - 1
-    imposed: FloatArray = values[k] + np.array([leg.rate for leg in own])[k] * (time - starts[k])
-    return imposed
+    return np.asarray(values[k] + np.array([leg.rate for leg in own])[k] * (time - starts[k]))
 
 
 MAX_EQUAL_DISTANCE = 3.0

@@ -197,6 +197,11 @@ class Fit(SampledFit):
 
     def decisions(self) -> dict[str, Influence]:
         """Return who decides each row of `summary`."""
+        return self._decisions
+
+    @cached_property
+    def _decisions(self) -> dict[str, Influence]:
+        """The decisions, computed once: tables and pages ask for them again and again."""
         found: dict[str, Influence] = {}
         for e, of_test in enumerate(self.influences().values()):
             for name, one in of_test.items():

@@ -125,7 +125,7 @@ class Experiment(ABC):
 
     protocol: ClassVar[str]
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
-        {"kelvin": tuple(law.name for law in KELVIN_LAWS.values() if law.one_time)}
+        {"kelvin": tuple(law.name for law in KELVIN_LAWS.values() if not law.times)}
     )
     parts_name: ClassVar[str] = "parts"
     residual_correlation: ClassVar[str] = "residual_correlation_strain"

@@ -22,8 +22,9 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, number
 from pyburgers.kinds.forced_oscillation.harmonics import CUBIC, fit_harmonics
 from pyburgers.kinds.stan_data import SolverOptions
-from pyburgers.model.relaxation import kelvin_part
+from pyburgers.model.closed_forms import closed_forms
 from pyburgers.predictions.attenuation import attenuation_spectrum, condition_columns, flat_draws
+from pyburgers.predictions.closed_forms import cycles_data
 from pyburgers.predictions.imposed_stress import solve_imposed_stress
 from pyburgers.predictions.material import Material
 from pyburgers.predictions.stress_cycles import (
@@ -85,8 +86,9 @@ def evolving_attenuation(
         fabric_factor=fabric,
         hold_time=hold,
     )
-    kelvin = kelvin_part(parameters, material.temperature, size)
-    elastic_loss = kelvin.compliance(2 * np.pi * frequency)[1][:, np.newaxis]
+    asked = cycles_data((), frequency, hold, with_strains=False)
+    elements = closed_forms(parameters, size, temperature=material.temperature, asked=asked)
+    elastic_loss = elements["kelvin_loss"][:, np.newaxis]
     frozen_loss = frozen["loss_compliance"].to_numpy()
     found = {
         name: np.empty(frozen_loss.shape)

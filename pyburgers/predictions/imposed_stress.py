@@ -18,7 +18,7 @@ from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.kinds.forced_oscillation.harmonics import fit_harmonics
 from pyburgers.kinds.forward import check_given_together
 from pyburgers.kinds.stan_data import SolverOptions, solver_block
-from pyburgers.model.relaxation import require_one_relaxation_time
+from pyburgers.model.closed_forms import parameter_columns, require_one_relaxation_time
 from pyburgers.predictions.stress_cycles import (
     EVOLUTION,
     HOLD_TIME,
@@ -27,7 +27,6 @@ from pyburgers.predictions.stress_cycles import (
     checked_frequencies,
     checked_hold_time,
     checked_inputs,
-    parameter_columns,
 )
 
 SOLVER = SolverOptions(tolerance=1e-12, max_num_steps=1_000_000)

@@ -75,6 +75,19 @@ def test_a_table_becomes_a_page_and_draws(
         assert "maxwell_modulus" in draws
 
 
+def test_the_landing_page_goes_from_readings_to_a_page_in_eight_lines(
+    small_problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sketched: None
+) -> None:
+    landing = (EXAMPLES.parent / "docs" / "index.md").read_text(encoding="utf-8")
+    code = landing.split("```python\n")[1].split("```")[0]
+    assert len(code.splitlines()) == 8
+    short = partial(fit, priors=small_problem.priors, options=SMALL_RUN)
+    monkeypatch.setattr(pyburgers, "fit", short)
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code, "index.md", "exec"), {})
+    assert "PIL40" in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
 def test_the_way_from_a_table_to_a_page_has_fifteen_statements() -> None:
     text = (EXAMPLES / "table_to_page.py").read_text(encoding="utf-8")
     assert len(ast.parse(text).body) <= 15

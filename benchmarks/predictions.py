@@ -21,11 +21,8 @@ from scipy import stats
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.fitting.prediction import Prediction
-from pyburgers.kinds.constant_rate.experiment import (
-    ConstantRateExperiment,
-    RateSegment,
-    load_constant_rate,
-)
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.kinds.forward import simulate, simulate_data
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment

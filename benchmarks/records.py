@@ -19,7 +19,8 @@ from measures import measure
 from sampling import RESULTS, ROOT, markdown
 
 from pyburgers.fitting.fit import fit
-from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.model.priors import default_priors
 from pyburgers.page.tables import truth_table

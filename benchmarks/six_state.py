@@ -24,8 +24,8 @@ from processes import Cost, run_together
 from pyburgers.cmdstan.program import compile_program
 from pyburgers.common.messages import messages_to
 from pyburgers.fitting.fit import Fit
-from pyburgers.kinds.coordinates import PlainCoordinates
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.kinds.stan_data import PlainCoordinates
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import PriorSet
 

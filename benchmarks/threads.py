@@ -23,10 +23,8 @@ from sampling import ICE, markdown
 from pyburgers.cmdstan.draw_files import read_draws
 from pyburgers.cmdstan.program import load_program
 from pyburgers.fitting.fit import fit
-from pyburgers.kinds.constant_rate.experiment import (
-    ConstantRateExperiment,
-    load_constant_rate,
-)
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.model.priors import default_priors

@@ -67,9 +67,8 @@ PRESETS: Mapping[str, SamplerOptions] = {
 """Sampler settings: `paper` has the chains and draws of the paper's Methods. Oscillating tests
 and spectra warm up as long as their kind needs."""
 
-EXTENSIONS = 1
-"""How often the chains of a fit go on whose draws turn out too few: those of the quick preset just
-do for most fits."""
+MAX_MINUTES = 10.0
+"""Minutes of sampling of a fit: the draws of the quick preset just do for most fits."""
 
 ICE_TWINS = ("PIL40", "PIL72", "PIL105")
 
@@ -155,7 +154,10 @@ class Study:
 
     def fit_all(self, tasks: Mapping[str, Task], page: GrowingPage | None) -> dict[str, Fit]:
         """Do fits in their order, and add each to the page when it is done."""
-        begun = {name: replace(task, extensions=EXTENSIONS) for name, task in tasks.items()}
+        begun = {
+            name: replace(task, options=replace(task.options, max_minutes=MAX_MINUTES))
+            for name, task in tasks.items()
+        }
         more = {} if page is None else {"after": page.add}
         return fit_side_by_side(
             begun, self.runs, workers=self.workers, command=self.command, **more

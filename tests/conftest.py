@@ -26,15 +26,17 @@ from independent_table import TRUTHS
 from matplotlib.figure import Figure
 from truth_as_mode import at_truth
 
-from pyburgers.cmdstan.program import compile_programs, load_program
+from pyburgers.cmdstan.program import compile_program, load_program
 from pyburgers.cmdstan.toolchain import stan_directory
+from pyburgers.common.processes import cores
 from pyburgers.common.tasks import Workers
 from pyburgers.comparison.by_tests import fit_without_tests
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress
 from pyburgers.flow_law_tables.inputs import default_peak_stress_priors, load_peak_stress
-from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.kinds.constant_rate.valley import ConstantRateValley
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
+from pyburgers.kinds.constant_rate.likelihood import ConstantRateValley
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.kinds.kind import save_experiment
@@ -190,21 +192,16 @@ def quiet_logger() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def programs() -> None:
     """Compile what the tests need, side by side."""
-    compile_programs(
-        [
-            *(likelihood.program for likelihood in likelihoods().values()),
-            *(
-                stan_directory() / f"{name}.stan"
-                for name in (
-                    "imposed_stress",
-                    "stress_cycles",
-                    "peak_stress",
-                    "peaks",
-                )
-            ),
-            *sorted((TESTS / "stan").glob("*.stan")),
-        ]
-    )
+    sources = [
+        *(likelihood.program for likelihood in likelihoods().values()),
+        *(
+            stan_directory() / f"{name}.stan"
+            for name in ("imposed_stress", "stress_cycles", "peak_stress", "peaks")
+        ),
+        *sorted((TESTS / "stan").glob("*.stan")),
+    ]
+    with ThreadPoolExecutor(cores()) as pool:
+        list(pool.map(compile_program, sources))
 
 
 @pytest.fixture

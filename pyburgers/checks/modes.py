@@ -5,7 +5,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckedDraws, CheckKind, Finding, Outcome, check
-from pyburgers.kinds.coordinates import OtherMode
+from pyburgers.kinds.stan_data import OtherMode
 from pyburgers.model.display import shown_quantity, unit_after_number
 from pyburgers.posterior.labelled_draws import groups_of_tests
 

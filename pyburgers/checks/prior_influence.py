@@ -19,7 +19,7 @@ from scipy import stats
 from scipy.special import ndtr
 
 from pyburgers.common.draws import FloatArray, all_draws
-from pyburgers.kinds.coordinates import CENTRE, SPREAD
+from pyburgers.kinds.stan_data import CENTRE, SPREAD
 from pyburgers.model.prior_families import Prior, normal_scores
 from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR, PriorSet
 from pyburgers.posterior.labelled_draws import free_parameters, on_scale_of_prior, own_name

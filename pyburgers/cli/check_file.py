@@ -1,7 +1,6 @@
 """`pyburgers check-file`: everything that is wrong with an input file, and what to do about it."""
 
 import argparse
-import tempfile
 from collections.abc import Callable, Mapping
 from copy import deepcopy
 from difflib import get_close_matches
@@ -12,6 +11,7 @@ from typing import Any
 from pyburgers.cli.file_hints import hints, looks, text_files
 from pyburgers.common.errors import InputError, StructureError
 from pyburgers.common.paths import shown
+from pyburgers.common.scratch import scratch_folder
 from pyburgers.common.toml_files import read_tables, write_toml
 from pyburgers.common.units import count_points, counted
 from pyburgers.flow_law_tables.inputs import KIND as PEAK_STRESS
@@ -20,7 +20,7 @@ from pyburgers.flow_law_tables.inputs import (
     load_peak_stress,
     load_peak_stress_priors,
 )
-from pyburgers.kinds.doubts import doubts
+from pyburgers.kinds.conditions import doubts
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.model.parameters import STRESS_SCATTER
@@ -162,8 +162,8 @@ def _errors_of(
     data = content.get("data")
     if isinstance(data, dict) and isinstance(data.get("data_root"), str):
         data["data_root"] = str((path.parent / data["data_root"]).absolute())
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / path.name
+    with scratch_folder() as folder:
+        copy = folder / path.name
         write_toml(copy, content)
         try:
             load(copy)

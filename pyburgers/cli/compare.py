@@ -33,7 +33,7 @@ from pyburgers.comparison.results import (
 from pyburgers.comparison.same_data import origins
 from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit
-from pyburgers.sampling.run_directory import names_of_runs
+from pyburgers.page.names import names_of_runs
 
 
 def add_options(command: argparse.ArgumentParser) -> None:

@@ -16,9 +16,9 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
 from pyburgers.comparison.neighbours import what_a_yes_leaves_open
 from pyburgers.fitting.fit import fit
-from pyburgers.kinds.fixed_parameters import fixed_in_effect
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import of_one_program
+from pyburgers.kinds.program_data import fixed_in_effect
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.kinds.together import priors_for
 from pyburgers.model.flow_law_prior import (

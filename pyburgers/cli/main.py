@@ -7,21 +7,24 @@ import os
 import resource
 import signal
 import sys
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+import tempfile
+import threading
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout, suppress
 from importlib import import_module
 from pathlib import Path
-from types import ModuleType
+from types import FrameType, ModuleType
 
 from pyburgers.cli.parser import OneLineParser, ShowVersion
 from pyburgers.common.errors import InputError, PyburgersError, nearest
-from pyburgers.common.messages import messages_to
+from pyburgers.common.messages import PrintableStream, message_text, messages_to
 from pyburgers.common.paths import shown
-
-EXIT_INTERRUPTED = 130
 
 LEAST_MEMORY = 600_000_000
 """Limit of memory (bytes) below which libraries of linear algebra wait for more without an end."""
+
+INTERRUPTED = "interrupted; the same command continues with what is missing."
 
 COMMANDS = {
     "doctor": "what is installed, what is missing",
@@ -47,16 +50,29 @@ COMMANDS = {
 EXIT_CODES = (
     "exit codes: 0 done, and of a fit both verdicts are yes; 1 it could not run; 2 bad input; 3 a "
     "posterior was not sampled well, or a check of another kind failed or had too little to tell; "
-    "4 it was sampled well, but the model is not shown to describe the data; 130 interrupted"
+    "4 it was sampled well, but the model is not shown to describe the data; 130 interrupted; 143 "
+    "or 129 ended by the signal TERM or HUP"
 )
+
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Signals that end a command, which stops all that it has started."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line, of the process by default; return what `EXIT_CODES` says."""
     _open_streams()
     try:
+        return _answered(arguments)
+    except Exception as error:  # the last resort: nothing above expects it
+        return _ended(f"{_told(error)}; {_kept_traceback()}.", 1)
+
+
+def _answered(arguments: Sequence[str] | None) -> int:
+    """Run a command; say in a sentence what it comes to, if that is an error that may happen."""
+    try:
         try:
-            return _run(sys.argv[1:] if arguments is None else arguments)
+            with _signals_heard(), redirect_stdout(PrintableStream(sys.stdout)):
+                return _run(sys.argv[1:] if arguments is None else arguments)
         finally:
             sys.stdout.flush()
     except PyburgersError as error:
@@ -82,10 +98,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _ended(f"there is no home folder ({error}); set HOME to one.", 1)
     except MemoryError:
         return _ended("memory is full; free some, then run the same command again.", 1)
-    except KeyboardInterrupt:
-        return _ended(
-            "interrupted; the same command continues with what is missing.", EXIT_INTERRUPTED
-        )
+    except KeyboardInterrupt as error:
+        return _ended(INTERRUPTED, 128 + (error.args[0] if error.args else signal.SIGINT))
 
 
 def _run(arguments: Sequence[str]) -> int:
@@ -102,26 +116,72 @@ def _run(arguments: Sequence[str]) -> int:
     if Path(home).exists() and not Path(home).is_dir():  # libraries would tell of their own folders
         raise InputError(f"HOME is {home}, which is a file; expected a folder.")
     options = _parse(arguments)
+    _hear((one for one in ENDING if signal.getsignal(one) is _end_at_once), _interrupt)
     with messages_to(sys.stderr):
         code: int = options.run(options)
         return code
 
 
 @contextmanager
-def _interrupts_wait() -> Iterator[None]:
-    """Let Ctrl-C wait: modules that are interrupted while they are imported swallow it or break."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+def _signals_heard() -> Iterator[None]:
+    """Have signals end the command at once until it runs, then by an interrupt of what it does.
+
+    Nothing has to be stopped before, and modules that are interrupted while they are imported
+    swallow that or break. A second signal ends the command at once. What is ignored stays ignored.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {one: signal.getsignal(one) for one in ENDING}
+    heard = [one for one in ENDING if before[one] not in (signal.SIG_IGN, None)]
+    _hear(heard, _end_at_once)
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        for one in heard:
+            signal.signal(one, before[one])
+
+
+def _hear(signals: Iterable[int], handler: Callable[[int, FrameType | None], None]) -> None:
+    for one in signals:
+        signal.signal(one, handler)
+
+
+def _end_at_once(number: int, frame: FrameType | None) -> None:
+    """End this process; guards end all programs that it has started."""
+    with suppress(OSError):
+        os.write(2, f"pyburgers: {INTERRUPTED}\n".encode())  # printing may be under way
+    os._exit(128 + number)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    """Interrupt what the command does."""
+    _hear((one for one in ENDING if signal.getsignal(one) is _interrupt), _end_at_once)
+    raise KeyboardInterrupt(number)
 
 
 def _ended(sentence: str, code: int) -> int:
     """Say why a command has ended, as far as there is someone to say it to."""
     with suppress(OSError):
-        print(shown(f"pyburgers: {sentence}"), file=sys.stderr)
+        print(message_text(shown(f"pyburgers: {sentence}")), file=sys.stderr)
     return code
+
+
+def _told(error: Exception) -> str:
+    """Say which error of the program nobody has foreseen."""
+    return f"the program has a fault ({type(error).__name__}: {error})"
+
+
+def _kept_traceback() -> str:
+    """Write the traceback of the error that is handled to a file; say where it is."""
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", prefix="pyburgers-error-", suffix=".txt", delete=False, encoding="utf-8"
+        ) as file:
+            file.write(traceback.format_exc().encode("utf-8", "backslashreplace").decode())
+    except OSError as error:
+        return f"its traceback could not be written ({error.strerror})"
+    return f"please report it with its traceback, which is in {file.name}"
 
 
 def _place(error: OSError) -> str:
@@ -172,8 +232,7 @@ def parser_with(commands: Iterable[str]) -> OneLineParser:
 
 
 def _module_of(command: str) -> ModuleType:
-    with _interrupts_wait():
-        return import_module(f"pyburgers.cli.{command.replace('-', '_')}")
+    return import_module(f"pyburgers.cli.{command.replace('-', '_')}")
 
 
 def _parse(arguments: Sequence[str]) -> argparse.Namespace:

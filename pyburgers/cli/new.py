@@ -5,7 +5,6 @@ import os
 import re
 import shlex
 import sys
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -20,11 +19,17 @@ from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_atomically
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
+from pyburgers.common.scratch import scratch_folder
 from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.common.toml_files import read_tables
 from pyburgers.common.units import UNIT_TABLE, units_text
-from pyburgers.kinds.column_names import ALONG_AXIS, COLUMN_NAMES
-from pyburgers.kinds.guessed_columns import GuessedColumn, guess_columns, left_out
+from pyburgers.kinds.guessed_columns import (
+    ALONG_AXIS,
+    COLUMN_NAMES,
+    GuessedColumn,
+    guess_columns,
+    left_out,
+)
 from pyburgers.kinds.likelihood import NAMES
 from pyburgers.kinds.new_file import (
     Columns,
@@ -347,8 +352,8 @@ class _Draft:
         answers = {**given, question.name: answer}
         file = str(self.test.table.path.absolute())
         whole = replace(self, test=replace(self.test, file=file))
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "draft.toml"
+        with scratch_folder() as folder:
+            path = folder / "draft.toml"
             path.write_text(whole.text(self.completed(answers)), encoding="utf-8")
             try:
                 errors, _ = all_errors(path, read_tables(path))

@@ -7,10 +7,9 @@ from pyburgers.cli.shared import command_line
 from pyburgers.common.paths import shown
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import PeakStressFit, is_peak_stress_run
-from pyburgers.page.names import file_key
+from pyburgers.page.names import file_key, names_of_runs
 from pyburgers.page.peak_stress_section import PEAK_STRESS_KEY
 from pyburgers.page.report import report
-from pyburgers.sampling.run_directory import names_of_runs
 
 
 def add_options(command: argparse.ArgumentParser) -> None:

@@ -13,7 +13,7 @@ from pyburgers.cli.parser import offer
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.likelihood import Likelihood, likelihoods
 from pyburgers.model.variants import CHOICES
-from pyburgers.sampling.options import COORDINATES, SamplerOptions
+from pyburgers.sampling.options import COORDINATES, DEFAULT_MINUTES, ENOUGH_DRAWS, SamplerOptions
 
 EXIT_CHECK_FAILED = 3
 """Of a fit: its posterior was not sampled well, or too few draws tell whether it was."""
@@ -59,7 +59,7 @@ def add_sampler_options(
             continue
         command.add_argument(
             f"--{name.replace('_', '-')}",
-            type={"adapt_delta": float, "chain_timeout": float, "coordinates": str}.get(name, int),
+            type=_SAMPLER_TYPES.get(name, int),
             choices=COORDINATES if name == "coordinates" else None,
             default=(default := getattr(defaults, name)),
             help=_SAMPLER_HELP[name] + (_UNLESS_GIVEN.get(name, "") if default is None else ""),
@@ -74,6 +74,12 @@ def by_protocol(value: Callable[[Likelihood[Any]], float]) -> str:
     return f"; default {', '.join(listed)}"
 
 
+_SAMPLER_TYPES = {
+    "adapt_delta": float,
+    "max_minutes": float,
+    "chain_timeout": float,
+    "coordinates": str,
+}
 _SAMPLER_HELP = {
     "chains": "number of chains",
     "warmup": "iterations ahead of the draws",
@@ -83,6 +89,8 @@ _SAMPLER_HELP = {
     "max_treedepth": "trajectories have at most 2**max_treedepth - 1 leapfrog steps",
     "coordinates": "coordinates of the sampler (docs/coordinates.md); auto takes those that suit "
     "the test",
+    "max_minutes": "minutes of sampling within which all chains get more draws, if draws are all "
+    "that is lacking; 0 adds none",
     "chain_timeout": "seconds after which a chain is stopped",
     "parallel_chains": "chains side by side",
     "threads_per_chain": "threads that share the tests of a joint fit at constant rate; they pay "
@@ -91,6 +99,8 @@ _SAMPLER_HELP = {
 _UNLESS_GIVEN = {
     "warmup": by_protocol(lambda one: one.warmup),
     "adapt_delta": by_protocol(lambda one: one.target_acceptance),
+    "max_minutes": f"; default {DEFAULT_MINUTES:g} with at least {ENOUGH_DRAWS} draws of each "
+    "chain, else 0",
     "chain_timeout": "; default no limit",
     "parallel_chains": "; default as many as there are cores for their threads",
 }

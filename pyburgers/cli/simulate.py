@@ -11,7 +11,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.new_test import parameters_for_other_test
-from pyburgers.kinds.doubts import doubts
+from pyburgers.kinds.conditions import doubts
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import load_parameters, simulate, with_laws
 from pyburgers.kinds.kind import load_experiment

@@ -1,5 +1,6 @@
 """Output of a fit: tables no wider than the terminal, verdicts, colours if it has some."""
 
+import sys
 from collections.abc import Sequence
 
 import pandas as pd
@@ -10,6 +11,7 @@ from rich.text import Text
 from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
 from pyburgers.checks.verdicts import verdicts
 from pyburgers.cli.shared import EXIT_CHECK_FAILED
+from pyburgers.common.messages import PrintableStream, printable
 from pyburgers.page.tables import VERDICT_WORDS
 
 EXIT_NOT_DESCRIBED = 4
@@ -57,20 +59,22 @@ def print_checks(
         colour = COLOURS[verdict.outcome]
         heading = Text(f"\n{kind.value} ", "bold").append(verdict.outcome.value.upper(), colour)
         console.print(heading, soft_wrap=True)
-        console.print(verdict.sentence, soft_wrap=True)
+        console.print(printable(verdict.sentence), soft_wrap=True)
         for check in checks:
             if check.check.kind is kind:
                 word = Text(f"{VERDICT_WORDS[check.outcome]:<11}  ", COLOURS[check.outcome])
-                console.print(word.append(f"{check.name}: {check.sentence}", ""), soft_wrap=True)
+                console.print(
+                    word.append(printable(f"{check.name}: {check.sentence}"), ""), soft_wrap=True
+                )
     if conflicts:
         heading = Text("\nDo prior and data agree? ", "bold").append("NO", COLOURS[Outcome.NO])
         console.print(heading, soft_wrap=True)
         for conflict in conflicts:
-            console.print(conflict, soft_wrap=True)
+            console.print(printable(conflict), soft_wrap=True)
     if decisions:
         console.print(Text("\nNumbers that the data alone do not decide", "bold"), soft_wrap=True)
         for decision in decisions:
-            console.print(decision, soft_wrap=True)
+            console.print(printable(decision), soft_wrap=True)
     if answers[CheckKind.SAMPLING].outcome is not Outcome.YES:
         return EXIT_CHECK_FAILED
     asked = any(check.check.kind is CheckKind.DESCRIPTION for check in checks)
@@ -86,7 +90,8 @@ def print_lines(lines: Sequence[str]) -> None:
 
 def _console() -> Console:
     """Return the console of output, in colours if it is a terminal and NO_COLOR is not set."""
-    console = Console(highlight=False, markup=False, emoji=False)
+    stream = sys.stdout.bare if isinstance(sys.stdout, PrintableStream) else sys.stdout
+    console = Console(file=stream, highlight=False, markup=False, emoji=False)
     if not console.is_terminal:
         console.width = WIDTH
     return console
@@ -109,5 +114,5 @@ def _drawn(table: pd.DataFrame, keys: Sequence[str]) -> Table:
             no_wrap=name != FOLDED,
         )
     for row in table.itertuples(index=False):
-        drawn.add_row(*(Text(str(cell)) for cell in row))
+        drawn.add_row(*(Text(printable(str(cell))) for cell in row))
     return drawn

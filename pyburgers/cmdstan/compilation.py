@@ -13,14 +13,12 @@ import platform
 import re
 import shutil
 import tempfile
-from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import platformdirs
 
-from pyburgers.cmdstan.installation import ensure_cmdstan
 from pyburgers.cmdstan.toolchain import (
     MAKE_TAKES,
     THREAD_FLAGS,
@@ -35,13 +33,13 @@ from pyburgers.cmdstan.toolchain import (
     toolchain,
 )
 from pyburgers.common.atomic_files import (
-    process_lock,
     sha256_of_file,
     sha256_of_json,
     write_json,
 )
 from pyburgers.common.errors import InputError, ToolchainError
-from pyburgers.common.processes import cores
+from pyburgers.common.locks import process_lock
+from pyburgers.common.scratch import scratch_folder
 from pyburgers.common.toml_files import Table, read_json_table
 
 logger = logging.getLogger(__name__)
@@ -101,23 +99,6 @@ def shares_work(program: Path) -> bool:
     return any(SHARED_SUM in text for text in (sources.text, *sources.included.values()))
 
 
-def compile_program(program: Path, *, threads: bool = False) -> Path:
-    """Return the executable of a Stan program; compile it unless it is in the cache.
-
-    Only with `threads` can it run in several threads; without, it is a little faster. Raises
-    ToolchainError if CmdStan cannot be had, the program is wrong or the compiler fails; the message
-    ends with what stanc or the compiler said.
-    """
-    return _compile(program, ensure_cmdstan(), threads=threads)
-
-
-def compile_programs(programs: Sequence[Path]) -> tuple[Path, ...]:
-    """Return the executables of several programs, compiled in parallel; see `compile_program`."""
-    cmdstan = ensure_cmdstan()
-    with ThreadPoolExecutor(max_workers=cores()) as pool:
-        return tuple(pool.map(lambda program: _compile(program, cmdstan), programs))
-
-
 def _read_sources(program: Path, include_directory: Path) -> _Sources:
     text = _read(program)
     included: dict[str, str] = {}
@@ -166,7 +147,8 @@ def _recipe(sources: _Sources, tools: Toolchain) -> str:
     )
 
 
-def _compile(program: Path, cmdstan: Path, *, threads: bool = False) -> Path:
+def compile_with(cmdstan: Path, program: Path, *, threads: bool = False) -> Path:
+    """Return the executable of a Stan program, as `pyburgers.cmdstan.program.compile_program`."""
     sources = _read_sources(program, stan_directory())
     try:
         tools = toolchain(cmdstan, threads=threads)
@@ -181,9 +163,7 @@ def _compile(program: Path, cmdstan: Path, *, threads: bool = False) -> Path:
         return executable
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with process_lock(
-            folder / ".lock", f"Waiting for another process that is compiling {program.name}."
-        ):
+        with process_lock(folder / ".lock", f"Another process is compiling {program.name}"):
             if not _is_whole(executable):
                 _build(sources, tools, executable, threads=threads)
     except OSError as error:
@@ -247,12 +227,10 @@ def _build(sources: _Sources, tools: Toolchain, executable: Path, *, threads: bo
         f"Compiling {sources.name}, once (seconds for a small program, minutes for a large one)."
     )
     # Not in the cache folder, whose path may hold spaces, which make cannot handle.
-    with tempfile.TemporaryDirectory(
-        prefix="pyburgers-", dir=_folder_for_make(), ignore_cleanup_errors=True
-    ) as scratch:
-        program = Path(scratch) / sources.name
+    with scratch_folder(_folder_for_make()) as scratch:
+        program = scratch / sources.name
         for name, text in {**sources.included, sources.name: sources.text}.items():
-            path = Path(scratch) / name
+            path = scratch / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
         _translate(program, tools)

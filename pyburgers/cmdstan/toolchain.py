@@ -12,6 +12,8 @@ from pathlib import Path
 
 from pyburgers.common.errors import ToolchainError
 from pyburgers.common.paths import shipped_folder
+from pyburgers.common.processes import start
+from pyburgers.common.scratch import scratch_folder
 
 # Programs without threads are compiled with CmdStan's defaults (-O3, range checks on), which are
 # portable. With -march=native a gradient of PIL40 takes as long, and a home folder, with its cache,
@@ -207,19 +209,21 @@ def compile_flags(cmdstan: Path, *, threads: bool) -> tuple[str, ...]:
 def run_tool(
     command: Sequence[str | Path], *, cwd: Path, timeout_s: float | None = None
 ) -> subprocess.CompletedProcess[str]:
-    """Run a command to its end; all it prints, errors included, is in ``stdout``."""
-    return subprocess.run(
-        command,
-        cwd=cwd,
-        env={name: value for name, value in os.environ.items() if name not in _MAKE_VARIABLES},
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        encoding="utf-8",
-        errors="replace",
-        timeout=timeout_s,
-        check=False,
-    )
+    """Run a command to its end; all it prints, errors included, is in ``stdout``.
+
+    Its temporary files go with a scratch folder, and its processes with this one.
+    """
+    arguments = [*map(str, command)]
+    with scratch_folder() as scratch:
+        kept = {name: value for name, value in os.environ.items() if name not in _MAKE_VARIABLES}
+        environment = {**kept, "TMPDIR": str(scratch)}
+        console = scratch / "console.txt"
+        running = start(arguments, console, environment=environment, folder=cwd)
+        running.wait(timeout_s)
+        if timeout_s is not None and running.out_of_time:
+            raise subprocess.TimeoutExpired(arguments, timeout_s)
+        running.require_not_killed()
+        return subprocess.CompletedProcess(arguments, running.process.returncode, running.printed())
 
 
 def last_lines(text: str, count: int = 15) -> str:

@@ -1,21 +1,21 @@
-"""Files that several processes may use: written whole or not at all, locked, told by hashes."""
+"""Files that several processes may use: written whole or not at all, told by hashes."""
 
 import hashlib
 import json
-import logging
 import os
+import re
 import uuid
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import filelock
-
-logger = logging.getLogger(__name__)
-
 UNFINISHED = ".unfinished-"
 """Start of the name of a file that is being written; a killed process leaves it behind."""
+
+
+def is_unfinished(name: str) -> bool:
+    """Tell whether `write_atomically` gave a file this name, which a killed process left behind."""
+    return re.fullmatch(rf"{re.escape(UNFINISHED)}[0-9a-f]{{32}}(\.\w+)?", name) is not None
 
 
 def sha256_of_json(content: Any) -> str:
@@ -52,8 +52,7 @@ def flush_to_disk(path: Path) -> None:
 def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
     """Let `write` fill a temporary file beside `path`, then rename it over `path`.
 
-    The folder of `path` must exist. The temporary name keeps the suffix, which some writers look
-    at. Raise OSError, which names `path`, if the file cannot be written.
+    The temporary name keeps the suffix. Raise OSError, which names `path`, if it cannot be written.
     """
     temporary = path.with_name(f"{UNFINISHED}{uuid.uuid4().hex}{path.suffix}")
     try:
@@ -84,18 +83,3 @@ def json_text(content: Any) -> str:
 def write_json(path: Path, content: Any) -> None:
     """Write a JSON file atomically (`json_text`)."""
     write_text(path, json_text(content))
-
-
-@contextmanager
-def process_lock(path: Path, waiting: str) -> Iterator[None]:
-    """Hold a lock between processes and threads; say `waiting` if another one has it."""
-    lock = filelock.FileLock(path)
-    try:
-        lock.acquire(timeout=0)
-    except filelock.Timeout:
-        logger.info(waiting)
-        lock.acquire()
-    try:
-        yield
-    finally:
-        lock.release()

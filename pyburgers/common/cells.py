@@ -90,8 +90,7 @@ def number_in(text: str) -> float | None:
 def missing_numbers(cells: Sequence[str], stated: Sequence[str] | None = None) -> set[str]:
     """Return those cells of a column, as they are written, that stand for no reading.
 
-    Words do in a column of numbers, and numbers below all others by several times their range,
-    unless it is stated which cells do.
+    Unless it is stated: words, and numbers below all others by several times their range.
     """
     if stated is not None:
         return set(stated) & set(cells)
@@ -110,11 +109,7 @@ def missing_numbers(cells: Sequence[str], stated: Sequence[str] | None = None) -
 
 
 def names_between_blanks(line: str, n_columns: int) -> list[str]:
-    """Return the names in a line with white space between them.
-
-    A unit in brackets belongs to the name before it where there are as many columns only then:
-    ``Strain (%) Stress (MPa)`` are two names.
-    """
+    """Return the names in a line between blanks; units in brackets belong to names if that fits."""
     words = line.split()
     if len(words) == n_columns:
         return words
@@ -156,12 +151,10 @@ def has_date(cell: str) -> bool:
 
 
 def seconds_of(cells: Sequence[str]) -> tuple[list[float], bool] | None:
-    """Return the times of cells (s), each a time stamp or without one (NaN).
+    """Return the times of cells (s, NaN without stamp), and whether 12 AM was read as noon.
 
-    Dates with the day or the month first are read in the order in which times grow. A clock without
-    dates that passes midnight goes on. Some programs write noon as 12 AM: so it is read where times
-    grow only then. Return `times`: in s, from any origin. Return `is_noon_am`: whether 12 AM was
-    read as noon.
+    Dates are read in the order in which times grow, and a clock that passes midnight goes on. None
+    where they can be read in more than one way.
     """
     found = [_matched(cell) for cell in cells]
     stamps = [stamp for stamp in found if stamp is not None]

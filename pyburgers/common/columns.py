@@ -14,15 +14,15 @@ import numpy.typing as npt
 from pydantic import Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
+from pyburgers.common.array_types import BoolArray, FloatArray
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.cells import number_in
-from pyburgers.common.errors import InputError, all_of
+from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.text_tables import TextTable, look_at, table_of_columns
-from pyburgers.common.toml_files import Table, factor_to_si, unit_of
+from pyburgers.common.toml_files import Table, all_of, factor_to_si, unit_of
 from pyburgers.common.units import Unit, counted
 
-FloatArray = npt.NDArray[np.float64]
 Separator = Literal[",", ";", "tab", "whitespace"]
 
 SEPARATORS = {"tab": "\t", "whitespace": " "}
@@ -148,16 +148,11 @@ def read_columns(
 ) -> tuple[list[FloatArray], tuple[str, ...]]:
     """Read columns of a text file, of a workbook, or of a table in memory.
 
-    If a cell stands for no reading in a column that may not be empty, its row is left out with a
-    note. `path`: the TOML file. `key`: of `data`, which names the data file. `named_in`: the table
-    of the TOML file with that key. `columns`: keys of `data` that name the wanted columns, each
-    with the key that names its unit and the quantity (a key of `pyburgers.common.units.UNITS`), or
-    with None if it has no unit. Return `columns` (n_rows,): in the order asked for, in SI, finite
-    but for NaN in empty cells. Return `notes`: sentences about what was done to read them. Raise
-    InputError if a unit is not one of its quantity, the file is missing or has no data rows, its
-    rows do not go with its names, a column is missing, no row is one of those wanted, or a cell is
-    empty, not a number, not finite or larger than `MAX_SI_NUMBER`; the message names file, line and
-    column.
+    `key`, `named_in`: of `data`, which names the data file; the table of the TOML file with that
+        key. `columns`: keys of `data` that name the columns, each with the key of its unit and its
+        quantity, or None. A row without a reading in a column that may not be empty is left out
+        with a note. Return `columns` (n_rows,) in SI, finite but for NaN in empty cells, and
+        `notes`. Raise InputError, which names file, line and column, of anything else.
     """
     units, (found, notes) = all_of(
         lambda: all_of(*(partial(_unit, data, unit, path) for unit in columns.values())),
@@ -264,9 +259,7 @@ def _unit(data: TextFilesTable, unit: tuple[str, str] | None, where: Path) -> Un
     return unit_of(getattr(data, key), quantity, f"{where}: key {key!r} in [data]")
 
 
-def _selected(
-    table: TextTable, wanted: npt.NDArray[np.bool_], name: str, value: str, where: str
-) -> npt.NDArray[np.bool_]:
+def _selected(table: TextTable, wanted: BoolArray, name: str, value: str, where: str) -> BoolArray:
     """Return which rows hold `value` in the column `name`; one of those that are wanted has to."""
     if table.names is None:
         raise InputError(

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-FloatArray = npt.NDArray[np.float64]
+from pyburgers.common.array_types import FloatArray as FloatArray
 
 Number = TypeVar("Number", bound=np.number[Any])
 
@@ -20,8 +20,7 @@ BAND = 1.0 - 2.0 * TAIL
 def all_draws(values: xr.DataArray) -> FloatArray:
     """All draws of all chains along the first axis."""
     ordered = values.transpose("chain", "draw", ...).to_numpy()
-    flat: FloatArray = ordered.reshape(-1, *ordered.shape[2:])
-    return flat
+    return np.asarray(ordered.reshape(-1, *ordered.shape[2:]))
 
 
 def evenly_spaced(rows: npt.NDArray[Number], at_most: int) -> npt.NDArray[Number]:
@@ -36,5 +35,4 @@ def central_band(draws: FloatArray) -> FloatArray:
 
     Draws have shape (n, ...). NaN, which draws without solution have, does not count.
     """
-    ends: FloatArray = np.nanquantile(draws, [TAIL, 0.5, 1.0 - TAIL], axis=0)
-    return ends
+    return np.asarray(np.nanquantile(draws, [TAIL, 0.5, 1.0 - TAIL], axis=0))

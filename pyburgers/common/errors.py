@@ -1,8 +1,7 @@
 """Exceptions: one class for each exit code of the command line, and words for their sentences."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
-from typing import Any
 
 
 class PyburgersError(Exception):
@@ -58,22 +57,6 @@ class SamplingError(PyburgersError):
 
 class SystemFailureError(PyburgersError):
     """The system did not start a program, or ended it: says nothing about model and data."""
-
-
-def all_of(*steps: Callable[[], Any]) -> list[Any]:
-    """Take steps that do not need each other; return what they return.
-
-    Raise one InputError with what all of them say if steps raise it.
-    """
-    found, sentences = [], list[str]()
-    for step in steps:
-        try:
-            found.append(step())
-        except InputError as error:
-            sentences += error.sentences
-    if sentences:
-        raise InputError(*dict.fromkeys(sentences))
-    return found
 
 
 def nearest(name: object, valid: Iterable[str]) -> str:

@@ -1,6 +1,8 @@
 """Where messages about progress go: to the logger of the package, and from there where asked."""
 
+import io
 import logging
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,16 +13,65 @@ PACKAGE = "pyburgers"
 """The logger above those of all modules."""
 
 
-class NamedLines(logging.Formatter):
-    """Bare messages, with the name of who speaks before each line."""
+LONGEST_MESSAGE = 4000
+"""Letters of a message, which files of others may make as long as they are."""
 
-    def __init__(self, name: str) -> None:
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+"""Characters with which a text can move the cursor, hide itself or turn its order round."""
+
+
+def printable(text: str) -> str:
+    """Return a text whose control characters, but for tabs and ends of lines, are escaped."""
+    return _CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+
+
+def message_text(text: str) -> str:
+    """Return a message as it is printed: printable, and the middle cut out if it is too long."""
+    if len(text) > LONGEST_MESSAGE:
+        part = LONGEST_MESSAGE // 2
+        text = f"{text[:part]} [{len(text) - 2 * part} letters left out] {text[-part:]}"
+    return printable(text)
+
+
+class PrintableStream(io.TextIOBase):
+    """A stream of text that prints nothing but printable text; `bare` is the stream below."""
+
+    def __init__(self, bare: TextIO) -> None:
+        self.bare = bare
+
+    def write(self, text: str) -> int:
+        """Write a text."""
+        return self.bare.write(printable(text))
+
+    def flush(self) -> None:
+        """Flush the stream below."""
+        self.bare.flush()
+
+    def isatty(self) -> bool:
+        """Whether it is a terminal."""
+        return self.bare.isatty()
+
+    def fileno(self) -> int:
+        """Return the descriptor of the stream below."""
+        return self.bare.fileno()
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]
+        """The encoding of the stream below."""
+        return self.bare.encoding
+
+
+class Lines(logging.Formatter):
+    """Messages as they are printed, each line behind the name of who speaks, if there is one."""
+
+    def __init__(self, name: str | None) -> None:
         super().__init__()
-        self._name = name
+        self._start = "" if name is None else f"{name}: "
 
     def format(self, record: logging.LogRecord) -> str:
         """Return the lines of a message."""
-        return "\n".join(f"{self._name}: {line}" for line in super().format(record).splitlines())
+        lines = message_text(super().format(record)).splitlines()
+        return "\n".join(self._start + line for line in lines)
 
 
 def in_notebook() -> bool:
@@ -54,8 +105,7 @@ def messages_to(stream: TextIO, name: str | None = None) -> Iterator[None]:
     """Write the package's messages to a stream, one below the other, `name` before each line."""
     package = logging.getLogger(PACKAGE)
     handler = logging.StreamHandler(stream)
-    if name is not None:
-        handler.setFormatter(NamedLines(name))
+    handler.setFormatter(Lines(name))
     before = package.level
     package.addHandler(handler)
     package.setLevel(logging.INFO)

@@ -9,10 +9,8 @@ from pathlib import Path
 def given_path(path: str | Path) -> Path:
     """Return the absolute path that a user means: ``~`` at its start is the home folder.
 
-    Every path of a command line, and every argument that is a path, comes through here before it is
-    used. Some libraries take ``~`` as the home folder and others do not. An absolute path means one
-    place to all of them, also after the process has changed its folder. The home of a user who is
-    not known stays as it is.
+    Every path from a user comes through here: libraries differ about ``~``, and a process may
+    change its folder. The home of a user who is not known stays as it is.
     """
     return Path(os.path.expanduser(path)).absolute()  # noqa: PTH111 - pathlib's refuses unknown users
 

@@ -1,11 +1,19 @@
-"""Programs beside this process, which end when it does or is interrupted."""
+"""Programs beside this process, which end with all that they have started when it does.
 
+Every program has a process group of its own. A shell in the group waits for a pipe to end that this
+process alone keeps open. So the whole group is killed however this process ends.
+"""
+
+import errno
 import os
+import shutil
 import signal
 import subprocess
 import time
 from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import IO
 
@@ -19,6 +27,17 @@ FREE_MEMORY = (
 
 POLL_SECONDS = 0.03
 """Time between two looks at programs that run side by side."""
+
+
+GUARDED = 'exec 3<&0 </dev/null; (read -r _ <&3; kill -9 0) >/dev/null 2>&1 & exec "$@" 3<&-'
+"""Becomes a program in the shell, beside a guard that kills the group when standard input ends."""
+
+
+@cache
+def _life_line(process: int) -> int:
+    """Return the readable end of a pipe that ends with this process."""
+    readable, _ = os.pipe()
+    return readable
 
 
 def cores() -> int:
@@ -75,18 +94,22 @@ class Running:
         self.stop()
         return True
 
-    def wait(self) -> None:
-        """Wait for its end, and end it at an interrupt."""
+    def wait(self, limit: float | None = None) -> None:
+        """Wait for its end, and end it at an interrupt or at a time limit (s)."""
         try:
-            os.set_blocking(self._pipe.fileno(), True)
-            self._copy_printed()
-            self.process.wait()
+            if limit is None:
+                os.set_blocking(self._pipe.fileno(), True)
+                self._copy_printed()
+                self.process.wait()
+            while not self.has_ended(limit):
+                time.sleep(POLL_SECONDS)
         finally:
             self.stop()
 
     def stop(self) -> None:
-        """End the program, if it has not ended."""
-        self.process.kill()
+        """End the program, if it has not ended, its guard, and all that it has left running."""
+        with suppress(ProcessLookupError, PermissionError):  # nothing is left, nor may be reached
+            os.killpg(self.process.pid, signal.SIGKILL)
         self.process.wait()
         if not self._pipe.closed:
             self._copy_printed()
@@ -114,11 +137,15 @@ class Running:
 
 
 def start(
-    command: Sequence[str], console: Path, *, environment: Mapping[str, str] | None = None
+    command: Sequence[str],
+    console: Path,
+    *,
+    environment: Mapping[str, str] | None = None,
+    folder: Path | None = None,
 ) -> Running:
     """Start a program that reads nothing and whose console goes to a file.
 
-    It prints into a pipe, so that it ends when it next prints if this process was killed. Raises
+    Its environment is that of this process, or the given one; its working folder likewise. Raises
     InputError if a path among the arguments has a line break; SystemFailureError if the system does
     not start it.
     """
@@ -130,13 +157,17 @@ def start(
             )
     console.touch()
     try:
+        if shutil.which(command[0]) is None:
+            raise FileNotFoundError(errno.ENOENT, "no such program")
         process = subprocess.Popen(
-            command,
+            ["/bin/sh", "-c", GUARDED, "sh", *command],
             bufsize=0,
-            stdin=subprocess.DEVNULL,
+            stdin=_life_line(os.getpid()),
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
-            env={**os.environ, **(environment or {})},
+            env=environment,
+            cwd=folder,
+            process_group=0,
         )
     except OSError as error:
         raise SystemFailureError(
@@ -150,11 +181,10 @@ def start(
 def side_by_side(
     starting: Iterator[Running], *, at_once: int, limit: float | None = None
 ) -> Generator[tuple[list[Running], list[Running]], None, None]:
-    """Run programs side by side to their ends; stop all that run when the generator is closed.
+    """Run programs to their ends, `at_once` of them, each stopped after `limit` (s).
 
-    The next program starts when `starting` is asked for it, as soon as fewer than `at_once` run; it
-    is stopped after `limit` (s). Yields at every look the programs that ran at the look before, and
-    those of them that have ended since.
+    Yield at every look the programs that ran before, and those that have ended since. All stop when
+    the generator is closed.
     """
     running: list[Running] = []
     try:

@@ -85,13 +85,11 @@ def run_tasks(
     workers: Workers = ALL_HERE,
     out: Path,
 ) -> Generator[tuple[Key, Outcome], None, None]:
-    """Do all tasks, each a call of a function with its arguments in a process of its own.
+    """Do all tasks, each a call of a function of a module in a process of its own, in their order.
 
-    The function is one of a module; its arguments and outcome travel between processes. Tasks begin
-    in their order. Yields key and outcome of each when it ends. If a task raises, no further ones
-    begin, and those that run go on to their end. An interrupt ends them all, save those of an
-    executor that was given. Raises SystemFailureError, naming the folder `out` of the tasks, if the
-    system killed a process.
+    Yield key and outcome of each when it ends. If a task raises, no further ones begin, and those
+    that run go on to their end; an interrupt ends them, save those of an executor that was given.
+    Raise SystemFailureError, naming the folder `out`, if the system killed a process.
     """
     given, processes = workers.executor, workers.processes(len(tasks))
     call = work if given is None else partial(_elsewhere, work)
@@ -114,8 +112,8 @@ def run_tasks(
 def _elsewhere(work: Callable[..., Outcome], *arguments: object) -> Outcome:
     """Call a function on a worker of somebody else's executor.
 
-    For an executor of Dask, xarray would lock each file through the scheduler, which may have gone.
-    No lock is needed, because the folder of a task is its own.
+    xarray would lock each file through the scheduler of Dask, though the folder of a task is its
+    own.
     """
     dask = sys.modules.get("dask")
     with nullcontext() if dask is None else dask.config.set(scheduler="synchronous"):

@@ -31,12 +31,13 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.table_layout import (
     COMMENT,
     MAX_SMALL_TABLE_SHARE,
+    Sheet,
     cells_of,
     is_comment,
     layout_of,
+    read_sheets,
     separator_of,
 )
-from pyburgers.common.text_files import Sheet, read_sheets
 
 FROM_ZERO = re.compile(r"elaps|durat|since|run(?:ning)?.?time|test.?time", re.IGNORECASE)
 """What the name of a clock has that counts from the start of a test."""
@@ -46,16 +47,12 @@ FROM_ZERO = re.compile(r"elaps|durat|since|run(?:ning)?.?time|test.?time", re.IG
 class TextTable:
     """The table in a file.
 
-    `path`: the file.
-    `separator`: semicolon, tab or comma, or a blank for white space; a comma of a workbook.
-    `names`: names above the columns, where there are some.
-    `hidden_names`: names in the last line ahead of the rows that is a comment, as many as there are
-        columns.
-    `rows`: number of the line from 1, and cells as they stand in the file, of the rows of numbers.
+    `path`, `separator`: the file; what stands between cells: a comma of a workbook.
+    `names`, `hidden_names`: above the columns; or in the last comment line ahead of the rows.
+    `rows`: number of the line from 1, and cells as they stand in the file.
     `units`: cells of a row of units under the names.
     `missing`: cells that are said to stand for no reading; None where they are to be found.
-    `layout_notes`: sentences about what was done to find the table.
-    `problems`: sentences about what keeps the rows from being read.
+    `layout_notes`, `problems`: what was done to find the table; what keeps rows from being read.
     `is_in_memory`: whether the columns were arrays; rows are then numbered from 1.
     """
 
@@ -126,8 +123,7 @@ class TextTable:
     def cleaned(self, index: int) -> list[str]:
         """Return the cells of a column in the form of numbers; those that hold none as they are.
 
-        Time stamps become seconds, decimal commas points, and what stands for no reading is empty.
-        Cells that a row lacks are empty.
+        Time stamps become seconds, decimal commas points; no reading, and no cell, is empty.
         """
         if index in self._stamps:
             return self._stamps[index][0]
@@ -235,10 +231,7 @@ class TextTable:
 def table_of_columns(
     path: Path, columns: Mapping[str, ArrayLike], missing: Sequence[str] | None = None
 ) -> TextTable:
-    """Return a table whose columns are arrays of numbers, texts or times; NaN is no reading.
-
-    `path`: what messages name. Raise InputError if a column is no list, or lengths differ.
-    """
+    """Return a table whose columns are arrays of numbers, texts or times; NaN is no reading."""
     cells = {name: _cells_in(path, name, values) for name, values in columns.items()}
     lengths = {name: len(own) for name, own in cells.items()}
     if len(set(lengths.values())) > 1:
@@ -277,10 +270,7 @@ def look_at(
     missing: Sequence[str] | None = None,
     where: str | None = None,
 ) -> TextTable:
-    """Find the table in a file.
-
-    Raise InputError if it cannot be read at all.
-    """
+    """Find the table in a file; raise InputError if it cannot be read at all."""
     sheets, encoding = read_sheets(path, where)
     tables = [_table_in(path, sheet, separator, header, missing) for sheet in sheets]
     if not tables:

@@ -8,7 +8,7 @@ import json
 import re
 import shlex
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
@@ -22,6 +22,22 @@ from pyburgers.common.errors import InputError, StructureError, nearest
 from pyburgers.common.units import UNIT_TABLE, UNITS, Unit
 
 
+def all_of(*steps: Callable[[], Any]) -> list[Any]:
+    """Take steps that do not need each other; return what they return.
+
+    Raise one InputError with what all of them say if steps raise it.
+    """
+    found, sentences = [], list[str]()
+    for step in steps:
+        try:
+            found.append(step())
+        except InputError as error:
+            sentences += error.sentences
+    if sentences:
+        raise InputError(*dict.fromkeys(sentences))
+    return found
+
+
 class Table(BaseModel):
     """A TOML table whose unknown keys, wrong types and non-finite numbers are errors."""
 
@@ -29,27 +45,31 @@ class Table(BaseModel):
 
 
 T = TypeVar("T")
+
+
 TableT = TypeVar("TableT", bound=Table)
+
 
 NAME = r"^[A-Za-z0-9_][A-Za-z0-9._-]{0,99}$"
 """What a name has to look like that becomes a part of names of files."""
 
+
 DEEPEST = 100
 """Parts of a dotted key. Time to read one goes with the square of their number."""
+
 
 UNKNOWN = "extra_forbidden"
 """Kind of error of pydantic's for a key that a table does not know."""
 
+
 _PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+"""
+
+
 _DEEP_KEY = re.compile(rf"(?<![\w-])(?:{_PART}){{{DEEPEST}}}")
 
 
 def read_bytes(path: Path, where: str | None = None) -> bytes:
-    """Return the bytes of an input file.
-
-    Raise InputError if the file is missing or unreadable. In the message, `where` is the file and
-    key that name `path`.
-    """
+    """Return the bytes of an input file; `where` is the file and key that name it."""
     prefix = f"{where}: " if where else ""
     try:
         if path.exists() and not (path.is_file() or path.is_dir()):
@@ -66,10 +86,7 @@ def read_bytes(path: Path, where: str | None = None) -> bytes:
 
 
 def read_text(path: Path) -> str:
-    """Return the text of an input file: UTF-8 with or without byte order mark.
-
-    Raise InputError if the file is missing, unreadable or not text.
-    """
+    """Return the text of an input file: UTF-8 with or without byte order mark."""
     try:
         return read_bytes(path).decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError:
@@ -79,19 +96,14 @@ def read_text(path: Path) -> str:
 def read_toml(
     path: Path, structure: type[TableT], tables: Mapping[str, Any] | None = None
 ) -> TableT:
-    """Read a TOML file, or its tables in memory, into `structure`.
-
-    Raise InputError if the file cannot be read, is not TOML, or does not have the structure. The
-    error has a sentence for each key at fault, unknown keys before all others.
-    """
+    """Read a TOML file, or its tables in memory, into `structure` (`checked`)."""
     return checked(path, read_tables(path) if tables is None else tables, structure)
 
 
 def read_tables(path: Path) -> dict[str, Any]:
     """Read a TOML file, whatever it holds.
 
-    Raise InputError if the file cannot be read or is not TOML. If the file has another ending, the
-    message says which command writes an experiment file for its readings.
+    Of a file with another ending the InputError names the command that describes readings.
     """
     try:
         return _tables(path)
@@ -116,11 +128,7 @@ def _tables(path: Path) -> dict[str, Any]:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Read a JSON object from a file.
-
-    Raise InputError if the file cannot be read, is not JSON, or holds something else than an
-    object.
-    """
+    """Read a JSON object from a file."""
     text = read_text(path)
     try:
         content = json.loads(text)
@@ -132,10 +140,7 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def read_json_table(path: Path, structure: type[TableT]) -> TableT:
-    """Read a JSON object from a file into `structure`.
-
-    Raise InputError as `read_json` does, or if the object does not have the structure.
-    """
+    """Read a JSON object from a file into `structure`."""
     return checked(path, read_json(path), structure)
 
 

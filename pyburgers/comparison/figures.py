@@ -17,7 +17,7 @@ from pyburgers.comparison.results import (
     LeaveOneOut,
     has_several_tests,
 )
-from pyburgers.drawing.panels import figure_of
+from pyburgers.drawing.panels import draw_dots, figure_of
 from pyburgers.drawing.style import (
     BLACK,
     BLUE,
@@ -126,17 +126,9 @@ def _draw_differences(
 ) -> None:
     """Draw what one fit loses to the best at the points of a test, and mark doubtful points."""
     difference = result.elpd - best.elpd
-    axes.plot(
-        along[here],
-        difference[here],
-        linestyle="none",
-        marker=MARKERS[number % len(MARKERS)],
-        markersize=4,
-        markeredgewidth=0,
-        alpha=0.8,
-        color=FIT_COLOURS[number % len(FIT_COLOURS)],
-        label=label,
-    )
+    colour, marker = FIT_COLOURS[number % len(FIT_COLOURS)], MARKERS[number % len(MARKERS)]
+    shown = along[here], difference[here]
+    draw_dots(axes, *shown, colour=colour, face=colour, size=3.5, marker=marker, label=label)
     exact = here & (result.exact | best.exact)
     axes.plot(along[exact], difference[exact], linestyle="none", **REFITTED)
     doubtful = here & (result.unreliable | best.unreliable)
@@ -157,14 +149,16 @@ def left_out_tests(comparison: ComparisonByTest) -> Figure:
     with figure_of(6.8, 1.8 + 0.45 * lines.size) as figure:
         axes = figure.subplots()
         for k, (label, (value, error)) in enumerate(shown.items()):
-            axes.errorbar(
+            colour = FIT_COLOURS[k % len(FIT_COLOURS)]
+            draw_dots(
+                axes,
                 value,
                 lines + TEST_SHIFT * (k - (len(shown) - 1) / 2),
                 xerr=error,
-                linestyle="none",
+                colour=colour,
+                face=colour,
+                size=5.0,
                 marker=MARKERS[k % len(MARKERS)],
-                markersize=5,
-                color=FIT_COLOURS[k % len(FIT_COLOURS)],
                 label=label,
             )
         if others:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import pandas as pd
 from markupsafe import Markup
@@ -11,23 +12,35 @@ from pyburgers.kinds.kind import FittedTest
 
 
 @dataclass(frozen=True)
-class FigureText:
-    """What a page says about a figure.
+class PageFigure:
+    """A figure.
 
-    `name`: part of file names.
-    `title`: heading.
-    `caption`: what is shown and how to read it, one paragraph.
+    Attributes
+    ----------
+    name : str
+        Part of file names.
+    title : str
+        Heading.
+    caption : str
+        What is shown and how to read it, one paragraph.
+    draw : callable
+        Draws it.
+    result : str
+        Its content in a sentence, for readers who cannot see it; by default its title.
     """
 
     name: str
     title: str
     caption: str
+    draw: Callable[[], Figure]
+    result: str = ""
 
 
 @dataclass(frozen=True)
-class FigureRecipe(FigureText):
+class FigureRecipe:
     """A figure of the fits of a kind.
 
+    `caption`: what is shown and how to read it, one paragraph, or what returns it for a fit.
     `draw`: draws it for a fit.
     `result`: says in a sentence what it shows of a fit, for those who cannot see it.
     `suits`: whether a fit has anything to show; by default every one has.
@@ -35,6 +48,9 @@ class FigureRecipe(FigureText):
         asked for.
     """
 
+    name: str
+    title: str
+    caption: str | Callable[[FittedTest], str]
     draw: Callable[[FittedTest], Figure]
     result: Callable[[FittedTest], str]
     suits: Callable[[FittedTest], bool] = lambda _: True
@@ -44,11 +60,16 @@ class FigureRecipe(FigureText):
         """Draw the figure."""
         return self.draw(fit)
 
+    def of(self, fit: FittedTest) -> PageFigure:
+        """Return the figure of a fit."""
+        caption = self.caption if isinstance(self.caption, str) else self.caption(fit)
+        return PageFigure(self.name, self.title, caption, partial(self.draw, fit), self.result(fit))
+
 
 def recipe(
     name: str,
     title: str,
-    caption: str,
+    caption: str | Callable[[FittedTest], str],
     result: Callable[[FittedTest], str],
     *,
     suits: Callable[[FittedTest], bool] = lambda _: True,
@@ -56,22 +77,6 @@ def recipe(
 ) -> Callable[[Callable[[FittedTest], Figure]], FigureRecipe]:
     """Make a `FigureRecipe` of the function below, which draws the figure of a fit."""
     return lambda draw: FigureRecipe(name, title, caption, draw, result, suits, on_every_page)
-
-
-@dataclass(frozen=True)
-class PageFigure(FigureText):
-    """A figure that is not about one fit alone.
-
-    Attributes
-    ----------
-    draw : callable
-        Draws it.
-    result : str
-        Its content in a sentence, for readers who cannot see it; by default its title.
-    """
-
-    draw: Callable[[], Figure]
-    result: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ Everything is in display units already; draws are along the first axis.
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -99,15 +99,8 @@ def draw_residuals(axes: Axes, curve: FittedCurve) -> None:
     band = curve.noise_band
     axes.axhspan(-band, band, color=GREY, alpha=0.5, linewidth=0, label="90 % band of the noise")
     axes.axhline(0.0, color=BLUE, linewidth=1.0)
-    axes.plot(
-        curve.position,
-        curve.residuals,
-        linestyle="none",
-        marker="o",
-        markersize=3.5,
-        color=BLACK,
-        label=f"data minus {MEDIAN_LABEL}",
-    )
+    label = f"data minus {MEDIAN_LABEL}"
+    axes.plot(curve.position, curve.residuals, "o", markersize=3.5, color=BLACK, label=label)
     axes.yaxis.set_major_locator(few_ticks(5))
     axes.set(xlabel=curve.position_label, ylabel=curve.residual_label)
 
@@ -172,24 +165,42 @@ def _draw_mark(axes: Axes, position: float) -> None:
     axes.axvline(position, color=BLACK, linestyle=":", linewidth=0.9)
 
 
+def draw_dots(
+    axes: Axes,
+    x: FloatArray,
+    y: FloatArray,
+    *,
+    xerr: FloatArray | Sequence[FloatArray] | None = None,
+    yerr: FloatArray | Sequence[FloatArray] | None = None,
+    colour: str = BLACK,
+    face: str = "white",
+    size: float = 4.0,
+    marker: str = "o",
+    label: str = "",
+    **style_of_bars: Any,
+) -> None:
+    """Draw dots with a coloured edge, and bars either way where they are given."""
+    axes.errorbar(
+        x,
+        y,
+        xerr=xerr,
+        yerr=yerr,
+        **{"elinewidth": 0.8, "ecolor": colour, **style_of_bars},
+        linestyle="none",
+        marker=marker,
+        markersize=size,
+        markerfacecolor=face,
+        markeredgecolor=colour,
+        markeredgewidth=0.8,
+        label=label or None,
+    )
+
+
 def draw_data(
     axes: Axes, position: FloatArray, data: FloatArray, error: FloatArray | None, label: str
 ) -> None:
     """Draw readings as circles, with one standard deviation either way where it is given."""
-    axes.errorbar(
-        position,
-        data,
-        yerr=error,
-        linestyle="none",
-        marker="o",
-        markersize=4,
-        markerfacecolor="white",
-        markeredgecolor=BLACK,
-        markeredgewidth=0.8,
-        ecolor="#777777",
-        elinewidth=0.8,
-        label=label,
-    )
+    draw_dots(axes, position, data, yerr=error, ecolor="#777777", label=label)
 
 
 def draw_retrodictions(axes: Axes, grid: FloatArray, solutions: FloatArray) -> None:
@@ -238,21 +249,6 @@ def draw_band_panel(
     axes.set_title(heading, loc="left")
     axes.set_ylabel(label)
     axes.legend(loc="best")
-
-
-def draw_open_dots(
-    axes: Axes, x: FloatArray, y: FloatArray, colour: str, *, size: float, marker: str = "o"
-) -> None:
-    """Draw white dots with a coloured edge."""
-    axes.plot(
-        x,
-        y,
-        linestyle="none",
-        marker=marker,
-        markersize=size,
-        markerfacecolor="white",
-        markeredgecolor=colour,
-    )
 
 
 def legend_above(figure: Figure, panels: Sequence[Axes]) -> None:

@@ -1,6 +1,8 @@
 """What all figures share: colours, letters, rendering; no state of matplotlib is changed."""
 
+import html
 import io
+import json
 import math
 import re
 from collections.abc import Iterator
@@ -15,7 +17,12 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
 from pyburgers.common.atomic_files import write_bytes, write_text
-from pyburgers.drawing.figure_data import figure_data
+from pyburgers.drawing.figure_data import (
+    SERIES_ID,
+    figure_data,
+    name_series,
+    panel_scales,
+)
 
 # The palette of Okabe and Ito (2008), which readers with any colour vision can tell apart.
 BLACK, GREY = "#000000", "#b8b8b8"
@@ -27,17 +34,17 @@ MARKERS = ("o", "s", "^", "D", "v")
 
 PNG_DOTS_PER_INCH = 100
 
-SVG_DOTS_PER_INCH = 50
+SVG_DOTS_PER_INCH = 72
 """Of what lies as one picture in vector files: thousands of curves or dots."""
-
-PAGE_DOTS_PER_INCH = 72
-"""Of the same in the figures of a page, which are enlarged to be read."""
 
 ROUNDING = 1e-6
 """Part of a dot that is none."""
 
 _TAG, _DECIMALS = re.compile(rb"<[^>]*>"), re.compile(rb"(\.\d\d)\d+")
 """Tags of a vector file, and decimals beyond a hundredth of a point in their coordinates."""
+
+_SERIES = re.compile(rf' id="{SERIES_ID}:(\d+):([^"]*)"'.encode())
+"""What `name_series` makes of the id of an element."""
 
 
 def style() -> AbstractContextManager[None]:
@@ -63,9 +70,8 @@ def style() -> AbstractContextManager[None]:
     )
 
 
-ImageFormat: TypeAlias = Literal["png", "svg", "page"]
-"""What a figure becomes: two kinds of files, and a part of a page, whose letters are paths, which
-look alike on every machine."""
+ImageFormat: TypeAlias = Literal["png", "svg"]
+"""What a figure becomes."""
 
 
 def image(figure: Figure, kind: ImageFormat) -> bytes:
@@ -82,15 +88,13 @@ def image(figure: Figure, kind: ImageFormat) -> bytes:
             figure.set_layout_engine(None)
         buffer = io.BytesIO()
         if kind == "svg":
+            name_series(figure)
             with _whole_dots(figure, SVG_DOTS_PER_INCH):
                 figure.savefig(buffer, format="svg", dpi=SVG_DOTS_PER_INCH, metadata={"Date": None})
-            return _TAG.sub(lambda tag: _DECIMALS.sub(rb"\1", tag[0]), buffer.getvalue())
-        if kind == "page":
-            with rc_context({"svg.fonttype": "path"}), _whole_dots(figure, PAGE_DOTS_PER_INCH):
-                figure.savefig(
-                    buffer, format="svg", dpi=PAGE_DOTS_PER_INCH, metadata={"Date": None}
-                )
-            return buffer.getvalue()
+            picture = _TAG.sub(lambda tag: _DECIMALS.sub(rb"\1", tag[0]), buffer.getvalue())
+            panels = html.escape(json.dumps(panel_scales(figure)))
+            picture = picture.replace(b"<svg ", f'<svg data-panels="{panels}" '.encode(), 1)
+            return _SERIES.sub(rb' data-panel="\1" data-series="\2"', picture)
         figure.savefig(buffer, format="png", dpi=PNG_DOTS_PER_INCH)
     return buffer.getvalue()
 
@@ -105,23 +109,24 @@ def _whole_dots(figure: Figure, dots_per_inch: int) -> Iterator[None]:
     figure.set_size_inches(width, height)
 
 
-def write_images(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG and, beside it, as SVG."""
-    kinds: tuple[ImageFormat, ...] = ("png", "svg")
-    for kind in kinds:
-        write_bytes(path.with_suffix(f".{kind}"), image(figure, kind))
+def write_images(figure: Figure, path: Path) -> str:
+    """Write a figure as PNG and, beside it, as SVG, which is returned."""
+    vector = image(figure, "svg")
+    write_bytes(path.with_suffix(".png"), image(figure, "png"))
+    write_bytes(path.with_suffix(".svg"), vector)
+    return vector.decode("utf-8")
 
 
 def write_page_images(figure: Figure, path: Path) -> str:
-    """Write a figure as PNG and SVG with its data as CSV, and return its part of a page.
+    """Write a figure as PNG and SVG with its data as CSV, and return the SVG.
 
-    `inline_svg` completes that part. A figure without `figure_data` has no CSV.
+    `inline_svg` makes a part of a page of it. A figure without `figure_data` has no CSV.
     """
-    write_images(figure, path)
+    vector = write_images(figure, path)
     data = figure_data(figure)
     if len(data):
         write_text(path.with_suffix(".csv"), data.to_csv(index=False, float_format="%.7g"))
-    return image(figure, "page").decode("utf-8")
+    return vector
 
 
 def few_ticks(intervals: int) -> MaxNLocator:

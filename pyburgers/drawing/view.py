@@ -53,3 +53,10 @@ def views() -> Mapping[str, View]:
 def view_of(experiment: Experiment) -> View:
     """Return the view of a test's kind."""
     return views()[experiment.protocol]
+
+
+def marks_text(fits: Sequence[FittedTest]) -> str:
+    """Return what a caption says of dotted vertical lines, nothing if the fits have none."""
+    if not any(view_of(fit.experiment).read(fit.experiment).marks for fit in fits):
+        return ""
+    return "Dotted vertical lines mark where the imposed load or rate changes. "

@@ -50,6 +50,7 @@ class _SamplerTable(Table):
     adapt_delta: float | None = None
     max_treedepth: int = DEFAULTS.max_treedepth
     coordinates: str = DEFAULTS.coordinates
+    max_minutes: float | None = None
     chain_timeout: float | None = None
     threads_per_chain: int = DEFAULTS.threads_per_chain
 

@@ -1,7 +1,7 @@
 """Fit one or several tests, and what a finished fit says of each."""
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
@@ -25,10 +25,10 @@ from pyburgers.fitting.sampled_fit import (
     SampledFit,
     data_words,
     in_passing,
-    put_aside_where_few_diverged,
+    sample_until_good,
     write_tables,
 )
-from pyburgers.kinds.doubts import doubts
+from pyburgers.kinds.conditions import doubts
 from pyburgers.kinds.experiment import Experiment, Provenance
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import Problem, one_test, problem_of
@@ -407,37 +407,38 @@ def fit_problem(
     if more_draws is not None:
         require_extendable(run, more_draws, overwrite=overwrite)
 
-    def sample() -> Fit:
-        nonlocal more_draws
-        run_chains(
-            problem,
-            run.path,
-            options=options or SamplerOptions(),
-            solver=solver or problem.likelihood.solver,
-            use_likelihood=use_likelihood,
-            command=command,
-            more_draws=more_draws,
-            overwrite=overwrite,
-        )
-        more_draws = None  # chains that are run again get the same number
-        return Fit.load(run.path)
+    options = options or SamplerOptions()
+    asked = more_draws
 
-    result = _sample_until_good(sample, run)
+    def sample(more: int | None) -> Fit:
+        nonlocal asked
+        while True:
+            run_chains(
+                problem,
+                run.path,
+                options=options,
+                solver=solver or problem.likelihood.solver,
+                use_likelihood=use_likelihood,
+                command=command,
+                more_draws=more or asked,
+                overwrite=overwrite,
+            )
+            more = asked = None  # chains that are run again get the same number
+            result = Fit.load(run.path)
+            if not _solved_again_with_a_tighter_tolerance(result):
+                return result
+
+    result = sample_until_good(sample, options)
     write_tables(result)
     return replace(result, manifest=run.read_manifest())
 
 
-def _sample_until_good(sample: Callable[[], Fit], run: RunDirectory) -> Fit:
-    """Sample, and again where the solver's check fails or a few trajectories diverge.
-
-    `sample` runs missing chains of the run directory and loads the fit.
-    """
-    while True:
-        result = sample()
-        solver = check_solver(result.checked_draws)
-        loose = solver.outcome is Outcome.NO and not result.missing_chains()
-        if loose and len(result.manifest["refits"]) < MAX_REFITS:
-            tight = tighten_solver(run, float(solver.table["pareto_k"].iloc[0]))
-            logger.info(f"{solver.sentence} Sampling all chains again at a tolerance of {tight:g}.")
-        elif not put_aside_where_few_diverged(result):
-            return result
+def _solved_again_with_a_tighter_tolerance(result: Fit) -> bool:
+    """Put all chains aside if the tolerance of the solver was too loose, and tell whether."""
+    solver = check_solver(result.checked_draws)
+    loose = solver.outcome is Outcome.NO and not result.missing_chains()
+    if not loose or len(result.manifest["refits"]) == MAX_REFITS:
+        return False
+    tight = tighten_solver(result.directory, float(solver.table["pareto_k"].iloc[0]))
+    logger.info(f"{solver.sentence} Sampling all chains again at a tolerance of {tight:g}.")
+    return True

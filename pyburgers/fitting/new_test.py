@@ -9,10 +9,10 @@ import xarray as xr
 
 from pyburgers.common.draws import FloatArray, all_draws, evenly_spaced
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.coordinates import CENTRE, SPREAD
-from pyburgers.kinds.experiment import Experiment, UncertainCondition, stated_priors
+from pyburgers.kinds.experiment import Experiment, UncertainCondition
 from pyburgers.kinds.kind import FittedTest
-from pyburgers.kinds.problem import Problem
+from pyburgers.kinds.problem import Problem, stated_priors
+from pyburgers.kinds.stan_data import CENTRE, SPREAD
 from pyburgers.model.display import unit_text
 from pyburgers.model.parameters import (
     CONDITIONS,

@@ -7,12 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pyburgers.checks.fit_checks import (
-    Outcome,
-    check_effective_sample_size,
-    check_rhat,
-    run_checks,
-)
 from pyburgers.common.errors import PyburgersError
 from pyburgers.common.messages import messages_to
 from pyburgers.common.processes import cores
@@ -43,16 +37,12 @@ class Task:
         None takes that of the protocol.
     remark : str
         Text behind the command in the run's manifest.
-    extensions : int
-        How often chains that do not agree yet, or left few independent draws, go on for as many
-        draws again.
     """
 
     problem: Problem
     options: SamplerOptions
     solver: SolverOptions | None = None
     remark: str = ""
-    extensions: int = 0
 
 
 def task_of(
@@ -186,32 +176,15 @@ def _do(name: str, task: Task, out: Path, command: str, keep_going: bool) -> Pyb
     """Do a fit, in a process of its own; its folder holds all that comes of it."""
     with messages_to(sys.stderr, name):
         try:
-            _fit(task, out, f"{command} {task.remark}".rstrip())
+            fit_problem(
+                task.problem,
+                out=out,
+                options=task.options,
+                solver=task.solver,
+                command=f"{command} {task.remark}".rstrip(),
+            )
         except PyburgersError as error:
             if not keep_going:
                 raise
             return error
     return None
-
-
-def _fit(task: Task, out: Path, command: str) -> None:
-    """Do a fit, and let its chains go on where more draws are what it lacks."""
-    more_draws = None
-    while True:
-        result = fit_problem(
-            task.problem,
-            out=out,
-            options=task.options,
-            solver=task.solver,
-            command=command,
-            more_draws=more_draws,
-        )
-        lacking = [
-            one.sentence
-            for one in run_checks(result.checked_draws, (check_rhat, check_effective_sample_size))
-            if one.outcome is Outcome.NO
-        ]
-        if not lacking or len(result.manifest.get("more_draws", ())) >= task.extensions:
-            return
-        more_draws = task.options.draws
-        logger.info(f"{lacking[0]} So all chains go on for {more_draws} draws more.")

@@ -10,7 +10,6 @@ from functools import lru_cache, partial
 from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from pyburgers.checks.discrepancies import (
@@ -39,19 +38,77 @@ from pyburgers.checks.residual_numbers import (
     segment_parts,
     straight_line,
 )
+from pyburgers.common.array_types import IntArray
 from pyburgers.common.draws import TAIL, FloatArray
 from pyburgers.common.units import number
+from pyburgers.flow_law_tables.inputs import (
+    PeakStressData,
+)
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
 
+GROUP_TEMPERATURES = 2.0
+"""Widest gap (K) between sorted temperatures of tests that are drawn together."""
+
+
+GRID_STRESSES = 30
+"""Stresses at which each group's flow law is drawn."""
+
+
+GRID_MARGIN = 1.3
+"""Factor by which the drawn stresses reach beyond those of a group."""
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Tests at one grain size (m) and about one temperature (harmonic mean, K) on one line.
+
+    `points` (n,): positions in the table; `stress` (GRID_STRESSES,): Pa of the drawn line.
+    """
+
+    points: IntArray
+    temperature: float
+    grain_size: float
+    stress: FloatArray
+
+
+def groups(data: PeakStressData) -> tuple[Group, ...]:
+    """Split a table by grain size, and at gaps of temperature wider than `GROUP_TEMPERATURES`."""
+    found = []
+    for grain_size in np.unique(data.grain_size):
+        alike = np.flatnonzero(data.grain_size == grain_size)
+        ordered = alike[np.argsort(data.temperature[alike], kind="stable")]
+        gaps = np.flatnonzero(np.diff(data.temperature[ordered]) > GROUP_TEMPERATURES) + 1
+        for points in np.split(ordered, gaps):
+            stress = data.stress[points]
+            found.append(
+                Group(
+                    points=points,
+                    temperature=float(1 / np.mean(1 / data.temperature[points])),
+                    grain_size=float(grain_size),
+                    stress=np.geomspace(
+                        stress.min() / GRID_MARGIN, stress.max() * GRID_MARGIN, GRID_STRESSES
+                    ),
+                )
+            )
+    return tuple(found)
+
+
 Row: TypeAlias = "pd.Series[Any]"
+
+
 DESCRIPTION = CheckKind.DESCRIPTION
+
 
 LOG_STRESS = "log_stress"
 """ln(peak stress/Pa) in the groups of draws."""
 
+
 BEND = "bend along the rate"
 
+
 NARROW = "the widths that are handed on are then too narrow"
+
+
 ONE_LAW = "see whether another mechanism rules there, and fit its tests as a table of their own"
 
 
@@ -66,7 +123,7 @@ class TableLeftover:
     residual: FloatArray
     weight: FloatArray
     log_rate: FloatArray
-    group: npt.NDArray[np.int64]
+    group: IntArray
     conditions: pd.DataFrame
     judged: Judged
 
@@ -238,7 +295,7 @@ def _per_cent(row: Row) -> str:
 
 
 def _numbers(
-    residuals: FloatArray, *, log_rate: FloatArray, group: npt.NDArray[np.int64]
+    residuals: FloatArray, *, log_rate: FloatArray, group: IntArray
 ) -> dict[str, FloatArray]:
     """Discrepancies that residuals alone say, each of shape (draws,)."""
     trend, spread = segment_parts(residuals, group, log_rate)
@@ -256,5 +313,4 @@ def _bend(log_rate: FloatArray) -> FloatArray:
     x = log_rate - log_rate.mean()
     line = np.column_stack([np.ones_like(x), x])
     parabola = x**2 - line @ np.linalg.lstsq(line, x**2)[0]
-    shape: FloatArray = parabola / np.linalg.norm(parabola)
-    return shape
+    return np.asarray(parabola / np.linalg.norm(parabola))

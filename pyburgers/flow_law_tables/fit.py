@@ -26,11 +26,10 @@ from pyburgers.common.paths import given_path
 from pyburgers.fitting.sampled_fit import (
     SampledFit,
     data_words,
-    put_aside_where_few_diverged,
+    sample_until_good,
     write_tables,
 )
-from pyburgers.flow_law_tables.description import LOG_STRESS, TABLE_CHECKS
-from pyburgers.flow_law_tables.groups import GRID_STRESSES, groups
+from pyburgers.flow_law_tables.description import GRID_STRESSES, LOG_STRESS, TABLE_CHECKS, groups
 from pyburgers.flow_law_tables.inputs import (
     FLOW_LAW_PARAMETERS,
     SI_UNITS,
@@ -41,11 +40,10 @@ from pyburgers.flow_law_tables.inputs import (
     save_peak_stress,
 )
 from pyburgers.flow_law_tables.softening import N_SOFTENING, SofteningPrior, softening_prior
-from pyburgers.kinds.coordinates import REFERENCE_FLOW_RATE, PlainCoordinates
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.kinds.problem import coordinates_through
 from pyburgers.kinds.program_data import prior_block
-from pyburgers.kinds.stan_data import StanData
+from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE, PlainCoordinates, StanData
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, PRIOR_QUANTITIES, FlowLawPrior
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.priors import PriorSet, default_priors, note_other_material, save_priors
@@ -286,7 +284,7 @@ def fit_peak_stress(
     model = load_program(stan_directory() / "peak_stress.stan")
     identity = fingerprint(stan_data, options, model.recipe)
 
-    def sample() -> PeakStressFit:
+    def sample(more_draws: int | None) -> PeakStressFit:
         with run.claimed(identity):
             save_peak_stress(data, run.inputs)
             save_priors(priors, run.priors_file, FLOW_LAW_PARAMETERS)
@@ -303,13 +301,15 @@ def fit_peak_stress(
                 )
             )
             complete_chains(
-                model, run, options, lambda chain: _draw_start(data, priors, options.seed, chain)
+                model,
+                run,
+                options,
+                lambda chain: _draw_start(data, priors, options.seed, chain),
+                more_draws=more_draws,
             )
         return PeakStressFit.load(run.path)
 
-    result = sample()
-    while put_aside_where_few_diverged(result):
-        result = sample()
+    result = sample_until_good(sample, options)
     if not any(priors[p.name].is_fixed for p in FLOW_LAW_PARAMETERS):
         flow_law_prior(result).save(run.path / FLOW_LAW_PRIOR_FILE)
         run.note_hash(run.path / FLOW_LAW_PRIOR_FILE)

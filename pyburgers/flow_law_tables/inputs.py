@@ -18,10 +18,15 @@ from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import NAME, Table, checked, read_tables, read_toml, write_toml
-from pyburgers.kinds.doubts import unlikely_stress
-from pyburgers.kinds.experiment import Experiment, Provenance
+from pyburgers.kinds.conditions import unlikely_stress
+from pyburgers.kinds.experiment import (
+    TEMPERATURES,
+    Experiment,
+    Provenance,
+    impossible_conditions,
+    refuse_impossible,
+)
 from pyburgers.kinds.experiment_file import ProvenanceTable
-from pyburgers.kinds.limits import TEMPERATURES, impossible_conditions, refuse_impossible
 from pyburgers.model.flow_law_prior import Conditions
 from pyburgers.model.parameters import PARAMETER_BY_NAME, STRESS_SCATTER, Parameter
 from pyburgers.model.peak_test import PeakTest
@@ -31,11 +36,14 @@ from pyburgers.model.priors import FLOW_LAW, PriorFile, PriorSet, shipped_prior_
 KIND = "peak_stress"
 """Key `protocol` of such tables."""
 
+
 LEAST_POINTS = 3
 """Points below which not even the flow rate, the stress exponent and the scatter can be told."""
 
+
 ZERO_CELSIUS = 273.15
 """Kelvin at 0 degrees Celsius."""
+
 
 QUANTITIES: Mapping[str, str | None] = {
     "temperature": None,
@@ -45,10 +53,13 @@ QUANTITIES: Mapping[str, str | None] = {
 }
 """Columns of every table, and what they are in `pyburgers.common.units.UNITS`."""
 
+
 UNCERTAINTY = "relative_stress_uncertainty"
 """Column that a table may have."""
 
+
 COLUMNS = (*QUANTITIES, UNCERTAINTY)
+
 
 SI_UNITS: Mapping[str, str] = {
     "temperature": "K",
@@ -258,10 +269,9 @@ def save_peak_stress(data: PeakStressData, directory: Path) -> Path:
 
 
 def least_squares(data: PeakStressData) -> dict[str, tuple[float, float]]:
-    """Return exponents, with standard errors, by least squares without softening or temperature.
+    """Return exponents with standard errors from ln(stress) by ln(rate) and ln(grain size).
 
-    ln(stress) is regressed on ln(strain rate) and ln(grain size), if grain sizes differ. The
-    result is empty if rows are too few, or too much alike, to tell.
+    The result is empty if rows are too few, or too much alike, to tell.
     """
     columns = [np.ones(data.n_points), np.log(data.strain_rate)]
     if np.ptp(data.grain_size) > 0:

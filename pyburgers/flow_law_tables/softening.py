@@ -74,11 +74,11 @@ class _SofteningTable(Table):
 class SofteningPrior:
     """Softening s = ln(S_0/peak stress) about the mean conditions of a table.
 
-    With h_1 the softening at the mean conditions, and x the distance in ln(strain rate),
-    ln(peak stress) and ln(grain size), s = h_1 + h_2 x_rate + h_3 x_stress + h_4 x_grain_size.
-    The vector w = [ln h_1, h_2/h_1, ln(h_3/h_1), h_4/h_1] is normal. Coefficients (4, 3) give
-    its mean by 1, ln n and ln p less the centre (2,), the factor (4, 4) is the lower Cholesky
-    factor of its covariance. Peak strain (3,) has the 5, 50 and 95 % quantiles.
+    With h_1 the softening at the mean conditions, and x the distance in ln(strain rate), ln(peak
+    stress) and ln(grain size), s = h_1 + h_2 x_rate + h_3 x_stress + h_4 x_grain_size. The vector w
+    = [ln h_1, h_2/h_1, ln(h_3/h_1), h_4/h_1] is normal: `coefficients` (4, 3) give its mean by 1,
+    ln n and ln p less `centre` (2,), `factor` (4, 4) is the lower Cholesky factor of its
+    covariance. `peak_strain` (3,): its 5, 50 and 95 % quantiles.
     """
 
     coefficients: FloatArray
@@ -130,9 +130,8 @@ def simulate_peaks(
 ) -> Peaks:
     """Solve tests of materials (SI) from rest to 20 % strain and find their peaks.
 
-    Strain rate (1/s), grain size at the start (m), temperature (K) and peak stress (Pa) have
-    the shape (n_conditions,). If peak stresses are given, Q_M of each material is changed to
-    have them. Raises `SamplingError` if the solver finds no solution.
+    Conditions (n_conditions,) are SI. Given peak stresses (Pa) set Q_M of each material. Raise
+    SamplingError if the solver finds no solution.
     """
     given = [given_parameters(material, one) for one in values]
     wanted = np.zeros(strain_rate.size) if peak_stress is None else peak_stress
@@ -164,10 +163,9 @@ def simulate_peaks(
 def softening_prior(data: PeakStressData, curve: PriorSet, *, seed: int) -> SofteningPrior:
     """Simulate the softening at the peaks of a table with the priors of a curve.
 
-    Every material drawn has the mean peak stress of the table at its mean conditions, by its
-    Q_M. Softening at given n and p does not depend on their priors; they are drawn where the
-    table has them. If the table states the strain of its peaks, the materials have it. Raises
-    `InputError` if next to no material has such a peak, and `SamplingError` without a solution.
+    Every material drawn has the mean peak stress of the table, by its Q_M, and the strain of the
+    peaks if it is stated; n and p are drawn where the table has them. Raise InputError if next to
+    no material has such a peak.
     """
     rng = np.random.default_rng(seed)
     curve = curve.resolved(float(data.stress.max()))
@@ -216,12 +214,7 @@ def _draw(
 def _with_peaks_at(
     data: PeakStressData, peak_strain: PeakStrain, curve: PriorSet, rng: np.random.Generator
 ) -> tuple[list[dict[str, float]], float]:
-    """Draw materials whose peaks are where the table states, and count the independent ones.
-
-    Of the three synthetic tables whose peaks are late, the first 3000 candidates leave 60 to 190
-    independent materials, and what is handed on then changed by up to half of its standard
-    deviation with the seed.
-    """
+    """Draw materials whose peaks are where the table states, and count the independent ones."""
     candidates: list[dict[str, float]] = []
     strain = weight = np.empty(0)
     n_effective = 0.0

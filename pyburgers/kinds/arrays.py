@@ -11,16 +11,13 @@ from numpy.typing import ArrayLike
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import factor_to_si
-from pyburgers.kinds.arguments import test_of
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import AttenuationFile, load_attenuation
-from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.kinds.constant_rate.file_tables import ConstantRateFile
-from pyburgers.kinds.forced_oscillation.experiment import (
-    OscillationExperiment,
-    OscillationFile,
-    load_forced_oscillation,
-)
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.constant_rate.files import ConstantRateFile, load_constant_rate
+from pyburgers.kinds.experiment_file import test_of
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.kinds.forced_oscillation.files import OscillationFile, load_forced_oscillation
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.files import LoadingHistoryFile, load_loading_history
 
@@ -64,6 +61,7 @@ def ConstantRateTest(  # noqa: N802 - it stands for the class of its result
     InputError
         If an argument is not what the file of such a test may hold.
     """
+    given = _named(locals(), "strain_rate", "start_strain")
     rates, starts = np.atleast_1d(strain_rate), np.atleast_1d(start_strain)
     if rates.shape != starts.shape:
         raise InputError(
@@ -74,13 +72,8 @@ def ConstantRateTest(  # noqa: N802 - it stands for the class of its result
         {"strain_rate_per_s": rate, "start_strain": start}
         for rate, start in zip(rates.tolist(), starts.tolist(), strict=True)
     ]
-    readings = {"strain": strain, "time": time, "stress": stress}
-    units = {"strain_unit": strain_unit, "time_unit": time_unit, "stress_unit": stress_unit}
-    arguments = {"segments": segments, **readings, **units, **keys}
-    common = _common(name, material, temperature_K, grain_size_um)
-    return test_of(
-        "ConstantRateTest", load_constant_rate, ConstantRateFile, {**common, **arguments}
-    )
+    arguments = {"segments": segments, "strain": strain, "time": time, **given}
+    return test_of("ConstantRateTest", load_constant_rate, ConstantRateFile, arguments)
 
 
 def LoadingHistory(  # noqa: N802
@@ -117,18 +110,8 @@ def LoadingHistory(  # noqa: N802
     InputError
         If an argument is not what the file of such a test may hold.
     """
-    return _history(
-        "LoadingHistory",
-        stages=list(map(dict, stages)),
-        **_common(name, material, temperature_K, grain_size_um),
-        time=time,
-        strain=strain,
-        stress=stress,
-        time_unit=time_unit,
-        strain_unit=strain_unit,
-        stress_unit=stress_unit,
-        **keys,
-    )
+    given = _named(locals(), "stages")
+    return _history("LoadingHistory", {"stages": list(map(dict, stages)), **given})
 
 
 def CreepTest(  # noqa: N802
@@ -163,18 +146,10 @@ def CreepTest(  # noqa: N802
     InputError
         If an argument is not what the file of such a test may hold.
     """
+    given = _named(locals(), "stress", "stress_unit")
     stage = {"control": "stress", "start_time": 0, "stress": stress}
-    return _history(
-        "CreepTest",
-        stages=[{**stage, "end_time": _last("CreepTest", time)}],
-        stage_stress_unit=stress_unit,
-        **_common(name, material, temperature_K, grain_size_um),
-        time=time,
-        time_unit=time_unit,
-        strain=strain,
-        strain_unit=strain_unit,
-        **keys,
-    )
+    stages = [{**stage, "end_time": _last("CreepTest", time)}]
+    return _history("CreepTest", {"stages": stages, "stage_stress_unit": stress_unit, **given})
 
 
 def RelaxationTest(  # noqa: N802
@@ -210,6 +185,7 @@ def RelaxationTest(  # noqa: N802
     InputError
         If an argument is not what the file of such a test may hold.
     """
+    given = _named(locals(), "strain", "strain_unit", "loading_time")
     called, end = "RelaxationTest", _last("RelaxationTest", time)
     if not 0 < loading_time < end:
         raise InputError(
@@ -219,19 +195,11 @@ def RelaxationTest(  # noqa: N802
     total = strain * factor_to_si(strain_unit, "strain", f"{called}: argument 'strain_unit'")
     seconds = loading_time * factor_to_si(time_unit, "time", f"{called}: argument 'time_unit'")
     loading = {"control": "strain_rate", "start_time": 0, "end_time": loading_time}
-    return _history(
-        called,
-        stages=[
-            {**loading, "strain_rate_per_s": total / seconds},
-            {"control": "hold_strain", "start_time": loading_time, "end_time": end},
-        ],
-        **_common(name, material, temperature_K, grain_size_um),
-        time=time,
-        time_unit=time_unit,
-        stress=stress,
-        stress_unit=stress_unit,
-        **keys,
-    )
+    stages = [
+        {**loading, "strain_rate_per_s": total / seconds},
+        {"control": "hold_strain", "start_time": loading_time, "end_time": end},
+    ]
+    return _history(called, {"stages": stages, **given})
 
 
 def ForcedOscillation(  # noqa: N802
@@ -272,6 +240,7 @@ def ForcedOscillation(  # noqa: N802
         If an argument is not what the file of such a test may hold, or the record cannot be
         prepared.
     """
+    given = _named(locals(), *OSCILLATION_SERIES)
     stress_clock = time if stress_time is None else stress_time
     series = {
         "strain": (time, strain, strain_uncertainty, strain_unit),
@@ -295,7 +264,7 @@ def ForcedOscillation(  # noqa: N802
             f"{quantity}_time_unit": time_unit,
             **({f"{key}_column": key} if np.ndim(uncertainty) else {key: uncertainty}),
         }
-    arguments = {**_common(name, material, temperature_K, grain_size_um), **data, **keys}
+    arguments = {**given, **data}
     return test_of("ForcedOscillation", load_forced_oscillation, OscillationFile, arguments)
 
 
@@ -343,47 +312,37 @@ def AttenuationTable(  # noqa: N802
     InputError
         If an argument is not what the file of such a table may hold.
     """
-    arguments = {
-        **_common(name, material, temperature_K, grain_size_um),
-        "attenuation": attenuation,
-        "attenuation_form": attenuation_form,
-        "period": period,
-        "period_unit": period_unit,
-        "frequency": frequency,
-        "frequency_unit": frequency_unit,
-        "modulus": modulus,
-        "modulus_unit": modulus_unit,
-        "temperature": temperature,
-        "deformation": deformation,
-        **keys,
-    }
-    return test_of("AttenuationTable", load_attenuation, AttenuationFile, arguments)
+    given = _named(locals())
+    return test_of("AttenuationTable", load_attenuation, AttenuationFile, given)
 
 
-def _common(name: str, material: str, temperature: float, grain_size: float) -> dict[str, Any]:
-    """Return the arguments that all tests have, a grain size in micrometres, under their keys."""
-    return {
-        "id": name,
-        "material": material,
-        "temperature_K": temperature,
-        # Anything but a number is refused where the key is checked.
-        "initial_grain_size_m": grain_size / 1e6
-        if isinstance(grain_size, (int, float, np.number))
-        else grain_size,
-    }
+OSCILLATION_SERIES = (
+    *("strain", "strain_unit", "strain_uncertainty", "stress", "stress_unit", "stress_uncertainty"),
+    *("time", "time_unit", "stress_time"),
+)
+"""Arguments of oscillations that stand in columns under other keys."""
 
 
-def _history(called: str, **arguments: Any) -> HistoryExperiment:
+def _named(arguments: Mapping[str, Any], *others: str) -> dict[str, Any]:
+    """Return the arguments of a function, without some others, under the keys of files."""
+    given = {key: arguments[key] for key in arguments if key not in (*others, "keys")}
+    size = given.pop("grain_size_um")
+    # Anything but a number is refused where the key is checked.
+    is_number = isinstance(size, (int, float, np.number))
+    given["initial_grain_size_m"] = size / 1e6 if is_number else size
+    return {"id": given.pop("name"), **given, **arguments["keys"]}
+
+
+def _history(called: str, arguments: dict[str, Any]) -> HistoryExperiment:
     """Return a loading history; stages have the units of the readings unless others are given."""
     units = {
         f"stage_{quantity}_unit": arguments.get(f"{quantity}_unit")
         for quantity in ("time", "stress")
     }
     # A unit of what was not read is one of the stages alone.
-    for quantity in ("time", "stress", "strain"):
-        if arguments.get(quantity) is None:
-            arguments.pop(f"{quantity}_unit", None)
-    return test_of(called, load_loading_history, LoadingHistoryFile, {**units, **arguments})
+    unread = {f"{q}_unit" for q in ("time", "stress", "strain") if arguments.get(q) is None}
+    given = {key: value for key, value in arguments.items() if key not in unread}
+    return test_of(called, load_loading_history, LoadingHistoryFile, {**units, **given})
 
 
 def _last(called: str, time: ArrayLike) -> float:

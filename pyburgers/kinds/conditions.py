@@ -1,18 +1,70 @@
-"""Under which conditions a test went: temperature, grain size, and what its solution passes."""
+"""Conditions of a test: unlikely ones, those that it passes, and those outside what was fitted."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.units import UNITS, number
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import kind_of
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.model.parameters import STANDARD_VALUES
+from pyburgers.model.plausible import PlausibleRanges, plausible_ranges
+
+MAX_LIKELY_GRAIN_SIZE = 0.05
+"""Grain size (m) beyond which a unit may be wrong."""
+
+
+MIN_LIKELY_STRESS = 1e3
+"""Largest stress (Pa) of a test below which a unit may be wrong."""
+
+
+def doubts(experiment: Experiment) -> list[str]:
+    """Say which numbers of a test are unlikely; each sentence starts with its name."""
+    found = [*_of_conditions(experiment), *experiment.doubts]
+    if plausible_ranges(experiment.material) is None:
+        found.append(
+            f"there are no default priors of {experiment.material!r}, so that a fit needs --priors."
+        )
+    return [f"{experiment.id}: {sentence}" for sentence in found]
+
+
+def _of_conditions(experiment: Experiment) -> Iterator[str]:
+    """Say which grain size, temperatures and stresses are unlikely."""
+    material, grain = experiment.material, experiment.initial_grain_size
+    ranges = _ranges(material)
+    if grain > MAX_LIKELY_GRAIN_SIZE:
+        yield f"grains of {grain:g} m are unlikely; 230 um is 230e-6."
+    hottest, coldest = float(experiment.temperatures.max()), float(experiment.temperatures.min())
+    melting, least = ranges.melting_temperature_K, ranges.least_temperature_K
+    if melting is not None and hottest > melting:
+        yield f"{material} at {hottest:g} K is molten (from {melting:g} K); check the temperature."
+    if least is not None and coldest < least:
+        yield f"{material} at {coldest:g} K is unlikely (from {least:g} K); check the temperature."
+    if experiment.n_points:
+        yield from unlikely_stress(material, experiment.largest_stress)
+
+
+def unlikely_stress(material: str, largest: float) -> Iterator[str]:
+    """Say where the largest stress (Pa) of tests is unlikely in a material."""
+    limit = _ranges(material).largest_stress_MPa
+    if largest > limit * 1e6:
+        yield (
+            f"a stress of {largest / 1e9:g} GPa is unlikely in {material} (up to {limit:g} MPa is "
+            "plausible); check its unit."
+        )
+    elif 0 < largest < MIN_LIKELY_STRESS:
+        yield f"a largest stress of {largest:g} Pa is unlikely; check its unit."
+
+
+def _ranges(material: str) -> PlausibleRanges:
+    return plausible_ranges(material) or PlausibleRanges.model_validate({})
+
 
 Ranges = Mapping[str, tuple[float, float]]
+
 
 SHOWN: Mapping[str, tuple[str, float]] = {
     "temperature": ("K", 1.0),
@@ -24,6 +76,7 @@ SHOWN: Mapping[str, tuple[str, float]] = {
 }
 """Display unit of each condition, and its factor to SI."""
 
+
 ROUNDING, TEMPERATURE_ROUNDING = 0.01, 0.001
 """Shares by which a condition, or a temperature, may lie outside a range and still count as inside:
 a thousandth of a temperature is worth some three percent of a flow rate."""
@@ -32,13 +85,11 @@ a thousandth of a temperature is worth some three percent of a flow rate."""
 def conditions(experiment: Experiment, predictions: xr.Dataset, parameters: xr.Dataset) -> Ranges:
     """Return the smallest and the largest value (SI) of every condition of a test.
 
-    Strain and stress count from zero, and like the strain rate by their size; they are those of the
-    median solution. The strain is that of the material: how its zero was read, and how the
-    apparatus gave way, is no extrapolation. Tables of attenuation have periods in their place.
-    `parameters`: its labelled parameters (SI) in the same draws; what is missing has no effect.
+    Strain and stress count from zero, like the strain rate by their size, in the median solution.
+    The strain is that of the material: its zero and the apparatus are no extrapolation.
     """
     likelihood = likelihood_of(experiment)
-    median: dict[str, npt.NDArray[np.float64]] = {}
+    median: dict[str, FloatArray] = {}
     for column, (name, _) in likelihood.grid_quantities.items():
         solved = predictions[name].astype(np.float64)
         if name == "strain":

@@ -9,21 +9,73 @@ from types import MappingProxyType
 from typing import Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
+from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import without_none, write_toml
 from pyburgers.common.units import counted, span_text
-from pyburgers.kinds.limits import refuse_impossible
-from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.model.laws import KELVIN_LAWS
-from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME
+from pyburgers.model.parameters import CONDITIONS
 from pyburgers.model.peak_test import PeakTest
-from pyburgers.model.prior_families import Prior, fixed_prior
 
-FloatArray = npt.NDArray[np.float64]
+TEMPERATURES = (50.0, 3000.0)
+"""Kelvin between which materials creep in a laboratory."""
+
+
+MAX_GRAIN_SIZE = 1.0
+"""Grain size (m) that no sample of a laboratory has."""
+
+
+MAX_STRAIN = 20.0
+"""Strain (fraction) that no test reaches."""
+
+
+def impossible_conditions(
+    temperature: float, grain_size: float, names: tuple[str, str]
+) -> list[str]:
+    """Say which conditions no test has, under the names of both; NaN is one."""
+    found = []
+    low, high = TEMPERATURES
+    if not low <= temperature <= high:
+        hint = "; it looks like degrees Celsius, add 273.15" if temperature < low else ""
+        between = f"between {low:g} and {high:g}"
+        found.append(f"{names[0]}: found {temperature:g}, expected kelvin {between}{hint}.")
+    if not 0 < grain_size < MAX_GRAIN_SIZE:
+        found.append(
+            f"{names[1]}: found {grain_size:g}, expected metres between 0 and {MAX_GRAIN_SIZE:g} "
+            "(230 um is 230e-6)."
+        )
+    return found
+
+
+def refuse_impossible(
+    name: str,
+    temperatures: FloatArray,
+    grain_sizes: FloatArray,
+    response: FloatArray,
+    largest_strain: float | None = None,
+) -> None:
+    """Refuse a test with numbers that no test has; a sentence for each."""
+    hottest = temperatures[np.argmax(np.abs(temperatures - np.mean(TEMPERATURES)))]
+    coarsest = grain_sizes[np.argmax(np.abs(grain_sizes - MAX_GRAIN_SIZE / 2))]
+    faults = impossible_conditions(float(hottest), float(coarsest), ("temperature", "grain size"))
+    finite = np.isfinite(response)
+    if not finite.all():
+        faults.append(
+            f"reading {np.argmin(finite) + 1}: found {response[np.argmin(finite)]:g}, expected a "
+            "finite number."
+        )
+    if largest_strain is not None and not largest_strain <= MAX_STRAIN:
+        faults.append(
+            f"strain: found {largest_strain:g} as a fraction, expected at most {MAX_STRAIN:g}; "
+            "check its unit, and whether the number stands for no reading."
+        )
+    if faults:
+        raise InputError(*(f"{name}: {fault}" for fault in faults))
+
+
 MetadataValue = str | float | int | bool
 
 
@@ -60,7 +112,7 @@ class UncertainCondition:
 
     `parameter`: the error: one of `pyburgers.model.parameters.CONDITIONS`.
     `sd`: its standard deviation (K; 1 of the load cell).
-    `apparatus`: furnace or load cell that gives it, with one error in all tests that name it.
+    `apparatus`: furnace or load cell with one error in all tests that name it.
     """
 
     parameter: str
@@ -77,6 +129,44 @@ CONDITION_KEYS: Mapping[str, tuple[str, str]] = MappingProxyType(
 """Keys of files that state the standard deviation of an error, and the apparatus."""
 
 
+@dataclass(frozen=True)
+class MeasuredMicrostructure:
+    """Microstructure of a sample at one strain or time, as measured.
+
+    `strain`: path strain (fraction, above 0), where that is what is known.
+    `grain_size`, `grain_size_sd`: mean and standard deviation (m) of a lognormal error.
+    `fabric_factor`, `fabric_factor_sd`: fabric factor (1 = isotropic) and its error, if measured.
+    `time`: seconds since the start of a loading history, in the place of the strain.
+    """
+
+    strain: float | None
+    grain_size: float
+    grain_size_sd: float
+    fabric_factor: float | None = None
+    fabric_factor_sd: float | None = None
+    time: float | None = None
+
+    @property
+    def numbers(self) -> list[float]:
+        """Row of `stan/statistics/measured_microstructure.stan`; 0 was not measured."""
+        relative_sd = self.grain_size_sd / self.grain_size
+        fabric = (self.fabric_factor or 0.0, self.fabric_factor_sd or 0.0)
+        return [self.grain_size, relative_sd, *fabric]
+
+    def drawn(
+        self, grain_size: float, fabric_factor: float, rng: np.random.Generator
+    ) -> "MeasuredMicrostructure":
+        """Measure a microstructure (m; 1 = isotropic) in the place of this one, as uncertain."""
+        _, log_sd, _, fabric_sd = self.numbers
+        size = float(grain_size * np.exp(log_sd * rng.standard_normal()))
+        drawn = replace(self, grain_size=size, grain_size_sd=log_sd * size)
+        if self.fabric_factor is None:
+            return drawn
+        return replace(
+            drawn, fabric_factor=float(fabric_factor + fabric_sd * rng.standard_normal())
+        )
+
+
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Experiment(ABC):
     """A deformation test of any protocol, in SI units.
@@ -84,25 +174,23 @@ class Experiment(ABC):
     Attributes
     ----------
     protocol : str
-        Name of the kind of test, as in files; a constant of each derived class.
+        Name of the kind of test, as in files; like all up to `id` a constant of each class.
     laws : mapping of str to sequence of str
         Laws that such tests can be fitted with, by part of the model
-        (`pyburgers.model.variants.CHOICES`): any of a part that is not named. A constant as well.
+        (`pyburgers.model.variants.CHOICES`): any of a part that is not named.
     parts_name : str
-        Name of the parts of a test, in the plural. A constant as well.
+        Name of the parts of a test, in the plural.
     residual_correlation : str
-        Parameter along which residuals may correlate: over strain or over time. A constant as well.
-    may_be_uncertain : frozenset of str
+        Parameter along which residuals may correlate: over strain or over time.
+    may_be_uncertain, without_effect : frozenset of str
         Errors of conditions (`pyburgers.model.parameters.CONDITIONS`) that the program of such
-        tests knows. A constant as well.
-    without_effect : frozenset of str
-        Parameters that such tests do not inform. A constant as well.
+        tests knows, and parameters that they do not inform.
     small_strain : float
-        Largest strain (fraction) of a table below which its unit is doubted. A constant as well.
+        Largest strain (fraction) of a table below which its unit is doubted.
     of_points : tuple of str
-        Attributes with an entry for each point. A constant as well.
+        Attributes with an entry for each point.
     points_together : str
-        Why single points cannot be left out; empty if they can. A constant as well.
+        Why single points cannot be left out; empty if they can.
     id, material : str
         Sample and material; the material names the default priors.
     temperature : float
@@ -176,7 +264,7 @@ class Experiment(ABC):
         return len(self.response)
 
     @property
-    def quantity(self) -> npt.NDArray[np.int64]:
+    def quantity(self) -> IntArray:
         """Number, in what its kind reads, of what each reading is of, shape (n_points,)."""
         return np.zeros(self.n_points, dtype=np.int64)
 
@@ -208,10 +296,7 @@ class Experiment(ABC):
         return 0
 
     def driving_error(self, true: Self) -> FloatArray:
-        """Return the standardised errors of what drives a simulated test, (n_driving_errors,).
-
-        `true`: the same test, driven by what drove the simulation.
-        """
+        """Return errors of what drives a simulated test, given the test that knows the truth."""
         return np.zeros(self.n_driving_errors)
 
     def without_point(self, point: int) -> Self:
@@ -361,30 +446,3 @@ def of_kind(experiment: Experiment, kind: type[E]) -> E:
             f"protocol {kind.protocol!r}."
         )
     return experiment
-
-
-def stated_priors(experiment: Experiment) -> dict[str, Prior]:
-    """Return priors of the test and its apparatus, by the parameter."""
-    return {
-        name: _normal(name, stated, "stated with the test")
-        for name, stated in experiment.stated.items()
-    }
-
-
-def condition_priors(experiment: Experiment) -> tuple[Prior, ...]:
-    """Return the priors of the errors of a test's conditions."""
-    source = "stated in the file of the test"
-    return tuple(
-        _normal(one.parameter, Stated(0.0, one.sd), source) for one in experiment.uncertain
-    )
-
-
-def _normal(name: str, stated: Stated, source: str) -> Prior:
-    """Return the normal prior of a stated number, cut at zero where it cannot be negative."""
-    parameter = PARAMETER_BY_NAME[name]
-    if stated.sd == 0:
-        return fixed_prior(parameter, stated.value, source)
-    numbers = {"location": stated.value, "scale": stated.sd}
-    if name == "apparatus_compliance":
-        numbers["lower"] = 0.0
-    return Prior.of_family(name, "normal", numbers, unit=parameter.si_unit, source=source)

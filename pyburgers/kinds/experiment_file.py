@@ -1,22 +1,32 @@
 """Keys that the files of all tests share, and what is checked of them.
 
-An experiment is a TOML file beside one or several text files of columns, or the same tables in
-memory; other keys are in the module of its kind. Everything is converted to SI on reading.
+An experiment is a TOML file beside one or several text files of columns, or the same tables as
+arguments of a function; other keys are in the module of its kind. Everything is converted to SI.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from datetime import date, datetime, time
+from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar, get_args, get_origin
 
+import numpy as np
 from pydantic import Field
 
-from pyburgers.common.errors import InputError, all_of, nearest
-from pyburgers.common.toml_files import NAME, Table
-from pyburgers.kinds.experiment import CONDITION_KEYS, Provenance, UncertainCondition
-from pyburgers.kinds.limits import impossible_conditions
+from pyburgers.common.array_types import FloatArray
+from pyburgers.common.errors import InputError, nearest
+from pyburgers.common.toml_files import NAME, Table, all_of, factor_to_si, nested_table
+from pyburgers.kinds.experiment import (
+    CONDITION_KEYS,
+    Experiment,
+    MeasuredMicrostructure,
+    Provenance,
+    UncertainCondition,
+    impossible_conditions,
+)
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 
 MAX_TEMPERATURE_SD_SHARE = 0.1
@@ -68,11 +78,7 @@ class ExperimentFile(Table):
 
 
 def shared_values(path: Path, file: ExperimentFile) -> dict[str, Any]:
-    """Check the keys that all protocols share.
-
-    The result: fields of `Experiment` (SI), without the stress and the notices. Raise InputError if
-    a value is not what it has to be.
-    """
+    """Check the keys that all protocols share; return them as fields of `Experiment` (SI)."""
     _, uncertain, true_parameters = all_of(
         lambda: _check_conditions(path, file),
         lambda: _uncertain_conditions(path, file),
@@ -153,9 +159,248 @@ def _true_parameters(path: Path, file: ExperimentFile) -> Mapping[str, float] | 
 
 Compression = Literal["positive", "negative"]
 
+
 SIGNS_WERE_TURNED = "Compression is negative in the file: the signs were turned."
 
 
 def sign_of(compression: Compression) -> int:
     """Return what turns a number of a file into one whose compression is positive: 1 or -1."""
     return 1 if compression == "positive" else -1
+
+
+PATH_STRAIN_ROUNDING = 1e-9
+"""Share of a path strain by which it may lie beyond the end: units were converted."""
+
+
+class MeasuredTable(Table):
+    """What was measured, of the tables [[microstructure]]."""
+
+    grain_size_m: float = Field(gt=0, lt=1, description="the mean grain size in metres")
+    grain_size_sd_m: float = Field(
+        gt=0, description="the standard deviation of the grain size in metres"
+    )
+    fabric_factor: float | None = Field(None, description="the fabric factor, 1 if isotropic")
+    fabric_factor_sd: float | None = Field(
+        None, gt=0, description="the standard deviation of the fabric factor"
+    )
+
+
+class StrainTable(Table):
+    """Where it was measured in a test along strain."""
+
+    strain: float = Field(gt=0, description="the strain at which the sample was looked at")
+
+
+class MicrostructureTable(MeasuredTable, StrainTable):
+    """One of the tables [[microstructure]] of a test along strain."""
+
+
+def measured_microstructure(
+    path: Path,
+    tables: Sequence[MicrostructureTable],
+    strain_unit: str | None,
+    final_strain: float | None,
+) -> tuple[MeasuredMicrostructure, ...]:
+    """Check the tables [[microstructure]] of a test along strain, in the unit of [data]."""
+    factor = strain_factor(path, strain_unit)
+    check_increasing(path, "strain", [table.strain for table in tables])
+    for number, table in enumerate(tables, start=1):
+        if final_strain is not None and table.strain * factor > final_strain:
+            raise InputError(
+                f"{row_text(path, number)}: key 'strain': found {table.strain:g}, expected at most "
+                f"'final_strain', {final_strain:g} as a fraction."
+            )
+    return tuple(
+        measured_row(path, number, table, strain=table.strain * factor)
+        for number, table in enumerate(tables, start=1)
+    )
+
+
+def row_text(path: Path, number: int) -> str:
+    """Return file and table, for messages."""
+    return f"{path}: [[microstructure]] number {number}"
+
+
+def strain_factor(path: Path, strain_unit: str | None) -> float:
+    """Return the factor to a fraction, of strains in the unit of [data] if there is one."""
+    return factor_to_si(strain_unit or "fraction", "strain", f"{path}: key 'strain_unit' in [data]")
+
+
+def check_increasing(path: Path, key: str, values: Sequence[float | None]) -> None:
+    """Refuse values of a key of the tables that do not increase, of those that have it."""
+    given = [(number, one) for number, one in enumerate(values, start=1) if one is not None]
+    for (_, before), (number, after) in pairwise(given):
+        if after <= before:
+            raise InputError(
+                f"{path}: key {key!r} in [[microstructure]] number {number}: found {after:g}, "
+                f"expected more than {before:g}, that of the one before."
+            )
+
+
+def measured_row(
+    path: Path,
+    number: int,
+    table: MeasuredTable,
+    *,
+    strain: float | None = None,
+    time: float | None = None,
+) -> MeasuredMicrostructure:
+    """Check what was measured at a strain (fraction) or time (s)."""
+    where = row_text(path, number)
+    if (table.fabric_factor is None) != (table.fabric_factor_sd is None):
+        raise InputError(
+            f"{where} needs both or neither of the keys 'fabric_factor' and 'fabric_factor_sd'."
+        )
+    if table.grain_size_sd_m >= table.grain_size_m:
+        raise InputError(
+            f"{where}: key 'grain_size_sd_m': found {table.grain_size_sd_m:g}, expected less "
+            f"than the grain size, {table.grain_size_m:g} m."
+        )
+    return MeasuredMicrostructure(
+        strain,
+        table.grain_size_m,
+        table.grain_size_sd_m,
+        table.fabric_factor,
+        table.fabric_factor_sd,
+        time,
+    )
+
+
+def microstructure_tables(
+    measured: Sequence[MeasuredMicrostructure],
+) -> list[dict[str, Any]]:
+    """Return tables that files read back, with strains as fractions and times in s."""
+    keys = {"grain_size": "grain_size_m", "grain_size_sd": "grain_size_sd_m"}
+    return [
+        {keys.get(name, name): value for name, value in asdict(one).items() if value is not None}
+        for one in measured
+    ]
+
+
+ARGUMENT_NAMES: tuple[tuple[str, str | Callable[[re.Match[str]], str]], ...] = (
+    (r" in \[\[segments\]\] number (\d+)", r", entry \1"),
+    (r" in \[\w+\]", ""),
+    (r"\[data\] needs", "needs"),
+    (r"'(\w+)_column'", r"'\1'"),
+    (r"'stage_(\w+)_unit'", r"'\1_unit'"),
+    (
+        r"(?<='initial_grain_size_m': found )([-+.e\d]+), expected metres.*",
+        lambda found: f"{1e6 * float(found[1]):g}, expected micrometres between 0 and 1e6.",
+    ),
+    (r"('initial_grain_size_m'.*) in metres", r"\1 in micrometres"),
+    ("'initial_grain_size_m'", "'grain_size_um'"),
+    ("'strain_rate_per_s'", "'strain_rate'"),
+    ("'id'", "'name'"),
+    (r"\ba key(?= ')", "the argument"),
+    (r"\bkey(s?)(?= ')", r"argument\1"),
+)
+"""Patterns of keys and units in messages about files, and what stands for them about arguments."""
+
+
+UNSTATED_KIND = (
+    "Where the readings come from was not stated, so they count as measured: "
+    'state kind="synthetic" or kind="digitised" if they are not.'
+)
+
+
+E = TypeVar("E", bound=Experiment)
+
+
+def test_of(
+    called: str,
+    load: Callable[[Path, Mapping[str, Any]], E],
+    structure: type[ExperimentFile],
+    arguments: Mapping[str, Any],
+) -> E:
+    """Check arguments, under the keys of files, as tables of a file; `called` is the function."""
+    (protocol,) = get_args(structure.model_fields["protocol"].annotation)
+    given = {"kind": "measured", "source": f"arrays given to {called}", **arguments}
+    if not {"kind", "provenance"} & arguments.keys():
+        given["notices"] = [*arguments.get("notices", []), UNSTATED_KIND]
+    tables = {"protocol": protocol, **_tables(structure, given)}
+    try:
+        return load(Path(called), tables)
+    except InputError as error:
+        raise InputError(*map(_of_arguments, error.sentences)) from None
+
+
+def _tables(structure: type[ExperimentFile], arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Return arguments as tables of a file, each in that which has its key, arrays as columns."""
+    nested = {
+        name: table
+        for name, field in structure.model_fields.items()
+        if get_origin(field.annotation) is not list
+        and (table := nested_table(field.annotation)) is not None
+    }
+    tables: dict[str, Any] = {}
+    columns: dict[str, Any] = {}
+    for key, value in arguments.items():
+        homes = [name for name, table in nested.items() if key in table.model_fields]
+        data = nested["data"].model_fields
+        if value is None:
+            continue
+        if f"{key}_column" in data and np.ndim(value):
+            columns[key] = value
+            tables.setdefault("data", {})[f"{key}_column"] = key
+        elif homes and key not in structure.model_fields:
+            tables.setdefault(homes[0], {})[key] = _plain(value)
+        else:
+            tables[key] = _plain(value)
+    if columns:
+        tables["data"]["file"] = columns
+    return tables
+
+
+def _plain(value: Any) -> Any:
+    """Return a number of NumPy as one of Python."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _of_arguments(sentence: str) -> str:
+    """Return a message about keys of a file as one about arguments."""
+    for pattern, text in ARGUMENT_NAMES:
+        sentence = re.sub(pattern, text, sentence)
+    return sentence
+
+
+MIN_FAR_RATIO, MIN_FAR_READINGS = 10.0, 5
+"""How many times larger than all others a reading is that may be none; of so many at least."""
+
+
+def far_reading(values: FloatArray, what: str) -> list[str]:
+    """Say where one reading is many times larger than all others: it may stand for none."""
+    size = np.sort(np.abs(values))
+    if size.size < MIN_FAR_READINGS or size[-1] <= MIN_FAR_RATIO * size[-2]:
+        return []
+    far = values[np.argmax(np.abs(values))]
+    return [
+        f"one {what} of {far:g} is more than {MIN_FAR_RATIO:g} times as large as all others; if it "
+        "stands for no reading, remove its row or name it in the key missing of [data]."
+    ]
+
+
+MAX_DEPARTURE_SHARE = 0.05
+"""Largest distance from what is imposed that is no mistake of the file, in shares of the largest
+value."""
+
+
+@dataclass(frozen=True)
+class Departure:
+    """Readings unlike what is imposed: the largest distance, and the first of them, from 0."""
+
+    largest: float
+    first: int
+
+
+def departure(read: FloatArray, imposed: FloatArray, scale: float) -> Departure | None:
+    """Return how far readings (n,) are from what is imposed; None where they are near."""
+    distance = np.abs(read - imposed)
+    far = np.flatnonzero(distance > MAX_DEPARTURE_SHARE * scale)
+    return Departure(float(distance.max()), int(far[0])) if far.size else None
+
+
+def slope_of(time: FloatArray, values: FloatArray) -> float | None:
+    """Return the slope of the straight line through readings, None where times tell none."""
+    own = time - time.mean()
+    spread = float(own @ own)
+    return float(own @ (values - values.mean())) / spread if spread > 0 else None

@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import read_json
-from pyburgers.kinds.experiment import Experiment, Provenance
+from pyburgers.kinds.experiment import Experiment, MeasuredMicrostructure, Provenance
 from pyburgers.kinds.kind import kind_of
 from pyburgers.kinds.likelihood import likelihood_of
-from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.kinds.program_data import given_parameters, solve
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions
 from pyburgers.model.parameters import (
@@ -26,8 +26,6 @@ from pyburgers.model.parameters import (
 )
 from pyburgers.model.prior_families import BELOW_ONE, MAY_BE_ZERO, UNSIGNED
 from pyburgers.model.variants import check_laws, with_variant
-
-FloatArray = npt.NDArray[np.float64]
 
 E = TypeVar("E", bound=Experiment)
 
@@ -56,13 +54,7 @@ def load_parameters(path: str | Path) -> dict[str, float]:
 
 
 def check_parameters(values: Mapping[str, object], where: str = "parameters") -> dict[str, float]:
-    """Return the values of a forward solution as floats.
-
-    ``stress_noise`` may be left out: a solution has none. So may those of
-    `pyburgers.model.parameters.VARIANT_PARAMETERS`. `values`: names of
-    `pyburgers.model.parameters.PROGRAM_PARAMETERS` to SI values. Raise InputError if a name is
-    unknown or missing or a value is not a finite number in the model's domain.
-    """
+    """Return the values (SI) of a forward solution as floats; noise and variants may be missing."""
     unknown = [name for name in values if name not in PARAMETER_BY_NAME]
     if unknown:
         expected = ", ".join(PARAMETER_BY_NAME)
@@ -104,13 +96,7 @@ def _wanted_instead(name: str, value: float) -> str | None:
 
 
 def check_given_together(values: Mapping[str, float], where: str) -> None:
-    """Check what is given of a Kelvin element that is not linear, and of a piezometer.
-
-    `values`: SI values by name; `pyburgers.model.parameters.VARIANT_PARAMETERS` may be left out.
-    Raise InputError if the stress exponent of the Kelvin element is below 1, its activation
-    enthalpy negative, or something is missing that either, or the grain size of a piezometer, has
-    no meaning without.
-    """
+    """Refuse a nonlinear Kelvin element or a piezometer without what gives it a meaning."""
     for name, others in GIVEN_TOGETHER.items():
         standard = STANDARD_VALUES[name]
         value = values.get(name, standard)
@@ -125,21 +111,14 @@ def check_given_together(values: Mapping[str, float], where: str) -> None:
 
 
 def with_stated(experiment: Experiment, values: Mapping[str, float]) -> dict[str, float]:
-    """Return parameters (SI) with what a test's file states of it where they do not say that.
-
-    `values`: SI values by name.
-    """
+    """Return parameters (SI) with what a test's file states of it where they do not say that."""
     return {**values, **{k: one.value for k, one in experiment.stated.items() if k not in values}}
 
 
 def with_laws(
     experiment: Experiment, values: Mapping[str, float], choices: Mapping[str, str]
 ) -> dict[str, float]:
-    """Return parameters (SI) of the model with the chosen laws.
-
-    `values`: SI values by name. A parameter that a chosen law leaves without effect is changed.
-    Raise InputError if the test does not take a law, or the law has a parameter that is not given.
-    """
+    """Return parameters (SI) of the model with the chosen laws, those without effect changed."""
     priors = with_variant(given_parameters(experiment.material, values), experiment, choices)
     for name in priors.free:
         chosen = ", ".join(f"{part}={law}" for part, law in choices.items())
@@ -151,11 +130,7 @@ def with_laws(
 
 
 def checked_positions(experiment: Experiment, at: npt.ArrayLike) -> FloatArray:
-    """Return positions on the clock of a test (SI) as an array.
-
-    Raise InputError if they are no list of finite numbers, there is none, one decreases or lies
-    outside the test.
-    """
+    """Return positions on the clock of a test (SI) as an array, which do not decrease."""
     clock = likelihood_of(experiment).clock
     low, high = experiment.span
     unit = "" if clock.si_unit == "1" else f" {clock.si_unit}"
@@ -265,12 +240,10 @@ def _solved(
 def simulate_data(
     experiment: E, values: Mapping[str, float], rng: np.random.Generator, *, source: str
 ) -> E:
-    """Put the solution at given parameters, with noise, in the place of what was observed.
+    """Put the solution at given parameters (SI), with noise, in the place of what was observed.
 
-    `values`: SI values by name; what is missing of the apparatus is as for `simulate`. The result:
-    synthetic, of the same protocol; its true parameters are `values`, with what the test states
-    beside them. A record is prepared as a measured one is. Raise SamplingError if the solver finds
-    no solution.
+    The result is synthetic; its true parameters are the values, with what the test states beside
+    them.
     """
     kind, values = kind_of(experiment), with_stated(experiment, values)
     solution, model = _solved(

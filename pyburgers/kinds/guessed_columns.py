@@ -1,4 +1,7 @@
-"""What the columns of a text file are, and their units: decided by names, units and numbers."""
+"""The one place that matches names of columns to quantities and units.
+
+Names are compared in lower case and without accents; units are in `pyburgers.common.units`.
+"""
 
 import re
 import unicodedata
@@ -7,31 +10,167 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
-import numpy.typing as npt
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.cells import as_number, has_date
 from pyburgers.common.text_tables import TextTable
 from pyburgers.common.units import FOREIGN_UNIT_NAMES, UNIT_TABLE, Unit, unit_in
-from pyburgers.kinds.column_names import (
-    ALONG_AXIS,
-    ANGLES,
-    COLUMN_NAMES,
-    ERRORS,
-    FORCES,
-    LOGARITHM,
-    OTHER_QUANTITIES,
-    SET_POINT,
-    SHEAR,
-)
 
-FloatArray = npt.NDArray[np.float64]
+OTHER_QUANTITIES = re.compile(
+    r"(?<![a-z])(?:strain|stress|def\w*)?.?rate(?![a-z])|confin|cell.?p|pore|radial|lateral|quer|(?<![a-z])vol"
+    r"|(?:gas|oil|fluid|water|ambient).{0,2}press|hydrostat|compliance|viscos|strain.?ampl|manteldruck|vitesse|geschwindigkeit"
+    r"|^(?:sigma|sig|σ|s)_?[23](?![0-9a-z])|^p(?:c|conf)?(?![a-z])"
+)
+"""Pattern of columns that resemble a quantity and are another one: strain rates, compliances,
+pressures and strains across the axis."""
+
+
+SET_POINT = (
+    r"(?<![a-z])set(?![a-z])|setpoint|target|command|demand|(?<![a-z])(?:sp|soll)|sollwert|consigne"
+)
+"""Pattern of columns of set points, which are no readings."""
+
+
+ENGINEERING = r"engineering|nominal|(?<![a-z])eng(?![a-z])|technisch"
+"""Pattern of columns of engineering stress or strain."""
+
+
+@dataclass(frozen=True)
+class ColumnNames:
+    """Patterns of the names that columns of one quantity have.
+
+    `kind`: the kind of its unit, a key of `UNIT_TABLE`, or "limit", which has no unit.
+    `names`: patterns, the surest first.
+    `words`: patterns with ranks among rivals, of which the lowest counts; 2 without any word.
+    """
+
+    kind: str
+    names: tuple[str, ...]
+    words: tuple[tuple[str, int], ...] = ()
+
+
+COLUMN_NAMES: Mapping[str, ColumnNames] = MappingProxyType(
+    {
+        "relaxation_modulus": ColumnNames(
+            "stress", (r"relax\w*.{0,3}mod|mod\w* (?:of|de) relax|(?<![a-z])[eg]\(t\)",)
+        ),
+        "loss_modulus": ColumnNames(
+            "stress",
+            (
+                r"loss.?mod|verlustmod|(?<![a-z])[egm](?:''|\"|′′|’’|”)|imag.*mod|mod.*(?:imag|perte)",
+            ),
+        ),
+        "storage_modulus": ColumnNames(
+            "stress",
+            (r"storage.?mod|speichermod|(?<![a-z])[egm]['′’]|real.*mod|mod.*(?:real|conserv)",),
+        ),
+        "attenuation": ColumnNames(
+            "attenuation",
+            (
+                r"(?<![a-z])(?:log_?(?:10)?_?)?tan(?!g)|loss.?(?:factor|tangent)|verlustfaktor",
+                r"1/q|q\^?[({]?-?1|inverse_?q|q_?inv",
+                r"(?:loss|verlust|phase).?(?:angle|winkel)|phase|^(?:delta|δ) ?(?:[(\[]|$)",
+                r"attenuation|loss|internal.?friction|^q$|quality.?factor|gutefaktor",
+            ),
+        ),
+        "modulus": ColumnNames(
+            "stress",
+            (r"modul|\|[egm]\*?\||(?<![a-z])[egm]\*", r"^[ge](?![a-z])"),
+            ((r"\||\*|complex|dynami|absol", 0),),
+        ),
+        "period": ColumnNames("time", (r"period|^t_?[o0](?![a-z0-9])",)),
+        "frequency": ColumnNames(
+            "frequency",
+            (
+                r"^(?!.*(?:ang|circular|omega|ω|kreis|winkel|rad)).*(?:freq|^f(?![a-z]))",
+                r"freq|omega|ω|^w(?![a-z])|pulsation",
+            ),
+        ),
+        "temperature": ColumnNames(
+            "temperature",
+            (r"temp(?!s(?![a-z]))|temps? ?[(\[]°?[cfk]|^t ?[(\[/_]? ?°?[kcf](?![a-z])",),
+            (
+                (r"room|ambient|(?<![a-z])(?:lab|air|box)|junction|raum", 4),
+                (r"furnace|oven|ofen|heater|bath|four", 3),
+                (r"sample|specimen|probe|echantillon", 0),
+            ),
+        ),
+        "median_stress": ColumnNames("stress", (r"median|mean_?stress|bias",)),
+        "amplitude": ColumnNames("stress", (r"(?<![a-z])ampl",)),
+        "limit": ColumnNames("limit", (r"limit",)),
+        "stress": ColumnNames(
+            "stress",
+            (
+                r"stress|sigma|(?<![a-z])sig(?![a-z])|σ|(?<![a-z])tau|τ|deviator|spannung|contrainte|s_?diff"
+                r"|^q ?[(\[_].*pa",
+                r"^s_?1(?![0-9a-z])",
+                r"load|force|pressure|pression|kraft|druck|charge",
+            ),
+            (
+                (rf"{ENGINEERING}|(?<![a-z])raw(?![a-z])|uncorr", 3),
+                (
+                    r"diff|deviat|^q|^(?:δ|delta|d) ?_?(?:sigma|σ)|(?:sigma|σ)_?d(?![a-z])"
+                    r"|(?:sigma|sig|σ|s)_?1 ?- ?(?:sigma|sig|σ|s)_?3",
+                    0,
+                ),
+                (r"true|(?<![a-z])(?:ist|wahr|ax)|sample|actual|corr", 1),
+                (r"^(?:sigma|sig|σ|s)_?1(?![0-9a-z])", 4),
+            ),
+        ),
+        "strain": ColumnNames(
+            "strain",
+            (
+                r"strain|(?<![a-z])eps|ε|shorten|dehnung|stauchung|gamma|γ|deformation|verformung|raccourc",
+            ),
+            (
+                (rf"{ENGINEERING}|(?<![a-z])raw(?![a-z])|uncorr|machine", 3),
+                (r"true|(?<![a-z])(?:log|ist|wahr|ax)|hencky|sample|actual|corr", 1),
+            ),
+        ),
+        "time": ColumnNames(
+            "time",
+            (r"time|^t(?![a-z])|^(?:s|sec|h|hours?|min)$|zeit|temps|(?<![a-z])dauer|duree",),
+            ((r"cycle|stage|segment|block|day", 3), (r"test|elapsed|total|run", 1)),
+        ),
+    }
+)
+"""Patterns by quantity; a column holds the first quantity whose patterns match its name."""
+
+
+SHEAR = r"(?<![a-z])(?:g\(t\)|tau|gamma)|shear|schub|octahedral|τ|γ"
+"""Pattern of columns of shear, which hold no stress, strain or modulus along the axis."""
+
+
+ALONG_AXIS = frozenset({"stress", "strain", "relaxation_modulus"})
+"""Quantities that files state along the axis alone."""
+
+
+FORCES = re.compile(r"load|force|pressure|pression|kraft|druck(?!spann)|charge")
+"""Pattern of columns that hold a stress only if their unit is one of stress."""
+
+
+ANGLES = re.compile(r"^(?!.*tan).*(?:angle|winkel|phase|^delta|^δ)")
+"""Pattern of columns of loss angles, whose unit has to be stated."""
+
+
+ERRORS = re.compile(
+    r"err|(?<![a-z])unc|std(?:ev|dev|_|$)|(?:^|[_ ])sd(?![a-z])|±|(?:^|[_ ])se(?:$|[_ (\[])"
+)
+"""Pattern of columns of standard deviations."""
+
+
+LOGARITHM = re.compile(r"(?<![a-z])(?:log|ln)(?![a-z])|(?<![a-z])log_?10")
+"""Pattern of columns of logarithms, which are read for attenuation alone."""
+
 
 MIN_PERCENT, MAX_MEGAPASCAL, MAX_CELSIUS = 1.0, 1e5, 200.0
 """Numbers from which strain is taken as percent, and up to which stress as MPa, or temperature as
 degrees Celsius, where names say nothing."""
 
+
 DIFFERENTIAL_PLACE, MIN_CONFINING_SHARE = 0, 0.05
 """Place of names of differential stresses; a stress beside the axis below this share is none."""
+
 
 MAX_RELATIVE_DIFFERENCE = 1e-3
 """Relative difference of columns that hold the same numbers in different units."""
@@ -45,15 +184,12 @@ class GuessedColumn:
     `column`: its name, or its number from 1.
     `name`: its name with the unit under it.
     `unit`: its unit; None where it has none.
-    `told_by`: what says so: its name, its numbers, the column that it shares its unit with, or
-        nothing.
+    `told_by`: what says so: its name, numbers, the column that it shares its unit with, or nothing.
     `numbers` (n_rows,): what it holds in its unit; NaN where there is no number.
-    `is_foreign`: whether its name has a unit that experiment files do not know, or says that its
-        numbers are logarithms; it has no unit then.
+    `is_foreign`: whether its name has a unit that files do not know, or says logarithm.
     `rivals`: other columns that may hold the quantity, the likeliest first.
     `is_decided`: whether names and units put it before its rivals, or somebody chose it.
-    `confined_by`: of a stress that may be the total one along the axis, the column of what acts
-        beside it.
+    `confined_by`: column of what acts beside a stress that may be the total one along the axis.
     """
 
     quantity: str
@@ -102,10 +238,7 @@ class GuessedColumn:
 def guess_columns(
     table: TextTable, chosen: Mapping[str, str | int] = MappingProxyType({})
 ) -> dict[str, GuessedColumn]:
-    """Return what columns hold, by quantity; their errors are under QUANTITY_uncertainty.
-
-    Of a file without names of two or three columns the last is taken as stress.
-    """
+    """Return what columns hold, by quantity; their errors are under QUANTITY_uncertainty."""
     candidates: dict[str, list[tuple[tuple[float, ...], GuessedColumn]]] = {}
     by_name = {column: q for column, q in _named(table).items() if column not in chosen.values()}
     for column, quantity in by_name.items():
@@ -196,10 +329,7 @@ def _quantity_of(name: str) -> str | None:
 
 
 def _kinds_in(name: str) -> set[str]:
-    """Return the kinds of which the unit in the brackets of a name is one.
-
-    Those of strain and of angles alone count for none: % and degrees have other uses.
-    """
+    """Return kinds of the unit in brackets of a name; strain and angles alone count for none."""
     units = re.findall(r"[(\[] ?([^()\[\]]+?) ?[)\]]", name)
 
     def is_one_of(kind: str) -> bool:
@@ -225,22 +355,12 @@ def _are_alike(one: GuessedColumn, other: GuessedColumn) -> bool:
     """Whether two columns hold the same numbers, be it in different units."""
     mine, yours = one.si, other.si
     scale = float(np.nanmax(np.abs(mine), initial=0.0))
-    return bool(
-        np.allclose(
-            mine,
-            yours,
-            rtol=MAX_RELATIVE_DIFFERENCE,
-            atol=MAX_RELATIVE_DIFFERENCE * scale,
-            equal_nan=True,
-        )
-    )
+    near = MAX_RELATIVE_DIFFERENCE
+    return bool(np.allclose(mine, yours, rtol=near, atol=near * scale, equal_nan=True))
 
 
 def _confined_by(table: TextTable, stress: GuessedColumn) -> str | int | None:
-    """Return the column of the stress beside the axis that a column of stress may contain.
-
-    One that its name calls differential does not; else it may where it never is below the other.
-    """
+    """Return the column beside the axis that a column of stress may contain, if any."""
     if _place(stress)[2] == DIFFERENTIAL_PLACE:
         return None
     for column in table.columns:
@@ -250,11 +370,8 @@ def _confined_by(table: TextTable, stress: GuessedColumn) -> str | int | None:
         unit = _unit_in(name, "stress", is_chosen=True)
         if unit and table.numbers(column):
             beside = float(np.median(table.numbers(column))) * UNIT_TABLE["stress"][unit].factor
-            if (
-                MIN_CONFINING_SHARE * np.nanmax(stress.si)
-                < beside
-                <= np.nanmin(stress.si) * (1 + MIN_CONFINING_SHARE)
-            ):
+            least, largest = np.nanmin(stress.si), np.nanmax(stress.si)
+            if MIN_CONFINING_SHARE * largest < beside <= (1 + MIN_CONFINING_SHARE) * least:
                 return column
     return None
 
@@ -306,17 +423,14 @@ def _with_shared_unit(guessed: GuessedColumn, found: Mapping[str, GuessedColumn]
 
 
 def _unit_of_numbers(kind: str, numbers: FloatArray) -> tuple[str | None, str]:
+    """Return the unit that numbers look like, and what says so."""
     largest = float(np.max(np.abs(numbers)))
-    match kind:
-        case "strain":
-            return ("percent" if largest > MIN_PERCENT else "fraction"), "its numbers"
-        case "stress":
-            return ("MPa" if largest < MAX_MEGAPASCAL else "Pa"), "its numbers"
-        case "temperature":
-            return ("C" if largest < MAX_CELSIUS else "K"), "its numbers"
-        case "time":
-            return "s", "nothing; check it"
-        case "frequency":
-            return "Hz", "nothing; check it"
-        case _:
-            return None, "its name"
+    by_size = {
+        "strain": "percent" if largest > MIN_PERCENT else "fraction",
+        "stress": "MPa" if largest < MAX_MEGAPASCAL else "Pa",
+        "temperature": "C" if largest < MAX_CELSIUS else "K",
+    }
+    if kind in by_size:
+        return by_size[kind], "its numbers"
+    unit = {"time": "s", "frequency": "Hz"}.get(kind)
+    return unit, "its name" if unit is None else "nothing; check it"

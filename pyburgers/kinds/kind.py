@@ -1,6 +1,6 @@
 """What a file of a kind of test is: how it is read, written and simulated; and every kind.
 
-To add a kind: a folder with the modules ``kind`` (``KIND``, a `Kind`), ``likelihood``
+To add a kind: a folder with the modules ``files`` (``KIND``, a `Kind`), ``likelihood``
 (``LIKELIHOOD``, `pyburgers.kinds.likelihood.Likelihood`) and ``new_file`` (``NEW_FILE``,
 `pyburgers.kinds.new_file.NewFile`), and its name in `pyburgers.kinds.likelihood.NAMES`.
 """
@@ -15,11 +15,11 @@ from types import MappingProxyType
 from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 from pydantic import ConfigDict, Field
 
+from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.columns import write_data
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
@@ -27,8 +27,6 @@ from pyburgers.common.toml_files import Table, checked, read_tables, write_toml
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import NAMES, likelihood_of, likelihoods
 from pyburgers.model.priors import PriorSet
-
-FloatArray = npt.NDArray[np.float64]
 
 E = TypeVar("E", bound=Experiment)
 
@@ -103,8 +101,7 @@ class Kind(ABC, Generic[E]):
         """Return the response (SI), (n_points,), in a solution at `simulated_positions`."""
         likelihood = likelihood_of(experiment)
         clock, response = likelihood.clock.column, likelihood.response.column
-        found: FloatArray = np.interp(experiment.position, solution[clock], solution[response])
-        return found
+        return np.asarray(np.interp(experiment.position, solution[clock], solution[response]))
 
     @abstractmethod
     def with_noise(
@@ -114,23 +111,19 @@ class Kind(ABC, Generic[E]):
         values: Mapping[str, float],
         rng: np.random.Generator,
     ) -> E:
-        """Return the test with responses of the model (SI), and noise, in place of its own.
-
-        `response` (n_points,): without noise.
-        """
+        """Return the test with the model's responses (SI), (n_points,), and noise for its own."""
 
 
 def draw_residuals(
     experiment: Experiment,
     noise: FloatArray,
-    part: npt.NDArray[np.int64],
+    part: IntArray,
     values: Mapping[str, float],
     rng: np.random.Generator,
 ) -> FloatArray:
     """Return residuals (SI), (n_points,), as `stan/statistics/residuals.stan` describes them.
 
-    `noise`, `part` (n_points,): their standard deviations (SI), and segment or stage, between
-    which nothing correlates.
+    `noise`, `part` (n_points,): standard deviations (SI), and parts between which none correlates.
     """
     n, correlation_length = experiment.n_points, values.get(experiment.residual_correlation, 0.0)
     if correlation_length == 0:
@@ -156,7 +149,7 @@ class _ProtocolTable(Table):
 def kinds() -> Mapping[str, Kind[Any]]:
     """Return every kind of test by its name."""
     return MappingProxyType(
-        {name: import_module(f"pyburgers.kinds.{name}.kind").KIND for name in NAMES}
+        {name: import_module(f"pyburgers.kinds.{name}.files").KIND for name in NAMES}
     )
 
 

@@ -13,21 +13,19 @@ from types import MappingProxyType
 from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.cmdstan.toolchain import stan_directory
+from pyburgers.common.array_types import BoolArray, FloatArray
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.coordinates import Layout, Mode, PlainCoordinates
-from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.stan_data import SolverOptions, StanData
+from pyburgers.kinds.experiment import Experiment, MeasuredMicrostructure
+from pyburgers.kinds.stan_data import Layout, Mode, PlainCoordinates, SolverOptions, StanData
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.read_quantities import Quantity, ReadQuantity
 
-FloatArray = npt.NDArray[np.float64]
-
 E = TypeVar("E", bound=Experiment)
+
 
 NAMES = ("constant_rate", "forced_oscillation", "loading_history", "attenuation")
 """Of all kinds of test, in files, and of their folders."""
@@ -42,15 +40,13 @@ class AtMode(Generic[E]):
     """A test by itself at its posterior mode, and what a chart may ask its Stan program there.
 
     `experiment`, `priors`: the test and its resolved priors.
-    `coordinates`: what its plain coordinates stand for.
-    `mode`: the mode.
+    `coordinates`, `mode`: what its plain coordinates stand for, and the mode.
     `data`: data of the program in plain coordinates.
     `solution`: solution at positions on the clock, SI (`pyburgers.kinds.program_data.solve`).
-    `generated`, `curvature`, `covariance`: receive changed entries of the data (the last a position
-        before them); return all variables, the Hessian of minus the log density in plain
-        coordinates, and the Laplace approximation.
-    `generated_at`: receives positions, shape (n, n_coordinates), and changed entries; returns which
-        are solved, and the variables there (`pyburgers.cmdstan.program.Program.generate_at`).
+    `generated`, `curvature`, `covariance`: receive changed entries of the data, the last a position
+        before them; return variables, Hessian of minus the log density, Laplace approximation.
+    `generated_at`: receives positions (n, n_coordinates) and changed entries; returns which are
+        solved, and the variables there (`pyburgers.cmdstan.program.Program.generate_at`).
     """
 
     experiment: E
@@ -62,7 +58,7 @@ class AtMode(Generic[E]):
     generated: Callable[..., dict[str, FloatArray]]
     curvature: Callable[..., FloatArray]
     covariance: Callable[..., FloatArray]
-    generated_at: Callable[..., tuple[npt.NDArray[np.bool_], Draws]]
+    generated_at: Callable[..., tuple[BoolArray, Draws]]
 
 
 class Chart(ABC, Generic[E]):
@@ -98,6 +94,29 @@ class Chart(ABC, Generic[E]):
 
         `pyburgers.kinds.program_data.chart_block` adds what all charts have in common.
         """
+
+
+MICROSTRUCTURE = ("grain_size", "fabric_factor", "grain_size_softening", "fabric_softening")
+"""What programs report of the state of grains and fabric."""
+
+_GRID_UNITS: Mapping[str, str] = MappingProxyType(
+    {"stress": "Pa", "oscillating_stress": "Pa", "grain_size": "m"}
+    | dict.fromkeys(("strain_rate", "dashpot_rate"), "1/s")
+)
+"""SI units of what programs report along the clock; all else is a number."""
+
+
+def grid_quantities(*names: str) -> Mapping[str, tuple[str, str]]:
+    """Return variables ``grid_NAME`` of a program with their name in labelled draws and SI unit."""
+    return MappingProxyType(
+        {
+            f"grid_{name}": (
+                name.removeprefix("oscillating_"),
+                _GRID_UNITS.get(name.removesuffix("_replicated"), "1"),
+            )
+            for name in names
+        }
+    )
 
 
 class Likelihood(ABC, Generic[E]):
@@ -157,16 +176,16 @@ class Likelihood(ABC, Generic[E]):
         """Return the clock in the unit in which a test with such a last position (SI) is shown."""
         return self.clock
 
-    def is_read(self, experiment: E, at: FloatArray) -> npt.NDArray[np.bool_]:
+    def is_read(self, experiment: E, at: FloatArray) -> BoolArray:
         """Return whether each of `read` is read or imposed at positions (SI), (n_read, n)."""
         return np.ones((len(self.read), at.size), dtype=np.bool_)
 
     def along(self, experiment: E) -> dict[str, tuple[FloatArray, str]]:
         """Return where the readings lie along a test, by name, with the SI unit.
 
-        ``quantity`` is `Experiment.quantity` where several are read, ``reading_error`` the
-        standard deviation of the response where it is stated. Where it is not and readings differ,
-        ``typical_error`` is the size by which residuals are weighed.
+        ``quantity`` is `Experiment.quantity` where several are read, ``reading_error`` a stated
+            standard deviation, ``typical_error`` the size by which residuals that differ are
+            weighed otherwise.
         """
         found = {self.clock.name: (experiment.position, self.clock.si_unit)}
         if len(self.read) > 1:
@@ -203,3 +222,20 @@ def likelihoods() -> Mapping[str, Likelihood[Any]]:
 def likelihood_of(experiment: Experiment) -> Likelihood[Any]:
     """Return the likelihood of a test's kind."""
     return likelihoods()[experiment.protocol]
+
+
+def strains_of(measured: Sequence[MeasuredMicrostructure]) -> FloatArray:
+    """Return the strains (fraction) that were measured at, NaN where a time stands for one."""
+    return np.array([one.strain for one in measured], dtype=np.float64)
+
+
+def times_of(measured: Sequence[MeasuredMicrostructure]) -> FloatArray:
+    """Return the times (s) that were measured at, NaN where a strain stands for one."""
+    return np.array([one.time for one in measured], dtype=np.float64)
+
+
+def measured_block(of_tests: Sequence[Sequence[MeasuredMicrostructure]]) -> list[list[float]]:
+    """Return the rows of `stan/statistics/measured_microstructure.stan`, of tests in turn."""
+    rows = [one.numbers for measured in of_tests for one in measured]
+    found: list[list[float]] = np.array(rows).reshape(-1, 4).tolist()
+    return found

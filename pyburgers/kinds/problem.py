@@ -3,14 +3,18 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.coordinates import Layout, PlainCoordinates, layout_of
-from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment, condition_priors
+from pyburgers.kinds.experiment import (
+    CONDITION_KEYS,
+    Experiment,
+    Stated,
+)
 from pyburgers.kinds.likelihood import Likelihood, likelihood_of, likelihoods
+from pyburgers.kinds.stan_data import Layout, PlainCoordinates, layout_of
 from pyburgers.model.parameters import (
     CONDITIONS,
     PARAMETER_BY_NAME,
@@ -18,7 +22,7 @@ from pyburgers.model.parameters import (
     Parameter,
 )
 from pyburgers.model.pooling import SEPARATE, Pooling
-from pyburgers.model.prior_families import fixed_prior, is_fixed_at
+from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import WITHOUT_EFFECT, check_variant, variant_of
 
@@ -31,12 +35,8 @@ class Problem:
     """One or several tests to be fitted; made by `problem_of`, which checks it.
 
     `experiments`: at least one, with data, of different names.
-    `given_priors`: for all tests, not resolved.
-    `priors`: of each test, resolved; they differ only where a prior is a share of the largest
-        stress, in the errors of the test's conditions, or in a grain size that stays as it is at
-        the start.
-    `pooling`: how the tests hang together; a partially pooled parameter has centre and spread even
-        where one test alone is left.
+    `given_priors`, `priors`: for all tests, not resolved; and resolved, of each test.
+    `pooling`: how the tests hang together; it counts for a test that is left alone, too.
     """
 
     experiments: tuple[Experiment, ...]
@@ -183,9 +183,8 @@ class Problem:
     def without(self, part: str) -> "Problem":
         """Take out a test, or a part of a single one, and keep the prior densities of the rest.
 
-        Where the prior of a shared parameter is a share of the largest stress, it stays that of all
-        tests. Residuals that correlate because of a test that is taken out, whose strain is read,
-        do so in the others too.
+        Priors that follow the largest stress of all tests, and residuals that correlate, stay as
+        they are.
         """
         if len(self.experiments) == 1:
             kept = [self.experiments[0].without_part(part)]
@@ -222,10 +221,9 @@ def problem_of(
 ) -> Problem:
     """Check tests, priors and pooling, and resolve the priors for each test.
 
-    Tests of several protocols are taken as one program takes them (`of_one_program`). A prior that
-    is a share of the largest stress takes that of the test, or of all tests where the parameter is
-    shared. Raise InputError if tests are of different materials or of protocols that do not go
-    together, have no data or the same name, or a pooling does not go with the priors.
+    Tests of several protocols are taken as one program takes them. A prior that is a share of the
+    largest stress takes that of the test, or of all if the parameter is shared. Raise InputError if
+    tests, priors and pooling do not go together.
     """
     for experiment in experiments:
         _check_not_in_prior(experiment, priors)
@@ -260,10 +258,7 @@ def problem_of(
 
 
 def _with_own_grains(own: PriorSet, first: Experiment, experiment: Experiment) -> PriorSet:
-    """Let grains stay at, or start from, the size of each test where variants fix it in the first.
-
-    Grains of a steady-state size that priors fix, with a critical strain of their own, do neither.
-    """
+    """Let grains stay at, or start from, each test's size where variants fix it in the first."""
     if "steady_state_grain_size" not in own.priors:
         return own
     size, critical_strain = own["steady_state_grain_size"], own["critical_strain_grain_size"]
@@ -278,9 +273,8 @@ def _with_own_grains(own: PriorSet, first: Experiment, experiment: Experiment) -
 def of_one_program(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
     """Return tests as they are, or as one program takes them where their protocols differ.
 
-    Tables stand behind the histories then: what tests share has its coordinate in the first one,
-    and those of a history know what a curve fixes. Raise InputError if one of several protocols
-    cannot be fitted with tests of another.
+    Tables stand behind the histories: those know what a curve fixes. Raise InputError if a protocol
+    does not go with others.
     """
     if len({experiment.protocol for experiment in experiments}) == 1:
         return tuple(experiments)
@@ -306,8 +300,7 @@ def coordinates_through(
 ) -> PlainCoordinates:
     """Choose plain coordinates of free parameters, a point of the flow law among them.
 
-    It replaces Q_M, or beta where Q_M cannot be replaced: a parameter with two finite bounds keeps
-    its own coordinate, because its bounds would cut the replaced one obliquely.
+    It replaces Q_M, or beta if two finite bounds of Q_M would cut the replaced one obliquely.
     """
     replaced = next(
         (
@@ -347,10 +340,7 @@ def _check_test(experiment: Experiment, first: Experiment, priors: PriorSet) -> 
 
 
 def _check_conditions(experiments: Sequence[Experiment]) -> None:
-    """Ask for the same uncertain conditions in all tests, and one error of one apparatus.
-
-    Raise InputError if a test cannot have such an error, or lacks one that another has.
-    """
+    """Refuse conditions that a test cannot have, or lacks, and two errors of one apparatus."""
     for experiment in experiments:
         for one in experiment.uncertain:
             if one.parameter not in experiment.may_be_uncertain:
@@ -426,3 +416,33 @@ def _check_pooling(problem: Problem) -> None:
             f"--pool: found {', '.join(f'{n}={problem.pooling.kinds[n]}' for n in FLOW_LAW)}, "
             "expected all shared or all separate because they have a joint prior."
         )
+
+
+E = TypeVar("E", bound=Experiment)
+
+
+def stated_priors(experiment: Experiment) -> dict[str, Prior]:
+    """Return priors of the test and its apparatus, by the parameter."""
+    return {
+        name: _normal(name, stated, "stated with the test")
+        for name, stated in experiment.stated.items()
+    }
+
+
+def condition_priors(experiment: Experiment) -> tuple[Prior, ...]:
+    """Return the priors of the errors of a test's conditions."""
+    source = "stated in the file of the test"
+    return tuple(
+        _normal(one.parameter, Stated(0.0, one.sd), source) for one in experiment.uncertain
+    )
+
+
+def _normal(name: str, stated: Stated, source: str) -> Prior:
+    """Return the normal prior of a stated number, cut at zero where it cannot be negative."""
+    parameter = PARAMETER_BY_NAME[name]
+    if stated.sd == 0:
+        return fixed_prior(parameter, stated.value, source)
+    numbers = {"location": stated.value, "scale": stated.sd}
+    if name == "apparatus_compliance":
+        numbers["lower"] = 0.0
+    return Prior.of_family(name, "normal", numbers, unit=parameter.si_unit, source=source)

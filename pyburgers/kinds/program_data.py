@@ -9,19 +9,18 @@ from dataclasses import replace
 from itertools import chain
 
 import numpy as np
-import numpy.typing as npt
 
 from pyburgers.cmdstan.program import Program, load_program
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import SamplingError
-from pyburgers.kinds.coordinates import Layout
-from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.experiment import Experiment, MeasuredMicrostructure
+from pyburgers.kinds.kind import FittedTest, kind_of
 from pyburgers.kinds.likelihood import likelihood_of
-from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.kinds.problem import Problem, one_test
 from pyburgers.kinds.stan_data import (
     CHART,
     PLAIN,
+    Layout,
     SolverOptions,
     StanData,
     ends,
@@ -34,16 +33,16 @@ from pyburgers.model.parameters import (
     PIEZOMETER,
     PLACE,
     PROGRAM_PARAMETERS,
+    RESIDUAL_CORRELATION,
     Parameter,
 )
-from pyburgers.model.prior_families import FAMILIES, fixed_prior
+from pyburgers.model.prior_families import FAMILIES, Prior, fixed_prior
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import variant_of
 
-FloatArray = npt.NDArray[np.float64]
-
 PART_OF_FLOW_LAW = 4
 """Code of a parameter whose density is in the joint prior of the flow law."""
+
 
 CHART_DATA_PRECISION = 1.0
 """Of a partially pooled number in a chart, as a guess of what data say; speed only."""
@@ -56,11 +55,7 @@ def program_data(
     grids: Sequence[FloatArray] | None = None,
     use_likelihood: bool = True,
 ) -> StanData:
-    """Return all data, in plain coordinates, of the program for tests of one protocol.
-
-    `grids`: positions of each test (SI; strains, or times of an oscillating test) at which to
-    report the solution; default none.
-    """
+    """Return all data of the program in plain coordinates, with solutions at `grids` (SI)."""
     layout = problem.layout
     return {
         **tests_block(problem, use_likelihood=use_likelihood),
@@ -105,8 +100,8 @@ def chart_block(
 ) -> StanData:
     """Return the data of the protocol's chart; no references keep the plain coordinates.
 
-    `pooled` (n_tests, n_partial): real numbers behind the partially pooled parameters at the
-    references; default 0. `pooling` (2, n_partial): their centres, and ln(spread/scale); default 0.
+    `pooled` (n_tests, n_partial), `pooling` (2, n_partial): real numbers behind the partially
+        pooled parameters at the references, their centres and ln(spread/scale); default 0.
     """
     layout = problem.layout
     n_partial = len(layout.partial)
@@ -123,10 +118,7 @@ def chart_block(
 
 
 def values_of_test(parameter: FloatArray, test: int) -> dict[str, float]:
-    """Return the parameters of a test, counted from 0, by name.
-
-    `parameter` (n_tests, n_parameters): the variable of this name of a program.
-    """
+    """Return the parameters of a test, from 0, by name, from (n_tests, n_parameters)."""
     return {p.name: float(v) for p, v in zip(PROGRAM_PARAMETERS, parameter[test], strict=True)}
 
 
@@ -231,10 +223,7 @@ def _coordinate_block(problem: Problem, layout: Layout) -> StanData:
 
 
 def given_parameters(material: str, values: Mapping[str, float]) -> PriorSet:
-    """Return priors that fix every parameter.
-
-    `values`: SI values by name; what is missing, such as the noise of a solution without any, is 1.
-    """
+    """Return priors that fix every parameter at SI values; a stress noise that is missing is 1."""
     known = {"stress_noise": 1.0, **values}  # a solution has no noise
     return PriorSet(
         material=material,
@@ -259,10 +248,8 @@ def solve(
 ) -> dict[str, FloatArray]:
     """Solve the model once and return every generated quantity of the Stan program.
 
-    The result: ``grid_*`` arrays, shape (n,), as named in the Stan program, the positions
-    themselves as ``grid_CLOCK``, such as ``grid_strain``, and ``log_reference``, shape (1,), ln of
-    the reference stress (Pa) or flow rate (1/s). Raise SamplingError if the solver finds no
-    solution.
+    Arrays ``grid_*`` (n,), the positions as ``grid_CLOCK``, ``log_reference`` (1,): ln of the
+    reference stress (Pa) or flow rate (1/s). Raise SamplingError if the solver finds no solution.
     """
     priors = given_parameters(experiment.material, values)
     likelihood = likelihood_of(experiment)
@@ -278,3 +265,30 @@ def solve(
             )
     clock = f"grid_{likelihood.clock.name}"
     return {**draw, clock: np.asarray(data.get(clock, at))}
+
+
+def fixed_in_effect(fit: FittedTest) -> tuple[Prior, ...]:
+    """Return the fixed parameters that the solution or the likelihood of a test depends on."""
+    idle = _idle(fit)
+    return tuple(
+        prior for name, prior in fit.priors.priors.items() if prior.is_fixed and name not in idle
+    )
+
+
+def _idle(fit: FittedTest) -> frozenset[str]:
+    """Name the parameters that nothing depends on."""
+    variant = variant_of(fit.priors, fit.experiment)
+    read = likelihood_of(fit.experiment).read
+    without_readings = {*read} - {read[k] for k in fit.experiment.quantity}
+    idle = {*fit.experiment.without_effect, *(one.noise for one in without_readings)}
+    if variant.grain_size != "piezometric":
+        idle |= {*PIEZOMETER}
+    if variant.grain_size != "evolving":
+        idle |= {"steady_state_grain_size"}
+    if variant.grain_size == "constant":
+        idle |= {"critical_strain_grain_size"}
+    if variant.fabric == "constant":
+        idle |= {"steady_state_fabric_factor", "critical_strain_fabric"}
+    if not variant.residuals_correlate:
+        idle |= {*RESIDUAL_CORRELATION}
+    return frozenset(idle)

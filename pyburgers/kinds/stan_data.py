@@ -1,17 +1,30 @@
-"""What the data of every Stan program have in common.
+"""What the data of every Stan program have in common: solver, coordinates and their layout.
 
-This module, `program_data` beside it and the `stan_data` of each protocol and of tables of peak
-stresses are the only ones that know the data blocks in `stan/data/` and of the programs.
+Only this module, `program_data`, the `likelihood` of each kind and the tables of peak stresses know
+the data blocks in `stan/data/` and of the programs.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import accumulate
+from itertools import accumulate, pairwise
+from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+from scipy.special import expit, logit
+
+from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.errors import InputError
+from pyburgers.model.parameters import (
+    REFERENCE_FLOW_RATE_QUANTITY,
+    REFERENCE_QUANTITIES,
+    REFERENCE_STRESS_QUANTITY,
+)
+from pyburgers.model.pooling import Pooling
 
 StanData = dict[str, Any]
+
 
 PLAIN, CHART = 1, 2
 """Codes of the coordinate systems: each program has plain ones and the chart of its protocol."""
@@ -56,11 +69,7 @@ DECISIVE_DIGITS = 6
 
 
 def decisive(content: Any) -> Any:
-    """Return data without the digits in which processors differ, to tell one problem from another.
-
-    Sums of linear algebra end in other last digits where a processor has other vector instructions,
-    and a run is to go on wherever it is taken.
-    """
+    """Return data without the digits in which processors differ, for comparisons."""
     if isinstance(content, float):
         return f"{content + 0.0:.{DECISIVE_DIGITS - 1}e}"
     if isinstance(content, dict):
@@ -82,3 +91,197 @@ def solver_block(solver: SolverOptions) -> StanData:
 def ends(sizes: Iterable[int]) -> list[int]:
     """Return where the parts of a ragged array end, after a leading 0."""
     return list(accumulate(sizes, initial=0))
+
+
+REFERENCE_STRESS = REFERENCE_STRESS_QUANTITY.name
+"""Name of the coordinate ln S_0 that replaces Q_M or beta."""
+
+
+REFERENCE_FLOW_RATE = REFERENCE_FLOW_RATE_QUANTITY.name
+"""Name of the coordinate ln(flow rate s) that replaces Q_M or beta in oscillating tests."""
+
+
+CENTRE, SPREAD = "centre", "spread"
+"""Owners of the coordinates that belong to no test."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlainCoordinates:
+    """Real-line coordinates of the free parameters, as in `stan/charts/plain.stan`.
+
+    `quantities`, `parameters`: quantity of each coordinate, and the parameter that it gives: they
+        differ where the logarithm of a reference stress or flow rate takes a parameter's place.
+    `shift`, `scale`, `lower`, `upper` (n_coordinates,): origin, size and bounds of quantities (SI).
+    """
+
+    quantities: tuple[str, ...]
+    parameters: tuple[str, ...]
+    shift: FloatArray
+    scale: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+
+    @property
+    def replaced_parameter(self) -> str | None:
+        """Parameter whose place the reference stress or flow rate takes, if any."""
+        for quantity, parameter in zip(self.quantities, self.parameters, strict=True):
+            if quantity in REFERENCE_QUANTITIES:
+                return parameter
+        return None
+
+    @property
+    def quantity(self) -> FloatArray:
+        """Rows of shift, scale, lower and upper bound, shape (n_coordinates, 4)."""
+        return np.column_stack([self.shift, self.scale, self.lower, self.upper])
+
+    def at(self, values: Mapping[str, float]) -> FloatArray:
+        """Coordinates, shape (n_coordinates,), of SI values that include the reference one."""
+        return np.array(
+            [
+                self.of_quantity(
+                    k, np.log(values[name]) if name in REFERENCE_QUANTITIES else values[name]
+                )
+                for k, name in enumerate(self.quantities)
+            ],
+            dtype=np.float64,
+        )
+
+    def of_quantity(self, k: int, position: npt.ArrayLike) -> FloatArray:
+        """Coordinate k, of any shape, where its quantity (or its logarithm) has given values."""
+        position = np.asarray(position, dtype=np.float64)
+        lower, upper, scale = self.lower[k], self.upper[k], self.scale[k]
+        if np.isinf(lower):
+            return np.asarray((position - self.shift[k]) / scale)
+        with np.errstate(divide="ignore"):
+            if np.isinf(upper):
+                return np.asarray(np.log((position - lower) / scale))
+            return np.asarray(logit((position - lower) / (upper - lower)))
+
+    def value(self, k: int, position: float) -> float:
+        """Quantity k (or its logarithm) at a coordinate, the inverse of `of_quantity`."""
+        lower, upper, scale = self.lower[k], self.upper[k], self.scale[k]
+        if np.isinf(lower):
+            return float(self.shift[k] + scale * position)
+        if np.isinf(upper):
+            return float(lower + scale * np.exp(position))
+        return float(lower + (upper - lower) * expit(position))
+
+
+@dataclass(frozen=True, eq=False)
+class Mode:
+    """The highest density found, on the real line of the plain coordinates.
+
+    `values`: every parameter in SI.
+    `coordinate` (n_coordinates,): plain coordinates.
+    `driving_error` (n_driving_errors,): errors of what drives the test, standardised.
+    """
+
+    values: Mapping[str, float]
+    coordinate: FloatArray
+    driving_error: FloatArray
+
+
+@dataclass(frozen=True)
+class OtherMode:
+    """Another mode of a problem, lower than the one that chains start from.
+
+    `log_weight`: ln of the probability around it over that around the highest one.
+    `values`: free parameters in SI, by tests.
+    """
+
+    log_weight: float
+    values: Mapping[str, Mapping[str, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class ProblemMode:
+    """The highest density found of a problem.
+
+    `tests`: values of each test, and its plain coordinates by itself.
+    `coordinate` (n_coordinates,): plain coordinates of all tests together.
+    `others`: other modes that were met on the way.
+    """
+
+    tests: tuple[Mode, ...]
+    coordinate: FloatArray
+    others: tuple[OtherMode, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Which coordinate of a fit stands for what.
+
+    They stand in this order: the first test's, the other tests' own ones, centres, spreads, errors
+    of what drives the tests. A value that tests share is the first one's of them.
+
+    `names`: parameters with a coordinate in every test by itself.
+    `position`, `source` (n_tests, n_names): place of each coordinate, and test whose value it is.
+    `shared`, `partial`: shared (by some tests at least) and partially pooled parameters among them.
+    `centre`, `spread` (n_partial,): where centres and spreads of the latter stand.
+    `errors`: where the errors of what drives each test stand.
+    """
+
+    names: tuple[str, ...]
+    position: IntArray
+    source: IntArray
+    shared: tuple[str, ...]
+    partial: tuple[str, ...]
+    centre: IntArray
+    spread: IntArray
+    errors: tuple[IntArray, ...]
+
+    @property
+    def n_tests(self) -> int:
+        """Number of tests."""
+        return int(self.position.shape[0])
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        n_errors = sum(own.size for own in self.errors)
+        return int(self.position.max(initial=-1)) + 1 + 2 * len(self.partial) + n_errors
+
+    @property
+    def pooled(self) -> list[int]:
+        """Places of the partially pooled parameters among the names."""
+        return [self.names.index(name) for name in self.partial]
+
+    def own(self, test: int) -> list[int]:
+        """Places among the names of parameters that a test has by itself, or shares as first."""
+        return [
+            i
+            for i, name in enumerate(self.names)
+            if name not in self.partial and self.source[test, i] == test
+        ]
+
+
+def layout_of(
+    names: Sequence[str],
+    n_tests: int,
+    pooling: Pooling,
+    n_errors: Sequence[int] = (),
+    sources: Mapping[str, Sequence[int]] = MappingProxyType({}),
+) -> Layout:
+    """Lay the coordinates of a fit out."""
+    shared_by_all, partial = (pooling.of_kind(kind, names) for kind in ("shared", "partial"))
+    source = np.zeros((n_tests, len(names)), dtype=np.int64)
+    for i, name in enumerate(names):
+        if name not in shared_by_all:
+            source[:, i] = sources.get(name, range(n_tests))
+    position = np.zeros_like(source)
+    following = 0
+    for e, i in np.ndindex(*position.shape):
+        if source[e, i] == e:
+            position[e, i] = following
+            following += 1
+        else:
+            position[e, i] = position[source[e, i], i]
+    # One test shares with nobody.
+    changes = (source != np.arange(n_tests)[:, np.newaxis]).any(axis=0)
+    shared = tuple(name for name, change in zip(names, changes, strict=True) if change)
+    centre = following + np.arange(len(partial))
+    ends = following + 2 * len(partial) + np.cumsum([0, *(n_errors or [0] * n_tests)])
+    errors = tuple(np.arange(start, end) for start, end in pairwise(ends))
+    return Layout(
+        tuple(names), position, source, shared, partial, centre, centre + len(partial), errors
+    )

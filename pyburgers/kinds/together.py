@@ -27,8 +27,8 @@ def pooling_for(
 ) -> Pooling:
     """Return how tests are pooled where it is not said otherwise; one test shares with nobody.
 
-    Beside tables of attenuation E_M is separate, and so is what is partially pooled elsewhere if
-    one test alone has it.
+    Beside tables E_M is separate, and so is what one test alone has and is partially pooled
+    elsewhere.
     """
     if len(experiments) == 1:
         return SEPARATE

@@ -12,19 +12,15 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pyburgers.kinds.coordinates import Layout, PlainCoordinates
+from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited
-from pyburgers.kinds.stan_data import StanData, ends
+from pyburgers.kinds.stan_data import Layout, PlainCoordinates, StanData, ends
 from pyburgers.model.laws import DASHPOT_LAWS
 from pyburgers.model.parameters import PLACE, PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 E = TypeVar("E", bound=Experiment)
 
@@ -74,18 +70,16 @@ SOLVED = {
 
 @dataclass(frozen=True, eq=False)
 class Pins:
-    """What a test's response fixes, along its solution at the posterior mode.
+    """What a test's response fixes, along its solution at the posterior mode; pins have (n_pins,).
 
-    `knot_time`, `knot_stress` (n_knots,): the solution (s, Pa); a time that comes twice is a jump
-        of the stress.
-    `knot` (n_pins,): knots at which the pins are.
-    `unit` (n_pins,): unit of rates (1/s) of each pin.
-    `path_strain`, `strain_rate`, `stress_rate` (n_pins,): the solution there: path strain, strain
-        rate in the unit, stress rate (Pa) in the unit.
-    `relative_noise` (n_pins,): of a reading near each pin, as a share of the stress; infinite where
-        the pin counts by its time alone, which stands for all since the start of the test.
-    `time_spent` (n_pins,): time (s) of the dashpot near each pin, where ln S_0 is solved from
-        times; else 0.
+    `knot_time`, `knot_stress` (n_knots,): the solution (s, Pa); equal times are a jump of the
+        stress.
+    `knot`: knots at which the pins are.
+    `unit`: unit of rates (1/s) of each pin.
+    `path_strain`, `strain_rate`, `stress_rate`: the solution there, rates (1, Pa) in the unit.
+    `relative_noise`: of a reading near each pin, as a share of the stress; infinite where the pin
+        counts by its time alone, which stands for all since the start of the test.
+    `time_spent`: time (s) of the dashpot near each pin if ln S_0 is solved from times, else 0.
     `readings`: number of readings for each pin that has noise.
     `reference_rate`: rate (1/s) that ln S_0 belongs to.
     `flow_stress`: stress (Pa) at which the flow rate is the plain coordinate; 0 where S_0 is.
@@ -95,7 +89,7 @@ class Pins:
 
     knot_time: FloatArray
     knot_stress: FloatArray
-    knot: npt.NDArray[np.int64]
+    knot: IntArray
     unit: FloatArray
     path_strain: FloatArray
     strain_rate: FloatArray
@@ -121,15 +115,11 @@ class Pins:
 
 @dataclass(frozen=True, eq=False)
 class ValleyReference:
-    """Reference point and pins of the valley coordinates of a test.
+    """Reference point and pins of the valley coordinates of a test; `values` (n_parameters,).
 
-    `values` (n_parameters,): every parameter at the reference point, the posterior mode.
-    `coordinate` (n_coordinates,): its plain coordinates.
-    `linear_from` (n_coordinates,): where a coordinate turns from logarithmic to linear, below 0 in
-        the inverse; 0 keeps the plain one.
-    `pins`: what the response fixes.
-    `noise_exponent` (n_coordinates,): power of the noise with which the width of each coordinate
-        grows.
+    `coordinate`, `linear_from` (n_coordinates,): plain coordinates of the mode, and where each
+        turns from logarithmic to linear, below 0 in the inverse; 0 keeps the plain one.
+    `noise_exponent` (n_coordinates,): power of the noise with which each width grows.
     """
 
     values: FloatArray
@@ -251,7 +241,7 @@ def quantile_pins(path_strain: FloatArray, flowing: BoolArray) -> FloatArray:
     return np.asarray(np.unique(np.quantile(path_strain[flowing], _quantiles(int(flowing.sum())))))
 
 
-def quantile_places(path_strain: FloatArray) -> npt.NDArray[np.int64]:
+def quantile_places(path_strain: FloatArray) -> IntArray:
     """Places of readings at such quantiles, of path strains that do not decrease."""
     places = np.rint(_quantiles(path_strain.size) * (path_strain.size - 1)).astype(np.int64)
     _, first = np.unique(path_strain[places], return_index=True)
@@ -267,11 +257,7 @@ def _quantiles(n_flowing: int) -> FloatArray:
 
 
 def middle_of_rise(time: FloatArray, stress: FloatArray, elastic_rate: float) -> float:
-    """Half of the time (s) up to which the spring takes half of the imposed rate or more.
-
-    `time`, `stress` (n_knots,): the reference curve (s, Pa). `elastic_rate`: of the stress, if the
-    spring took all of the imposed rate (Pa/s).
-    """
+    """Half of the time (s) up to which the spring takes half of the imposed rate (Pa/s) or more."""
     slow = np.diff(stress) <= 0.5 * elastic_rate * np.diff(time)
     end = int(np.argmax(slow)) if slow.any() else time.size - 1
     return 0.5 * float(time[end])
@@ -280,11 +266,10 @@ def middle_of_rise(time: FloatArray, stress: FloatArray, elastic_rate: float) ->
 def noise_exponents(
     coordinates: PlainCoordinates, priors: PriorSet, covariance: FloatArray, names: Iterable[str]
 ) -> FloatArray:
-    """Power of the noise with which the posterior width of each coordinate grows.
+    """Power of the noise with which the posterior width of each coordinate grows, (n_coordinates,).
 
-    `covariance` (n_coordinates, n_coordinates): Laplace approximation of the posterior, in plain
-    coordinates. The result (n_coordinates,): 1 - posterior variance/prior variance, between 0 and
-    1, for these; 0 for others.
+    1 - posterior variance/prior variance, by the Laplace approximation, for some names; 0 for
+    others.
     """
     rng = np.random.default_rng(0)
     exponents = np.zeros(len(coordinates.quantities))
@@ -324,9 +309,8 @@ def _check_priors(
 def _linear_from(position: FloatArray, coordinates: PlainCoordinates, pins: Pins) -> FloatArray:
     """Where coordinates turn from logarithmic to linear (below 0: linear in the inverse).
 
-    Modes that lean on a lower bound, from their odds (value - lower)/(upper - value) on; and the
-    inverse of the Maxwell modulus, from a small part of its value at the mode on. `FIXED_BY_STRAIN`
-    stays plain where strain is read.
+    Modes that lean on a lower bound do from their odds on, the Maxwell modulus from a part of
+    itself.
     """
     odds = np.exp(position)
     bounded = np.isfinite(coordinates.lower) & np.isfinite(coordinates.upper)

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from pyburgers.common.array_types import FloatArray
 
 GAS_CONSTANT = 8.314462618  # J/(mol K), as in stan/physics/flow_law.stan
 
@@ -17,5 +17,4 @@ def log_slowdown(
     broadcast against each other.
     """
     colder = 1 / np.asarray(temperature) - 1 / np.asarray(reference)
-    slower: FloatArray = np.asarray(enthalpy) / GAS_CONSTANT * colder
-    return slower
+    return np.asarray(np.asarray(enthalpy) / GAS_CONSTANT * colder)

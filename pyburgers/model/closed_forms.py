@@ -120,8 +120,8 @@ def require_linear(parameters: Mapping[str, npt.ArrayLike]) -> None:
         if np.any(np.asarray(parameters.get(name, standard)) != standard):
             raise InputError(
                 f"{name}: found values other than {standard:g}, expected a linear "
-                "Kelvin part because the spectrum in closed form needs it; "
-                "pyburgers.predictions.imposed_stress simulates the cycles of any other."
+                "Kelvin part because the spectrum in closed form needs it; simulate cycles of any "
+                "other as a loading history."
             )
 
 

@@ -14,14 +14,13 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, read_json
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.peak_test import PeakTest
-
-FloatArray = npt.NDArray[np.float64]
 
 PRIOR_QUANTITIES = ("stress_exponent", "grain_size_exponent", "log_reference_flow_rate", "beta")
 """Quantities of a `FlowLawPrior`: nearly normal and, but for beta, fixed by a table."""
@@ -184,8 +183,7 @@ class FlowLawPrior:
             - np.asarray(stress_exponent) * np.log(at.stress)
             + np.asarray(grain_size_exponent) * np.log(at.grain_size)
         )
-        enthalpy: FloatArray = log_factor / (np.asarray(beta) - 1 / (GAS_CONSTANT * at.temperature))
-        return enthalpy
+        return np.asarray(log_factor / (np.asarray(beta) - 1 / (GAS_CONSTANT * at.temperature)))
 
     def save(self, path: Path) -> None:
         """Write a JSON file; `load` reads back equal contents."""

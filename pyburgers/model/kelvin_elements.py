@@ -9,12 +9,10 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.model.laws import RELAXATION_TIMES
 from pyburgers.model.parameters import PLACE
-
-FloatArray = npt.NDArray[np.float64]
 
 _POLE = 0.5 * math.pi
 """Distance of an element's poles from the real axis of ln(t)."""

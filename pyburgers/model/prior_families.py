@@ -12,11 +12,11 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 from scipy import stats
 from scipy.special import ndtri_exp
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, factor_to_si
 from pyburgers.model.laws import DASHPOT_STRESSES, NONLINEAR_KELVIN_PARAMETERS
@@ -235,9 +235,7 @@ class Prior:
         )
 
 
-def normal_scores(
-    law: "rv_continuous_frozen[Any, Any]", values: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
+def normal_scores(law: "rv_continuous_frozen[Any, Any]", values: FloatArray) -> FloatArray:
     """Map values, in the unit of a continuous `law`, to a scale on which it is standard normal."""
     below, above = law.logcdf(values), law.logsf(values)
     scores = np.where(below < above, ndtri_exp(below), -ndtri_exp(above))

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from pyburgers.common.errors import InputError, all_of, nearest
+from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.paths import given_path, shipped_folder
-from pyburgers.common.toml_files import Table, read_toml, write_toml
+from pyburgers.common.toml_files import Table, all_of, read_toml, write_toml
 from pyburgers.model.flow_law_prior import FlowLawPrior, FlowLawTable
 from pyburgers.model.parameters import (
     CONDITIONS,
@@ -355,7 +355,7 @@ default_priors = priors
 def _kinds_of_test() -> list[str]:
     """Names of the kinds of test, by their folders: the room that knows them is above this one."""
     folder = Path(str(importlib.resources.files("pyburgers"))) / "kinds"
-    return sorted(file.parent.name for file in folder.glob("*/kind.py"))
+    return sorted(file.parent.name for file in folder.glob("*/files.py"))
 
 
 def shipped_file(material: str, protocol: str | None) -> Path:

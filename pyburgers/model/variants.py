@@ -11,8 +11,8 @@ from types import MappingProxyType
 from typing import Literal, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.model.kelvin_laws import changes_for, kelvin_law
 from pyburgers.model.laws import DASHPOT_LAWS, DASHPOT_STRESSES, KELVIN_LAWS
@@ -59,7 +59,7 @@ class Test(Protocol):
         """Metres."""
 
     @property
-    def position(self) -> npt.NDArray[np.float64]:
+    def position(self) -> FloatArray:
         """Where its points lie, shape (n_points,)."""
 
     @property

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from functools import partial
 
-import pandas as pd
 import xarray as xr
 
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
@@ -14,7 +13,7 @@ from pyburgers.predictions.assumptions import (
     frozen_sentence,
     pale_sentence,
 )
-from pyburgers.predictions.attenuation import attenuation_spectrum, predict_attenuation
+from pyburgers.predictions.attenuation import predict_attenuation
 from pyburgers.predictions.attenuation_tables import overview_table, quantile_table
 from pyburgers.predictions.evolving import (
     evolving_attenuation,
@@ -22,13 +21,9 @@ from pyburgers.predictions.evolving import (
     evolving_sentence,
     evolving_table,
 )
-from pyburgers.predictions.imposed_stress import simulated_phase_lag
 from pyburgers.predictions.material import fitted_material
 from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
-from pyburgers.predictions.stress_cycles import PAPER_REGIMES, PARAMETER_NAMES, Regime
-
-CHECKED_FREQUENCIES = (1e-4, 1e-3, 1e-2)
-"""Hz, at which the closed form is compared with simulations in time."""
+from pyburgers.predictions.stress_cycles import Regime
 
 
 def attenuation_section(
@@ -38,8 +33,8 @@ def attenuation_section(
 ) -> PageSection:
     """Return figures and tables of the attenuation that fits predict, as a part of a page.
 
-    The first fit is shown in more detail: single draws, the effect of an evolving microstructure,
-    and the closed form against simulations in time.
+    The first fit is shown in more detail: single draws, and the effect of an evolving
+    microstructure.
 
     Parameters
     ----------
@@ -85,7 +80,7 @@ def _tables(
     spectra: Mapping[str, xr.Dataset], fit: FittedTest, evolving: xr.Dataset
 ) -> tuple[PageTable, ...]:
     """Return quantiles of every spectrum, and for the first fit two tables of what they assume."""
-    first, check = next(iter(spectra)), time_domain_table(fit)
+    first = next(iter(spectra))
     return (
         *(
             PageTable(
@@ -105,13 +100,6 @@ def _tables(
             f"Frozen and evolving microstructure, {first}",
             evolving_overview(evolving),
             evolving_table(evolving),
-            words=("regime",),
-        ),
-        PageTable(
-            "time_domain",
-            f"Closed form against simulation in time, {first} at the median of its parameters",
-            _shown_time_domain(check),
-            check,
             words=("regime",),
         ),
     )
@@ -165,46 +153,3 @@ def _figures(
             )
         )
     return tuple(figures)
-
-
-def time_domain_table(fit: FittedTest) -> pd.DataFrame:
-    """Compare the closed form with phase lags of records simulated at the parameters' medians.
-
-    A row for each of the paper's regimes and of `CHECKED_FREQUENCIES`; columns regime,
-    frequency_Hz, closed_form, simulated, relative_difference.
-    """
-    draws = fit.posterior["posterior"].to_dataset()
-    median = {name: float(draws[name].median()) for name in PARAMETER_NAMES}
-    temperature, grain_size = fit.experiment.temperature, fit.experiment.initial_grain_size
-    closed = attenuation_spectrum(
-        median, CHECKED_FREQUENCIES, PAPER_REGIMES, temperature=temperature, grain_size=grain_size
-    )["tan_delta"].to_numpy()
-    rows = []
-    for regime, of_regime in zip(PAPER_REGIMES, closed, strict=True):
-        for frequency, expected in zip(CHECKED_FREQUENCIES, of_regime, strict=True):
-            lag = simulated_phase_lag(
-                median, regime, frequency, temperature=temperature, grain_size=grain_size
-            )
-            rows.append(
-                {
-                    "regime": regime.label,
-                    "frequency_Hz": frequency,
-                    "closed_form": float(expected),
-                    "simulated": lag.tan_delta,
-                    "relative_difference": lag.tan_delta / float(expected) - 1,
-                }
-            )
-    return pd.DataFrame(rows)
-
-
-def _shown_time_domain(check: pd.DataFrame) -> pd.DataFrame:
-    """Return a `time_domain_table` as text."""
-    return pd.DataFrame(
-        {
-            "regime": check["regime"],
-            "frequency (Hz)": check["frequency_Hz"].map("{:.0e}".format),
-            "tan δ, closed form": check["closed_form"].map("{:#.5g}".format),
-            "tan δ, simulated": check["simulated"].map("{:#.5g}".format),
-            "relative difference": check["relative_difference"].map("{:+.0e}".format),
-        }
-    )

@@ -8,8 +8,8 @@ import numpy.typing as npt
 import xarray as xr
 
 from pyburgers.common.draws import FloatArray
-from pyburgers.kinds.coordinates import REFERENCE_FLOW_RATE
 from pyburgers.kinds.kind import FittedTest
+from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE
 from pyburgers.model.display import shown_quantity
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.prior_families import Prior

@@ -17,10 +17,10 @@ from pyburgers.drawing.page_parts import PageTable
 from pyburgers.drawing.view import view_of
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.fixed_parameters import fixed_in_effect
+from pyburgers.kinds.program_data import fixed_in_effect
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.page import tables
-from pyburgers.page.illustrations import Illustration, picture_file
+from pyburgers.page.illustrations import Illustration, illustrate
 from pyburgers.page.methods import methods_text
 from pyburgers.page.overview import Entry, entry_of
 from pyburgers.page.posterior_figures import figures_for
@@ -167,15 +167,7 @@ def write_section(key: str, name: str, fit: Fit, out: Path) -> Section:
         ),
         truth=truth,
         more_tables=more_tables,
-        illustrations=tuple(
-            Illustration(
-                recipe,
-                recipe.draw(fit),
-                picture_file(out, key, recipe),
-                f"{recipe.title}, {name}: {recipe.result(fit)}",
-            )
-            for recipe in figures_for(fit)
-        ),
+        illustrations=illustrate(figures_for(fit), out, key, name),
     )
 
 

@@ -1,14 +1,14 @@
 """Figures on a page: their files, what stands in the page, and each caption once."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from pyburgers.common.tasks import Workers, run_tasks
-from pyburgers.drawing.inline_svg import InlineSvg, dark_colours, glyph_library, inline_svg
-from pyburgers.drawing.page_parts import FigureText
+from pyburgers.drawing.inline_svg import InlineSvg, inline_svg
+from pyburgers.drawing.page_parts import PageFigure
 from pyburgers.drawing.style import write_page_images
 from pyburgers.page.names import file_key
 
@@ -25,7 +25,7 @@ class Illustration:
     `result`: what it shows, in a sentence.
     """
 
-    text: FigureText
+    text: PageFigure
     figure: Figure
     file: Path
     result: str
@@ -36,9 +36,19 @@ class Illustration:
         return f"figure-{self.file.stem}"
 
 
-def picture_file(out: Path, key: str, text: FigureText) -> Path:
-    """File of a figure in the folder of a page, by the key of the part that shows it."""
-    return out / "figures" / f"{key}_{file_key(text.name)}.png"
+def illustrate(
+    figures: Iterable[PageFigure], out: Path, key: str, of: str = ""
+) -> tuple[Illustration, ...]:
+    """Draw figures of a part of a page by its key; `of` names a fit for readers who see nothing."""
+    return tuple(
+        Illustration(
+            one,
+            one.draw(),
+            out / "figures" / f"{key}_{file_key(one.name)}.png",
+            ": ".join(filter(None, (", ".join(filter(None, (one.title, of))), one.result))),
+        )
+        for one in figures
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,31 +71,10 @@ class Picture:
         return round(CSS_PIXELS_PER_POINT * self.svg.width)
 
 
-@dataclass(frozen=True, eq=False)
-class Pictures:
-    """All figures of a page, by their anchors."""
-
-    by_anchor: Mapping[str, Picture]
-
-    def of(self, illustration: Illustration) -> Picture:
-        """Return what stands in the page for a figure."""
-        return self.by_anchor[illustration.anchor]
-
-    @property
-    def glyphs(self) -> str:
-        """Letters of all figures, as elements of one of the page's definitions."""
-        return glyph_library(picture.svg for picture in self.by_anchor.values())
-
-    @property
-    def dark_colours(self) -> dict[str, str]:
-        """Colours of figures on a dark ground, by the digits of those on white."""
-        return dark_colours(picture.svg for picture in self.by_anchor.values())
-
-
 def write_figures(
     illustrations: Sequence[Illustration], out: Path, jobs: int | None, by_file: dict[Path, str]
-) -> Pictures:
-    """Write every figure as PNG and SVG, and return what stands in the page.
+) -> dict[str, Picture]:
+    """Write every figure as PNG and SVG, and return what stands in the page, by anchors.
 
     Pictures that `by_file` holds are not drawn again; the others are added to it. None as the
     number of processes takes one for each core.
@@ -105,4 +94,4 @@ def write_figures(
         first = explained.setdefault(one.text.caption, one)
         svg = inline_svg(by_file[one.file], f"f{number}")
         found[one.anchor] = Picture(svg, number, None if first is one else first)
-    return Pictures(found)
+    return found

@@ -18,9 +18,9 @@ from pyburgers.comparison.same_data import fits_alone
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import draw_curve, figure_of, legend_above
 from pyburgers.drawing.style import BLUE, VERMILION, few_ticks, few_ticks_of_decades
-from pyburgers.drawing.view import view_of, views
+from pyburgers.drawing.view import marks_text, view_of, views
 from pyburgers.fitting.fit import Fit
-from pyburgers.kinds.coordinates import CENTRE, SPREAD
+from pyburgers.kinds.stan_data import CENTRE, SPREAD
 from pyburgers.model.display import axis_label, shown_quantity, symbol_text
 from pyburgers.page.decades import spans_decades
 from pyburgers.page.names import joint_key, page_keys, page_names
@@ -216,7 +216,13 @@ def joint_section(key: str, name: str, joint: Fit, separate: Sequence[Fit]) -> P
             checks_page_table("Checks of the joint fit", checks),
         ),
         figures=(
-            PageFigure("curves", "All tests", CURVES_CAPTION, partial(all_curves, joint), told),
+            PageFigure(
+                "curves",
+                "All tests",
+                f"{CURVES_CAPTION} {marks_text([*joint.tests().values()])}".strip(),
+                partial(all_curves, joint),
+                told,
+            ),
             PageFigure(
                 "intervals",
                 "Parameters test by test",
@@ -280,8 +286,7 @@ STRAYED = 2.0
 
 CURVES_CAPTION = (
     "Every test of the joint fit with all its segments: data (circles), predictive median (solid "
-    "line), retrodictions (thin lines) and the band that should hold 90 % of new "
-    "measurements. Dotted vertical lines mark where the imposed strain rate changes."
+    "line), retrodictions (thin lines) and the band that should hold 90 % of new measurements."
 )
 INTERVALS_CAPTION = (
     f"Median, central 50 % (thick) and {BAND:.0%} (thin) of every parameter in every test: in the "

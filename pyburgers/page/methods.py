@@ -88,8 +88,8 @@ def _sampling(manifest: dict[str, Any], n_chains: int) -> list[str]:
         for refit in manifest.get("refits", [])
     ]
     said += [
-        f"Draws of which {longer['divergences']} had diverged were put aside ({longer['chains']}), "
-        "and all chains went on with shorter steps."
+        f"Chains with {longer['divergences']} divergences were put aside ({longer['chains']}), and "
+        f"went on with shorter steps: {', '.join(longer['step_sizes'])}."
         for longer in manifest.get("shortened", [])
     ]
     if "coordinates" in manifest:

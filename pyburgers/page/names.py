@@ -4,10 +4,10 @@ import hashlib
 import re
 from collections import Counter
 from collections.abc import Sequence
+from pathlib import Path
 
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.sampled_fit import SampledFit
-from pyburgers.sampling.run_directory import names_of_runs
 
 _NOT_IN_FILES = re.compile(r"[^A-Za-z0-9_.+-]")
 
@@ -68,3 +68,19 @@ def file_key(name: str) -> str:
 def joint_key(name: str) -> str:
     """Anchor of the part of a page about a joint fit, by its name."""
     return f"joint_{file_key(name)}"
+
+
+def names_of_runs(directories: Sequence[Path]) -> list[str]:
+    """Name runs by their folders, with as many of the folders above as tell them apart.
+
+    Raises `InputError` if two are the same.
+    """
+    parts = [directory.resolve().parts for directory in directories]
+    for depth in range(1, max(map(len, parts), default=1) + 1):
+        names = ["_".join(part[-depth:]) for part in parts]
+        if len(set(names)) == len(names):
+            return names
+    raise InputError(
+        f"found the same run twice among {', '.join(map(str, directories))}, expected "
+        "different ones."
+    )

@@ -10,24 +10,23 @@ from types import MappingProxyType
 
 import jinja2
 import pandas as pd
-from markupsafe import Markup
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.checks.prior_sentences import CONFLICT_MEANING, SHARE_TEXT
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_json
+from pyburgers.drawing.inline_svg import dark_colours
 from pyburgers.drawing.page_parts import PageSection
 from pyburgers.drawing.view import view_of
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.model.display import symbol_text
 from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES
-from pyburgers.model.variants import ModelVariant
 from pyburgers.page import tables
 from pyburgers.page.fit_sections import SameData, Section, by_data, write_section
 from pyburgers.page.glossary import with_definitions
-from pyburgers.page.illustrations import Illustration, Pictures, picture_file, write_figures
+from pyburgers.page.illustrations import Illustration, Picture, illustrate, write_figures
 from pyburgers.page.methods import bibtex
 from pyburgers.page.names import file_key, in_words, joint_key, page_keys, page_names
 from pyburgers.page.overview import (
@@ -176,7 +175,7 @@ def _write_groups(groups: Sequence[Sequence[tuple[str, str, Fit]]], out: Path) -
 def render_page(
     groups: Sequence[SameData],
     extras: Sequence[tuple[PageSection, tuple[Illustration, ...]]],
-    pictures: Pictures,
+    pictures: Mapping[str, Picture],
     *,
     entries: Sequence[Entry],
     told_entries: Sequence[Entry],
@@ -205,7 +204,7 @@ def render_page(
         groups=groups,
         extras=extras,
         pictures=pictures,
-        glyphs=Markup(pictures.glyphs),
+        dark_colours=dark_colours(one.svg for one in pictures.values()),
         first=first,
         entries=entries,
         of_part={extra.key: [e for e in told_entries if e.key == extra.key] for extra, _ in extras},
@@ -218,7 +217,7 @@ def render_page(
         kinds=tuple(CheckKind),
         outcomes=Outcome,
         checks_made={kind: _names_of_checks(entries, kind) for kind in CheckKind},
-        standard=ModelVariant(),
+        laws_of_fits=_laws_of_fits(sections),
         tests_of_joint_fits=any(section.fit.is_part for section in sections),
         synthetic=[entry for entry in entries if entry.is_synthetic],
         prior_sources=tables.prior_sources([s.priors for s in sections]),
@@ -254,6 +253,14 @@ def _made_alike(sections: Sequence[Section]) -> list[list[Section]]:
         made = section.methods, section.fit.manifest["command"]
         found.setdefault(made, []).append(section)
     return list(found.values())
+
+
+def _laws_of_fits(sections: Sequence[Section]) -> list[tuple[str, list[Section]]]:
+    """Return the laws of the fits in words, each once, and the fits that have them."""
+    found: dict[str, list[Section]] = {}
+    for section in sections:
+        found.setdefault(section.fit.variant.text, []).append(section)
+    return list(found.items())
 
 
 def _names_of_checks(entries: Sequence[Entry], kind: CheckKind) -> list[str]:
@@ -293,12 +300,4 @@ def _write_extra(extra: PageSection, out: Path) -> tuple[Illustration, ...]:
     for table in extra.tables:
         name = f"{extra.key}_{file_key(table.name)}.csv"
         write_text(out / "tables" / name, table.saved.to_csv(index=False))
-    return tuple(
-        Illustration(
-            figure,
-            figure.draw(),
-            picture_file(out, extra.key, figure),
-            f"{figure.title}: {figure.result}" if figure.result else figure.title,
-        )
-        for figure in extra.figures
-    )
+    return illustrate(extra.figures, out, extra.key)

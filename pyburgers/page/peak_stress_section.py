@@ -10,16 +10,16 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.units import number, with_error
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
-from pyburgers.drawing.panels import draw_band, figure_of
+from pyburgers.drawing.panels import draw_band, draw_dots, figure_of
 from pyburgers.drawing.style import BLUE, GREEN, MARKERS, ORANGE, PURPLE, VERMILION
+from pyburgers.flow_law_tables.description import GROUP_TEMPERATURES, groups
 from pyburgers.flow_law_tables.fit import (
     FLOW_RATE_OF_TEST,
     PEAK_SOFTENING,
     PeakStressFit,
 )
-from pyburgers.flow_law_tables.groups import GROUP_TEMPERATURES, groups
 from pyburgers.flow_law_tables.inputs import FLOW_LAW_PARAMETERS, least_squares
-from pyburgers.kinds.coordinates import REFERENCE_FLOW_RATE
+from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE
 from pyburgers.model.arrhenius import log_slowdown
 from pyburgers.model.display import (
     LENGTH_FACTOR,
@@ -244,16 +244,15 @@ def flow_law(fit: PeakStressFit) -> Figure:
             )
             spread = data.relative_stress_uncertainty[group.points]
             stress = data.stress[group.points] * STRESS_FACTOR
-            axes.errorbar(
+            draw_dots(
+                axes,
                 stress,
                 data.strain_rate[group.points],
                 xerr=stress * spread if np.any(spread > 0) else None,
-                linestyle="none",
+                colour=colour,
+                face=colour,
+                size=5.0,
                 marker=MARKERS[k % len(MARKERS)],
-                markersize=5,
-                markeredgecolor="white",
-                markeredgewidth=0.6,
-                color=colour,
                 label=f"tests ({group.points.size})",
             )
         axes.set_xscale("log")

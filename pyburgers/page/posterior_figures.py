@@ -5,7 +5,6 @@ Every function takes a fit and returns a figure of its own.
 
 import textwrap
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from scipy import ndimage, stats
 from pyburgers.common.draws import FloatArray, all_draws, evenly_spaced
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.units import number
-from pyburgers.drawing.page_parts import FigureRecipe, PageFigure, recipe
+from pyburgers.drawing.page_parts import PageFigure, recipe
 from pyburgers.drawing.panels import figure_of
 from pyburgers.drawing.style import (
     BLACK,
@@ -34,9 +33,9 @@ from pyburgers.drawing.style import (
     style,
 )
 from pyburgers.drawing.view import view_of
-from pyburgers.kinds.coordinates import REFERENCE_FLOW_RATE, REFERENCE_STRESS
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import FittedTest
+from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE, REFERENCE_STRESS
 from pyburgers.model.display import axis_label, unit_text
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.prior_families import Prior
@@ -376,12 +375,18 @@ def _chain_handles(fit: FittedTest) -> list[Line2D]:
     ]
 
 
-def figures_for(fit: FittedTest) -> tuple[FigureRecipe, ...]:
+def figures_for(fit: FittedTest) -> tuple[PageFigure, ...]:
     """Return the figures of a fit, in their order on the page."""
     first, *others = (
         one for one in view_of(fit.experiment).figures if one.on_every_page and one.suits(fit)
     )
-    return (first, prior_posterior, *others, pairs, rank)
+    return tuple(
+        one.of(fit) for one in (first, *POSTERIOR_FIGURES[:1], *others, *POSTERIOR_FIGURES[1:])
+    )
+
+
+POSTERIOR_FIGURES = (prior_posterior, pairs, rank)
+"""Figures that every fit has."""
 
 
 def page_figure(fit: FittedTest, name: str) -> PageFigure:
@@ -400,8 +405,7 @@ def page_figure(fit: FittedTest, name: str) -> PageFigure:
     InputError
         If fits of such a test have no such figure.
     """
-    recipes = {one.name: one for one in (*view_of(fit.experiment).figures, *figures_for(fit))}
+    recipes = {one.name: one for one in (*view_of(fit.experiment).figures, *POSTERIOR_FIGURES)}
     if name not in recipes:
         raise InputError(f"{fit.experiment.id}: has no figure {name!r}, {nearest(name, recipes)}")
-    one = recipes[name]
-    return PageFigure(one.name, one.title, one.caption, partial(one.draw, fit), one.result(fit))
+    return recipes[name].of(fit)

@@ -32,7 +32,7 @@ def parameter_table(
 
     `summary` is the posterior table in SI units (`Fit.summary`), `priors` the resolved ones of the
     fit. `fixed` are the parameters to name
-    (`pyburgers.kinds.fixed_parameters.fixed_in_effect`).
+    (`pyburgers.kinds.program_data.fixed_in_effect`).
 
     All cells are text. Columns are symbol, quantity, unit, mean, sd, with a likelihood `DECISION`,
     then 5 %, 95 % and prior. Then come sd / prior sd (how much of the prior's width is left), ESS

@@ -12,13 +12,12 @@ from pyburgers.cmdstan.draw_files import Draws, read_draws
 from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import SamplingError
-from pyburgers.kinds.coordinates import CENTRE, SPREAD
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.likelihood import Likelihood, likelihood_of
 from pyburgers.kinds.problem import Problem
 from pyburgers.kinds.program_data import with_grids
-from pyburgers.kinds.stan_data import REFERENCE_SOLVER, StanData, solver_block
+from pyburgers.kinds.stan_data import CENTRE, REFERENCE_SOLVER, SPREAD, StanData, solver_block
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PLACE
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of

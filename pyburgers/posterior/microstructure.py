@@ -7,7 +7,7 @@ import xarray as xr
 
 from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.microstructure import strains_of, times_of
+from pyburgers.kinds.likelihood import strains_of, times_of
 
 COLUMNS = ("grain_size", "fabric_factor")
 """What a row of `stan/statistics/measured_microstructure.stan` is about."""

@@ -61,11 +61,12 @@ _DASHES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (6, 1, 1, 1, 1, 1)))
 
 ATTENUATION_CAPTION = (
     "Attenuation of stress cycles about a median stress, predicted from the posterior: lines "
-    "are medians over draws, dark and light areas hold 50 % and 90 % of them. The Kelvin "
-    "element gives a peak, the power-law dashpot a background that falls with frequency and "
-    "rises with stress. The microstructure is frozen as the title says; where that fails in "
-    "most draws, lines are thin and pale. Diamonds were solved in time with a microstructure "
-    "that evolves; triangles stand for strain that lags by more than a quarter of a cycle."
+    "are medians over draws, dark and light areas hold 50 % and 90 % of them. The Kelvin part "
+    "gives a peak or a band. The dashpot gives a background that falls with frequency, and rises "
+    "with stress unless it is linear. The microstructure is frozen as the title says; where that "
+    "fails in most draws, lines are thin and pale. Diamonds were solved in time with a "
+    "microstructure that evolves; triangles stand for strain that lags by more than a quarter of a "
+    "cycle."
 )
 
 DRAWS_CAPTION = (

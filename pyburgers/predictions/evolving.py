@@ -1,34 +1,43 @@
 """Attenuation while the microstructure evolves, solved in time, beside the frozen closed form.
 
-The hold and a few cycles after it are solved with grain size and fabric that follow the path
-strain. Spring and Kelvin element do not feel them, and have the compliance of the closed form; that
-of the dashpot is read off its strain over the cycles, as off a record: a cubic trend and harmonics
-are fitted. The time that a Kelvin element takes to settle into the cycles is left out that way, and
-with a frozen microstructure the two agree.
+The median stress is put on a material at rest and held, then a sinusoid is added
+(`stan/imposed_stress.stan`), while grain size and fabric follow the path strain. Spring and Kelvin
+element do not feel them, and have the compliance of the closed form; that of the dashpot is read
+off its strain over the cycles, as off a record: a cubic trend and harmonics are fitted. The time
+that a Kelvin element takes to settle into the cycles is left out that way, and with a frozen
+microstructure the two agree.
 
 A fluidity that grows within the record also leaves a strain in phase with the stress. Where that
 outweighs the elastic strain, strain lags by more than a quarter of a cycle, and tan(delta) is given
 as infinite.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
+from pyburgers.cmdstan.program import load_program
+from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.draws import FloatArray
-from pyburgers.common.errors import InputError
+from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.common.units import UNITS, number
 from pyburgers.kinds.forced_oscillation.harmonics import CUBIC, fit_harmonics
-from pyburgers.kinds.stan_data import SolverOptions
-from pyburgers.model.closed_forms import closed_forms
+from pyburgers.kinds.forward import check_given_together
+from pyburgers.kinds.stan_data import SolverOptions, solver_block
+from pyburgers.model.closed_forms import (
+    closed_forms,
+    parameter_columns,
+    require_one_relaxation_time,
+)
 from pyburgers.predictions.attenuation import attenuation_spectrum, condition_columns, flat_draws
 from pyburgers.predictions.closed_forms import cycles_data
-from pyburgers.predictions.imposed_stress import solve_imposed_stress
 from pyburgers.predictions.material import Material
 from pyburgers.predictions.stress_cycles import (
+    EVOLUTION,
     HOLD_TIME,
+    OTHER_PARAMETERS,
     PAPER_REGIMES,
     Regime,
     checked_frequencies,
@@ -133,6 +142,62 @@ def evolving_attenuation(
         coords={name: frozen[name] for name in coordinates} | {"cycles": cycles},
         attrs=dict(material.attributes),
     )
+
+
+def solve_imposed_stress(
+    parameters: Mapping[str, FloatArray],
+    regime: Regime,
+    frequency: float,
+    time: FloatArray,
+    *,
+    temperature: float,
+    grain_size: FloatArray,
+    fabric_factor: FloatArray,
+    hold_time: float,
+    evolving: bool,
+    solver: SolverOptions,
+) -> dict[str, FloatArray]:
+    """Solve materials under a hold at the median stress and the cycles after it.
+
+    Parameters, grain size (m) and fabric have the shape (n_materials,). Times (s) count from the
+    start of the cycles, increase, are greater than ``-hold_time`` and hold 0.
+    ``stress`` (Pa) has the shape (n_times,). ``strain``, ``kelvin_strain``, ``dashpot_strain``, and
+    of an evolving microstructure ``path_strain``, ``grain_size`` and ``fabric_factor``, have
+    (n_materials, n_times). Raises `SamplingError` if the solver finds no solution.
+    """
+    checked_frequencies([frequency])
+    require_one_relaxation_time(parameters)
+    check_given_together(
+        {name: float(np.max(parameters[name])) for name in OTHER_PARAMETERS if name in parameters},
+        "parameters",
+    )
+    missing = [name for name in EVOLUTION if evolving and name not in parameters]
+    if missing:
+        raise InputError(
+            f"parameters: {missing[0]!r} is missing, expected it where the microstructure evolves."
+        )
+    data = {
+        **solver_block(solver),
+        "n_materials": grain_size.size,
+        "parameter": np.stack(parameter_columns(parameters, grain_size.shape), axis=-1).tolist(),
+        "initial": np.stack([grain_size, fabric_factor], axis=-1).tolist(),
+        "evolves": int(evolving),
+        "temperature": temperature,
+        "median_stress": regime.median_stress,
+        "amplitude": regime.amplitude,
+        "frequency": frequency,
+        "hold_time": hold_time,
+        "n_times": time.size,
+        "time": time.tolist(),
+        "n_in_hold": int(np.count_nonzero(time <= 0)),
+    }
+    solution = load_program(stan_directory() / "imposed_stress.stan").evaluate(data)
+    if not np.isfinite(solution["strain"]).all():
+        raise SamplingError(
+            "The solver found no finite strain at these parameters; check their units (SI) and "
+            "the sign of beta."
+        )
+    return solution
 
 
 def evolving_table(comparison: xr.Dataset) -> pd.DataFrame:

@@ -1,14 +1,13 @@
 """The run that is asked for: its record, its inputs, and what differs from the one in a folder."""
 
 import re
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 from pyburgers.common.atomic_files import sha256_of_file, write_atomically
 from pyburgers.common.errors import InputError
+from pyburgers.common.scratch import scratch_folder
 from pyburgers.kinds.kind import save_experiment
 from pyburgers.kinds.problem import Problem
 from pyburgers.kinds.stan_data import SolverOptions
@@ -114,8 +113,8 @@ def _decisive(record: Mapping[str, Any], free: Sequence[str]) -> dict[str, Any]:
 
 def _other_files(run: RunDirectory, problem: Problem) -> Iterator[str]:
     """Compare the copies of tests and priors with those that the run would have."""
-    with tempfile.TemporaryDirectory() as folder:
-        copy = RunDirectory(Path(folder))
+    with scratch_folder() as folder:
+        copy = RunDirectory(folder)
         copy.inputs.mkdir()
         write_inputs(copy, problem)
         for experiment in problem.experiments:

@@ -10,11 +10,17 @@ import numpy as np
 from pyburgers.cmdstan.program import ALL_DIGITS, ModeNotFound, Program, load_program
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.coordinates import Mode, OtherMode, ProblemMode
 from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited
 from pyburgers.kinds.problem import Problem
 from pyburgers.kinds.program_data import chart_block, program_data, solve
-from pyburgers.kinds.stan_data import SolverOptions, StanData, solver_block
+from pyburgers.kinds.stan_data import (
+    Mode,
+    OtherMode,
+    ProblemMode,
+    SolverOptions,
+    StanData,
+    solver_block,
+)
 from pyburgers.sampling.laplace import curvature_at, laplace_metric
 
 logger = logging.getLogger(__name__)

@@ -44,6 +44,7 @@ class SamplerRecord(Table):
     adapt_delta: float = Field(description="target acceptance")
     max_treedepth: int = Field(ge=1, description="of a trajectory")
     coordinates: str = Field(description="what was asked for")
+    max_minutes: float | None = Field(None, description="minutes for more draws")
     chain_timeout: float | None = Field(description="time limit of a chain, in s")
     parallel_chains: int | None = Field(description="chains side by side")
     threads_per_chain: int = Field(1, ge=1, description="threads of a chain")

@@ -1,9 +1,11 @@
 """Settings of the sampler and their defaults."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
 from pyburgers.common.errors import InputError
+from pyburgers.common.processes import cores
 from pyburgers.kinds.likelihood import Likelihood, likelihoods
 
 COORDINATES = ("auto", "plain", *dict.fromkeys(one.chart.name for one in likelihoods().values()))
@@ -12,7 +14,15 @@ COORDINATES = ("auto", "plain", *dict.fromkeys(one.chart.name for one in likelih
 MOST_DRAWS = 10**6
 """Of a chain, at once."""
 
-INDECISIVE = frozenset({"chains", "chain_timeout", "parallel_chains", "threads_per_chain"})
+ENOUGH_DRAWS = 1000
+"""Draws of a chain from which on a fit is meant to be final; fewer are a quick look."""
+
+DEFAULT_MINUTES = 5.0
+"""Minutes of sampling of such a fit."""
+
+INDECISIVE = frozenset(
+    {"chains", "chain_timeout", "max_minutes", "parallel_chains", "threads_per_chain"}
+)
 """Options that change no draw of a chain.
 
 Draws in several threads are others than in one, by rounding, but those programs are two.
@@ -43,6 +53,10 @@ class SamplerOptions:
     coordinates : str
         Coordinates of the sampler (`docs/coordinates.md`), one of `COORDINATES`; the posterior is
         the same. "auto" takes those of the protocol if priors and record suit them.
+    max_minutes : float or None
+        Minutes of sampling within which all chains get more draws, if draws are all that is
+        lacking; 0 adds none. None means `DEFAULT_MINUTES` with at least `ENOUGH_DRAWS` draws a
+        chain, else 0.
     chain_timeout : float or None
         Seconds after which a chain is stopped and reported as failed.
     parallel_chains : int or None
@@ -53,11 +67,12 @@ class SamplerOptions:
 
     chains: int = 4
     warmup: int | None = None
-    draws: int = 1000
+    draws: int = ENOUGH_DRAWS
     seed: int = 1
     adapt_delta: float | None = None
     max_treedepth: int = 10
     coordinates: str = "auto"
+    max_minutes: float | None = None
     chain_timeout: float | None = None
     parallel_chains: int | None = None
     threads_per_chain: int = 1
@@ -95,6 +110,11 @@ class SamplerOptions:
             raise InputError(
                 f"coordinates is {self.coordinates!r}, expected one of {', '.join(COORDINATES)}."
             )
+        if self.max_minutes is not None and not 0 <= self.max_minutes < math.inf:
+            raise InputError(
+                f"max_minutes is {self.max_minutes}, expected a number of minutes or 0"
+                f"{_option('max_minutes')}."
+            )
         if self.chain_timeout is not None and self.chain_timeout <= 0:
             raise InputError(
                 f"chain_timeout is {self.chain_timeout} s, expected more than 0"
@@ -106,6 +126,18 @@ class SamplerOptions:
         """Warm-up of settled options (`suited_to`)."""
         assert self.warmup is not None  # only settled options are sampled with
         return self.warmup
+
+    @property
+    def minutes_of_sampling(self) -> float:
+        """Minutes within which chains get more draws, 0 for none."""
+        if self.max_minutes is None:
+            return DEFAULT_MINUTES if self.draws >= ENOUGH_DRAWS else 0.0
+        return self.max_minutes
+
+    @property
+    def chains_at_once(self) -> int:
+        """Chains that run side by side on this machine."""
+        return self.parallel_chains or min(self.chains, max(1, cores() // self.threads_per_chain))
 
     def threads_for(self, n_tests: int) -> int:
         """Return the threads of a chain: at most as many as there are tests to share.

@@ -10,8 +10,7 @@ import numpy as np
 from pyburgers.cmdstan.program import Program
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import SamplingError
-from pyburgers.kinds.coordinates import OtherMode
-from pyburgers.kinds.stan_data import StanData
+from pyburgers.kinds.stan_data import OtherMode, StanData
 from pyburgers.sampling.laplace import laplace_metric
 
 MAX_DEPTH = 12.0

@@ -1,5 +1,6 @@
 """Chains that are put aside and sampled again: at a tighter tolerance, or with shorter steps."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -54,7 +55,7 @@ def tighten_solver(run: RunDirectory, pareto_k: float) -> float:
     loose = tolerance_in(run)
     manifest = run.read_manifest()
     with run.claimed(manifest["fingerprint"]):
-        aside = run.supersede_chains(f"tolerance_{loose:.0e}")
+        aside = run.supersede_chains(f"tolerance_{loose:.0e}", run.finished_chains())
         refit = {"tolerance": loose, "pareto_k": pareto_k, "chains": aside}
         run.update_manifest({"refits": [*manifest["refits"], refit]})
         data = run.read_stan_data()
@@ -63,22 +64,25 @@ def tighten_solver(run: RunDirectory, pareto_k: float) -> float:
     return tight
 
 
-def shorten_steps(run: RunDirectory, divergences: int) -> None:
-    """Put a run's chains aside and have them go on, all of them, with shorter steps.
+def shorten_steps(run: RunDirectory, divergences: Mapping[int, int]) -> None:
+    """Put chains aside whose trajectories diverged, and have them go on with shorter steps.
 
-    A chain takes its own step or that of the middle chain, whichever is shorter, divided by
-    `SHORTENING`: chains with the longest steps diverge most. `run_chains` with the same inputs then
-    runs all chains, from their last draws. The manifest's list ``shortened`` notes what was put
-    aside, and how many trajectories diverged.
+    `divergences` counts those of each chain. A chain takes its own step or that of the middle
+    chain, whichever is shorter, divided by `SHORTENING`: chains with the longest steps diverge
+    most. `run_chains` with the same inputs then runs the chains, from their last draws. The
+    manifest's list ``shortened`` notes what was put aside, and how many trajectories diverged.
     """
     manifest = run.read_manifest()
     before = shortened(manifest)
-    own = {str(chain): adaptation(run, chain).step_size for chain in run.finished_chains()}
+    own = {chain: adaptation(run, chain).step_size for chain in run.finished_chains()}
     longest = float(np.median(list(own.values())))
-    steps = {chain: min(step, longest) / SHORTENING for chain, step in own.items()}
+    chains = [chain for chain in own if divergences.get(chain)]
     with run.claimed(manifest["fingerprint"]):
-        aside = run.supersede_chains(f"longer_steps_{len(before) + 1}")
-        done = {"divergences": divergences, "chains": aside, "step_sizes": steps}
+        done = {
+            "divergences": sum(divergences.values()),
+            "chains": run.supersede_chains(f"longer_steps_{len(before) + 1}", chains),
+            "step_sizes": {str(one): min(own[one], longest) / SHORTENING for one in chains},
+        }
         run.update_manifest({"shortened": [*before, done]})
 
 

@@ -3,29 +3,32 @@
 Files are written beside their final name and renamed over it; a chain's folder is filled under
 ``.scratch`` and renamed into place as a whole. What is under ``.scratch`` is never read, nor are
 files whose name starts with `UNFINISHED`; both are removed when the run is continued. The hashes
-that a run notes tell what has changed since.
+that a run notes, and the seal of its manifest, tell what was changed since by hand or by accident,
+not what a forger changed who mends every hash.
 """
 
+import json
 import re
 import shutil
-import tempfile
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-from filelock import FileLock, Timeout
 
 from pyburgers.common.atomic_files import (
     UNFINISHED,
     copy_and_hash,
     flush_to_disk,
+    is_unfinished,
     sha256_of_file,
+    sha256_of_json,
     write_json,
 )
 from pyburgers.common.errors import InputError
+from pyburgers.common.locks import process_lock
+from pyburgers.common.scratch import scratch_folder
 from pyburgers.common.toml_files import TableT, checked, read_json, read_json_table
 from pyburgers.sampling.manifest import ChainRecord, RecordedHashes
 
@@ -44,6 +47,9 @@ WRITTEN = frozenset(
     }
 )
 """What a fit writes into its run directory beside its manifest."""
+
+SEAL = "seal"
+"""Entry of a manifest: the hash of all others. Runs of versions without it have none."""
 
 REMEDY = (
     "put back what the run wrote, or remove the directory and run the command in its manifest "
@@ -158,13 +164,18 @@ class RunDirectory:
     def read_manifest(self, structure: type[TableT] | None = None) -> dict[str, Any]:
         """Read the manifest, and check that it holds a `structure` if one is given.
 
-        Raises `InputError` if the directory is no run or its manifest was damaged.
+        Raises `InputError` if the directory is no run or its manifest was damaged or edited.
         """
         if not self.manifest_file.is_file():
             raise InputError(
                 f"{self.path}: not a run directory, expected a folder that holds manifest.json."
             )
         manifest = read_json(self.manifest_file)
+        if manifest.get(SEAL, (seal := _seal_of(manifest))) != seal:
+            raise InputError(
+                f"{self.manifest_file} has changed since the run, as its seal says; put back what "
+                "the run wrote, or remove the directory and fit again."
+            )
         if structure is not None:
             checked(self.manifest_file, manifest, structure)
         return manifest
@@ -172,7 +183,11 @@ class RunDirectory:
     def update_manifest(self, changes: Mapping[str, Any]) -> None:
         """Merge `changes` into the manifest's top level."""
         current = self.read_manifest() if self.manifest_file.is_file() else {}
-        write_json(self.manifest_file, {**current, **changes})
+        self.write_manifest({**current, **changes})
+
+    def write_manifest(self, content: Mapping[str, Any]) -> None:
+        """Write the whole manifest with its seal."""
+        write_json(self.manifest_file, {**content, SEAL: _seal_of(content)})
 
     def read_stan_data(self) -> dict[str, Any]:
         """Read the data that every chain read; raise `InputError` if the file was damaged."""
@@ -217,8 +232,8 @@ class RunDirectory:
         the hashes in `manifest`. The chains are only compared unless `with_draws` asks for them
         too. Raises as `require_unchanged`.
         """
-        with tempfile.TemporaryDirectory(prefix="pyburgers-") as folder:
-            copy = RunDirectory(Path(folder))
+        with scratch_folder() as folder:
+            copy = RunDirectory(folder)
             chains = self.path / "chains"
 
             def hash_of(file: Path) -> str:
@@ -321,21 +336,16 @@ class RunDirectory:
     @contextmanager
     def _locked(self, patience: float) -> Iterator[None]:
         """Keep other processes out."""
-        lock = FileLock(self.path / ".lock", timeout=patience)
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-            lock.acquire()
-        except Timeout as error:
-            raise InputError(
-                f"{self.path}: another process is running a fit here; wait for it or choose "
-                "another --out."
-            ) from error
-        except OSError as error:
-            raise InputError(f"{self.path}: cannot be written ({error.strerror}).") from error
-        try:
+        taken = f"{self.path}: another process is running a fit here"
+        remedy = "wait for it or choose another --out"
+        with ExitStack() as held:
+            try:
+                self.path.mkdir(parents=True, exist_ok=True)
+                lock = process_lock(self.path / ".lock", taken, remedy, patience=patience)
+                held.enter_context(lock)
+            except OSError as error:
+                raise InputError(f"{self.path}: cannot be written ({error.strerror}).") from error
             yield
-        finally:
-            lock.release()
 
     def _prepare(self, fingerprint: str, folders: Sequence[str], *, clear: bool) -> None:
         """Make the folders, and remove what killed attempts left behind."""
@@ -351,14 +361,16 @@ class RunDirectory:
             if clear:
                 # What cannot be removed is in nobody's way: it is never read.
                 shutil.rmtree(self._scratch, ignore_errors=True)
-                for leftover in self.path.rglob(f"{UNFINISHED}*"):
-                    leftover.unlink()
+                for folder in ("", "failures", *folders):
+                    for leftover in (self.path / folder).glob(f"{UNFINISHED}*"):
+                        if is_unfinished(leftover.name):
+                            leftover.unlink()
         except OSError as error:
             raise InputError(f"{self.path}: cannot be written ({error.strerror}).") from error
 
     def _note_claim(self, fingerprint: str) -> None:
         """Write the manifest of a run of which there is nothing yet."""
-        write_json(self.manifest_file, {"fingerprint": fingerprint, "status": "claimed"})
+        self.write_manifest({"fingerprint": fingerprint, "status": "claimed"})
 
     def clear(self, fingerprint: str) -> None:
         """Remove the run, and nothing else that may lie here, to make place for another one.
@@ -368,7 +380,7 @@ class RunDirectory:
         with self._locked(0.0):
             try:
                 for entry in self.path.iterdir():
-                    if entry.name not in WRITTEN and not entry.name.startswith(UNFINISHED):
+                    if entry.name not in WRITTEN and not is_unfinished(entry.name):
                         continue
                     if entry.is_dir() and not entry.is_symlink():
                         shutil.rmtree(entry)
@@ -389,17 +401,18 @@ class RunDirectory:
         folder.mkdir(parents=True)
         return folder
 
-    def supersede_chains(self, name: str) -> str:
-        """Put the finished chains aside under a name, and return where they are in the directory.
+    def supersede_chains(self, name: str, chains: Sequence[int]) -> str:
+        """Put finished chains aside under a name, and return where they are in the directory.
 
         What was made of them is removed.
         """
         aside = self.path / "superseded" / name
-        aside.parent.mkdir(exist_ok=True)
         # A run killed in the midst of this was sampled again: the same chains.
         shutil.rmtree(aside, ignore_errors=True)
-        (self.path / "chains").rename(aside)
-        (self.path / "chains").mkdir()
+        aside.mkdir(parents=True)
+        for chain in chains:
+            folder = self.extended_folder(chain, 0)
+            folder.rename(aside / folder.name)
         for file in (self.posterior_file, self.checks_file, self.summary_file):
             file.unlink(missing_ok=True)
         return aside.relative_to(self.path).as_posix()
@@ -417,6 +430,12 @@ class RunDirectory:
         flush_to_disk(self.path / "chains")
 
 
+def _seal_of(manifest: Mapping[str, Any]) -> str:
+    """Return the hash of all entries of a manifest but the seal, as they are read back."""
+    content = {name: value for name, value in manifest.items() if name != SEAL}
+    return sha256_of_json(json.loads(json.dumps(content)))
+
+
 def _hash_of_file(file: Path, hash_of: Callable[[Path], str]) -> str | None:
     """Return the hash of a file, None where there is none."""
     return hash_of(file) if file.is_file() else None
@@ -424,20 +443,4 @@ def _hash_of_file(file: Path, hash_of: Callable[[Path], str]) -> str | None:
 
 def _is_ours(entry: Path) -> bool:
     """Tell whether a run killed before its first file may have left this."""
-    return entry.name in {".lock", ".scratch"} or entry.name.startswith(UNFINISHED)
-
-
-def names_of_runs(directories: Sequence[Path]) -> list[str]:
-    """Name runs by their folders, with as many of the folders above as tell them apart.
-
-    Raises `InputError` if two are the same.
-    """
-    parts = [directory.resolve().parts for directory in directories]
-    for depth in range(1, max(map(len, parts), default=1) + 1):
-        names = ["_".join(part[-depth:]) for part in parts]
-        if len(set(names)) == len(names):
-            return names
-    raise InputError(
-        f"found the same run twice among {', '.join(map(str, directories))}, expected "
-        "different ones."
-    )
+    return entry.name in {".lock", ".scratch"} or is_unfinished(entry.name)

@@ -9,11 +9,17 @@ import numpy as np
 from pyburgers.cmdstan.program import ModeNotFound, Program, load_program
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import SamplingError
-from pyburgers.kinds.coordinates import Mode, OtherMode, ProblemMode
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import Problem
 from pyburgers.kinds.program_data import program_data, solve, values_of_test
-from pyburgers.kinds.stan_data import SolverOptions, StanData, solver_block
+from pyburgers.kinds.stan_data import (
+    Mode,
+    OtherMode,
+    ProblemMode,
+    SolverOptions,
+    StanData,
+    solver_block,
+)
 from pyburgers.sampling.densities import log_density_at
 from pyburgers.sampling.other_modes import modes_beside_the_highest
 

@@ -44,6 +44,7 @@ def lengthened(options: SamplerOptions, n_refits: int, failed: Sequence[str]) ->
         warmup=options.warmup * LONGER**n_refits,
         draws=options.draws * LONGER**n_refits,
         adapt_delta=1 - (1 - options.adapt_delta) / stricter,
+        max_minutes=0.0,  # the number of draws follows from the data alone
     )
 
 

@@ -16,13 +16,12 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError, SystemFailureError
 from pyburgers.fitting.fit import Fit, fit_problem
-from pyburgers.kinds.coordinates import CENTRE, SPREAD
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate, simulate_data
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import Problem, one_test
 from pyburgers.kinds.program_data import given_parameters, program_data
-from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.kinds.stan_data import CENTRE, SPREAD, SolverOptions
 from pyburgers.model.parameters import CONDITIONS
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, shipped_prior_files
 from pyburgers.posterior.labelled_draws import (

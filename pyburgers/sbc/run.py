@@ -15,12 +15,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from filelock import FileLock, Timeout
 from pydantic import Field
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.atomic_files import sha256_of_json
 from pyburgers.common.errors import InputError, SystemFailureError
+from pyburgers.common.locks import process_lock
 from pyburgers.common.tasks import ALL_HERE, Workers, run_tasks
 from pyburgers.common.toml_files import Table
 from pyburgers.kinds.experiment import Experiment
@@ -330,18 +330,14 @@ def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:
     file = simulation_file(run, seed)
     scratch = scratch_of(file)
     scratch.mkdir(exist_ok=True)
-    try:
-        with FileLock(scratch / ".lock", timeout=0):
-            if not _is_done(file, plan.refits):
-                before = read_replication(file) if file.is_file() else None
-                write_replication(file, _replicate(run, scratch / "fits", seed, plan, before))
-            replication = read_replication(file)
-            shutil.rmtree(scratch)
-    except Timeout as error:
-        raise InputError(
-            f"{path}: another process is doing data set {seed}; wait for it, or let each do "
-            "another --part."
-        ) from error
+    taken = f"{path}: another process is doing data set {seed}"
+    remedy = "wait for it, or let each do another --part"
+    with process_lock(scratch / ".lock", taken, remedy, patience=0):
+        if not _is_done(file, plan.refits):
+            before = read_replication(file) if file.is_file() else None
+            write_replication(file, _replicate(run, scratch / "fits", seed, plan, before))
+        replication = read_replication(file)
+        shutil.rmtree(scratch)
     if replication.failure is not None:
         return "no fit"
     return "ranked" if replication.ranks else "not converged"

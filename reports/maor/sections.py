@@ -240,11 +240,10 @@ def ice_attenuation_section(
         saved,
         words=("sample",),
     )
-    *tables, time_domain = section.tables
     return replace(
         section,
         details=(*section.details, ELASTIC_MODULUS_SENTENCE),
-        tables=(*tables, modulus, time_domain),
+        tables=(*section.tables, modulus),
     )
 
 

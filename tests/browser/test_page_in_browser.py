@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
 import pytest
 from synthetic_fit import make_fit
 
@@ -129,7 +131,7 @@ def test_a_figure_is_enlarged_and_put_back(browser: Any, page_file: Path) -> Non
     before = visit.tab.locator("main .picture svg").count()
     picture = visit.tab.locator("main .picture svg").first
     width = picture.bounding_box()["width"]
-    picture.click()
+    visit.tab.locator("main button.enlarge").first.click()
     enlarged = visit.tab.locator("dialog[open] svg")
     assert enlarged.bounding_box()["width"] > width
     visit.tab.keyboard.press("Escape")
@@ -137,6 +139,94 @@ def test_a_figure_is_enlarged_and_put_back(browser: Any, page_file: Path) -> Non
     assert visit.tab.locator("main .picture svg").count() == before
     visit.tab.close()
     assert visit.complaints == []
+
+
+def view_of(picture: Any) -> list[float]:
+    """Left, top, width and height of what is seen of a picture, in its own units."""
+    return [float(one) for one in picture.get_attribute("viewBox").split()]
+
+
+def test_a_figure_is_zoomed_and_moved_by_keys_wheel_and_drag(browser: Any, page_file: Path) -> None:
+    visit = Visit(browser, page_file)
+    tab, picture = visit.tab, visit.tab.locator("main .picture svg").first
+    picture.scroll_into_view_if_needed()
+    whole, box = view_of(picture), picture.bounding_box()
+    middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    tab.mouse.move(*middle)
+    before = tab.evaluate("scrollY")
+    tab.mouse.wheel(0, 100)
+    tab.wait_for_function("(before) => scrollY !== before", arg=before, timeout=3000)
+    assert view_of(picture) == whole
+    tab.mouse.click(*middle)
+    assert tab.evaluate("document.activeElement.className") == "picture"
+    tab.keyboard.press("+")
+    by_key = view_of(picture)
+    assert by_key[2] == pytest.approx(whole[2] / 1.3)
+    assert by_key[0] + by_key[2] / 2 == pytest.approx(whole[2] / 2, abs=10)
+    box = picture.bounding_box()
+    middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    tab.mouse.move(*middle)
+    tab.mouse.wheel(0, -300)
+    tab.wait_for_function(
+        "(w) => document.querySelector('.picture svg').viewBox.baseVal.width < w",
+        arg=by_key[2],
+        timeout=3000,
+    )
+    by_wheel = view_of(picture)
+    tab.mouse.down()
+    tab.mouse.move(middle[0] - 40, middle[1])
+    tab.mouse.up()
+    moved = view_of(picture)
+    assert moved[0] - by_wheel[0] == pytest.approx(40 * by_wheel[2] / box["width"], rel=0.01)
+    assert moved[1:] == pytest.approx(by_wheel[1:])
+    tab.keyboard.press("ArrowLeft")
+    assert view_of(picture)[0] < moved[0]
+    picture.dblclick()
+    assert view_of(picture) == whole
+    tab.keyboard.press("+")
+    tab.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert view_of(picture) == whole
+    tab.close()
+    assert visit.complaints == []
+
+
+def test_a_figure_tells_the_readings_of_its_file(browser: Any, page_file: Path) -> None:
+    visit = Visit(browser, page_file)
+    figure = visit.tab.locator("main section.experiment figure").first
+    file = str(figure.locator("figcaption a[download]").get_attribute("href"))
+    table = pd.read_csv(page_file.parent / file)
+    readings = table[table["series"].str.endswith(" data")][["x", "y"]].to_numpy()
+    figure.locator("svg").scroll_into_view_if_needed()
+    dots = figure.locator("[data-series$=' data'] > g > use")
+    assert dots.count() == len(readings)
+    for number in (3, len(readings) // 2):
+        at = dots.nth(number).bounding_box()
+        visit.tab.mouse.move(at["x"] + at["width"] / 2, at["y"] + at["height"] / 2)
+        name, _, values = visit.tab.locator(".told").inner_text().partition(": ")
+        assert name.endswith(" data")
+        (x, x_unit), (y, y_unit) = (value.split() for value in values.split(", "))
+        assert (x_unit, y_unit) == ("%", "MPa")
+        spans = np.ptp(table[["x", "y"]].to_numpy(), axis=0)
+        assert np.abs(readings[number] - [float(x), float(y)]) == pytest.approx(
+            [0, 0], abs=2e-3 * spans.max()
+        )
+    figure.locator(".picture").focus()
+    before = visit.tab.locator(".told").inner_text()
+    visit.tab.keyboard.press(".")
+    assert visit.tab.locator(".told").inner_text() != before
+    visit.tab.close()
+    assert visit.complaints == []
+
+
+def test_a_figure_needs_no_script(browser: Any, page_file: Path) -> None:
+    context = browser.new_context(java_script_enabled=False)
+    tab = context.new_page()
+    tab.goto(page_file.as_uri())
+    picture = tab.locator("main .picture svg").first
+    assert picture.bounding_box()["height"] > 100
+    assert "axial strain" in picture.inner_html()
+    assert tab.locator(".told, .enlarge").count() == 0
+    context.close()
 
 
 @pytest.mark.parametrize("width", WIDTHS)

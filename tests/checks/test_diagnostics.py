@@ -15,6 +15,8 @@ from pyburgers.checks import fit_checks
 from pyburgers.checks.description import check_coverage
 from pyburgers.checks.fit_checks import (
     ESS_LIMIT,
+    MAX_INFLUENCE,
+    MISSED_DRAWS,
     RHAT_LIMIT,
     CheckedDraws,
     CheckKind,
@@ -29,17 +31,19 @@ from pyburgers.checks.fit_checks import (
     check_solver,
     check_treedepth,
     coverage,
+    influence,
     run_checks,
 )
 from pyburgers.checks.modes import check_other_modes
 from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.verdicts import verdicts
-from pyburgers.kinds.coordinates import OtherMode
+from pyburgers.kinds.stan_data import OtherMode
 from pyburgers.posterior.labelled_draws import DRIVING_ERRORS, convergence_table, free_parameters
 from pyburgers.sampling.manifest import ChainFailure
 
 FloatArray = npt.NDArray[np.float64]
 CHAINS, DRAWS, POINTS = 4, 500, 60
+FEW = 9
 MAX_TREEDEPTH = 10
 
 CheckFunction = Callable[[CheckedDraws], CheckResult]
@@ -140,8 +144,14 @@ def slow(tree: xr.DataTree) -> None:
     noise[:] = 1e5 + 1e3 * steps
 
 
-def one_divergence(tree: xr.DataTree) -> None:
-    values(tree, "sample_stats", "diverging")[3, 17] = True
+def divergences_in_a_tail(tree: xr.DataTree) -> None:
+    """So few in the bulk would be no defect (`test_divergences_matter_by_place_and_number`)."""
+    diverge(tree, FEW)
+    values(tree, "posterior", "stress_exponent")[3, :FEW] = 3.5 + 0.1 * 4
+
+
+def diverge(tree: xr.DataTree, n: int) -> None:
+    values(tree, "sample_stats", "diverging")[3, :n] = True
 
 
 def saturated(tree: xr.DataTree) -> None:
@@ -176,9 +186,9 @@ DEFECTS: dict[str, tuple[CheckFunction, xr.DataTree, Defect, tuple[str, ...], Nu
     "divergence": (
         check_divergences,
         good(),
-        one_divergence,
-        (f"1 of {CHAINS * DRAWS}", "3 and 1 with longer steps", "--adapt-delta"),
-        {"divergences": [0, 0, 0, 1]},
+        divergences_in_a_tail,
+        (f"{FEW} of {CHAINS * DRAWS}", "3 and 1 with longer", "stress_exponent", "--adapt-delta"),
+        {"divergences": [0, 0, 0, FEW]},
     ),
     "tree depth": (
         check_treedepth,
@@ -231,6 +241,32 @@ def test_what_is_no_defect_passes() -> None:
     equal = check_solver(CheckedDraws(tree))
     assert equal.passed
     assert "inf" not in equal.sentence
+
+
+def test_divergences_matter_by_place_and_number() -> None:
+    """In a normal sample those of `n` draws at `z` standard deviations move the mean as weighed."""
+    tree = good()
+    diverge(tree, 1)
+    found = check_divergences(CheckedDraws(tree))
+    assert found.passed
+    assert f"1 of {CHAINS * DRAWS} trajectories diverged, but no number" in found.sentence
+    assert found.table["divergences"].tolist() == [0, 0, 0, 1]
+    diverge(tree, DRAWS)
+    assert not check_divergences(CheckedDraws(tree)).passed
+
+    rng = np.random.default_rng(5)
+    draws = xr.Dataset({"x": (("chain", "draw"), rng.standard_normal((4, 1000)))})
+    diverging = xr.zeros_like(draws["x"], dtype=bool)
+    diverging[0, :8] = True
+    # At one standard deviation the mean alone moves.
+    draws["x"][0, :8] = 1.0
+    standard = (draws["x"] - draws["x"].mean()) / draws["x"].std()
+    share = MISSED_DRAWS * 8 / (4000 + MISSED_DRAWS * 8)
+    expected = share * float(standard[0, 0])
+    assert influence(draws, diverging)["x"] == pytest.approx(expected, rel=1e-6)
+    # On both sides the mean stays, and the width tells.
+    draws["x"][0, :4], draws["x"][0, 4:8] = 3.0, -3.0
+    assert influence(draws, diverging)["x"] > MAX_INFLUENCE
 
 
 def test_ends_of_intervals_that_chains_reach_but_once_fail_the_effective_sample_size() -> None:

@@ -21,7 +21,7 @@ from pyburgers.cli.main import main
 from pyburgers.cli.shared import command_line
 from pyburgers.cmdstan.installation import PYPI_VERSION
 from pyburgers.fitting.fit import Fit
-from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.likelihood import likelihoods
 from pyburgers.model.priors import default_priors, load_priors
 

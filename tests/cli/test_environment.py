@@ -1,18 +1,24 @@
 """The command line where the machine is not as it should be: a sentence and an exit code."""
 
+import logging
 import os
 import shlex
+import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Mapping
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from conftest import ICE
 from refusals import assert_refused
 
 from pyburgers.cli.main import main
+from pyburgers.cli.terminal import print_lines, print_table
 from pyburgers.common.atomic_files import write_text
+from pyburgers.common.errors import InputError
 
 PREAMBLE = "import resource, os, sys; from pyburgers.cli.main import main\n"
 TEST = str(ICE / "PIL40.toml")
@@ -34,29 +40,136 @@ def ended(
     return done.returncode, done.stderr
 
 
-SWALLOWING = """
-import signal
+INTERRUPTED = "pyburgers: interrupted; the same command continues with what is missing.\n"
+
+HEARING = """
+import signal, time
 from pyburgers.cli import main as command_line
+import pyburgers.cli.doctor as command
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
+def send(*numbers):
+    for number in numbers:
+        os.kill(os.getpid(), number)
+"""
+
+DURING_IMPORT = """
 def interrupted_import(name, load=command_line.import_module):
     try:
-        os.kill(os.getpid(), signal.SIGINT)
+        send({number})
         module = load(name)
     except KeyboardInterrupt:
         raise ImportError("initialization failed") from None
     return module
 
 command_line.import_module = interrupted_import
-sys.exit(main(['check', '/nowhere']))
 """
-"""Ctrl-C while the command's modules are imported, one of which makes another error of it."""
+"""A signal while the command's modules are imported, one of which makes another error of it."""
+
+DURING_WORK = """
+def work(_):
+    try:
+        send({number})
+        time.sleep(600)
+    finally:
+        print("stopped", file=sys.stderr)
+command.run = work
+"""
+
+TWICE = """
+def work(_):
+    try:
+        send({number})
+        time.sleep(600)
+    finally:
+        send({number})
+        time.sleep(600)
+command.run = work
+"""
 
 
-def test_ctrl_c_waits_until_modules_are_there() -> None:
-    code, error = ended(SWALLOWING)
-    assert code == 130
-    assert error == "pyburgers: interrupted; the same command continues with what is missing.\n"
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(
+    ("when", "said"), [(DURING_IMPORT, ""), (DURING_WORK, "stopped\n"), (TWICE, "")]
+)
+def test_a_signal_ends_a_command_at_any_moment(when: str, said: str, number: int) -> None:
+    code = HEARING + when.format(number=number) + "sys.exit(main(['doctor']))"
+    assert ended(code) == (128 + number, said + INTERRUPTED)
+
+
+def test_signals_that_are_ignored_stay_so_and_handlers_come_back() -> None:
+    code, error = ended(
+        HEARING + "signal.signal(signal.SIGHUP, signal.SIG_IGN)\n"
+        "command.run = lambda _: send(signal.SIGHUP) or 0\n"
+        "code = main(['doctor'])\n"
+        "assert signal.getsignal(signal.SIGINT) is signal.default_int_handler\n"
+        "assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL\n"
+        "sys.exit(code)"
+    )
+    assert (code, error) == (0, "")
+
+
+@pytest.mark.parametrize(
+    "error", ["ZeroDivisionError()", "KeyError('x')", "ValueError('two\\nlines')", "Exception()"]
+)
+def test_an_error_that_nobody_expects_is_a_sentence_and_a_file(error: str, tmp_path: Path) -> None:
+    code, said = ended(
+        f"import pyburgers.cli.doctor as command\ndef run(_):\n    raise {error}\n"
+        "command.run = run\nsys.exit(main(['doctor']))",
+        environment={"TMPDIR": str(tmp_path)},
+    )
+    (file,) = tmp_path.iterdir()
+    assert code == 1
+    assert said.startswith(f"pyburgers: the program has a fault ({error.split('(')[0]}")
+    assert said.endswith(f"please report it with its traceback, which is in {file}.\n")
+    assert "Traceback" not in said
+    assert "in run" in file.read_text(encoding="utf-8")
+
+
+CONTROLS = "\x1b[2J\x07\r\x9b\u202e\x00"
+
+
+def test_control_characters_of_files_and_arguments_are_escaped(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On both streams, whoever prints; lines and colours of the program itself stay."""
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / f"test{CONTROLS[:-1]}.toml"
+    text = (ICE / "PIL40.toml").read_text(encoding="utf-8").replace("PIL40.csv", "no\\u001b[2J")
+    file.write_text(text, encoding="utf-8")
+
+    def run(_: object) -> int:
+        print(f"bare {CONTROLS}")
+        print_lines([f"line {CONTROLS}"])
+        print_table(pd.DataFrame({"quantity": [f"cell {CONTROLS}"]}), ["quantity"])
+        logging.getLogger("pyburgers").info(f"note {CONTROLS}")
+        raise InputError(f"error {CONTROLS}")
+
+    for command in (["fit", str(file)], ["check-file", str(file)], ["doctor"]):
+        if command == ["doctor"]:
+            monkeypatch.setattr("pyburgers.cli.doctor.run", run)
+        assert main(command) == 2
+        out, error = capsys.readouterr()
+        assert not set(out + error) & (set(CONTROLS) - set("[2J"))
+        assert "\\x1b[2J" in out + error
+    assert all(f"{word} \\x1b[2J\\x07\\r\\x9b\\u202e" in out + error for word in WHERE)
+
+
+WHERE = ("bare", "line", "cell", "note", "error")
+
+
+def test_a_long_cell_does_not_fill_the_terminal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copy(ICE / "PIL40.toml", tmp_path)
+    lines = (ICE / "PIL40.csv").read_text(encoding="utf-8").splitlines()
+    lines[5] = f"0.01,{'9x' * 50_000}"
+    (tmp_path / "PIL40.csv").write_text("\n".join(lines), encoding="utf-8")
+    assert main(["fit", str(tmp_path / "PIL40.toml")]) == 2
+    error = capsys.readouterr().err
+    assert "letters left out" in error
+    assert "expected a number" in error
+    assert len(error) < 5000
 
 
 @pytest.fixture

@@ -20,10 +20,10 @@ import numpy as np
 import pytest
 
 from pyburgers.cmdstan import installation as cmdstan_installation
-from pyburgers.cmdstan.compilation import cache_directory, compile_program, program_key
+from pyburgers.cmdstan.compilation import cache_directory, program_key
 from pyburgers.cmdstan.draw_files import adaptation_of, read_draws
 from pyburgers.cmdstan.installation import install_cmdstan
-from pyburgers.cmdstan.program import Program, Unsolved, load_program
+from pyburgers.cmdstan.program import Program, Unsolved, compile_program, load_program
 from pyburgers.cmdstan.toolchain import (
     compile_flags,
     find_cmdstan,

@@ -36,7 +36,7 @@ from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import load_attenuation
-from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.problem import problem_of
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors

@@ -14,9 +14,8 @@ from pyburgers.common.units import with_error
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.fitting.prediction import Prediction
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.kinds.experiment import UncertainCondition
+from pyburgers.kinds.experiment import MeasuredMicrostructure, UncertainCondition
 from pyburgers.kinds.forward import simulate_data
-from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.kinds.problem import problem_of
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import PriorSet

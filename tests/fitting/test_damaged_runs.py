@@ -15,9 +15,12 @@ from refusals import assert_refused
 from same_contents import assert_equal
 
 from pyburgers.cli.main import main
+from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError
 from pyburgers.common.netcdf_files import read_netcdf, write_netcdf
 from pyburgers.fitting.fit import Fit, fit
+from pyburgers.sampling.manifest import FitManifest
+from pyburgers.sampling.run_directory import SEAL, RunDirectory
 
 Damage = Callable[[Path], None]
 GONE = object()
@@ -60,7 +63,10 @@ def entry(path: str, value: object = GONE) -> Damage:
             del table[name]
         else:
             table[name] = value
-        file.write_text(json.dumps(content), encoding="utf-8")
+        if file.name == "manifest.json":  # as one that nobody edited
+            RunDirectory(file.parent).write_manifest(content)
+        else:
+            file.write_text(json.dumps(content), encoding="utf-8")
 
     return damage
 
@@ -231,6 +237,53 @@ def test_labelled_draws_that_were_not_noted_or_are_gone_are_gathered_again(
             again, first = (fit.posterior[name].to_dataset() for fit in (loaded, small_fit))
             assert again.equals(first)
         assert (copy / "posterior.nc").is_file()
+
+
+def edits(value: object) -> Iterator[object]:
+    """Change a value plausibly, at one place at a time."""
+    match value:
+        case dict():
+            for name, part in value.items():
+                yield {key: own for key, own in value.items() if key != name}
+                yield from ({**value, name: other} for other in edits(part))
+        case list():
+            yield [*value, *value[:1]] if value else [1]
+            yield from ([other, *value[1:]] for part in value[:1] for other in edits(part))
+        case bool():
+            yield not value
+        case int() | float():
+            yield value * 10 + 1
+        case _:
+            yield {"measured": "synthetic", "shared": "separate"}.get(str(value), f"{value} ")
+
+
+@pytest.mark.parametrize("name", FitManifest.model_fields)
+def test_every_edit_of_a_manifest_is_noticed_and_nothing_is_written(
+    name: str, copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = RunDirectory(copy)
+    manifest = run.read_manifest()
+    edited = [{**manifest, name: other} for other in edits(manifest.get(name, []))]
+    if name in manifest:
+        edited.append({key: value for key, value in manifest.items() if key != name})
+    for content in edited:
+        write_json(run.manifest_file, content)
+        with pytest.raises(InputError, match="has changed since the run, as its seal says"):
+            run.read_manifest()
+        with pytest.raises(InputError, match="as its seal says"):
+            run.update_manifest({"status": "complete"})
+    before = contents(copy)
+    assert_refused(main(["check", str(copy)]), capsys, "as its seal says; put back")
+    assert contents(copy) == before
+
+
+def test_a_run_of_a_version_without_a_seal_is_read_and_sealed_when_it_goes_on(copy: Path) -> None:
+    run = RunDirectory(copy)
+    manifest = run.read_manifest()
+    write_json(run.manifest_file, {name: manifest[name] for name in manifest if name != SEAL})
+    assert Fit.load(copy).manifest["status"] == "complete"
+    run.update_manifest({})
+    assert run.read_manifest() == manifest
 
 
 class ExchangedWhenClosed:

@@ -25,11 +25,16 @@ from pyburgers.common.atomic_files import sha256_of_file
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.kinds.coordinates import REFERENCE_STRESS
 from pyburgers.kinds.likelihood import likelihood_of
-from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions, solver_block
+from pyburgers.kinds.stan_data import (
+    REFERENCE_SOLVER,
+    REFERENCE_STRESS,
+    SolverOptions,
+    solver_block,
+)
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.run_directory import RunDirectory
 
 FREE = ["maxwell_modulus", "activation_enthalpy", "stress_noise"]
 
@@ -311,11 +316,9 @@ def test_a_run_stopped_after_its_first_chain_can_be_looked_at(copy: Path) -> Non
     shutil.rmtree(copy / "chains" / "chain_2")
     for name in ("posterior.nc", "checks.json", "summary.csv"):
         (copy / name).unlink()
-    manifest = json.loads((copy / "manifest.json").read_text(encoding="utf-8"))
+    manifest = RunDirectory(copy).read_manifest()
     del manifest["chains"]
-    (copy / "manifest.json").write_text(
-        json.dumps({**manifest, "status": "sampling"}), encoding="utf-8"
-    )
+    RunDirectory(copy).write_manifest({**manifest, "status": "sampling"})
     loaded = Fit.load(copy)
     chains = loaded.checks()[0]
     assert not chains.passed

@@ -17,16 +17,12 @@ from pyburgers.comparison.by_tests import compare_by_test
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.drawing.views.loading_history import response, softening
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.kinds.constant_rate.experiment import (
-    ConstantRateExperiment,
-    RateSegment,
-    load_constant_rate,
-)
-from pyburgers.kinds.experiment import Experiment, UncertainCondition
-from pyburgers.kinds.forced_oscillation.experiment import load_forced_oscillation
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
+from pyburgers.kinds.experiment import Experiment, MeasuredMicrostructure, UncertainCondition
+from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
-from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.kinds.problem import of_one_program, problem_of
 from pyburgers.model.parameters import PIEZOMETER
 from pyburgers.model.pooling import pooling_of

@@ -22,10 +22,8 @@ from pyburgers.fitting.prior_draws import prior_draws
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.kinds.experiment import Experiment, Stated, UncertainCondition, of_kind
-from pyburgers.kinds.forced_oscillation.experiment import (
-    load_forced_oscillation,
-    with_known_strain,
-)
+from pyburgers.kinds.forced_oscillation.experiment import with_known_strain
+from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.likelihood import likelihood_of

@@ -12,6 +12,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.tasks import Workers
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.fitting.side_by_side import Task, fit_side_by_side, task_of
+from pyburgers.posterior.labelled_draws import convergence_table
 
 
 @pytest.fixture
@@ -69,19 +70,35 @@ def test_a_refused_fit_is_told_and_leaves_the_others_alone(
     assert Fit.load(tmp_path / "first").manifest["status"] == "complete"
 
 
-def test_chains_that_left_too_few_independent_draws_go_on_once(
-    programs: None, in_this_process: None, tasks: dict[str, Task], tmp_path: Path
+def test_a_fit_goes_on_until_its_draws_are_enough(
+    programs: None,
+    in_this_process: None,
+    tasks: dict[str, Task],
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
+    caplog.set_level(logging.INFO, "pyburgers.fitting.sampled_fit")
     # 100 draws in all can be judged, and can never be 400 independent ones.
     options = replace(tasks["first"].options, chains=2, draws=50)
-    short = replace(tasks["first"], options=options, extensions=1)
-    found = fit_side_by_side({"first": short}, tmp_path, command="x")["first"]
-    assert found.manifest["more_draws"] == [50]
-    assert dict(found.posterior["posterior"].sizes)["draw"] == 100
-    again = fit_side_by_side({"first": short}, tmp_path, command="x")["first"]
-    xr.testing.assert_identical(again.posterior["posterior"], found.posterior["posterior"])
-    # The first draws are those of a fit that is left as it is.
-    once = fit_side_by_side({"once": replace(short, extensions=0)}, tmp_path, command="x")["once"]
+
+    def done(name: str, max_minutes: float | None) -> Fit:
+        task = replace(tasks["first"], options=replace(options, max_minutes=max_minutes))
+        return fit_side_by_side({name: task}, tmp_path, command="x")[name]
+
+    once = done("once", None)
     assert "more_draws" not in once.manifest
+    assert "more draw" not in caplog.text
+    # A tenth of a second does for none, and says how long it would take.
+    short = done("once", 1e-3)
+    assert "more_draws" not in short.manifest
+    assert "which --max-minutes 0.001 does not allow" in caplog.text
+    found = done("once", 100.0)
+    assert found.manifest["more_draws"]
+    assert all(more >= 25 for more in found.manifest["more_draws"])
+    assert convergence_table(found.posterior)[["ess_bulk", "ess_tail"]].to_numpy().min() >= 400
+    assert found.posterior["posterior"].sizes["draw"] == 50 + sum(found.manifest["more_draws"])
+    # The first draws are those of a fit that is left as it is.
     draws = found.posterior["posterior"].to_dataset().isel(draw=slice(50))
     xr.testing.assert_equal(draws, once.posterior["posterior"].to_dataset())
+    again = done("once", 100.0)
+    xr.testing.assert_identical(again.posterior["posterior"], found.posterior["posterior"])

@@ -16,15 +16,12 @@ from pyburgers.comparison.by_tests import compare_by_test
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import load_attenuation
-from pyburgers.kinds.constant_rate.experiment import (
-    ConstantRateExperiment,
-    load_constant_rate,
-)
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
-from pyburgers.kinds.coordinates import Mode
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.forced_oscillation.experiment import load_forced_oscillation
-from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
+from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
+from pyburgers.kinds.loading_history.likelihood import LoadingHistoryValley
 from pyburgers.kinds.problem import Problem, one_test, problem_of
 from pyburgers.kinds.program_data import (
     chart_block,
@@ -32,7 +29,7 @@ from pyburgers.kinds.program_data import (
     program_data,
     values_of_test,
 )
-from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.kinds.stan_data import Mode, SolverOptions
 from pyburgers.kinds.together import default_priors_for, pooling_for
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet

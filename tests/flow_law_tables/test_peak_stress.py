@@ -10,7 +10,7 @@ from conftest import ICE
 from refusals import refusal, written
 
 from pyburgers.common.errors import InputError
-from pyburgers.flow_law_tables.groups import groups
+from pyburgers.flow_law_tables.description import groups
 from pyburgers.flow_law_tables.inputs import (
     COLUMNS,
     FLOW_LAW_PARAMETERS,

@@ -244,11 +244,9 @@ def test_a_fit_is_kept_and_shown(
     )
     assert not page.open
     recipes = figures_for(kept)
-    assert page.alternatives == [
-        f"{recipe.title}, run: {recipe.result(kept)}" for recipe in recipes
-    ]
+    assert page.alternatives == [f"{recipe.title}, run: {recipe.result}" for recipe in recipes]
     for recipe in recipes:
-        assert recipe.result(kept).endswith(".")
+        assert recipe.result.endswith(".")
         assert (tmp_path / "page" / "figures" / f"run_{recipe.name}.svg").is_file()
     assert experiment.temperature_text in page.text
     for fact, _ in views()[kind].facts(experiment):

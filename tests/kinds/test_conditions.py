@@ -10,7 +10,8 @@ from refusals import refusal
 from same_contents import assert_equal
 
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.experiment import UncertainCondition
 from pyburgers.kinds.kind import load_experiment, save_experiment

@@ -11,12 +11,9 @@ from refusals import refusal, written
 from small_inputs import CURVE, EXPERIMENT
 
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.constant_rate.experiment import (
-    ConstantRateExperiment,
-    RateSegment,
-    load_constant_rate,
-)
-from pyburgers.kinds.doubts import doubts
+from pyburgers.kinds.conditions import doubts
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 
 
 @pytest.fixture

@@ -21,10 +21,15 @@ from same_contents import assert_equal
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.kinds.experiment import Experiment, Provenance, Stated, UncertainCondition
+from pyburgers.kinds.experiment import (
+    Experiment,
+    MeasuredMicrostructure,
+    Provenance,
+    Stated,
+    UncertainCondition,
+)
 from pyburgers.kinds.kind import load_experiment, save_experiment
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
-from pyburgers.kinds.microstructure import MeasuredMicrostructure
 
 TEXT = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=20)
 MAYBE_TEXT = st.none() | TEXT

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from pyburgers.kinds.fixed_parameters import fixed_in_effect
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import problem_of
+from pyburgers.kinds.program_data import fixed_in_effect
 from pyburgers.kinds.together import default_priors_for
 from pyburgers.model.parameters import PIEZOMETER
 from pyburgers.model.variants import with_variant

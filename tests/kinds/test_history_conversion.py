@@ -7,11 +7,8 @@ import pytest
 from conftest import ICE, with_fixed
 
 from pyburgers.cmdstan.program import load_program
-from pyburgers.kinds.constant_rate.experiment import (
-    ConstantRateExperiment,
-    RateSegment,
-    load_constant_rate,
-)
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.experiment import Experiment, UncertainCondition
 from pyburgers.kinds.forward import simulate

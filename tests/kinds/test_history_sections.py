@@ -12,16 +12,15 @@ from same_contents import assert_equal
 
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.view import view_of
-from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
-from pyburgers.kinds.experiment import Stated
+from pyburgers.kinds.experiment import MeasuredMicrostructure, Stated
 from pyburgers.kinds.forward import simulate, simulate_data
 from pyburgers.kinds.kind import save_experiment
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.files import load_loading_history
 from pyburgers.kinds.loading_history.stan_data import section_times, solver_outputs
 from pyburgers.kinds.loading_history.stan_data import tests_block as block_of
-from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.kinds.problem import problem_of
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant

@@ -14,7 +14,7 @@ from same_contents import assert_equal
 from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.files import load_attenuation
-from pyburgers.kinds.forced_oscillation.experiment import load_forced_oscillation
+from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forced_oscillation.likelihood import START_MARGIN
 from pyburgers.kinds.forward import simulate, with_laws
 from pyburgers.kinds.kind import load_experiment

@@ -9,11 +9,11 @@ from conftest import ICE
 from same_contents import assert_equal
 
 from pyburgers.drawing.view import view_of
-from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD
+from pyburgers.kinds.experiment import MeasuredMicrostructure
 from pyburgers.kinds.forward import simulate, simulate_data
 from pyburgers.kinds.kind import load_experiment, save_experiment
-from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.kinds.problem import problem_of
 from pyburgers.model.priors import default_priors
 

@@ -11,8 +11,7 @@ from conftest import DUNITE
 from history_twins import history_twin
 
 from pyburgers.drawing.views.minimum_rates import minimum_rate_table, minimum_rates
-from pyburgers.kinds.loading_history.creep_intervals import creep_intervals
-from pyburgers.kinds.loading_history.experiment import HistoryExperiment
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment, creep_intervals
 from pyburgers.kinds.loading_history.files import load_loading_history
 from pyburgers.kinds.loading_history.likelihood import LIKELIHOOD
 from pyburgers.kinds.loading_history.stages import Stage

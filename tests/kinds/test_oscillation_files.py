@@ -8,11 +8,8 @@ import pytest
 from refusals import refusal, written
 from same_contents import assert_equal
 
-from pyburgers.kinds.forced_oscillation.experiment import (
-    OscillationExperiment,
-    load_forced_oscillation,
-    with_background,
-)
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment, with_background
+from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forced_oscillation.preparation import REMOVED_NOTICE
 from pyburgers.kinds.kind import load_experiment
 

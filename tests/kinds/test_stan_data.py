@@ -10,15 +10,11 @@ from conftest import ICE, with_fixed
 from stan_data import one_test_data
 
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.constant_rate.experiment import (
-    ConstantRateExperiment,
-    RateSegment,
-    load_constant_rate,
-)
-from pyburgers.kinds.coordinates import REFERENCE_STRESS, Layout
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.problem import plain_coordinates, problem_of
 from pyburgers.kinds.program_data import program_data
-from pyburgers.kinds.stan_data import SolverOptions, StanData
+from pyburgers.kinds.stan_data import REFERENCE_STRESS, Layout, SolverOptions, StanData
 from pyburgers.model.parameters import PARAMETERS, PROGRAM_PARAMETERS
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.prior_families import Family, Prior

@@ -7,7 +7,7 @@ import pytest
 from conftest import ICE, with_fixed
 
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import Problem, problem_of

@@ -21,11 +21,8 @@ from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare, leave_one_out, leave_out_exactly
 from pyburgers.comparison.results import comparison_table
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.kinds.constant_rate.experiment import (
-    ConstantRateExperiment,
-    RateSegment,
-    load_constant_rate,
-)
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.forward import check_parameters, simulate, simulate_data
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.stan_data import SolverOptions
@@ -556,7 +553,7 @@ def test_old_runs_load(small_fit: Fit, tmp_path: Path) -> None:
     run = replace(small_fit.directory, path=tmp_path / "run")
     manifest = run.read_manifest()
     del manifest["variant"]
-    write_json(run.manifest_file, manifest)
+    run.write_manifest(manifest)
     data = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
     for name in ("family", "location", "scale", "lower", "upper"):
         data[f"prior_{name}"] = data[f"prior_{name}"][: len(PARAMETERS)]

@@ -47,7 +47,7 @@ def fit(tmp_path_factory: pytest.TempPathFactory) -> Fit:
 
 def test_figures_of_single_draws_have_no_rows(fit: Fit) -> None:
     for recipe in figures_for(fit):
-        data = figure_data(recipe.draw(fit))
+        data = figure_data(recipe.draw())
         assert (len(data) > 0) == (recipe.name != "pairs"), recipe.name
         assert np.isfinite(data[["x", "y"]].astype(float)).all(axis=None)
 

@@ -75,7 +75,7 @@ def fits(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fit]:
 def figures(fits: dict[str, Fit]) -> dict[tuple[str, str], Figure]:
     """Every figure of every fit."""
     return {
-        (test, recipe.name): recipe.draw(fit)
+        (test, recipe.name): recipe.draw()
         for test, fit in fits.items()
         for recipe in figures_for(fit)
     }
@@ -164,7 +164,7 @@ def test_the_same_fit_gives_the_same_bytes(
     test: str, name: str, rendered: dict[tuple[str, str], bytes], fits: dict[str, Fit]
 ) -> None:
     (recipe,) = (r for r in figures_for(fits[test]) if r.name == name)
-    again = image(recipe.draw(fits[test]), "svg")
+    again = image(recipe.draw(), "svg")
     assert again == rendered[test, name]
     assert b"<svg" in again
 

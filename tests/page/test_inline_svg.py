@@ -2,6 +2,7 @@
 
 import base64
 import io
+import json
 import re
 from pathlib import Path
 
@@ -10,8 +11,8 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread as read_png
 
-from pyburgers.drawing.inline_svg import InlineSvg, dark_colours, glyph_library, inline_svg
-from pyburgers.drawing.style import BLUE, ImageFormat, image
+from pyburgers.drawing.inline_svg import InlineSvg, dark_colours, inline_svg
+from pyburgers.drawing.style import BLUE, image
 from pyburgers.page import page
 
 CSS = Path(page.__file__).parent.parent / "templates" / "report.css"
@@ -24,7 +25,7 @@ def drawn(text: str) -> str:
     axes.plot([0, 1, 2], [0.1, 0.7, 0.2], color=BLUE, alpha=0.04, marker="o")
     axes.set_xlim(0.5, 1.5)
     axes.set_title(f"{text} $\\eta_K^{{-1}}$")
-    return image(figure, "page").decode("utf-8")
+    return image(figure, "svg").decode("utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +36,6 @@ def pictures() -> list[InlineSvg]:
 def test_ids_of_pictures_do_not_meet_and_every_reference_leads_somewhere(
     pictures: list[InlineSvg],
 ) -> None:
-    library = set(re.findall(r' id="([^"]+)"', glyph_library(pictures)))
     seen: set[str] = set()
     for picture in pictures:
         own = re.findall(r' id="([^"]+)"', picture.content)
@@ -43,18 +43,40 @@ def test_ids_of_pictures_do_not_meet_and_every_reference_leads_somewhere(
         assert not seen & set(own)
         seen |= set(own)
         used = set(re.findall(r'(?:href="|url\()#([^")]+)', picture.content))
-        assert used <= set(own) | library
+        assert used <= set(own)
         assert set(own) <= used
 
 
-def test_letters_are_drawn_once_and_are_no_words_of_the_page(pictures: list[InlineSvg]) -> None:
-    library = glyph_library(pictures)
-    paths = re.findall(r'<path id="([^"]+)"', library)
-    assert len(set(paths)) == len(paths)
-    for picture in pictures:
-        assert not re.sub(r"<[^>]*>", "", picture.content).strip()
-        assert "<text" not in picture.content
+def test_letters_are_words_of_the_page_in_its_font(pictures: list[InlineSvg]) -> None:
+    for picture, text in zip(pictures, ("same", "Squares"), strict=True):
+        words = re.sub(r"<[^>]*>", "", picture.content)
+        assert text in words
+        assert "0.7" in words  # a tick
+        assert "font-family" not in picture.content
     assert inline_svg(drawn("same"), "f0").content == pictures[0].content
+
+
+def test_panels_have_their_scales_and_series_their_names() -> None:
+    figure = Figure(figsize=(4.0, 3.0))
+    left, right = figure.subplots(1, 2)
+    left.plot([1, 2, 3], [10.0, 1000.0, 100.0], "o", label='"a" & b')
+    left.set(xlim=(0, 4), ylim=(1, 1e4), yscale="log", xlabel="strain (%)", ylabel="ratio (–)")
+    right.plot([0, 1], [0, 1])
+    right.set(xlabel=r"rate (10$^{-5}$ s$^{-1}$)", ylabel="density (1/(kJ/mol))")
+    vector = image(figure, "svg").decode("utf-8")
+    picture = inline_svg(vector, "f0")
+    first, second = json.loads(picture.panels)
+    assert first[4:] == [[0, 4, 0, "%"], [0, 4, 1, ""]]
+    assert [axis[3] for axis in second[4:]] == ["10^-5 s^-1", "1/(kJ/mol)"]
+    tag = 'data-panel="0" data-series="\'a\' &amp; b"'
+    assert tag in picture.content
+    assert tag in vector
+    (x, y), *_ = re.findall(
+        r'<use href="#[^"]*" x="([\d.]+)" y="([\d.]+)"', picture.content.partition(tag)[2]
+    )
+    across = (float(x) / picture.width - first[0]) / (first[2] - first[0])
+    above = (first[3] - float(y) / picture.height) / (first[3] - first[1])
+    assert (4 * across, 10 ** (4 * above)) == pytest.approx((1.0, 10.0), rel=1e-3)
 
 
 def test_colours_are_those_of_the_page(pictures: list[InlineSvg]) -> None:
@@ -70,7 +92,7 @@ def test_colours_are_those_of_the_page(pictures: list[InlineSvg]) -> None:
 def test_colours_without_a_name_keep_their_contrast_on_a_dark_ground(digits: str) -> None:
     figure = Figure()
     figure.subplots().plot([0, 1], color=f"#{digits}")
-    picture = inline_svg(image(figure, "page").decode("utf-8"), "f0")
+    picture = inline_svg(image(figure, "svg").decode("utf-8"), "f0")
     assert f"var(--c-{digits}, #{digits})" in picture.content
     (dark,) = dark_colours([picture]).values()
     dark_ground = re.findall(r"--paper: #([0-9a-f]{6})", CSS.read_text(encoding="utf-8"))[1]
@@ -90,18 +112,15 @@ def luminance(digits: str) -> float:
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
-@pytest.mark.parametrize("kind", ["svg", "page"])
 @pytest.mark.parametrize("height", [6.4, 5.6, 4.37])
-def test_what_lies_as_a_picture_is_where_it_would_be_as_lines(
-    kind: ImageFormat, height: float
-) -> None:
+def test_what_lies_as_a_picture_is_where_it_would_be_as_lines(height: float) -> None:
     figure = Figure(figsize=(8.0, height))
     axes = figure.subplots()
     axes.axhline(0.4, color="#010203", linewidth=8.0, snap=False)
     axes.axhline(0.4, color=BLUE, linewidth=8.0, rasterized=True, snap=False)
     axes.set_ylim(0, 1)
     size = figure.get_size_inches().tolist()
-    text = image(figure, kind).decode("utf-8")
+    text = image(figure, "svg").decode("utf-8")
     assert figure.get_size_inches().tolist() == size
     line = re.search(r'<path d="M [\d.]+ ([\d.]+)[^"]*"[^>]*stroke: #010203', text)
     picture = re.search(r"<image[^>]*>", text)
@@ -136,6 +155,6 @@ def test_curves_keep_their_commands() -> None:
         "f0",
     )
     assert (picture.width, picture.height) == (10, 20)
-    assert 'd="M1 2 3.4 4 Q5 6 7 8 L9 10 z"' in picture.content
+    assert 'd="M1 2L3.456 4Q5 6 7 8L9 10z"' in picture.content
     with pytest.raises(ValueError, match="picture f0: found no svg element"):
         inline_svg("<p>", "f0")

@@ -15,7 +15,7 @@ from synthetic_olivine_fit import make_olivine_fit, redrawn
 
 from pyburgers.drawing.style import few_ticks_of_decades, style
 from pyburgers.fitting.fit import Fit
-from pyburgers.kinds.coordinates import REFERENCE_FLOW_RATE
+from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE
 from pyburgers.model.display import shown_quantity
 from pyburgers.page.decades import PriorOfLogarithm, logarithm_of, shown_draws, spans_decades
 from pyburgers.page.figure_results import narrowed

@@ -8,7 +8,7 @@ from pyburgers.checks.prior_influence import Origin
 from pyburgers.checks.prior_sentences import decision_text
 from pyburgers.common.units import duration_text, number, rounded
 from pyburgers.fitting.fit import Fit
-from pyburgers.kinds.fixed_parameters import fixed_in_effect
+from pyburgers.kinds.program_data import fixed_in_effect
 from pyburgers.model.display import prior_text, shown_quantity, symbol_text, unit_text
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PARAMETERS, PROGRAM_PARAMETERS
 from pyburgers.model.prior_families import Prior

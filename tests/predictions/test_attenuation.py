@@ -12,6 +12,7 @@ import numpy.typing as npt
 import oracle
 import pytest
 import xarray as xr
+from imposed_stress import simulate_imposed_stress
 from scipy.integrate import quad
 from synthetic_fit import INITIAL_GRAIN_SIZE, make_fit
 
@@ -25,7 +26,6 @@ from pyburgers.predictions.attenuation import (
 )
 from pyburgers.predictions.attenuation_tables import overview_table, quantile_table
 from pyburgers.predictions.closed_forms import flow_rate
-from pyburgers.predictions.imposed_stress import simulate_imposed_stress
 from pyburgers.predictions.stress_cycles import (
     PAPER_REGIMES,
     PARAMETER_NAMES,

@@ -9,6 +9,7 @@ import oracle
 import pandas as pd
 import pytest
 import xarray as xr
+from imposed_stress import simulate_imposed_stress
 from scipy.integrate import solve_ivp
 from synthetic_fit import make_fit
 
@@ -22,7 +23,6 @@ from pyburgers.predictions.evolving import (
     evolving_sentence,
     evolving_table,
 )
-from pyburgers.predictions.imposed_stress import simulate_imposed_stress
 from pyburgers.predictions.material import Material, fitted_material
 from pyburgers.predictions.stress_cycles import PAPER_REGIMES, Regime
 

@@ -31,11 +31,8 @@ from pyburgers.comparison.pairs import Pair, PairOutcome
 from pyburgers.comparison.results import comparison_table
 from pyburgers.fitting.fit import fit
 from pyburgers.kinds.attenuation.files import load_attenuation
-from pyburgers.kinds.constant_rate.experiment import (
-    ConstantRateExperiment,
-    RateSegment,
-    load_constant_rate,
-)
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.model.priors import default_priors

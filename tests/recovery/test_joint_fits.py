@@ -14,7 +14,8 @@ from pyburgers.checks.discrepancies import LEVEL
 from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.common.draws import all_draws
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.model.priors import default_priors
 from pyburgers.posterior.labelled_draws import free_parameters
 from pyburgers.sampling.options import SamplerOptions

@@ -7,7 +7,7 @@ from conftest import DUNITE
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.model.priors import default_priors
 from pyburgers.sampling.options import SamplerOptions
 

@@ -12,10 +12,9 @@ from measures import grain_size_share
 
 from pyburgers.drawing.views.softening import softening_shares
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.kinds.constant_rate.experiment import load_constant_rate
-from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
+from pyburgers.kinds.experiment import Experiment, MeasuredMicrostructure
 from pyburgers.kinds.forward import simulate
-from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.model.priors import default_priors
 from pyburgers.posterior.labelled_draws import convergence_table
 from pyburgers.sampling.options import SamplerOptions

@@ -12,7 +12,7 @@ from measures import grain_size_share
 
 from pyburgers.common.tasks import Workers
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.model.priors import default_priors
 from pyburgers.posterior.labelled_draws import convergence_table, free_parameters
 from pyburgers.sampling.options import SamplerOptions

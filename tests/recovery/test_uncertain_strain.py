@@ -9,10 +9,10 @@ from conftest import ICE, with_fixed
 from pyburgers.cmdstan.program import load_program
 from pyburgers.kinds.forced_oscillation.experiment import (
     OscillationExperiment,
-    load_forced_oscillation,
     with_background,
     with_known_strain,
 )
+from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forced_oscillation.preparation import prepare, strain_shares
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.kinds.problem import problem_of

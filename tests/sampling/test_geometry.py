@@ -13,7 +13,7 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_json
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.kinds.kind import load_experiment

@@ -9,7 +9,7 @@ import pytest
 
 from pyburgers.cmdstan.program import Program
 from pyburgers.common.errors import SamplingError
-from pyburgers.kinds.coordinates import OtherMode
+from pyburgers.kinds.stan_data import OtherMode
 from pyburgers.sampling.other_modes import (
     modes_beside_the_highest,
     modes_record,

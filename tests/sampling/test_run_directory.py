@@ -1,13 +1,17 @@
 """The run directory: atomic writing, claiming, refusing, what a kill leaves behind."""
 
+import errno
 import json
 import os
+import re
 import signal
+import socket
 import subprocess
 import sys
 import time
 from contextlib import suppress
 from pathlib import Path
+from uuid import uuid4
 
 import pytest
 
@@ -19,6 +23,7 @@ from pyburgers.common.atomic_files import (
     write_text,
 )
 from pyburgers.common.errors import InputError
+from pyburgers.common.locks import process_lock
 from pyburgers.sampling.run_directory import RunDirectory
 
 
@@ -172,14 +177,84 @@ def test_what_a_kill_left_behind_is_removed(tmp_path: Path) -> None:
     # Killed while the very first file was being written.
     run.path.mkdir()
     (run.path / ".lock").touch()
-    (run.path / f"{UNFINISHED}1.json").write_text('{"finger', encoding="utf-8")
+    (run.path / f"{UNFINISHED}{uuid4().hex}.json").write_text('{"finger', encoding="utf-8")
     with run.claimed("abc"):
         assert not list(run.path.rglob(f"{UNFINISHED}*"))
         (run.new_scratch() / "draws.csv").write_text("half", encoding="utf-8")
-        (run.inputs / f"{UNFINISHED}2.csv").write_text("half", encoding="utf-8")
+        (run.inputs / f"{UNFINISHED}{uuid4().hex}.csv").write_text("half", encoding="utf-8")
     with run.claimed("abc"):
         leftovers = [p for p in run.path.rglob("*") if p.is_file() and p.name != ".lock"]
         assert leftovers == [run.manifest_file]
+
+
+def test_a_run_removes_only_what_it_made(tmp_path: Path) -> None:
+    run = RunDirectory(tmp_path / "run")
+    with run.claimed("abc"):
+        pass
+    made_by_others = [
+        *(run.path / name for name in (f"{UNFINISHED}notes", f"mine/{UNFINISHED}{uuid4().hex}")),
+        *(run.inputs / f"{UNFINISHED}{name}" for name in ("thesis.tex", "0123.csv")),
+    ]
+    for file in made_by_others:
+        file.parent.mkdir(exist_ok=True)
+        file.touch()
+    with run.claimed("abc"):
+        assert all(file.is_file() for file in made_by_others)
+    run.clear("def")
+    assert [file for file in made_by_others if file.is_file()] == made_by_others[:2]
+
+
+HOLDER = """
+import sys, time
+from pathlib import Path
+from pyburgers.common.locks import process_lock
+with process_lock(Path(sys.argv[1]), "held"):
+    print("held", flush=True)
+    time.sleep(600)
+"""
+
+
+def test_a_lock_names_its_file_its_holder_and_the_host(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    lock = tmp_path / ".lock"
+    command = [sys.executable, "-c", HOLDER, str(lock)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == "held\n"
+        known = f"process {holder.pid} on {socket.gethostname()} holds {lock}"
+        with (
+            caplog.at_level("INFO"),
+            pytest.raises(InputError) as refused,
+            process_lock(lock, "Another one works here", "wait", patience=0.1),
+        ):
+            pass
+        holder.kill()
+    assert str(refused.value) == f"Another one works here: {known}; wait."
+    assert caplog.messages == [f"Another one works here: waiting for {known}."]
+    with process_lock(lock, "", "", patience=0):
+        assert lock.read_text(encoding="utf-8").split() == [str(os.getpid()), socket.gethostname()]
+
+
+@pytest.mark.filterwarnings("ignore:flock not supported")
+def test_a_stale_lock_of_another_host_is_explained_where_there_is_no_flock(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(descriptor: int, operation: int) -> None:
+        raise OSError(errno.ENOSYS, "no flock here")
+
+    monkeypatch.setattr("fcntl.flock", refuse)
+    run = RunDirectory(tmp_path / "run")
+    with run.claimed("abc"), pytest.raises(InputError, match=f"process {os.getpid()} on "):
+        run.clear("abc")
+    lock = run.path / ".lock"
+    lock.write_text("77\nfar-away\n", encoding="utf-8")
+    words = re.escape(f"process 77 on far-away holds {lock}; delete {lock} if none runs there;")
+    with pytest.raises(InputError, match=words), run.claimed("abc"):
+        pass
+    lock.unlink()
+    with run.claimed("abc"):
+        pass
 
 
 def test_no_reader_ever_sees_half_a_file(tmp_path: Path) -> None:

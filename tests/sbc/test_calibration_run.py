@@ -17,10 +17,12 @@ from conftest import ICE, Problem, stay_in_this_process
 from refusals import assert_refused
 
 from pyburgers.cli.main import main
+from pyburgers.common.toml_files import read_json
 from pyburgers.drawing.style import image
-from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.problem import problem_of
 from pyburgers.model.priors import default_priors
+from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sbc.replication import Replication, read_replication_table, replication_table
 from pyburgers.sbc.results import (
     calibration_text,
@@ -339,6 +341,9 @@ def test_what_was_damaged_or_changed_is_told(
     text = (out / name).read_text(encoding="utf-8")
     assert old in text
     (out / name).write_text(text.replace(old, new, 1), encoding="utf-8")
+    if name == "manifest.json":
+        assert_refused(main(["sbc", "--results-of", str(out)]), capsys, "as its seal says")
+        RunDirectory(out).write_manifest(read_json(out / name))
     capsys.readouterr()
     assert_refused(main(["sbc", "--results-of", str(out)]), capsys, word)
 

@@ -21,7 +21,7 @@ from pyburgers.flow_law_tables.inputs import (
     without_test,
 )
 from pyburgers.flow_law_tables.softening import simulate_peaks, softening_prior
-from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.problem import Problem
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
 from pyburgers.model.parameters import STRESS_SCATTER

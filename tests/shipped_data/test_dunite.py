@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from conftest import DUNITE
 
-from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 
 # Sample: readings above zero strain, temperature (K), strain rates (1/s), where each rate starts.
 TESTS = {

@@ -9,11 +9,8 @@ import pytest
 from data_script import data_script
 
 from pyburgers.drawing.views.oscillation_response import observed_response
-from pyburgers.kinds.forced_oscillation.experiment import (
-    OscillationExperiment,
-    load_forced_oscillation,
-    with_background,
-)
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment, with_background
+from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forced_oscillation.harmonics import fit_harmonics
 from pyburgers.kinds.forward import simulate
 from pyburgers.model.parameters import PARAMETERS, PIEZOMETER

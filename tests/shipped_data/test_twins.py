@@ -14,7 +14,7 @@ import pytest
 from data_script import data_script
 from independent_table import PEAKS, STRAIN_RATES, STRESS_OF_FAST, TRUTHS
 
-from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import default_priors
 

@@ -13,11 +13,8 @@ import numpy as np
 import pytest
 from conftest import DUNITE, ICE
 
-from pyburgers.kinds.constant_rate.experiment import (
-    ConstantRateExperiment,
-    RateSegment,
-    load_constant_rate,
-)
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.forward import simulate
 from pyburgers.predictions.attenuation import attenuation_spectrum
 from pyburgers.predictions.stress_cycles import Regime

@@ -14,9 +14,10 @@ from log_density import Program, constant_rate_program, program_with
 from stan_data import one_test_data, parameter_in
 from truth_as_mode import at_truth
 
-from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.likelihood import likelihood_of
-from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
+from pyburgers.kinds.loading_history.likelihood import LoadingHistoryValley
 from pyburgers.kinds.problem import plain_coordinates
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.kinds.valley import ValleyReference

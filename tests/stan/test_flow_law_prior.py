@@ -21,9 +21,9 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.forced_oscillation.experiment import load_forced_oscillation
+from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import values_of_test

@@ -19,11 +19,8 @@ from stan_values import CHARTS
 
 from pyburgers.cli.main import main
 from pyburgers.cmdstan.program import load_program
-from pyburgers.kinds.forced_oscillation.experiment import (
-    OscillationExperiment,
-    load_forced_oscillation,
-    with_background,
-)
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment, with_background
+from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forced_oscillation.preparation import (
     Background,
     OscillationRecord,

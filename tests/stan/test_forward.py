@@ -14,11 +14,8 @@ from scipy.integrate import simpson
 from stan_values import PHYSICS
 
 from pyburgers.common.errors import InputError, SamplingError
-from pyburgers.kinds.constant_rate.experiment import (
-    ConstantRateExperiment,
-    RateSegment,
-    load_constant_rate,
-)
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.forward import check_parameters, simulate
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER
 from pyburgers.model.priors import default_priors

@@ -18,13 +18,13 @@ from truth_as_mode import at_truth
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
-from pyburgers.kinds.constant_rate.experiment import load_constant_rate
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
+from pyburgers.kinds.experiment import MeasuredMicrostructure
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
+from pyburgers.kinds.loading_history.likelihood import LoadingHistoryValley
 from pyburgers.kinds.loading_history.stan_data import leg_of_times
-from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
-from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import given_parameters, program_data
 from pyburgers.kinds.stan_data import SolverOptions

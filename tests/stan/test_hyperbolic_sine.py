@@ -10,6 +10,7 @@ import numpy.typing as npt
 import oracle
 import pytest
 from conftest import ICE, Problem, write_problem
+from imposed_stress import simulate_imposed_stress
 from log_density import constant_rate_program
 from scipy.integrate import quad
 from stan_data import one_test_data
@@ -17,15 +18,12 @@ from stan_data import one_test_data
 from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit
-from pyburgers.kinds.constant_rate.experiment import (
-    load_constant_rate,
-)
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.priors import load_priors
 from pyburgers.model.variants import with_variant
 from pyburgers.predictions.attenuation import attenuation_spectrum, predict_attenuation
-from pyburgers.predictions.imposed_stress import simulate_imposed_stress
 from pyburgers.predictions.stress_cycles import Regime
 
 FloatArray = npt.NDArray[np.float64]

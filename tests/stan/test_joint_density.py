@@ -18,7 +18,8 @@ from scipy import stats
 from stan_data import one_test_data, parameter_in, sheared_reference
 
 from pyburgers.cmdstan.program import load_program
-from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment

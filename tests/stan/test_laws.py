@@ -22,13 +22,11 @@ from stan_data import parameters_in
 
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.files import load_attenuation
-from pyburgers.kinds.constant_rate.experiment import (
-    ConstantRateExperiment,
-    RateSegment,
-    load_constant_rate,
-)
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.forced_oscillation.experiment import load_forced_oscillation, with_background
+from pyburgers.kinds.forced_oscillation.experiment import with_background
+from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import problem_of

@@ -13,14 +13,10 @@ from oracle import GAS_CONSTANT
 from scipy import stats
 from stan_data import one_test_data, parameter_in
 
-from pyburgers.kinds.constant_rate.experiment import (
-    ConstantRateExperiment,
-    RateSegment,
-    load_constant_rate,
-)
-from pyburgers.kinds.coordinates import REFERENCE_STRESS, PlainCoordinates
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.problem import plain_coordinates
-from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.kinds.stan_data import REFERENCE_STRESS, PlainCoordinates, SolverOptions
 from pyburgers.model.priors import PriorSet
 
 pytestmark = pytest.mark.usefixtures("programs")

@@ -15,9 +15,11 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
+from pyburgers.kinds.experiment import MeasuredMicrostructure
 from pyburgers.kinds.forward import simulate
-from pyburgers.kinds.microstructure import MeasuredMicrostructure, strains_of
+from pyburgers.kinds.likelihood import strains_of
 from pyburgers.kinds.program_data import given_parameters
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.posterior.labelled_draws import response_in, total_log_likelihood

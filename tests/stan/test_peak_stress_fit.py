@@ -23,6 +23,7 @@ from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit
+from pyburgers.flow_law_tables.description import groups
 from pyburgers.flow_law_tables.fit import (
     PeakStressFit,
     fit_peak_stress,
@@ -30,7 +31,6 @@ from pyburgers.flow_law_tables.fit import (
     peak_stress_coordinates,
     peak_stress_data,
 )
-from pyburgers.flow_law_tables.groups import groups
 from pyburgers.flow_law_tables.inputs import (
     FLOW_LAW_PARAMETERS,
     PeakStrain,

@@ -20,11 +20,11 @@ from stan_values import PHYSICS
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.errors import SamplingError
-from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.kinds.coordinates import REFERENCE_STRESS
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.kinds.problem import plain_coordinates
-from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.kinds.stan_data import REFERENCE_STRESS, SolverOptions
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.prior_families import FAMILIES, Family, Prior
 from pyburgers.model.priors import PriorSet, default_priors

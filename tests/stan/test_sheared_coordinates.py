@@ -19,26 +19,33 @@ from stan_data import one_test_data, parameter_in, parameters_in, sheared_refere
 from pyburgers.cmdstan.program import Program as CompiledProgram
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.coordinates import REFERENCE_FLOW_RATE, Mode, ProblemMode
 from pyburgers.kinds.forced_oscillation.experiment import (
     OscillationExperiment,
-    load_forced_oscillation,
     with_background,
     with_known_strain,
 )
+from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forced_oscillation.harmonics import fundamentals
-from pyburgers.kinds.forced_oscillation.likelihood import LIKELIHOOD
-from pyburgers.kinds.forced_oscillation.preparation import Background, prepare
-from pyburgers.kinds.forced_oscillation.sheared import (
+from pyburgers.kinds.forced_oscillation.likelihood import (
+    LIKELIHOOD,
     LOG_RATE_STEP,
     N_SOLUTIONS,
     ShearedChart,
     ShearedReference,
 )
+from pyburgers.kinds.forced_oscillation.preparation import Background, prepare
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import one_test, plain_coordinates, problem_of
 from pyburgers.kinds.program_data import chart_block
-from pyburgers.kinds.stan_data import PLAIN, SolverOptions, StanData, solver_block
+from pyburgers.kinds.stan_data import (
+    PLAIN,
+    REFERENCE_FLOW_RATE,
+    Mode,
+    ProblemMode,
+    SolverOptions,
+    StanData,
+    solver_block,
+)
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, load_priors

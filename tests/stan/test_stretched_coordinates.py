@@ -13,7 +13,7 @@ from truth_as_mode import at_truth
 from pyburgers.cmdstan.program import load_program
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import load_attenuation
-from pyburgers.kinds.attenuation.stretched_chart import StretchedChart
+from pyburgers.kinds.attenuation.likelihood import StretchedChart
 from pyburgers.kinds.likelihood import AtMode, ChartUnsuited, likelihoods
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import chart_block, program_data

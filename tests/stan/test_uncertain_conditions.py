@@ -14,17 +14,14 @@ from log_density import Program, assert_gradient_is_slope, program_with
 from scipy import stats
 from stan_data import parameters_in
 
-from pyburgers.kinds.coordinates import Mode
 from pyburgers.kinds.experiment import Experiment, UncertainCondition
-from pyburgers.kinds.forced_oscillation.experiment import (
-    OscillationExperiment,
-    load_forced_oscillation,
-)
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.program_data import chart_block, program_data
-from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.kinds.stan_data import Mode, SolverOptions
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors

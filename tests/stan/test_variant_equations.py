@@ -8,17 +8,15 @@ import numpy.typing as npt
 import oracle
 import pytest
 from conftest import ICE, FunctionValues
+from imposed_stress import simulate_imposed_stress
 from independent_table import TRUTHS
 from scipy import stats
 from scipy.integrate import solve_ivp
 from stan_values import PHYSICS
 
-from pyburgers.kinds.constant_rate.experiment import (
-    load_constant_rate,
-)
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.program_data import solve
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER
-from pyburgers.predictions.imposed_stress import simulate_imposed_stress
 from pyburgers.predictions.stress_cycles import Regime
 
 FloatArray = npt.NDArray[np.float64]

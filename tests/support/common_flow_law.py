@@ -6,7 +6,8 @@ import numpy as np
 from conftest import ICE
 from independent_table import TRUTHS
 
-from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.forward import simulate_data
 
 NAMES = ("PIL40", "PIL72", "PIL105")

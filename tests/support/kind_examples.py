@@ -18,17 +18,11 @@ from scipy import stats
 
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import load_attenuation
-from pyburgers.kinds.constant_rate.experiment import (
-    ConstantRateExperiment,
-    RateSegment,
-    load_constant_rate,
-)
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.forced_oscillation.experiment import (
-    OscillationExperiment,
-    load_forced_oscillation,
-    with_background,
-)
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment, with_background
+from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forced_oscillation.likelihood import START_MARGIN
 from pyburgers.kinds.forced_oscillation.preparation import Background, prepare
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment

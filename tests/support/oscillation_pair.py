@@ -5,11 +5,8 @@ from dataclasses import replace
 import numpy as np
 from conftest import ICE
 
-from pyburgers.kinds.forced_oscillation.experiment import (
-    OscillationExperiment,
-    load_forced_oscillation,
-    with_background,
-)
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment, with_background
+from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forced_oscillation.preparation import prepare
 from pyburgers.kinds.forward import simulate_data
 

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.forced_oscillation.sheared import N_SOLUTIONS, ShearedReference
+from pyburgers.kinds.forced_oscillation.likelihood import N_SOLUTIONS, ShearedReference
 from pyburgers.kinds.problem import one_test
 from pyburgers.kinds.program_data import chart_block, program_data
 from pyburgers.kinds.stan_data import SolverOptions, StanData

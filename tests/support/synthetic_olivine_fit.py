@@ -11,16 +11,13 @@ from scipy import stats
 from synthetic_fit import make_fit
 
 from pyburgers.fitting.fit import Fit
-from pyburgers.kinds.coordinates import REFERENCE_FLOW_RATE, REFERENCE_STRESS
 from pyburgers.kinds.experiment import of_kind
-from pyburgers.kinds.forced_oscillation.experiment import (
-    OscillationExperiment,
-    load_forced_oscillation,
-    with_background,
-)
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment, with_background
+from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forced_oscillation.likelihood import LIKELIHOOD as FORCED_OSCILLATION
 from pyburgers.kinds.forced_oscillation.preparation import Background
 from pyburgers.kinds.problem import problem_of
+from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE, REFERENCE_STRESS
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import default_priors
 

@@ -4,12 +4,11 @@ from typing import TypeVar
 
 import numpy as np
 
-from pyburgers.kinds.coordinates import Mode
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.likelihood import AtMode
 from pyburgers.kinds.problem import problem_of
-from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.kinds.stan_data import Mode, SolverOptions
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
 from pyburgers.sampling.charts import at_mode

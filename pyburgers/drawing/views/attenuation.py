@@ -20,7 +20,7 @@ from pyburgers.drawing.panels import (
     FittedCurve,
     ReadCurve,
     draw_band,
-    draw_open_dots,
+    draw_dots,
     figure_of,
 )
 from pyburgers.drawing.style import BLACK, BLUE, VERMILION
@@ -35,7 +35,6 @@ GPA = 1e-9
 PERIOD_LABEL = "period (s)"
 PLACE_LABEL = "spectra of attenuation, then of modulus, each along log period"
 TAN_DELTA_LABEL = r"$\tan\delta$ (–)"
-DOT_SIZE = 4.5
 MODULUS_NAMES = {"axial": "Young's modulus", "shear": "shear modulus"}
 
 
@@ -102,11 +101,10 @@ def master_curves(fit: FittedTest) -> Figure:
             for which, marker in ((~limit, "o"), (limit, "v")):
                 rows = own.rows[which]
                 recorded = np.maximum(readings.tan_delta, readings.limit)[rows]
-                dots = period[rows], recorded, own.colour
-                draw_open_dots(upper, *dots, size=DOT_SIZE, marker=marker)
+                draw_dots(upper, period[rows], recorded, colour=own.colour, marker=marker)
             if readings.modulus.size:
                 moduli = readings.modulus[own.rows] * GPA
-                draw_open_dots(lower, period[own.rows], moduli, own.colour, size=DOT_SIZE)
+                draw_dots(lower, period[own.rows], moduli, colour=own.colour)
         upper.set(xscale="log", yscale="log", ylabel=TAN_DELTA_LABEL)
         modulus = MODULUS_NAMES[experiment.elasticity.deformation]
         lower.set(xlabel=PERIOD_LABEL, ylabel=f"{modulus} (GPa)")
@@ -135,7 +133,7 @@ def cole_cole(fit: FittedTest) -> Figure:
             if readings.modulus.size:
                 rows = own.rows[~readings.is_limit[own.rows]]
                 measured = compliances(readings.tan_delta[rows], readings.modulus[rows] * GPA)
-                draw_open_dots(axes, *measured, own.colour, size=DOT_SIZE)
+                draw_dots(axes, *measured, colour=own.colour)
         axes.set(xscale="log", yscale="log")
         axes.set(xlabel="storage compliance (1/GPa)", ylabel="loss compliance (1/GPa)")
         axes.legend(loc="best", ncols=2)

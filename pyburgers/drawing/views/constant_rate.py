@@ -16,9 +16,10 @@ from pyburgers.drawing.panels import (
     curve_result,
     curve_with_residuals,
 )
-from pyburgers.drawing.view import View
+from pyburgers.drawing.view import View, marks_text
 from pyburgers.drawing.views.softening import (
     Along,
+    evolves,
     microstructure_facts,
     softened_text,
     softening_along,
@@ -27,19 +28,21 @@ from pyburgers.drawing.views.softening import (
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, rate_text
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.kind import FittedTest
-from pyburgers.kinds.microstructure import strains_of
+from pyburgers.kinds.likelihood import strains_of
 from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, STRESS_UNIT
 
 
 @recipe(
     "stress_strain",
     "Stress-strain curve",
-    "Top: the stress-strain curve (circles), the predictive median (solid line), up to 1000 "
-    "retrodictions, that is solutions for single draws from the posterior (thin lines), and the "
-    "band that should hold 90 % of new measurements. Dotted vertical lines mark where the "
-    "imposed strain rate changes. Bottom: data minus the predictive median, with the band that "
-    "should hold 90 % of residuals if they were noise alone; a run of points on one side of "
-    "zero is what the model misses.",
+    lambda fit: (
+        "Top: the stress-strain curve (circles), the predictive median (solid line), up to 1000 "
+        "retrodictions, that is solutions for single draws from the posterior (thin lines), and "
+        f"the band that should hold 90 % of new measurements. {marks_text([fit])}"
+        "Bottom: data minus the predictive median, with the band that should hold 90 % of "
+        "residuals if they were noise alone; a run of points on one side of zero is what the "
+        "model misses."
+    ),
     lambda fit: curve_result(fitted_curve(fit)),
 )
 def stress_strain(fit: FittedTest) -> Figure:
@@ -84,6 +87,7 @@ def fitted_curve(fit: FittedTest) -> FittedCurve:
     "Softening by grain size and fabric",
     softening_caption("final strain"),
     lambda fit: f"at the final strain {softened_text(fit)}",
+    suits=evolves,
 )
 def softening(fit: FittedTest) -> Figure:
     """Draw how grain size and fabric soften the material along strain."""

@@ -20,6 +20,7 @@ from pyburgers.drawing.panels import (
     curve_with_residuals,
     draw_band_panel,
     draw_data,
+    draw_dots,
     draw_retrodictions,
     figure_of,
 )
@@ -37,7 +38,7 @@ from pyburgers.drawing.views.oscillation_response import (
     replicated_response,
     response_page_table,
 )
-from pyburgers.kinds.coordinates import REFERENCE_FLOW_RATE
+from pyburgers.drawing.views.softening import evolves
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.forced_oscillation.preparation import (
@@ -46,6 +47,7 @@ from pyburgers.kinds.forced_oscillation.preparation import (
     strain_shares,
 )
 from pyburgers.kinds.kind import FittedTest
+from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE
 from pyburgers.model.display import (
     LENGTH_FACTOR,
     LENGTH_UNIT,
@@ -179,16 +181,14 @@ def amplitude_phase(fit: FittedTest) -> Figure:
             for end in (low, high):
                 draw_line(end, color=VERMILION, linestyle="--", linewidth=1.2)
         axes.plot([], [], color=VERMILION, linestyle="--", label="90 % of replicated data")
-        axes.errorbar(
-            observed.amplitude * STRESS_FACTOR,
-            np.degrees(observed.lag),
-            xerr=observed.amplitude_standard_error * STRESS_FACTOR,
-            yerr=np.degrees(observed.lag_standard_error),
-            color=BLACK,
-            linewidth=1.4,
-            marker="o",
-            markersize=4,
-            linestyle="none",
+        draw_dots(
+            axes,
+            np.array([observed.amplitude]) * STRESS_FACTOR,
+            np.degrees([observed.lag]),
+            xerr=np.array([observed.amplitude_standard_error]) * STRESS_FACTOR,
+            yerr=np.degrees([observed.lag_standard_error]),
+            face=BLACK,
+            elinewidth=1.4,
             label=f"{experiment.provenance.kind} data ± standard error",
         )
         axes.set_xlabel(f"amplitude of the stress ({STRESS_UNIT})")
@@ -200,11 +200,17 @@ def amplitude_phase(fit: FittedTest) -> Figure:
 @recipe(
     "microstructure",
     "Grain size and dashpot",
-    "Two quantities that the record does not show directly: (a) mean grain size, (b) strain rate "
-    "of the dashpot; lines are medians over the posterior, areas hold 90 % of draws. "
-    "Grains approach the size that the piezometer gives for the current stress, over strains of "
-    "the order of the critical strain; near zero stress the piezometer asks for very large ones. "
-    "The dashpot follows stress by a power law, so it flows mainly while stress is high.",
+    lambda fit: (
+        "Two quantities that the record does not show directly: (a) mean grain size, (b) strain "
+        "rate of the dashpot; lines are medians over the posterior, areas hold 90 % of draws. "
+        + (
+            "Grains approach the size that the piezometer gives for the current stress, over "
+            "strains of the order of the critical strain; near zero stress the piezometer asks for "
+            "very large ones. "
+        )
+        * evolves(fit)
+        + "The dashpot flows fastest while stress is high."
+    ),
     grains_result,
 )
 def microstructure(fit: FittedTest) -> Figure:

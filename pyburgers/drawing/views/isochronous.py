@@ -13,12 +13,12 @@ from pyburgers.drawing.panels import STRAIN_LABEL, STRESS_LABEL, figure_of
 from pyburgers.drawing.style import BLUE, GREEN, ORANGE, VERMILION
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.kind import FittedTest
-from pyburgers.kinds.loading_history.creep_intervals import (
+from pyburgers.kinds.loading_history.experiment import (
     NEARLY_CONSTANT,
     CreepInterval,
+    HistoryExperiment,
     creep_intervals,
 )
-from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.model.display import (
     STRAIN_FACTOR,
     STRESS_FACTOR,

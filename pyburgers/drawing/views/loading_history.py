@@ -24,26 +24,28 @@ from pyburgers.drawing.panels import (
     curve_result,
     draw_band,
     draw_curve,
+    draw_dots,
     draw_residuals,
     figure_of,
     legend_above,
 )
-from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, PURPLE, VERMILION
+from pyburgers.drawing.style import BLUE, GREY, ORANGE, PURPLE, VERMILION
 from pyburgers.drawing.view import View
 from pyburgers.drawing.views.isochronous import isochronous_figure
 from pyburgers.drawing.views.minimum_rates import minimum_rate_table
 from pyburgers.drawing.views.softening import (
     Along,
+    evolves,
     microstructure_facts,
     softened_text,
     softening_along,
     softening_caption,
 )
-from pyburgers.kinds.experiment import of_kind
+from pyburgers.kinds.experiment import MeasuredMicrostructure, of_kind
 from pyburgers.kinds.kind import FittedTest
+from pyburgers.kinds.likelihood import strains_of, times_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stan_data import stage_of_times
-from pyburgers.kinds.microstructure import MeasuredMicrostructure, strains_of, times_of
 from pyburgers.model.display import (
     STRAIN_FACTOR,
     STRAIN_UNIT,
@@ -52,7 +54,6 @@ from pyburgers.model.display import (
     time_unit,
 )
 from pyburgers.model.read_quantities import Quantity
-from pyburgers.model.variants import variant_of
 
 IntArray = npt.NDArray[np.int64]
 
@@ -109,13 +110,17 @@ RECOVERY_SHOWN = 1e-3
 @recipe(
     "response",
     "How the material answers",
-    "The same solutions as the field draws them; lines are posterior medians, areas hold 90 % of "
-    "draws, a colour for each stage. (a) Stress against strain. (b) Strain rate against strain on "
-    "a logarithmic scale: a minimum is where the Kelvin element is exhausted and softening wins; "
-    "rates of recovery, which run backwards, are drawn dashed down to a thousandth of the slowest "
-    "forward one. (c) Readings of each stage, "
-    "against the time since the stage began on a logarithmic scale, over its value at the end of "
-    "the stage: relaxation and transient creep are seen from their first readings on.",
+    lambda fit: (
+        "The same solutions as the field draws them; lines are posterior medians, areas hold 90 % "
+        "of draws, a colour for each stage. (a) Stress against strain. (b) Strain rate against "
+        "strain on a logarithmic scale"
+        + ": a minimum is where the Kelvin element is exhausted and softening wins"
+        * evolves(fit)
+        + "; rates of recovery, which run backwards, are drawn dashed down to a thousandth of the "
+        "slowest forward one. (c) Readings of each stage, against the time since the stage began "
+        "on a logarithmic scale, over its value at the end of the stage: relaxation and transient "
+        "creep are seen from their first readings on."
+    ),
     lambda fit: response_result(fit),
 )
 def response(fit: FittedTest) -> Figure:
@@ -147,16 +152,9 @@ def response(fit: FittedTest) -> Figure:
             if read.any():
                 since = experiment.time[read] - stage.start_time
                 end = np.nanmedian(values[name][:, here[-1]])
-                places["log"].plot(
-                    since[since > 0],
-                    experiment.reading[read][since > 0] / end,
-                    linestyle="none",
-                    marker="o",
-                    markersize=2.5,
-                    color=BLACK,
-                    markerfacecolor="white",
-                    markeredgewidth=0.5,
-                )
+                later = since > 0
+                over_end = experiment.reading[read][later] / end
+                draw_dots(places["log"], since[later], over_end, size=2.5)
         _cut_slow_recovery(places["rate"], middle["strain_rate"])
         _label_response(places)
     return figure
@@ -289,7 +287,7 @@ def response_result(fit: FittedTest) -> str:
     f"{softening_caption('end')} A measurement at a path strain stands where the median "
     "solution reaches that strain.",
     lambda fit: f"at the end {softened_text(fit)}",
-    suits=lambda fit: evolves(fit),
+    suits=evolves,
 )
 def softening(fit: FittedTest) -> Figure:
     """Draw how grain size and fabric soften the material along time."""
@@ -312,13 +310,6 @@ def softening(fit: FittedTest) -> Figure:
             end=experiment.end_time / seconds,
         ),
     )
-
-
-def evolves(fit: FittedTest) -> bool:
-    """Whether grain size or fabric change in a fit, or were measured."""
-    variant = variant_of(fit.priors, fit.experiment)
-    constant = variant.grain_size == variant.fabric == "constant"
-    return not constant or bool(fit.experiment.microstructure)
 
 
 def facts(experiment: HistoryExperiment) -> Sequence[tuple[str, str]]:

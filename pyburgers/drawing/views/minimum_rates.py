@@ -12,12 +12,12 @@ from pyburgers.drawing.fitted import positions, predicted
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.kind import FittedTest
-from pyburgers.kinds.loading_history.creep_intervals import (
+from pyburgers.kinds.loading_history.experiment import (
     NEARLY_CONSTANT,
     CreepInterval,
+    HistoryExperiment,
     creep_intervals,
 )
-from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stan_data import stage_of_times
 from pyburgers.model.display import (
     STRAIN_FACTOR,

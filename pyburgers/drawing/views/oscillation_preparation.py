@@ -1,16 +1,15 @@
 """Figure of how the record of an oscillation is prepared for the model."""
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from pyburgers.common.draws import FloatArray
 from pyburgers.drawing.page_parts import recipe
-from pyburgers.drawing.panels import STRAIN_LABEL, STRESS_LABEL, figure_of
+from pyburgers.drawing.panels import STRAIN_LABEL, STRESS_LABEL, draw_dots, figure_of
 from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, SKY_BLUE, VERMILION
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
@@ -34,69 +33,98 @@ RATE_FACTOR = 1e5
 
 def preparation(prepared: PreparedOscillation, record: OscillationRecord, heading: str) -> Figure:
     """Draw each step from a raw record to the model's input, below a heading."""
-    strain_time = _curve_times(record.strain_time, prepared.period)
-    stress_time = _curve_times(prepared.time, prepared.period)
     strain_fit, stress_fit = prepared.strain_fit, prepared.stress_fit
+    of_strain = _curve_times(record.strain_time, prepared.period)
+    of_stress = _curve_times(prepared.time, prepared.period)
     kept = prepared.background == "kept"
-    rates = [_Line(strain_time, prepared.strain_rate(strain_time), "driving strain rate", BLUE)]
-    if kept:
-        trend_rate = strain_fit.trend_rate(strain_time)
-        rates.append(_Line(strain_time, trend_rate, "background rate", VERMILION, "--"))
-    trend = stress_fit.trend(stress_time) if kept else 0.0
-    compared = _Line(
-        stress_time,
-        stress_fit.periodic(stress_time) + trend,
-        "fit" if kept else "oscillation",
-        BLUE,
-    )
-    strain_errors = (record.strain_time, record.strain_uncertainty)
-    detrended = record.strain - strain_fit.trend(record.strain_time)
-    oscillation = strain_fit.periodic(strain_time)
+    strain, stress = (STRAIN_LABEL, STRAIN_FACTOR), (STRESS_LABEL, STRESS_FACTOR)
+    strain_bars = record.strain_time, record.strain_uncertainty
     with figure_of(8.0, 11.0, heading) as figure:
-        panels = figure.subplots(5, 1, sharex=True)
-        strain_label = (STRAIN_LABEL, STRAIN_FACTOR)
-        stress_label = (STRESS_LABEL, STRESS_FACTOR)
-        _draw_panel(
-            panels[0],
-            "(a) strain readings",
-            strain_label,
-            _fit_lines(strain_time, strain_fit),
-            _Readings(*strain_errors, record.strain, "strain readings"),
-        )
-        _draw_panel(
-            panels[1],
-            "(b) oscillating part of the strain",
-            strain_label,
-            [_Line(strain_time, oscillation, "oscillation", BLUE)],
-            _Readings(*strain_errors, detrended, "strain without trend"),
-        )
-        _draw_panel(
-            panels[2],
-            f"(c) strain rate that drives the model, background {prepared.background}",
-            (r"strain rate (10$^{-5}$ s$^{-1}$)", RATE_FACTOR),
-            rates,
-        )
-        panels[2].axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
-        _draw_panel(
-            panels[3],
-            "(d) stress readings",
-            stress_label,
-            _fit_lines(stress_time, stress_fit),
-            _Readings(
-                record.stress_time, record.stress_uncertainty, record.stress, "stress readings"
-            ),
-        )
-        _draw_panel(
-            panels[4],
-            "(e) stress that the model is compared with, bias and drift "
-            + ("kept" if kept else "removed"),
-            stress_label,
-            [compared],
-            _Readings(prepared.time, prepared.uncertainty, prepared.stress, "stress for the model"),
-        )
-        panels[4].set_xlabel(TIME_LABEL)
+        panels = [
+            _Panel(axes, title, *label)
+            for axes, (title, label) in zip(
+                figure.subplots(5, 1, sharex=True),
+                (
+                    ("(a) strain readings", strain),
+                    ("(b) oscillating part of the strain", strain),
+                    (
+                        f"(c) strain rate that drives the model, background {prepared.background}",
+                        (r"strain rate (10$^{-5}$ s$^{-1}$)", RATE_FACTOR),
+                    ),
+                    ("(d) stress readings", stress),
+                    (
+                        "(e) stress that the model is compared with, bias and drift "
+                        + ("kept" if kept else "removed"),
+                        stress,
+                    ),
+                ),
+                strict=True,
+            )
+        ]
+        raw_strain, oscillation, rate, raw_stress, compared = panels
+        raw_strain.dots(*strain_bars, record.strain, "strain readings")
+        raw_strain.fit(of_strain, strain_fit)
+        detrended = record.strain - strain_fit.trend(record.strain_time)
+        oscillation.dots(*strain_bars, detrended, "strain without trend")
+        oscillation.line(of_strain, strain_fit.periodic(of_strain), "oscillation")
+        rate.line(of_strain, prepared.strain_rate(of_strain), "driving strain rate")
+        if kept:
+            trend_rate = strain_fit.trend_rate(of_strain)
+            rate.line(of_strain, trend_rate, "background rate", VERMILION, "--")
+        rate.axes.axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
+        stress_bars = record.stress_time, record.stress_uncertainty
+        raw_stress.dots(*stress_bars, record.stress, "stress readings")
+        raw_stress.fit(of_stress, stress_fit)
+        compared.dots(prepared.time, prepared.uncertainty, prepared.stress, "stress for the model")
+        drift = stress_fit.trend(of_stress) if kept else 0.0
+        label = "fit" if kept else "oscillation"
+        compared.line(of_stress, stress_fit.periodic(of_stress) + drift, label)
+        for panel in panels:
+            panel.axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+        compared.axes.set_xlabel(TIME_LABEL)
         figure.align_ylabels()
     return figure
+
+
+@dataclass(frozen=True)
+class _Panel:
+    """A panel of quantities along time (s); the factor turns SI units into those of its label."""
+
+    axes: Axes
+    title: str
+    label: str
+    factor: float
+
+    def __post_init__(self) -> None:
+        """Write title and label."""
+        self.axes.set_title(self.title, loc="left")
+        self.axes.set_ylabel(self.label)
+
+    def dots(
+        self, time: FloatArray, uncertainty: FloatArray, values: FloatArray, label: str
+    ) -> None:
+        """Draw readings with their standard deviations."""
+        error, scaled = uncertainty * self.factor, values * self.factor
+        look: dict[str, Any] = {"face": BLACK, "size": 2.5, "ecolor": SKY_BLUE, "zorder": 1}
+        draw_dots(self.axes, time, scaled, yerr=error, label=label, **look)
+
+    def line(
+        self,
+        time: FloatArray,
+        values: FloatArray,
+        label: str,
+        colour: str = BLUE,
+        dashes: str = "-",
+    ) -> None:
+        """Draw a curve."""
+        look: dict[str, Any] = {"color": colour, "linestyle": dashes, "linewidth": 1.3}
+        self.axes.plot(time, values * self.factor, label=label, **look)
+
+    def fit(self, time: FloatArray, fit: HarmonicFit) -> None:
+        """Draw a fit and its trend."""
+        trend = fit.trend(time)
+        self.line(time, trend + fit.periodic(time), "fit", ORANGE)
+        self.line(time, trend, f"trend of degree {fit.degree}", VERMILION, "--")
 
 
 @recipe(
@@ -117,82 +145,9 @@ def preparation_of(fit: FittedTest) -> Figure:
     return preparation(experiment.prepared, experiment.record, heading)
 
 
-class _Line(NamedTuple):
-    """A curve along time (s), in SI units."""
-
-    time: FloatArray
-    values: FloatArray
-    label: str
-    colour: str
-    dashes: str = "-"
-
-
-class _Readings(NamedTuple):
-    """Readings at times (s) with their standard deviations, in SI units."""
-
-    time: FloatArray
-    uncertainty: FloatArray
-    values: FloatArray
-    label: str
-
-
 def _curve_times(readings: FloatArray, period: float) -> FloatArray:
     """Return times (s) for a curve over a series of readings."""
     first, last = readings[0], readings[-1]
     count = int(CURVE_POINTS_PER_CYCLE * (last - first) / period) + 2
     times: FloatArray = np.linspace(first, last, count)
     return times
-
-
-def _fit_lines(time: FloatArray, fit: HarmonicFit) -> list[_Line]:
-    """Return a fit and its trend."""
-    trend = fit.trend(time)
-    return [
-        _Line(time, trend + fit.periodic(time), "fit", ORANGE),
-        _Line(time, trend, f"trend of degree {fit.degree}", VERMILION, "--"),
-    ]
-
-
-def _draw_panel(
-    axes: Axes,
-    heading: str,
-    label: tuple[str, float],
-    lines: Sequence[_Line],
-    readings: _Readings | None = None,
-) -> None:
-    """Draw readings and lines with a legend beside them; the label has the factor from SI."""
-    text, factor = label
-    if readings is not None:
-        axes.errorbar(
-            readings.time,
-            readings.values * factor,
-            yerr=readings.uncertainty * factor,
-            linestyle="none",
-            marker="o",
-            markersize=2.5,
-            color=BLACK,
-            ecolor=SKY_BLUE,
-            elinewidth=0.9,
-            zorder=1,
-            label=readings.label,
-        )
-    for line in lines:
-        axes.plot(
-            line.time,
-            line.values * factor,
-            color=line.colour,
-            linestyle=line.dashes,
-            linewidth=1.3,
-            label=line.label,
-        )
-    axes.set_title(heading, loc="left")
-    axes.set_ylabel(text)
-    handles, labels = axes.get_legend_handles_labels()
-    # Readings, which matplotlib puts last, come first.
-    order = sorted(range(len(labels)), key=lambda k: isinstance(handles[k], Line2D))
-    axes.legend(
-        [handles[k] for k in order],
-        [labels[k] for k in order],
-        loc="center left",
-        bbox_to_anchor=(1.0, 0.5),
-    )

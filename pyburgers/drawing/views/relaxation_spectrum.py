@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from pyburgers.common.draws import FloatArray, all_draws, central_band, evenly_spaced
 from pyburgers.drawing.page_parts import recipe
-from pyburgers.drawing.panels import LINES_AND_AREAS, band_text, draw_band, figure_of
+from pyburgers.drawing.panels import LINES_AND_AREAS, band_text, draw_band, draw_dots, figure_of
 from pyburgers.drawing.style import BLUE, VERMILION
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.experiment import of_kind
@@ -102,14 +102,14 @@ def _draw_elements(axes: Axes, elements: FloatArray, elastic: FloatArray) -> Non
         (low, middle, high), (least, strength, most) = (
             central_band(values) for values in (time, compliance / elastic)
         )
-        axes.errorbar(
+        draw_dots(
+            axes,
             middle,
             strength,
-            xerr=[[middle - low], [high - middle]],
-            yerr=[[strength - least], [most - strength]],
-            marker="o",
-            color=VERMILION,
-            linestyle="none",
+            xerr=np.array([[middle - low], [high - middle]]),
+            yerr=np.array([[strength - least], [most - strength]]),
+            colour=VERMILION,
+            face=VERMILION,
             label="of one time",
         )
 

@@ -11,12 +11,18 @@ from matplotlib.figure import Figure
 from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.units import with_error
 from pyburgers.drawing.fitted import predicted
-from pyburgers.drawing.panels import LINES_AND_AREAS, band_text, draw_band_panel, figure_of
+from pyburgers.drawing.panels import (
+    LINES_AND_AREAS,
+    band_text,
+    draw_band_panel,
+    draw_dots,
+    figure_of,
+)
 from pyburgers.drawing.style import BLACK, BLUE, GREEN, SKY_BLUE, VERMILION
-from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.experiment import Experiment, MeasuredMicrostructure
 from pyburgers.kinds.kind import FittedTest
-from pyburgers.kinds.microstructure import MeasuredMicrostructure
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
+from pyburgers.model.variants import variant_of
 
 SHARES = (-1.0, 2.0)
 """Shares of grain size in the softening, the least and the largest, up to which an axis may go."""
@@ -47,6 +53,13 @@ def microstructure_facts(
             fabric = f", fabric factor {with_error(one.fabric_factor, one.fabric_factor_sd)}"
         said.append(f"grain size {with_error(size, error)} {LENGTH_UNIT}{fabric} at {place(one)}")
     return [("Measured microstructure", "; ".join(said))]
+
+
+def evolves(fit: FittedTest) -> bool:
+    """Whether grain size or fabric change in a fit, or were measured."""
+    variant = variant_of(fit.priors, fit.experiment)
+    constant = variant.grain_size == variant.fabric == "constant"
+    return not constant or bool(fit.experiment.microstructure)
 
 
 def softening_caption(end: str) -> str:
@@ -143,16 +156,8 @@ def _draw_measured(
         (fabric, position[some], factor[some], error[some]),
     ):
         if at.size:
-            axes.errorbar(
-                at,
-                value,
-                spread,
-                fmt="o",
-                color=BLACK,
-                mfc="white",
-                clip_on=False,  # the last one is at the end of the axis
-                label="measured",
-            )
+            # The last one is at the end of the axis.
+            draw_dots(axes, at, value, yerr=spread, size=6.0, label="measured", clip_on=False)
             axes.legend(loc="best")
 
 

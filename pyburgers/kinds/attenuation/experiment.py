@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import span_text
 from pyburgers.kinds.attenuation.table import (
@@ -17,7 +18,6 @@ from pyburgers.kinds.attenuation.table import (
     MODULUS,
     CycleConditions,
     Elasticity,
-    FloatArray,
     Readings,
     spectra_of,
 )
@@ -114,7 +114,7 @@ class AttenuationExperiment(Experiment):
         """Temperature of each row, as `parts` names it."""
         return np.array([_temperature_name(own) for own in self.conditions.temperature])
 
-    def _rows(self, kept: npt.NDArray[np.int64]) -> Self:
+    def _rows(self, kept: IntArray) -> Self:
         return replace(
             self,
             conditions=self.conditions.ordered(kept),
@@ -151,7 +151,7 @@ class AttenuationExperiment(Experiment):
             return np.asarray(np.log(np.concatenate([self.readings.limit, no_limit])))
 
     @property
-    def quantity(self) -> npt.NDArray[np.int64]:
+    def quantity(self) -> IntArray:
         """0 of readings of attenuation, 1 of those of the modulus."""
         sizes = [self.readings.tan_delta.size, self.readings.modulus.size]
         return np.repeat([ATTENUATION, MODULUS], sizes)

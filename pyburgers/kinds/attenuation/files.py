@@ -1,23 +1,25 @@
 """Files of tables of attenuation and modulus (`docs/attenuation_data.md`)."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.columns import Column, DataFile, TextFilesTable, read_columns
-from pyburgers.common.errors import InputError, all_of
-from pyburgers.common.toml_files import Table, factor_to_si, read_toml
+from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import Table, all_of, factor_to_si, read_toml
 from pyburgers.common.units import UNIT_TABLE, units_text
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.table import (
+    MODULUS,
     NO_READINGS,
     CycleConditions,
     Deformation,
     Elasticity,
-    FloatArray,
     Form,
     Readings,
     SpectrumTable,
@@ -28,6 +30,7 @@ from pyburgers.kinds.attenuation.table import (
 )
 from pyburgers.kinds.experiment import CONDITION_KEYS
 from pyburgers.kinds.experiment_file import ExperimentFile, shared_values
+from pyburgers.kinds.kind import Kind
 
 MODULI = ("modulus_column", "storage_modulus_column")
 """Keys of columns of which |M| is one, or follows."""
@@ -116,11 +119,7 @@ class AttenuationFile(ExperimentFile):
 
 
 def load_attenuation(path: Path, tables: Mapping[str, Any] | None = None) -> AttenuationExperiment:
-    """Read and check the file of a table of attenuation, or its tables, and its data file.
-
-    A file with spectra in the place of data is a table that can be simulated. Raise InputError if a
-    file, key, unit or number is not what it has to be.
-    """
+    """Read and check a table of attenuation, or one of spectra that can only be simulated."""
     file = read_toml(path, AttenuationFile, tables)
     for key, _ in CONDITION_KEYS.values():
         if getattr(file, key) is not None:
@@ -374,3 +373,59 @@ def _notices(conditions: CycleConditions, readings: Readings) -> list[str]:
             f"{n_limits} of {conditions.n_rows} attenuations are upper limits, not values."
         )
     return notices
+
+
+class Attenuation(Kind[AttenuationExperiment]):
+    """Stress cycles at many periods and temperatures; responses are tan delta and modulus."""
+
+    name = "attenuation"
+    load = staticmethod(load_attenuation)
+
+    def without_data(self, experiment: AttenuationExperiment) -> AttenuationExperiment:
+        """Return the table without what was read."""
+        return replace(experiment, readings=NO_READINGS)
+
+    def known_columns(
+        self, experiment: AttenuationExperiment, at: FloatArray
+    ) -> Mapping[str, FloatArray]:
+        """Return which reading, period and temperature belong to places."""
+        conditions = experiment.conditions
+        period, spectrum, quantity = conditions.at(at)
+        return {
+            "is_modulus": (quantity == MODULUS).astype(np.float64),
+            "period_s": period,
+            "temperature_K": conditions.temperature[conditions.first_rows[spectrum]],
+        }
+
+    def with_noise(
+        self,
+        experiment: AttenuationExperiment,
+        response: FloatArray,
+        values: Mapping[str, float],
+        rng: np.random.Generator,
+    ) -> AttenuationExperiment:
+        """Put readings with scatter and stated errors in the place of others."""
+        readings = experiment.readings
+        n = readings.tan_delta.size
+        tan_delta, modulus = np.exp(response[:n]), np.exp(response[n:])
+        # As in stan/kinds/attenuation_response.stan.
+        tan_delta = np.hypot(tan_delta, readings.tan_delta_error)
+        relative_error = readings.modulus_error / readings.modulus
+        spreads = (
+            np.hypot(values.get("attenuation_scatter", 0.0), readings.tan_delta_error / tan_delta),
+            np.hypot(values.get("modulus_scatter", 0.0), relative_error),
+        )
+        tan_delta, modulus = (
+            one * np.exp(spread * rng.standard_normal(one.size))
+            for one, spread in zip((tan_delta, modulus), spreads, strict=True)
+        )
+        noisy = replace(
+            readings,
+            tan_delta=tan_delta,
+            modulus=modulus,
+            modulus_error=relative_error * modulus,
+        )
+        return replace(experiment, readings=noisy)
+
+
+KIND = Attenuation()

@@ -1,41 +1,214 @@
-"""How tables of attenuation and modulus are sampled."""
+"""How tables of attenuation are sampled, and their stretched coordinates near the mode."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from types import MappingProxyType
 
 import numpy as np
-import numpy.typing as npt
 
+from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
-from pyburgers.kinds.attenuation.stretched_chart import StretchedChart
 from pyburgers.kinds.attenuation.table import ATTENUATION, CycleConditions, Elasticity
-from pyburgers.kinds.likelihood import Likelihood
-from pyburgers.kinds.stan_data import StanData, ends
+from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited, Likelihood, grid_quantities
+from pyburgers.kinds.stan_data import CHART, Layout, StanData, ends
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.read_quantities import LOG_MODULUS, LOG_TAN_DELTA, Quantity
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+POSITIVE = ("kelvin_modulus", "kelvin_viscosity")
+"""Parameters whose logarithms are shifted."""
+
+
+SMALL_SHARE = 0.03
+"""Of the loss in some row: what data say of a dashpot is asked where it carries that much, or at
+the mode where it carries more."""
+
+
+STEP = 0.2
+"""Of the differences, in units of that flow rate."""
+
+
+SEEN = (1e-3, 1.0 / SMALL_SHARE)
+"""Least and largest flow rate, in the same units, from which on it may count by itself."""
+
+
+UNSHIFTED = (
+    "stress_exponent",
+    "grain_size_exponent",
+    "activation_enthalpy",
+    "beta",
+    "attenuation_scatter",
+    "modulus_scatter",
+)
+"""Parameters that give nothing for the dashpot: its own, and what a misfit would only add to."""
+
+
+@dataclass(frozen=True, eq=False)
+class StretchedReference:
+    """What sets the stretched coordinates of a test up, as in `stan/data/stretched.stan`.
+
+    `log_seen_rate`: ln of the flow rate (1/s) that data can just tell from none.
+    `rate_at_mode`: flow rate of the mode over that one.
+    `log_width`: of ln(flow rate) where the dashpot is not seen, at least 1.
+    `log_middle_time`: ln of a time (s) in the middle of what the periods see.
+    `unit`, `slope` (n_coordinates,): of each coordinate, and its shift by rate over seen rate.
+    """
+
+    log_seen_rate: float
+    rate_at_mode: float
+    log_width: float
+    log_middle_time: float
+    unit: FloatArray
+    slope: FloatArray
+
+
+class StretchedChart(Chart[AttenuationExperiment]):
+    """The stretched coordinates."""
+
+    name = "stretched"
+
+    def reference(
+        self, test: AtMode[AttenuationExperiment]
+    ) -> tuple[StretchedReference, FloatArray]:
+        """Find the flow rate that data can tell from none, and what other elements give for it."""
+        coordinates = test.coordinates
+        if coordinates.replaced_parameter is None:
+            raise ChartUnsuited("neither Q_M nor beta leaves its place to the flow rate")
+        for k, name in enumerate(coordinates.parameters):
+            if name in POSITIVE and not (
+                coordinates.lower[k] == 0 and np.isinf(coordinates.upper[k])
+            ):
+                raise ChartUnsuited(f"the prior of {name} is not on all positive numbers")
+        reference = _with_units(test, _reference(test))
+        return reference, _at_mode(test, reference)
+
+    def block(self, references: Sequence[StretchedReference], layout: Layout) -> StanData:
+        """Return the block `stan/data/stretched.stan`."""
+        if not references:
+            n = len(layout.names)
+            references = [
+                StretchedReference(0.0, 0.0, 1.0, 0.0, np.ones(n), np.zeros(n))
+            ] * layout.n_tests
+        return _block(references, [layout.own(e) for e in range(layout.n_tests)])
+
+
+def _block(
+    references: Sequence[StretchedReference], own: Sequence[Sequence[int]] | None = None
+) -> StanData:
+    """Return references with units and slopes of each test's own coordinates, all by default."""
+    places = own or [range(one.unit.size) for one in references]
+    by_test = list(zip(references, map(list, places), strict=True))
+    return {
+        "stretched_unit": np.concatenate([one.unit[k] for one, k in by_test]).tolist(),
+        "stretched_slope": np.concatenate([one.slope[k] for one, k in by_test]).tolist(),
+        "stretched_reference": [
+            [one.log_seen_rate, one.rate_at_mode, one.log_width, one.log_middle_time]
+            for one in references
+        ],
+    }
+
+
+def _flow(test: AtMode[AttenuationExperiment]) -> int:
+    """Return the place of the flow rate among the coordinates."""
+    replaced = test.coordinates.replaced_parameter
+    assert replaced is not None  # looked at by `StretchedChart.reference`
+    return test.coordinates.parameters.index(replaced)
+
+
+def _at_mode(test: AtMode[AttenuationExperiment], reference: StretchedReference) -> FloatArray:
+    """Return the coordinates of the mode."""
+    return np.atleast_1d(test.generated(**_block([reference]))["stretched_coordinate"])
+
+
+def _precision(
+    test: AtMode[AttenuationExperiment], reference: StretchedReference, position: FloatArray
+) -> FloatArray:
+    """Return the curvature of minus the log density in the chart."""
+    block = {**_block([reference]), "coordinate_system": CHART}
+    return np.asarray(np.linalg.inv(test.covariance(position, **block)))
+
+
+def _reference(test: AtMode[AttenuationExperiment]) -> StretchedReference:
+    """Set all but the units."""
+    flow, n = _flow(test), len(test.coordinates.parameters)
+    at_mode = test.generated()
+    log_rate = float(at_mode["log_reference"][0])
+    log_small = log_rate - float(at_mode["log_dashpot_share"][0]) + np.log(SMALL_SHARE)
+    log_asked = max(log_rate, log_small)
+    prior_width = float(np.sqrt(np.linalg.inv(test.curvature(use_likelihood=0))[flow, flow]))
+    asked = StretchedReference(
+        log_asked,
+        float(np.exp(log_rate - log_asked)),
+        max(1.0, prior_width * float(test.coordinates.scale[flow])),
+        float(at_mode["log_middle_time"][0]),
+        np.ones(n),
+        np.zeros(n),
+    )
+    position = _at_mode(test, asked)
+    position[flow] = 1.0  # of the rate that is asked about
+    curvature = _precision(test, asked, position)
+    others = [k for k, name in enumerate(test.coordinates.parameters) if name not in UNSHIFTED]
+    across = curvature[others, flow] * (1.0 + 1.0 / asked.log_width)
+    slope = np.zeros(n)
+    slope[others] = -np.linalg.solve(curvature[np.ix_(others, others)], across)
+    precision = float(_information(test, flow, log_asked - log_rate) + across @ slope[others])
+    # One posterior standard deviation of the rate, where data have any say in it.
+    seen = float(np.clip(1.0 / np.sqrt(max(precision, SEEN[1] ** -2)), *SEEN))
+    return replace(
+        asked,
+        log_seen_rate=log_asked + np.log(seen),
+        rate_at_mode=asked.rate_at_mode / seen,
+        slope=slope * seen,
+    )
+
+
+def _information(test: AtMode[AttenuationExperiment], flow: int, log_distance: float) -> float:
+    """Return the curvature of minus the log likelihood by the flow rate, over one off the mode."""
+
+    def log_likelihood(rate: float) -> float:
+        quantity = test.coordinates.quantity.copy()
+        quantity[flow, 0] += log_distance + np.log(rate)
+        return float(np.sum(test.generated(quantity=quantity.tolist())["log_lik"]))
+
+    below, there, above = map(log_likelihood, (1.0 - STEP, 1.0, 1.0 + STEP))
+    return (2.0 * there - below - above) / STEP**2
+
+
+def _with_units(
+    test: AtMode[AttenuationExperiment], reference: StretchedReference
+) -> StretchedReference:
+    """Take standard deviations at the mode, at its flow rate, for units."""
+    others = np.delete(np.arange(reference.unit.size), _flow(test))
+    precision = _precision(test, reference, _at_mode(test, reference))
+    unit = reference.unit.copy()
+    unit[others] = np.sqrt(np.diag(np.linalg.inv(precision[np.ix_(others, others)])))
+    return replace(reference, unit=unit)
+
 
 FLOW_RATE_ORIGIN = 1e-7
 """Origin of the sampled flow rate (1/s): in cycles of a minute to an hour it is seen from there."""
 
+
 QUADRATURE_HALF_WIDTH, QUADRATURE_STEPS = 3.2, 32
 """Of the double exponential rule on each part of half a period: good to 1e-12, kink or none."""
+
 
 NO_ERROR = 1e-12
 """Stated error of a solution, which may have no scatter either: a normal law needs some width."""
 
+
 NO_NODES = np.empty((0, 2))
+
 
 AXIAL = Elasticity("axial")
 """Of a test that is no table, where it has no effect."""
 
+
 OF_READINGS = ("reading", "quantity_of_point", "stated_error", "is_limit", "log_limit")
+
+
 OF_GRID = (
     "grid_frequency",
     "grid_temperature",
@@ -45,12 +218,15 @@ OF_GRID = (
 )
 """Entries of the data that have a number for every reading, and for every one on the grid."""
 
+
 NO_LIMIT = -1e3
 """ln(tan delta) that no reading is below."""
+
 
 TYPICAL_SPREAD = (0.1, 0.01)
 """Of ln(tan delta) and ln(modulus): with stated errors, what residuals are weighed by where not all
 errors are stated."""
+
 
 OUTPUTS_PER_SPECTRUM, PREDICTIONS_PER_SPECTRUM = 60, 25
 """Places in a spectrum of a smooth curve, and of the predictive bands."""
@@ -68,13 +244,8 @@ class AttenuationLikelihood(Likelihood[AttenuationExperiment]):
     read = (LOG_TAN_DELTA, LOG_MODULUS)
     response = Quantity("log_reading", "log_reading", "1", "in ln", 1.0)
     reference = REFERENCE_FLOW_RATE_QUANTITY
-    grid_quantities = MappingProxyType(
-        {
-            "grid_log_reading": ("log_reading", "1"),
-            "grid_log_reading_replicated": ("log_reading_replicated", "1"),
-            "grid_log_relaxation_time": ("log_relaxation_time", "1"),
-            "grid_log_maxwell_time": ("log_maxwell_time", "1"),
-        }
+    grid_quantities = grid_quantities(
+        "log_reading", "log_reading_replicated", "log_relaxation_time", "log_maxwell_time"
     )
     warmup = 500
     target_acceptance = 0.98
@@ -96,10 +267,7 @@ class AttenuationLikelihood(Likelihood[AttenuationExperiment]):
     def grid_block(
         self, experiments: Sequence[AttenuationExperiment | None], grids: Sequence[FloatArray]
     ) -> StanData:
-        """Return the readings that are reported apart from the observed ones.
-
-        `experiments`: None where a test is no table.
-        """
+        """Return the readings that are reported apart from the observed; None: no table."""
         found: dict[str, list[float] | list[int]] = {name: [] for name in OF_GRID}
         sizes = []
         for experiment, grid in zip(experiments, grids, strict=True):
@@ -122,11 +290,7 @@ class AttenuationLikelihood(Likelihood[AttenuationExperiment]):
         return {"reading_grid_end": ends(sizes), **found}
 
     def check_priors(self, experiment: AttenuationExperiment, priors: PriorSet) -> None:
-        """Ask for what the likelihood and a dashpot without known stress need.
-
-        Raise InputError if there is neither a scatter nor a stated error, or the dashpot of a table
-        without amplitudes is not linear.
-        """
+        """Refuse readings without error or scatter, and a nonlinear dashpot without amplitudes."""
         for name, stated in experiment.noises.items():
             if stated is None and is_fixed_at(priors[name], 0.0):
                 raise InputError(
@@ -177,12 +341,11 @@ class AttenuationLikelihood(Likelihood[AttenuationExperiment]):
 
 
 def stress_nodes(median_stress: float, amplitude: float) -> FloatArray:
-    """Return nodes and weights of the dashpot's fluidity (`stan/physics/stress_cycles.stan`).
+    """Return sin(omega t) and weights times 2/pi of the dashpot's fluidity, shape (n_nodes, 2).
 
-    Half a period, from lowest to highest stress, is split where the stress changes sign, and each
-    part takes the double exponential rule (Takahasi and Mori 1974, Publ. RIMS 9, 721-741), which
-    does not mind the kink of a power law there. The result (n_nodes, 2): sin(omega t), and weights
-    times 2/pi.
+    Half a period is split where the stress changes sign. Each part takes the double exponential
+    rule (Takahasi and Mori 1974, Publ. RIMS 9, 721-741), which does not mind the kink of a power
+    law.
     """
     ratio = median_stress / amplitude
     edges = [-np.pi / 2, np.pi / 2]
@@ -202,10 +365,7 @@ def stress_nodes(median_stress: float, amplitude: float) -> FloatArray:
 
 
 def tables_block(tests: Sequence[AttenuationExperiment | None]) -> StanData:
-    """Return the block `stan/data/attenuation.stan` without its grid.
-
-    `tests`: None where a test is no table.
-    """
+    """Return the block `stan/data/attenuation.stan` without its grid; None: the test is none."""
     tables = [test for test in tests if test is not None]
     regimes = [_regimes(e.conditions) for e in tables]
     stresses = [

@@ -5,8 +5,7 @@ from typing import Any
 
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.table import Form
-from pyburgers.kinds.column_names import LOGARITHM
-from pyburgers.kinds.guessed_columns import GuessedColumn
+from pyburgers.kinds.guessed_columns import LOGARITHM, GuessedColumn
 from pyburgers.kinds.new_file import (
     LAYOUT,
     Columns,

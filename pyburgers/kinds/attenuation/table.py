@@ -9,14 +9,11 @@ from functools import cached_property
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
+from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 Deformation = Literal["axial", "shear"]
 
@@ -32,11 +29,10 @@ SHARE_OF_SPECTRUM, MARGIN = 0.9, 0.05
 
 @dataclass(frozen=True, eq=False)
 class CycleConditions:
-    """Under which cycles, and at which temperatures, rows of a table were read.
+    """Under which cycles, and at which temperatures, rows of a table were read; arrays (n_rows,).
 
-    `period`, `temperature` (n_rows,): s, K.
-    `median_stress`, `amplitude` (n_rows,): of the stress as the table has it, Pa; an amplitude of 0
-        was not stated.
+    `period`, `temperature`: s, K.
+    `median_stress`, `amplitude`: of the stress (Pa); an amplitude of 0 was not stated.
     """
 
     period: FloatArray
@@ -78,19 +74,13 @@ class CycleConditions:
 
     @cached_property
     def place(self) -> FloatArray:
-        """Where each row lies on the protocol's clock, shape (n_rows,).
-
-        The number of its spectrum, and behind the point its share of the range of ln(period).
-        """
+        """Place of each row on the clock: its spectrum, and its share of all ln(period)."""
         low, width = self._range
         share = (np.log(self.period) - low) / width
         return np.asarray(self.spectrum + MARGIN + SHARE_OF_SPECTRUM * share)
 
     def at(self, place: FloatArray) -> tuple[FloatArray, IntArray, IntArray]:
-        """Return period (s), spectrum and what is read at places of readings, of any number.
-
-        Attenuation stands in the first spectra, modulus in as many after them.
-        """
+        """Return period (s), spectrum and what is read at places: attenuation stands first."""
         low, width = self._range
         number = np.floor(place).astype(np.int64)
         share = (place - number - MARGIN) / SHARE_OF_SPECTRUM
@@ -106,14 +96,11 @@ class CycleConditions:
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """What was read in every row of a table.
+    """What was read in every row of a table, arrays (n_rows,).
 
-    `tan_delta`, `tan_delta_error` (n_rows,): tan(delta), which 1/Q is taken as, and its stated
-        standard deviation; 0 where none is.
-    `limit` (n_rows,): tan(delta) at or below which a reading only says that it is at most this; 0:
-        none.
-    `modulus`, `modulus_error` (n_rows,) or (0,): 1/|J|, Young's or of shear, and its stated
-        standard deviation, Pa.
+    `tan_delta`, `tan_delta_error`: tan(delta) or 1/Q, and its stated standard deviation or 0.
+    `limit`: tan(delta) at or below which a reading says no more than that; 0 for none.
+    `modulus`, `modulus_error`: 1/|J| (Pa) and its standard deviation; (0,) if none was read.
     """
 
     tan_delta: FloatArray
@@ -128,7 +115,7 @@ class Readings:
         return Readings(*(column[rows] if column.size else column for column in columns))
 
     @property
-    def is_limit(self) -> npt.NDArray[np.bool_]:
+    def is_limit(self) -> BoolArray:
         """Whether the attenuation of a row is an upper limit, shape (n_rows,)."""
         return (self.limit > 0) & (self.tan_delta <= self.limit)
 
@@ -139,10 +126,10 @@ NO_READINGS = Readings(*[np.empty(0)] * 5)
 
 @dataclass(frozen=True)
 class Elasticity:
-    """How axial compliances are turned into those of a table.
+    """How axial compliances become those of a table.
 
     `deformation`: of the cycles: modulus and stress are Young's and axial, or of shear.
-    `poisson_ratio`, `bulk_modulus`: one of them in shear; 1 and Pa.
+    `poisson_ratio`, `bulk_modulus` (Pa): one of them in shear.
     """
 
     deformation: Deformation
@@ -168,11 +155,7 @@ class Elasticity:
 def check_table(
     conditions: CycleConditions, readings: Readings, order: FloatArray, where: str, order_name: str
 ) -> None:
-    """Check rows of a table.
-
-    `order` (n_rows,): what has to increase along each spectrum. Raise InputError if a number is out
-    of its range, or rows are not in order.
-    """
+    """Check rows of a table; `order` (n_rows,) is what has to increase along each spectrum."""
     positive: Sequence[tuple[str, FloatArray]] = (
         ("period or frequency", conditions.period),
         ("temperature", conditions.temperature),
@@ -209,9 +192,7 @@ def check_table(
         )
 
 
-def check_sign(
-    good: npt.NDArray[np.bool_], values: FloatArray, where: str, name: str, expected: str
-) -> None:
+def check_sign(good: BoolArray, values: FloatArray, where: str, name: str, expected: str) -> None:
     """Refuse a column with a bad value; the message names the first such row."""
     bad = np.flatnonzero(~good)
     if bad.size:
@@ -222,11 +203,7 @@ def check_sign(
 
 
 def tan_delta_of(form: Form, values: FloatArray, radian: float, where: str) -> FloatArray:
-    """Return tan(delta) of readings in a form.
-
-    `values` (n_rows,): the readings. `radian`: unit of a loss angle in rad. Raise InputError if an
-    angle reaches 90 degrees, or a logarithm is too large.
-    """
+    """Return tan(delta) of readings (n_rows,) in a form; `radian` is the unit of a loss angle."""
     if form == "tan_delta":
         return values
     if form == "log10_tan_delta":
@@ -247,10 +224,7 @@ def tan_delta_of(form: Form, values: FloatArray, radian: float, where: str) -> F
 
 
 def loss_of(storage: FloatArray, loss: FloatArray, source: str) -> FloatArray:
-    """Return tan(delta) of a storage and a loss modulus in one unit, shape (n_rows,).
-
-    Raise InputError if a storage modulus is not positive.
-    """
+    """Return tan(delta) of a storage and a loss modulus in one unit, shape (n_rows,)."""
     check_sign(storage > 0, storage, source, "storage modulus", "a positive number")
     return loss / storage
 
@@ -280,12 +254,7 @@ def conditions_of(
     *,
     where: str,
 ) -> CycleConditions:
-    """Return the rows of listed spectra.
-
-    `temperature`, `median_stress`, `amplitude`: of spectra that have none of their own (K, Pa, Pa).
-    Raise InputError if some spectra have an amplitude and others have none, periods do not
-    increase, or a spectrum stands twice.
-    """
+    """Return the rows of spectra; K, Pa and Pa stand where a spectrum has none of its own."""
     sizes = [len(spectrum.periods_s) for spectrum in spectra]
 
     def rows(own: Sequence[float | None], common: float | None) -> FloatArray:

@@ -1,48 +1,25 @@
-"""Tests at piecewise constant strain rate: the imposed rates, the measured curve, their files."""
+"""Tests at piecewise constant strain rate: the imposed rates and the measured curve."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pyburgers.common.columns import read_columns
-from pyburgers.common.errors import InputError, all_of
-from pyburgers.common.toml_files import read_toml
-from pyburgers.kinds.constant_rate.curves import (
-    Curve,
-    join_curves,
-    remarks_on,
-    unlike_rates,
-)
-from pyburgers.kinds.constant_rate.file_tables import (
-    ConstantRateFile,
-    DataTable,
-    check_data_keys,
-    check_segments,
-)
-from pyburgers.kinds.experiment import Experiment, FloatArray
+from pyburgers.common.array_types import FloatArray, IntArray
+from pyburgers.common.units import count_points
+from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.experiment_file import (
-    SIGNS_WERE_TURNED,
-    shared_values,
-    sign_of,
-)
-from pyburgers.kinds.limits import far_reading
-from pyburgers.kinds.microstructure import (
-    MeasuredMicrostructure,
-    measured_microstructure,
+    far_reading,
     microstructure_tables,
-    strains_of,
 )
+from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.peak_test import PeakTest
 from pyburgers.model.read_quantities import STRESS
 
-IntArray = npt.NDArray[np.int64]
-
 LEAST_STRAIN = 1e-12
 """Strain from which on there is a solution: the solver cannot stop at rest."""
+
 
 MAX_LIKELY_STRAIN_RATE, MIN_READ_SHARE = 1.0, 0.05
 """A unit may be wrong beyond this strain rate (1/s), and where readings end before this share of
@@ -203,139 +180,21 @@ class ConstantRateExperiment(Experiment):
 
 
 def strain_grid(experiment: ConstantRateExperiment, shape: FloatArray) -> FloatArray:
-    """Strains spread in the same way over every rate segment.
+    """Return strains (n_shape * n_segments,) at positions in every segment, from above 0 to 1.
 
-    `shape` (n_shape,): positions in a segment, increasing, more than 0 to 1. The result (n_shape *
-    n_segments,): increasing; the strains of rate steps are among them exactly, since rounding that
-    put one just behind a step would give the solver a segment too short to start in.
+    Rate steps are among them exactly: the solver cannot start in a segment that rounding makes.
     """
     starts = np.array([segment.start_strain for segment in experiment.segments])
     ends = np.append(starts[1:], experiment.final_strain)
     grid = starts[:, np.newaxis] + (ends - starts)[:, np.newaxis] * shape
     grid[:, -1] = ends
-    strain: FloatArray = grid.ravel()
-    return strain
+    return np.asarray(grid.ravel())
 
 
 def rate_text(rate: float) -> str:
     """Strain rate (1/s) as matplotlib text."""
     mantissa, exponent = f"{rate:.2e}".split("e")
     return rf"${mantissa}\times10^{{{int(exponent)}}}$ s$^{{-1}}$"
-
-
-def load_constant_rate(
-    path: Path, tables: Mapping[str, Any] | None = None
-) -> ConstantRateExperiment:
-    """Read and check the file of a test at constant rate, or its tables, and its readings.
-
-    Strains that are out of order or outside their segment by a reading error (see
-    `pyburgers.kinds.constant_rate.curves`) are put right with a notice. Points at zero strain
-    are dropped with one: the model starts at rest, with no stress whatever the parameters. Where
-    data files hold time alone, it counts from the start, and strain follows from the imposed rates.
-    Times beside strains are compared with the rates, and a notice says where they differ. Raise
-    InputError if a file, key, unit or number is not what it has to be.
-    """
-    file = read_toml(path, ConstantRateFile, tables)
-    segments = tuple(RateSegment(s.start_strain, s.strain_rate_per_s) for s in file.segments)
-    values, _, curves = all_of(
-        lambda: shared_values(path, file),
-        lambda: check_segments(path, file.segments),
-        lambda: _read_curves(path, file, segments),
-    )
-    unit, uncertainty = None, None
-    if file.data is not None:
-        unit = file.data.strain_unit
-        uncertainty = file.data.in_si("stress_uncertainty", "stress_unit", "stress", path)
-    microstructure = measured_microstructure(path, file.microstructure, unit, file.final_strain)
-    final_strain = _final_strain(path, file, segments, curves, microstructure)
-    strain, stress, changes = join_curves(curves, final_strain)
-    if file.compression == "negative":
-        changes = [SIGNS_WERE_TURNED, *changes]
-    return ConstantRateExperiment(
-        **values,
-        segments=segments,
-        strain=strain,
-        stress=stress,
-        final_strain=final_strain,
-        stress_uncertainty=uncertainty,
-        microstructure=microstructure,
-        notices=tuple(dict.fromkeys([*file.notices, *changes, *remarks_on(strain, stress)])),
-    )
-
-
-def _read_curves(
-    path: Path, file: ConstantRateFile, segments: Sequence[RateSegment]
-) -> list[Curve]:
-    """Read the data files, in SI units but otherwise as they are."""
-    check_data_keys(path, file)
-    data = file.data
-    if data is None:
-        return []
-    sign = sign_of(file.compression)
-    end = np.inf if file.final_strain is None else file.final_strain
-    bounds = [*(segment.start_strain for segment in segments), end]
-    parts = [
-        (
-            data.model_copy(
-                update={
-                    "file": data.file if segment.file is None else segment.file,
-                    "rows": {**data.rows, **(segment.rows or {})},
-                }
-            ),
-            "[data]" if data.file is not None else f"[[segments]] number {k + 1}",
-            (bounds[k], bounds[k + 1]),
-        )
-        for k, segment in enumerate(file.segments)
-    ]
-    if data.file is not None and file.segments[0].rows is None:
-        parts = [(data, "[data]", (0.0, end))]
-    curves = []
-    for part, named_in, ends in parts:
-        strain, stress, notes = _read_points(
-            path, part, segments, named_in, sign, is_whole=data.file is not None
-        )
-        curves.append(Curve(part.source(path), part.selection, strain, stress, *ends, notes))
-    return curves
-
-
-def _read_points(
-    path: Path,
-    data: DataTable,
-    segments: Sequence[RateSegment],
-    named_in: str,
-    sign: int,
-    *,
-    is_whole: bool,
-) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
-    """Strain (fraction) and stress (Pa) of one file, each of shape (n_rows,), and notes."""
-    source = data.source(path)
-    read = [name for name in ("strain", "time") if getattr(data, f"{name}_column") is not None]
-    names = (*read, "stress")
-    columns = {f"{name}_column": (f"{name}_unit", name) for name in names}
-    values, notes = read_columns(
-        path,
-        data,
-        columns,
-        named_in=named_in,
-        has_own_clock="strain" in read or is_whole or len(segments) == 1,
-    )
-    found = dict(zip(names, values, strict=True))
-    stress, time = sign * found["stress"], found.get("time")
-    if "strain" not in found:
-        return _strain_at(found["time"], segments), stress, notes
-    strain = sign * found["strain"]
-    if np.mean(strain < 0) > 0.5:
-        expected, other = ("positive", "negative")[::sign]
-        raise InputError(
-            f"{source}: column {data.strain_column!r}: found strains to {sign * np.min(strain):g} "
-            f"(fraction), which are {other}, expected {expected} ones: if compression is {other} "
-            f'in this file, write compression = "{other}" in {path}.'
-        )
-    if time is not None:
-        start = _time_at(strain[:1], segments)
-        imposed = _strain_at(time - time[0] + start, segments)
-        notes += unlike_rates(source.name, time, strain, imposed)
-    return strain, stress, notes
 
 
 def _steps(segments: Sequence[RateSegment]) -> tuple[FloatArray, FloatArray]:
@@ -364,32 +223,37 @@ def _strain_at(time: FloatArray, segments: Sequence[RateSegment]) -> FloatArray:
     starts, rates = _steps(segments)
     times = _step_times(starts, rates)
     segment = np.clip(np.searchsorted(times, time, side="right") - 1, 0, None)
-    strain: FloatArray = starts[segment] + (time - times[segment]) * rates[segment]
-    return strain
+    return np.asarray(starts[segment] + (time - times[segment]) * rates[segment])
 
 
-def _final_strain(
-    path: Path,
-    file: ConstantRateFile,
-    segments: Sequence[RateSegment],
-    curves: Sequence[Curve],
-    microstructure: Sequence[MeasuredMicrostructure],
-) -> float:
-    """Return the end of the protocol: the key, or else the largest strain in the data."""
-    last_start = segments[-1].start_strain
-    last_segment = f"'start_strain' in [[segments]] number {len(segments)}"
-    if file.final_strain is None:
-        seen = [*strains_of(microstructure[-1:]), *(np.max(curve.strain) for curve in curves)]
-        final = float(max(seen, default=0.0))
-        if final <= last_start:
-            raise InputError(
-                f"{path}: key {last_segment} is {last_start:g}, but the data end at strain "
-                f"{final:g}, expected data beyond it or the key 'final_strain'."
-            )
-        return final
-    if file.final_strain <= last_start:
-        raise InputError(
-            f"{path}: key 'final_strain': found {file.final_strain:g}, expected more than "
-            f"{last_start:g}, the {last_segment}."
+LATE_STRAIN = 0.01
+"""Strain of a first reading beyond which strain may not count from the start of loading."""
+
+
+def remarks_on(strain: FloatArray, stress: FloatArray) -> list[str]:
+    """Say what a reader should know about a curve, each (n_points,); no sentence names a file."""
+    if strain.size == 0:
+        return []
+    remarks = []
+    repeated = np.count_nonzero(np.diff(strain) == 0)
+    if repeated > 0:
+        remarks.append(f"{count_points(repeated)} at the same strain as the point before.")
+    if strain.size < len(PARAMETERS):
+        remarks.append(
+            f"{count_points(strain.size)} for the {len(PARAMETERS)} parameters of the model: what "
+            "the data do not fix is left to the priors."
         )
-    return file.final_strain
+    if strain[0] > LATE_STRAIN:
+        remarks.append(
+            f"The first reading is at a strain of {100 * strain[0]:.2g} %: the model starts at "
+            "rest at zero strain, so check that strain counts from the start of loading."
+        )
+    if np.mean(stress < 0) > 0.5:
+        remarks.append(
+            "Most stresses are negative, but compression is positive in this model: check the sign."
+        )
+    if strain[-1] > 1:
+        remarks.append(
+            f"The largest strain is {strain[-1]:g} as a fraction: check that it is not in percent."
+        )
+    return remarks

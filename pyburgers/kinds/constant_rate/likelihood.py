@@ -3,31 +3,85 @@
 from collections.abc import Sequence
 from dataclasses import fields
 from itertools import chain
-from types import MappingProxyType
 
 import numpy as np
-import numpy.typing as npt
 
+from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, strain_grid
-from pyburgers.kinds.constant_rate.valley import ConstantRateValley
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.likelihood import Likelihood
+from pyburgers.kinds.likelihood import (
+    MICROSTRUCTURE,
+    AtMode,
+    Likelihood,
+    grid_quantities,
+    measured_block,
+    strains_of,
+)
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Stage
-from pyburgers.kinds.microstructure import measured_block, strains_of
 from pyburgers.kinds.stan_data import StanData, ends
+from pyburgers.kinds.valley import (
+    FLOWING_SHARE,
+    Pins,
+    ValleyChart,
+    middle_of_rise,
+    quantile_pins,
+)
 from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.read_quantities import STRAIN, STRESS
 
-FloatArray = npt.NDArray[np.float64]
+
+class ConstantRateValley(ValleyChart[ConstantRateExperiment]):
+    """Pins lie on the curve of stress against strain; ln S_0 belongs to the first rate."""
+
+    def pins(self, test: AtMode[ConstantRateExperiment]) -> Pins:
+        """Set the pins where the dashpot carries most of the imposed rate."""
+        experiment, mode = test.experiment, test.mode
+        observed = test.solution(np.unique(experiment.strain))
+        flowing = np.isin(
+            experiment.strain,
+            observed["grid_strain"][observed["grid_dashpot_share"] >= FLOWING_SHARE],
+        )
+        pin_strain = quantile_pins(experiment.strain, flowing)
+        knots = test.solution(_knot_strain(experiment, pin_strain))
+        pin_knot = np.searchsorted(knots["grid_strain"], pin_strain)
+        rates = np.array([s.strain_rate for s in experiment.segments])
+        first_rate = experiment.segments[0].strain_rate
+        stress = knots["grid_stress"]
+        time = experiment.time_at(knots["grid_strain"])
+        return Pins(
+            knot_time=time,
+            knot_stress=stress,
+            knot=pin_knot,
+            unit=rates[experiment.segment_of(pin_strain)],
+            path_strain=pin_strain,
+            strain_rate=np.ones_like(pin_strain),
+            stress_rate=knots["grid_stress_slope"][pin_knot],
+            relative_noise=mode.values["stress_noise"] / stress[pin_knot],
+            time_spent=np.zeros_like(pin_strain),
+            readings=int(flowing.sum()) / pin_strain.size,
+            reference_rate=first_rate,
+            flow_stress=0.0,
+            loading_time=middle_of_rise(time, stress, mode.values["maxwell_modulus"] * first_rate),
+            noise="stress_noise",
+        )
+
+
+def _knot_strain(experiment: ConstantRateExperiment, pin_strain: FloatArray) -> FloatArray:
+    """Strains of the piecewise linear reference curve: dense at each segment's start."""
+    shape = np.union1d(np.geomspace(1e-3, 1.0, 25), np.linspace(0.0, 1.0, 16)[1:])
+    return np.asarray(np.union1d(strain_grid(experiment, shape), pin_strain))
+
 
 REFERENCE_STRESS_SCALE = 0.1
 """Scale of ln S_0: data fix it to about 0.01, the prior to about 1."""
 
+
 LABORATORY_STRESS = 1e7
 """Origin of the reference stress (Pa) where nothing was observed."""
+
 
 STEP_ROUNDING = 1e-12
 """Relative distance from a rate step below which a strain counts as the step."""
@@ -41,16 +95,8 @@ class ConstantRateLikelihood(Likelihood[ConstantRateExperiment]):
     read = (STRESS,)
     response = STRESS
     reference = REFERENCE_STRESS_QUANTITY
-    grid_quantities = MappingProxyType(
-        {
-            "grid_stress": ("stress", "Pa"),
-            "grid_stress_replicated": ("stress_replicated", "Pa"),
-            "grid_kelvin_strain": ("kelvin_strain", "1"),
-            "grid_grain_size": ("grain_size", "m"),
-            "grid_fabric_factor": ("fabric_factor", "1"),
-            "grid_grain_size_softening": ("grain_size_softening", "1"),
-            "grid_fabric_softening": ("fabric_softening", "1"),
-        }
+    grid_quantities = grid_quantities(
+        "stress", "stress_replicated", "kelvin_strain", *MICROSTRUCTURE
     )
     warmup = 300
     target_acceptance = 0.98
@@ -171,14 +217,11 @@ class ConstantRateLikelihood(Likelihood[ConstantRateExperiment]):
 
 def solver_strains(
     experiment: ConstantRateExperiment, strain: FloatArray
-) -> tuple[FloatArray, list[int], npt.NDArray[np.int64]]:
-    """Solver outputs for the wanted strains: increasing, rate steps included.
+) -> tuple[FloatArray, list[int], IntArray]:
+    """Return where the solver reports for strains, outputs in segments, and places among them.
 
-    A rate step is an output of the segment that ends there (the solver restarts from it). A strain
-    that rounding puts beside a step counts as the step: the solver cannot start into so short a
-    segment. Return `outputs` (n_outputs,): strains without repetition. Return `counts`: number of
-    outputs in each segment. Return `positions` (n,): place of each wanted strain among the outputs,
-    from 0.
+    A rate step is an output of the segment that ends there. A strain that rounding puts beside a
+    step counts as the step: the solver cannot start into so short a segment.
     """
     steps = np.array([segment.start_strain for segment in experiment.segments[1:]])
     snapped = strain.copy()

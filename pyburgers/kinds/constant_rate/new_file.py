@@ -4,10 +4,9 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from pyburgers.kinds.column_facts import read_together
-from pyburgers.kinds.column_names import ENGINEERING
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.kinds.limits import slope_of
+from pyburgers.kinds.experiment_file import slope_of
+from pyburgers.kinds.guessed_columns import ENGINEERING
 from pyburgers.kinds.new_file import (
     LAYOUT,
     STRAIN_RATE,
@@ -16,6 +15,7 @@ from pyburgers.kinds.new_file import (
     Description,
     NewFile,
     compression_of,
+    read_together,
 )
 
 TEMPLATE = f"""

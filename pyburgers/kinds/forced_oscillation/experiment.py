@@ -1,21 +1,15 @@
-"""Forced oscillation tests: raw record, how it is prepared for the model, their files."""
+"""Forced oscillation tests: raw record, or imposed cycles, and what drives the model."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
-from pydantic import Field
 
-from pyburgers.common.columns import Column, DataFile, TextFilesTable, read_columns
-from pyburgers.common.errors import InputError, all_of
-from pyburgers.common.toml_files import Table, read_toml
-from pyburgers.common.units import units_text
-from pyburgers.kinds.experiment import Experiment, FloatArray
-from pyburgers.kinds.experiment_file import ExperimentFile, shared_values
-from pyburgers.kinds.forced_oscillation.imposed_cycles import NO_RECORD, ImposedCycles
+from pyburgers.common.array_types import FloatArray
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.forced_oscillation.harmonics import N_HARMONICS, HarmonicFit
 from pyburgers.kinds.forced_oscillation.preparation import (
     Background,
     OscillationRecord,
@@ -25,6 +19,74 @@ from pyburgers.kinds.forced_oscillation.preparation import (
 )
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT
 from pyburgers.model.read_quantities import STRESS
+
+LABORATORY_STRESS = 1e7
+"""Stress (Pa) at which the flow rate is told, where none was measured."""
+
+
+NO_RECORD = OscillationRecord(*[np.empty(0)] * 6)
+"""Of a test that can only be simulated."""
+
+
+@dataclass(frozen=True)
+class ImposedCycles:
+    """Cycles of the strain: amplitude x sin(2 pi t / period) + mean rate x t, from t = 0.
+
+    `period`: seconds.
+    `strain_amplitude`, `cycles`: a fraction, and how many cycles there are.
+    `mean_strain_rate`: rate (1/s) of the strain beside the cycles.
+    `start_stress`: stress (Pa) at which the model starts, ahead of the cycles.
+    """
+
+    period: float
+    strain_amplitude: float
+    cycles: float
+    mean_strain_rate: float = 0.0
+    start_stress: float = 0.0
+
+    def prepared(self) -> PreparedOscillation:
+        """Return what drives the model, known exactly; there is nothing to compare it with."""
+        half = 0.5 * self.cycles * self.period
+        rise = self.mean_strain_rate * half
+        return PreparedOscillation(
+            period=self.period,
+            strain_fit=self._exact((rise, rise), self.strain_amplitude, half),
+            stress_fit=self._exact((self.start_stress,), LABORATORY_STRESS, half),
+            background="kept",
+            start_stress=self.start_stress,
+            start=0.0,
+            time=np.empty(0),
+            stress=np.empty(0),
+            uncertainty=np.empty(0),
+            strain_sine=_first(self.strain_amplitude),
+            strain_cosine=_first(0.0),
+            background_rate=np.array([self.mean_strain_rate]),
+            strain_error=np.empty((0, 2 * N_HARMONICS + 1)),
+            t_middle=half,
+            t_half=half,
+            notices=(),
+        )
+
+    def _exact(self, trend: tuple[float, ...], amplitude: float, half: float) -> HarmonicFit:
+        """Return a series without errors: Legendre coefficients of its trend, and a sine."""
+        coefficients = np.concatenate([trend, _first(amplitude), _first(0.0)])
+        return HarmonicFit(
+            period=self.period,
+            n_harmonics=N_HARMONICS,
+            degree=len(trend) - 1,
+            t_middle=half,
+            t_half=half,
+            coefficients=coefficients,
+            covariance=np.zeros((coefficients.size, coefficients.size)),
+            residual_sd=0.0,
+            chi_square=0.0,
+            n_points=0,
+        )
+
+
+def _first(amplitude: float) -> FloatArray:
+    """Amplitudes of the harmonics where only the fundamental has one."""
+    return np.array([amplitude, *[0.0] * (N_HARMONICS - 1)])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -178,133 +240,6 @@ class OscillationExperiment(Experiment):
         return {"oscillation": oscillation, "data": data}
 
 
-class _OscillationTable(Table):
-    period_s: float | None = Field(None, gt=0, description="the period in seconds")
-    strain_trend_degree: int | None = Field(
-        None, ge=0, description="the degree of the polynomial trend of the strain"
-    )
-    stress_trend_degree: int | None = Field(
-        None, ge=0, description="the degree of the polynomial trend of the stress"
-    )
-    background: Background = Field("kept", description="what becomes of bias and drift")
-    start_stress_Pa: float | None = Field(  # noqa: N815 - a key with its unit
-        None,
-        description="where the model starts with the background kept (default: the bias, and 0 of "
-        "imposed cycles)",
-    )
-    spin_up_cycles: int = Field(2, ge=1, le=10_000, description="cycles ahead of the record")
-
-
-class _ImposedTable(Table):
-    """The table [imposed_cycles]."""
-
-    strain_amplitude: float = Field(
-        gt=0, lt=1, description="the amplitude of the strain, a fraction"
-    )
-    cycles: float = Field(gt=0, le=10_000, description="how many cycles there are")
-    mean_strain_rate_per_s: float = Field(
-        0.0, description="the strain rate in 1/s about which the strain oscillates"
-    )
-
-
-class _DataTable(TextFilesTable):
-    strain_file: DataFile = Field(description="the data file of the strain")
-    strain_time_column: Column
-    strain_time_unit: str = Field(description=units_text("time"))
-    strain_column: Column
-    strain_unit: str = Field(description=units_text("strain"))
-    strain_uncertainty_column: Column | None = None
-    strain_uncertainty: float | None = Field(
-        None, gt=0, description="the standard deviation of every strain, in its unit"
-    )
-    stress_file: DataFile = Field(description="the data file of the stress")
-    stress_time_column: Column
-    stress_time_unit: str = Field(description=units_text("time"))
-    stress_column: Column
-    stress_unit: str = Field(description=units_text("stress"))
-    stress_uncertainty_column: Column | None = None
-    stress_uncertainty: float | None = Field(
-        None, gt=0, description="the standard deviation of every stress, in its unit"
-    )
-
-    @property
-    def is_one_file(self) -> bool:
-        """Whether strain and stress are columns of one file, or of one table in memory."""
-        one, other = self.strain_file, self.stress_file
-        return one == other if isinstance(one, str) and isinstance(other, str) else one is other
-
-
-class OscillationFile(ExperimentFile):
-    """The keys of the file of a forced oscillation test."""
-
-    protocol: Literal["forced_oscillation"] = Field(description="the kind of test")
-    initial_grain_size_m: float = Field(
-        description="the mean grain size at the start of the record in metres"
-    )
-    oscillation: _OscillationTable = Field(
-        default_factory=lambda: _OscillationTable.model_validate({})
-    )
-    imposed_cycles: _ImposedTable | None = Field(
-        None, description="the strain of an imagined test, in place of [data]: to be simulated"
-    )
-    data: _DataTable | None = Field(None, description="the table that names the data files")
-
-
-def load_forced_oscillation(
-    path: Path, tables: Mapping[str, Any] | None = None
-) -> OscillationExperiment:
-    """Read and check the file of a forced oscillation test, or its tables, and its data files.
-
-    Strain and stress stand in files (or columns of one file) with clocks of their own that have a
-    common origin. What [oscillation] leaves open is estimated or chosen while the record is
-    prepared (`pyburgers.kinds.forced_oscillation.preparation.prepare`). A file with imposed
-    cycles in their place is a test that can be simulated. Raise InputError if a file, key, unit or
-    number is not what it has to be, or the record cannot be prepared.
-    """
-    file = read_toml(path, OscillationFile, tables)
-    if file.data is None:
-        return _imagined(path, file)
-    if file.imposed_cycles is not None:
-        raise InputError(
-            f"{path}: found both of the tables [data] and [imposed_cycles], expected one: cycles "
-            "are imposed where there is no record of them."
-        )
-    data = file.data
-    values, (strain_columns, strain_notes), (stress_columns, stress_notes) = all_of(
-        lambda: shared_values(path, file),
-        lambda: _read_series(path, data, "strain"),
-        lambda: _read_series(path, data, "stress"),
-    )
-    strain_time, strain, strain_uncertainty = strain_columns
-    stress_time, stress, stress_uncertainty = stress_columns
-    record = OscillationRecord(
-        strain_time=strain_time,
-        strain=strain,
-        strain_uncertainty=strain_uncertainty,
-        stress_time=stress_time,
-        stress=stress,
-        stress_uncertainty=stress_uncertainty,
-    )
-    wanted = OscillationSettings(
-        period=file.oscillation.period_s,
-        strain_trend_degree=file.oscillation.strain_trend_degree,
-        stress_trend_degree=file.oscillation.stress_trend_degree,
-        background=file.oscillation.background,
-        start_stress=file.oscillation.start_stress_Pa,
-    )
-    prepared = prepare(record, wanted, str(path))
-    return OscillationExperiment(
-        **values,
-        record=record,
-        settings=prepared.settings,
-        prepared=prepared,
-        spin_up_cycles=file.oscillation.spin_up_cycles,
-        notices=tuple(
-            dict.fromkeys([*file.notices, *strain_notes, *stress_notes, *prepared.notices])
-        ),
-    )
-
-
 def with_background(
     experiment: OscillationExperiment, background: Background
 ) -> OscillationExperiment:
@@ -321,69 +256,3 @@ def with_known_strain(experiment: OscillationExperiment) -> OscillationExperimen
     prepared = experiment.prepared
     known = replace(prepared, strain_error=prepared.strain_error[:0])
     return replace(experiment, prepared=known)
-
-
-def _imagined(path: Path, file: OscillationFile) -> OscillationExperiment:
-    """Return a test with imposed cycles."""
-    cycles, settings = file.imposed_cycles, file.oscillation
-    if cycles is None:
-        raise InputError(
-            f"{path}: table [data] is missing, expected it, or [imposed_cycles] for a test that is "
-            "only simulated."
-        )
-    if settings.period_s is None:
-        raise InputError(
-            f"{path}: key 'period_s' in [oscillation] is missing, expected the period in seconds "
-            "of [imposed_cycles]."
-        )
-    for key in ("strain_trend_degree", "stress_trend_degree", "background"):
-        if key in settings.model_fields_set and getattr(settings, key) != "kept":
-            raise InputError(
-                f"{path}: key {key!r} in [oscillation]: found {getattr(settings, key)!r}, expected "
-                "none, because imposed cycles have no record to take a trend from."
-            )
-    imposed = ImposedCycles(
-        period=settings.period_s,
-        strain_amplitude=cycles.strain_amplitude,
-        cycles=cycles.cycles,
-        mean_strain_rate=cycles.mean_strain_rate_per_s,
-        start_stress=settings.start_stress_Pa or 0.0,
-    )
-    prepared = imposed.prepared()
-    return OscillationExperiment(
-        **shared_values(path, file),
-        record=NO_RECORD,
-        settings=prepared.settings,
-        prepared=prepared,
-        spin_up_cycles=settings.spin_up_cycles,
-        imposed=imposed,
-        notices=tuple(file.notices),
-    )
-
-
-def _read_series(
-    path: Path, data: _DataTable, name: str
-) -> tuple[tuple[FloatArray, ...], tuple[str, ...]]:
-    """Return times (s), readings and standard deviations (SI) of one series, and notes on them."""
-    column, number = f"{name}_uncertainty_column", f"{name}_uncertainty"
-    uncertainty = getattr(data, number)
-    if (getattr(data, column) is None) == (uncertainty is None):
-        found = "is missing" if uncertainty is None else "is given twice"
-        raise InputError(
-            f"{path}: the uncertainty of the {name} {found}, expected exactly one of the keys "
-            f"{column!r} and {number!r} in [data]."
-        )
-    unit = (f"{name}_unit", name)
-    columns = {f"{name}_time_column": (f"{name}_time_unit", "time"), f"{name}_column": unit}
-    if uncertainty is None:
-        columns[column] = unit
-    (time, value, *spread), notes = read_columns(
-        path,
-        data,
-        columns,
-        key=f"{name}_file",
-        has_own_clock=data.strain_time_column == data.stress_time_column and data.is_one_file,
-    )
-    if not spread:
-        spread = [np.full_like(value, data.in_si(number, *unit, path))]
-    return (time, value, *spread), notes

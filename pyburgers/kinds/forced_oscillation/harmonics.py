@@ -17,9 +17,8 @@ import numpy.typing as npt
 from numpy.polynomial import legendre
 from scipy import optimize, signal
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
-
-FloatArray = npt.NDArray[np.float64]
 
 N_HARMONICS = 3
 """Fundamental, second and third harmonic."""
@@ -42,14 +41,10 @@ class HarmonicFit:
     `period`: seconds.
     `n_harmonics`, `degree`: harmonics, the fundamental included, and degree of the trend.
     `t_middle`, `t_half`: middle and half length (s) of the series: x = (t - t_middle)/t_half.
-    `coefficients` (degree + 1 + 2 n_harmonics,): Legendre coefficients of the trend, then
-        amplitudes of the sines, then of the cosines (U).
+    `coefficients` (n_coefficients,): Legendre coefficients, amplitudes of sines, of cosines (U).
     `covariance` (n_coefficients, n_coefficients): of the coefficients (U^2).
-    `residual_sd`: standard deviation of the residuals (U), with the degrees of freedom that are
-        left.
-    `chi_square`: sum of squared residuals in units of their uncertainties; of the residual standard
-        deviation, hence the degrees of freedom, where no uncertainties were given.
-    `n_points`: readings.
+    `residual_sd`: standard deviation of the residuals (U), with the degrees of freedom left.
+    `chi_square`: sum of squared residuals over variances; degrees of freedom if none are given.
     """
 
     period: float
@@ -81,8 +76,7 @@ class HarmonicFit:
     def periodic(self, time: FloatArray) -> FloatArray:
         """Oscillating part (U) at times (s), shape (n,)."""
         angles = _angles(time, self.period, self.n_harmonics)
-        values: FloatArray = np.sin(angles) @ self.sine + np.cos(angles) @ self.cosine
-        return values
+        return np.asarray(np.sin(angles) @ self.sine + np.cos(angles) @ self.cosine)
 
     def periodic_rate(self, time: FloatArray) -> FloatArray:
         """Time derivative (U/s) of the oscillating part, shape (n,)."""
@@ -113,10 +107,7 @@ class HarmonicFit:
         return size, self._standard_error(k, sine / size, cosine / size)
 
     def phase(self, k: int = 1) -> tuple[float, float]:
-        """Phase (rad) of harmonic `k` and its standard error.
-
-        The harmonic is amplitude times sin(k w t + phase); the phase lies in (-pi, pi].
-        """
+        """Phase (rad, in (-pi, pi]) of harmonic `k`, sin(k w t + phase), and its standard error."""
         sine, cosine = self.sine[k - 1], self.cosine[k - 1]
         square = sine**2 + cosine**2
         error = self._standard_error(k, -cosine / square, sine / square)
@@ -147,13 +138,10 @@ def fit_harmonics(
     n_harmonics: int = N_HARMONICS,
     uncertainty: FloatArray | None = None,
 ) -> HarmonicFit:
-    """Fit harmonics and a polynomial to a time series by weighted least squares.
+    """Fit harmonics and a polynomial to a series (n,), unit U, at times (s) by least squares.
 
-    `time` (n,): seconds, increasing. `value` (n,): the series, unit U. `period`: period of the
-    fundamental (s). `uncertainty` (n,): standard deviations (U) of the readings, taken as absolute:
-    the covariance follows from them alone. Without them all readings weigh the same and the
-    covariance follows from the residuals. Raise InputError if there are fewer readings than the
-    coefficients need, or they do not tell the coefficients apart.
+    Standard deviations in `uncertainty` (n,) are absolute; without them the covariance follows from
+    the residuals. Raise InputError if readings are too few, or do not tell the coefficients apart.
     """
     weight = np.ones_like(value) if uncertainty is None else 1.0 / uncertainty
     design, solver = _least_squares(time, weight, period, degree, n_harmonics)
@@ -187,10 +175,7 @@ def fundamentals(
     degree: int,
     uncertainty: FloatArray | None = None,
 ) -> npt.NDArray[np.complex128]:
-    """Return sine plus i times cosine of the fundamental of many series (U), shape (...).
-
-    `series` (..., n): values at the same times.
-    """
+    """Return sine plus i times cosine of the fundamental of many series (..., n), shape (...)."""
     weight = np.ones_like(time) if uncertainty is None else 1.0 / uncertainty
     _, solver = _least_squares(time, weight, period, degree, N_HARMONICS)
     found: npt.NDArray[np.complex128] = series @ (
@@ -202,14 +187,10 @@ def fundamentals(
 def trend_projection(
     time: FloatArray, *, degree: int, uncertainty: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return what takes the trend out of any series at these times that fits it best by itself.
+    """Return Legendre polynomials (n, degree + 1), and the fit (degree + 1, n) of a series by them.
 
-    What is left of a series, over the uncertainties, is its part orthogonal to all trends. Normal
-    noise in it has the density of the series with the trend's coefficients integrated out under a
-    flat prior. The trend of `fit_harmonics`, fitted together with harmonics, does not do that: what
-    it leaves takes the fundamental as better known than it is. Return `shape` (n, degree + 1):
-    Legendre polynomials at the times. Return `fit` (degree + 1, n): what turns a series into its
-    Legendre coefficients: the trend is ``shape @ (fit @ series)``.
+    ``shape @ (fit @ series)`` is the trend. The rest over the uncertainties has the density of the
+    series with its trend integrated out under a flat prior, unlike that of `fit_harmonics`.
     """
     t_middle, t_half = _span(time)
     shape = np.asarray(legendre.legvander((time - t_middle) / t_half, degree), dtype=np.float64)
@@ -225,10 +206,7 @@ def _span(time: FloatArray) -> tuple[float, float]:
 def _least_squares(
     time: FloatArray, weight: FloatArray, period: float, degree: int, n_harmonics: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return values of trend polynomials, sines and cosines, and what turns a series into theirs.
-
-    The design has the shape (n, n_coefficients), what gives the coefficients (n_coefficients, n).
-    """
+    """Return the design (n, n_coefficients), and what turns a series into coefficients."""
     t_middle, t_half = _span(time)
     angles = _angles(time, period, n_harmonics)
     design: FloatArray = np.hstack(
@@ -257,13 +235,9 @@ def choose_degree(
     period: float,
     uncertainty: FloatArray | None = None,
 ) -> int:
-    """Choose the degree of the trend by the Bayesian information criterion.
+    """Choose the degree of the trend, up to `MAX_DEGREE`, by the Bayesian information criterion.
 
-    The criterion adds a degree only where the series clearly asks for it; the rate of the trend,
-    whose error grows fast with the degree at the ends of the series, stays quiet that way. The
-    result: from 0 to `MAX_DEGREE`, below twice the number of cycles: a polynomial that turns as
-    often as the oscillation could stand in for it. Raise InputError as `fit_harmonics` does, of a
-    constant trend.
+    It is below twice the number of cycles: one that turns as often could be the oscillation.
     """
     cycles = (time[-1] - time[0]) / period
     spare = time.size - 2 - 2 * N_HARMONICS
@@ -282,11 +256,7 @@ def estimate_period(
     degree: int | None = None,
     uncertainty: FloatArray | None = None,
 ) -> float:
-    """Estimate the period (s) of the fundamental from a series alone.
-
-    The highest peak of the periodogram, after a cubic is subtracted, is where a search for the
-    least squares of the whole fit starts. Raise InputError as `fit_harmonics` does.
-    """
+    """Estimate the period (s): least squares from the highest peak of the periodogram on."""
     length = float(time[-1] - time[0])
     cubic = legendre.Legendre.fit(time, value, CUBIC)
     highest = 0.5 / float(np.median(np.diff(time)))
@@ -339,12 +309,10 @@ def _bayesian_criterion(fit: HarmonicFit, known_uncertainty: bool) -> float:
 
 def _polynomial(x: FloatArray, coefficients: FloatArray) -> FloatArray:
     """Legendre series at positions, shape (n,)."""
-    values: FloatArray = legendre.legvander(x, coefficients.size - 1) @ coefficients
-    return values
+    return np.asarray(legendre.legvander(x, coefficients.size - 1) @ coefficients)
 
 
 def _angles(time: FloatArray, period: float, n_harmonics: int) -> FloatArray:
     """Phase angles k w t, shape (n, n_harmonics)."""
     multiples = np.arange(1, n_harmonics + 1)
-    angles: FloatArray = 2.0 * math.pi / period * np.asarray(time)[:, None] * multiples
-    return angles
+    return np.asarray(2.0 * math.pi / period * np.asarray(time)[:, None] * multiples)

@@ -3,7 +3,6 @@
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from pyburgers.kinds.column_facts import facts_of
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.new_file import (
     LAYOUT,
@@ -11,6 +10,7 @@ from pyburgers.kinds.new_file import (
     Columns,
     NewFile,
     Question,
+    facts_of,
 )
 
 TEMPLATE = f"""

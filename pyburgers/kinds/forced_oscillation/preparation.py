@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Any, Literal, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 from numpy.polynomial import legendre, polynomial
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import count_points
 from pyburgers.kinds.forced_oscillation.harmonics import (
@@ -23,7 +23,6 @@ from pyburgers.kinds.forced_oscillation.harmonics import (
     fit_harmonics,
 )
 
-FloatArray = npt.NDArray[np.float64]
 Background = Literal["removed", "kept"]
 
 REMOVED_NOTICE = (
@@ -49,15 +48,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class OscillationRecord:
-    """Readings of one forced oscillation test, SI units.
+    """Readings of a forced oscillation; both clocks have one origin and increase strictly.
 
-    Strain and stress have clocks of their own with a common origin; each increases strictly.
-
-    `strain_time` (n_strain,): seconds.
-    `strain`, `strain_uncertainty` (n_strain,): axial strain (fraction) and its standard deviation.
-    `stress_time` (n_stress,): seconds.
-    `stress`, `stress_uncertainty` (n_stress,): differential stress (Pa, compression positive) and
-        its standard deviation.
+    `strain_time`, `strain`, `strain_uncertainty` (n_strain,): s, fraction, standard deviation.
+    `stress_time`, `stress`, `stress_uncertainty` (n_stress,): s, Pa, standard deviation.
     """
 
     strain_time: FloatArray
@@ -148,8 +142,7 @@ class PreparedOscillation:
         """Uncertainty of each stress over the root mean square of all, shape (n_points,)."""
         if self.uncertainty.size == 0:
             return self.uncertainty
-        relative: FloatArray = self.uncertainty / np.sqrt(np.mean(self.uncertainty**2))
-        return relative
+        return np.asarray(self.uncertainty / np.sqrt(np.mean(self.uncertainty**2)))
 
     def strain(self, time: FloatArray) -> FloatArray:
         """Strain (fraction) at times (s), shape (n,): without its trend where that is removed."""
@@ -162,8 +155,7 @@ class PreparedOscillation:
         """Driving strain rate (1/s) at times (s), shape (n,)."""
         scaled = (time - self.t_middle) / self.t_half
         background = polynomial.polyval(scaled, self.background_rate)
-        rate: FloatArray = self.strain_fit.periodic_rate(time) + background
-        return rate
+        return np.asarray(self.strain_fit.periodic_rate(time) + background)
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,11 +193,8 @@ def prepare(
 ) -> PreparedOscillation:
     """Prepare a record for the model.
 
-    Stress readings that lie outside the strain record by more than half a strain reading are left
-    out with a notice: the strain that drives the model is not extrapolated to them. Raise
-    InputError if a clock does not increase, an uncertainty is not positive, readings are too few
-    for the coefficients, the period does not suit the sampling, a series has fewer than two cycles,
-    or the two clocks do not overlap over two cycles.
+    A notice says which stresses are left out: those outside the strain record by half a reading.
+    Raise InputError if the record does not hold two common cycles, or cannot be fitted.
     """
     strain = _checked("strain", record.strain_time, record.strain, record.strain_uncertainty, where)
     stress = _checked("stress", record.stress_time, record.stress, record.stress_uncertainty, where)
@@ -339,12 +328,9 @@ def _powers_of_rate(trend: FloatArray, t_half: float) -> FloatArray:
 
 
 def strain_shares(strain_fit: HarmonicFit, stress_fit: HarmonicFit) -> tuple[float, float]:
-    """Return how much the errors of the strain count beside those of the stress.
+    """Return how much errors of the strain count beside those of the stress, as variances.
 
-    The noise of the stress is that of the residuals, as it is when the model is fitted. Return
-    `oscillation`: variance of the strain's fundamental over that of the stress's, both relative.
-    Return `background`: variance of the mean strain rate over that of the mean stress, both
-    relative: as it counts in a linear dashpot, which is more than in a power law.
+    Of the fundamentals; and of mean strain rate and mean stress, as they count in a linear dashpot.
     """
     freedom = stress_fit.n_points - stress_fit.coefficients.size
     residual = max(stress_fit.chi_square / freedom, LEAST_RESIDUAL)

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from scipy import stats
 from scipy.interpolate import make_lsq_spline
 
-from pyburgers.kinds.experiment import FloatArray
+from pyburgers.common.array_types import FloatArray
 
 TOLERANCE = 5.0
 """How far a line passes from a reading, in standard deviations of the reading error. Its corners
@@ -42,27 +42,21 @@ than a percent, and a series without noise would otherwise get a corner at every
 
 
 def distances_from_neighbours(at: FloatArray, value: FloatArray) -> FloatArray:
-    """Distance of each reading from the line through its two neighbours.
+    """Distance of each reading (..., n) from the line through its two neighbours.
 
-    Positions `at`, shape (n,), do not decrease; `value` has shape (..., n), the distances (..., at
-    most n - 2). Readings between two neighbours at one position are left out. Independent errors of
-    the readings make distances with their own standard deviation.
+    Positions (n,) do not decrease. Readings between two at one position are left out. Independent
+    errors of readings make distances with their own standard deviation.
     """
     span = at[2:] - at[:-2]
     kept = span > 0
     share = (at[1:-1] - at[:-2])[kept] / span[kept]
     before, here, after = (value[..., k : value.shape[-1] - 2 + k][..., kept] for k in range(3))
     distance = here - (1 - share) * before - share * after
-    found: FloatArray = distance / np.sqrt(1 + share**2 + (1 - share) ** 2)
-    return found
+    return np.asarray(distance / np.sqrt(1 + share**2 + (1 - share) ** 2))
 
 
 def scatter(time: FloatArray, value: FloatArray) -> float:
-    """Return how far readings lie from their neighbours, as a standard deviation; 0 for under 3.
-
-    From the median distance of a reading from the line through its neighbours, which few jumps or
-    corners do not move. `time`, `value` (n,): the series, times not decreasing.
-    """
+    """Return how far readings (n,) lie from their neighbours, as a robust standard deviation."""
     distances = distances_from_neighbours(time, value)
     if distances.size == 0:
         return 0.0
@@ -70,11 +64,10 @@ def scatter(time: FloatArray, value: FloatArray) -> float:
 
 
 def reading_error(time: FloatArray, value: FloatArray) -> float:
-    """Return the standard deviation of independent errors of a series, as far as it can be told.
+    """Return the standard deviation of independent errors of a series (n,), as far as it can tell.
 
-    Their scatter, unless corners may be what scatters: it is 0 for under `MIN_ERROR_READINGS`, and
-    limited where it is large and the series does not turn as noise does (cycles, for example).
-    `time`, `value` (n,): the series, times not decreasing.
+    Their scatter, unless corners may be what scatters: of few readings, or where they turn unlike
+    noise.
     """
     if time.size < MIN_ERROR_READINGS:
         return 0.0
@@ -85,11 +78,7 @@ def reading_error(time: FloatArray, value: FloatArray) -> float:
 
 
 def _turns_like_noise(value: FloatArray) -> bool:
-    """Whether a series has as many highs and lows as independent numbers.
-
-    Two thirds of its inner readings, with the variance of Kendall's test of turning points, within
-    two standard deviations.
-    """
+    """Whether a series turns as often as independent numbers, by Kendall's variance of turns."""
     step = np.sign(np.diff(value))
     turns = np.count_nonzero(step[1:] * step[:-1] < 0)
     expected, variance = 2 * (value.size - 2) / 3, (16 * value.size - 29) / 90
@@ -102,11 +91,7 @@ def tolerance_of(value: FloatArray, error: float) -> float:
 
 
 def tolerances(time: FloatArray, value: FloatArray) -> FloatArray:
-    """Return how far a line passes from the readings of a series without a stated error, (n,).
-
-    It is smaller in a leg whose readings scatter less than those of the whole series do, if that
-    scatter is taken for the error. `time`, `value` (n,): the series, times increasing.
-    """
+    """Return how far a line passes from the readings of a series without a stated error, (n,)."""
     error = reading_error(time, value)
     allowed = np.full(time.size, tolerance_of(value, error))
     if error != scatter(time, value):
@@ -134,12 +119,10 @@ def _rounding_error(value: FloatArray) -> float:
 def line_through(
     time: FloatArray, value: FloatArray, tolerance: npt.ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the corners of the line that stands for a series.
+    """Return times and values (n_corners,) of the line that stands for a series (n,).
 
-    `time`, `value` (n,): the series, n at least 2, times increasing. `tolerance` (n,): how far the
-    line passes from a reading before its corners are moved, in the unit of `value`; positive.
-    Readings count by its inverse square. Return `time`, `value` (n_corners,): the first and the
-    last time are those of the series.
+    `tolerance` (n,): how far it passes from a reading before its corners are moved; readings count
+        by its inverse square.
     """
     allowed = np.broadcast_to(np.asarray(tolerance, dtype=np.float64), time.shape)
     corner = _fewest_corners(time, value, allowed)
@@ -198,12 +181,7 @@ def _reached(
 def kept_readings(
     time: FloatArray, response: FloatArray, changes: FloatArray, n_kept: int
 ) -> np.ndarray:
-    """Return the indices of the readings that are kept, increasing.
-
-    `time`, `response` (n,): readings of one quantity, times (s) not decreasing, two different ones
-    at least. `changes` (n_changes,): times (s) at which what is imposed changes its value or rate,
-    the first not after the first reading.
-    """
+    """Return the indices of `n_kept` readings, dense where `changes` (s) and the response move."""
     if time.size <= n_kept:
         return np.arange(time.size)
     measure = np.mean(
@@ -221,8 +199,7 @@ def _log_time(time: FloatArray, changes: FloatArray) -> FloatArray:
     within = np.log1p((time - changes[last]) / scale)
     spans = np.log1p(np.diff(changes) / scale)
     before = np.concatenate([[0.0], np.cumsum(spans)])
-    added: FloatArray = before[last] + within
-    return added
+    return np.asarray(before[last] + within)
 
 
 def _way(time: FloatArray, response: FloatArray) -> FloatArray:
@@ -231,11 +208,9 @@ def _way(time: FloatArray, response: FloatArray) -> FloatArray:
     moment, place, count = np.unique(time, return_inverse=True, return_counts=True)
     corners, values = line_through(moment, np.bincount(place, response) / count, tolerance)
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values)))])
-    up_to: FloatArray = np.interp(time, corners, way)
-    return up_to
+    return np.asarray(np.interp(time, corners, way))
 
 
 def _from_0_to_1(measure: FloatArray) -> FloatArray:
     span = measure[-1] - measure[0]
-    scaled: FloatArray = (measure - measure[0]) / span if span > 0 else np.zeros_like(measure)
-    return scaled
+    return np.asarray((measure - measure[0]) / span if span > 0 else np.zeros_like(measure))

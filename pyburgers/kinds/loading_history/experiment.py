@@ -6,10 +6,10 @@ from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pyburgers.kinds.experiment import Experiment, FloatArray, Stated
-from pyburgers.kinds.limits import far_reading
+from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
+from pyburgers.kinds.experiment import Experiment, Stated
+from pyburgers.kinds.experiment_file import far_reading, microstructure_tables
 from pyburgers.kinds.loading_history.stages import (
     Leg,
     Stage,
@@ -17,11 +17,8 @@ from pyburgers.kinds.loading_history.stages import (
     imposed_stresses,
     legs_of,
 )
-from pyburgers.kinds.microstructure import microstructure_tables
 from pyburgers.model.display import time_unit
 from pyburgers.model.read_quantities import STRAIN, STRESS
-
-IntArray = npt.NDArray[np.int64]
 
 MAX_UNREAD_SHARE = 0.5
 """Share of a stage at either end of the readings from which on their times are doubted."""
@@ -101,11 +98,10 @@ class HistoryExperiment(Experiment):
         return self.reading
 
     @property
-    def response_is_strain(self) -> npt.NDArray[np.bool_]:
+    def response_is_strain(self) -> BoolArray:
         """Whether each reading is a strain, shape (n_points,)."""
         stress_driven = np.array([stage.driven == "stress" for stage in self.stages])
-        is_strain: npt.NDArray[np.bool_] = stress_driven[self.reading_stage]
-        return is_strain
+        return np.asarray(stress_driven[self.reading_stage])
 
     @property
     def quantity(self) -> IntArray:
@@ -210,8 +206,7 @@ class HistoryExperiment(Experiment):
     def _strains_read(self) -> FloatArray:
         """Strains among the readings, from their stated zero."""
         zero = 0.0 if self.strain_offset is None else self.strain_offset.value
-        strains: FloatArray = self.reading[self.response_is_strain] - zero
-        return strains
+        return np.asarray(self.reading[self.response_is_strain] - zero)
 
     def _doubts_about_path_strains(self) -> tuple[str, ...]:
         """Say where microstructure was measured beyond all strain that is imposed and read."""
@@ -304,3 +299,91 @@ def _stage_table(stage: Stage) -> dict[str, Any]:
         case "strain_series" | "stress_series":
             table["knots"] = [list(knot) for knot in stage.knots]
     return table
+
+
+NEARLY_CONSTANT = 0.02
+"""How far a stress may lie from its mean, as a share of it: flow with an exponent of 4 is then
+within 8 % of that under the mean, about as well as minimum rates of two tests agree."""
+
+
+LEAST_DURATION = 0.05
+"""Share of a stage from which on a nearly constant stress is a load, whatever lies beside it."""
+
+
+STEEPEST = 10.0
+"""How many times faster than `NEARLY_CONSTANT` allows over a whole part its stress may change in
+the first and the last leg. Faster ones begin the loading or unloading beside it, whose elastic
+strain is no creep."""
+
+
+@dataclass(frozen=True)
+class CreepInterval:
+    """Part of a stage, from 0, in which a nearly constant compressive stress stands; s, mean Pa."""
+
+    stage: int
+    start_time: float
+    end_time: float
+    stress: float
+
+    @property
+    def duration(self) -> float:
+        """Seconds."""
+        return self.end_time - self.start_time
+
+
+def creep_intervals(experiment: HistoryExperiment) -> tuple[CreepInterval, ...]:
+    """Return the creep of a test, in the order of time: whole stages, or their longest parts."""
+    found = []
+    for number, stage in enumerate(experiment.stages):
+        legs = [leg for leg in experiment.legs if leg.stage == number]
+        least = LEAST_DURATION * (stage.end_time - stage.start_time)
+        if stage.driven == "stress":
+            parts = [
+                one for one in _steady_parts(legs) if one.duration >= least or _rests(one, legs)
+            ]
+            found += _longest(parts)
+    return tuple(found)
+
+
+def _rests(part: CreepInterval, legs: Sequence[Leg]) -> bool:
+    """Whether a short part is a load: its stress changes much slower than in the legs beside it."""
+    inside = [
+        abs(leg.rate)
+        for leg in legs
+        if part.start_time <= leg.start_time and leg.end_time <= part.end_time
+    ]
+    beside = [leg for leg in legs if part.start_time == leg.end_time]
+    beside += [leg for leg in legs if part.end_time == leg.start_time]
+    shortest = min(leg.end_time - leg.start_time for leg in beside)
+    is_level = STEEPEST * max(inside) <= min(abs(leg.rate) for leg in beside)
+    return is_level and shortest <= part.duration
+
+
+def _steady_parts(legs: Sequence[Leg]) -> list[CreepInterval]:
+    """Return every sequence of legs of a stage with a nearly constant stress."""
+    found = []
+    for first in range(len(legs)):
+        least, largest, impulse = np.inf, -np.inf, 0.0
+        for leg in legs[first:]:
+            ends = leg.start_value, leg.end_value
+            least, largest = min(least, *ends), max(largest, *ends)
+            impulse += 0.5 * sum(ends) * (leg.end_time - leg.start_time)
+            start = legs[first].start_time
+            duration = leg.end_time - start
+            stress = impulse / duration
+            steepest = max(abs(legs[first].rate), abs(leg.rate))
+            is_ramp = steepest * duration > STEEPEST * 2 * NEARLY_CONSTANT * stress
+            if least <= 0 or largest - least > 2 * NEARLY_CONSTANT * largest:
+                break
+            if not is_ramp and max(largest - stress, stress - least) <= NEARLY_CONSTANT * stress:
+                found.append(CreepInterval(leg.stage, start, leg.end_time, stress))
+    return found
+
+
+def _longest(parts: Sequence[CreepInterval]) -> list[CreepInterval]:
+    """Return the longest parts that do not overlap, in the order of time."""
+    kept: list[CreepInterval] = []
+    for part in sorted(parts, key=lambda one: -one.duration):
+        if all(part.end_time <= o.start_time or o.end_time <= part.start_time for o in kept):
+            kept.append(part)
+    return sorted(kept, key=lambda one: one.start_time)

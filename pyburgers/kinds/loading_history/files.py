@@ -1,24 +1,34 @@
 """Files of loading histories: what a file says, read and written (docs/loading_history.md)."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
+import pandas as pd
 from pydantic import Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
-from pyburgers.common.errors import InputError, all_of
-from pyburgers.common.toml_files import Table, factor_to_si, read_toml
+from pyburgers.common.array_types import FloatArray
+from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import Table, all_of, factor_to_si, read_toml
 from pyburgers.common.units import units_text
-from pyburgers.kinds.experiment import FloatArray, Stated
+from pyburgers.kinds.experiment import MeasuredMicrostructure, Stated
 from pyburgers.kinds.experiment_file import (
+    PATH_STRAIN_ROUNDING,
     SIGNS_WERE_TURNED,
     Compression,
     ExperimentFile,
+    MeasuredTable,
+    check_increasing,
+    measured_row,
+    row_text,
     shared_values,
     sign_of,
+    strain_factor,
 )
+from pyburgers.kinds.kind import Kind, draw_residuals
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.readings import (
     NO_READINGS,
@@ -42,21 +52,13 @@ from pyburgers.kinds.loading_history.stages import (
     StageTable,
     legs_of,
 )
+from pyburgers.kinds.loading_history.stan_data import times_of_readings
 from pyburgers.kinds.loading_history.true_readings import (
     check_loaded,
     true_readings,
     unlike_imposed,
     without_start,
     without_states_before,
-)
-from pyburgers.kinds.microstructure import (
-    PATH_STRAIN_ROUNDING,
-    MeasuredMicrostructure,
-    MeasuredTable,
-    check_increasing,
-    measured_row,
-    row_text,
-    strain_factor,
 )
 
 END: Literal["end"] = "end"
@@ -127,8 +129,8 @@ class LoadingHistoryFile(ExperimentFile):
 def load_loading_history(path: Path, tables: Mapping[str, Any] | None = None) -> HistoryExperiment:
     """Read and check the file of a loading history, or its tables, and its data file.
 
-    Time counts from the start of the first stage. What is turned, smoothed, left out or thinned is
-    said in a notice. Raise InputError if a file, key, unit or number is not what it has to be.
+    Time counts from the start of the first stage. A notice says what is turned, smoothed, left out
+    or thinned. Raise InputError if a file, key, unit or number is not what it has to be.
     """
     file = read_toml(path, LoadingHistoryFile, tables)
     values, (test, offset) = all_of(lambda: shared_values(path, file), lambda: _test(path, file))
@@ -290,18 +292,7 @@ def _sections(
     strain_unit: str | None,
     is_rigid: bool,
 ) -> tuple[MeasuredMicrostructure, ...]:
-    """Check the tables [[microstructure]] of a loading history.
-
-    `test`: the file, and how its numbers are meant.
-    `tables`: its tables.
-    `stage_tables`: its stages, whose times bound those of the tables.
-    `legs`: what is imposed.
-    `strain_unit`: of the strains in [data]; None: path strains are fractions.
-    `is_rigid`: whether an imposed strain is all the specimen's.
-
-    Raise InputError if a place is missing or given twice, lies outside the test or does not
-    increase, or what was measured makes no sense.
-    """
+    """Check the tables [[microstructure]], whose path strains have the unit of [data]."""
     factor = strain_factor(test.path, strain_unit)
     start, end = stage_tables[0].start_time, stage_tables[-1].end_time
     times = [end if table.time == END else table.time for table in tables]
@@ -360,3 +351,40 @@ def _check_strain(
             f"{where}: key 'strain': found {strain:g}, expected at most {sum(imposed) / factor:g}, "
             "the path strain at the end of the test."
         )
+
+
+class LoadingHistoryKind(Kind[HistoryExperiment]):
+    """Strain or stress is imposed in stages; the other one is read along time."""
+
+    name = "loading_history"
+    load = staticmethod(load_loading_history)
+
+    def without_data(self, experiment: HistoryExperiment) -> HistoryExperiment:
+        """Return the test with its readings, which set the scales of the solution."""
+        return replace(experiment, microstructure=())
+
+    def simulated_positions(self, experiment: HistoryExperiment) -> FloatArray:
+        """Return the times of the readings, twice where one stands behind a jump."""
+        return times_of_readings(experiment)[0]
+
+    def response_in(self, experiment: HistoryExperiment, solution: pd.DataFrame) -> FloatArray:
+        """Return stress or strain of every reading."""
+        at_readings = solution.iloc[times_of_readings(experiment)[1]]
+        is_strain = experiment.response_is_strain
+        return np.where(is_strain, at_readings["strain"], at_readings["stress_Pa"])
+
+    def with_noise(
+        self,
+        experiment: HistoryExperiment,
+        response: FloatArray,
+        values: Mapping[str, float],
+        rng: np.random.Generator,
+    ) -> HistoryExperiment:
+        """Put readings with residuals, which may correlate in time, in the place of others."""
+        sizes = np.array([values["stress_noise"], values.get("strain_noise", 0.0)])
+        noise, stage = sizes[experiment.quantity], experiment.reading_stage
+        residuals = draw_residuals(experiment, noise, stage, values, rng)
+        return replace(experiment, reading=response + residuals)
+
+
+KIND = LoadingHistoryKind()

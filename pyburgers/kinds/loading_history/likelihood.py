@@ -1,26 +1,39 @@
-"""How tests under any loading history are sampled."""
+"""How tests under any loading history are sampled, and what pins their valley coordinates."""
 
-from collections.abc import Sequence
-from dataclasses import replace
-from types import MappingProxyType
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
-from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment, stated_priors
-from pyburgers.kinds.likelihood import Likelihood
-from pyburgers.kinds.loading_history.creep_intervals import CreepInterval, creep_intervals
-from pyburgers.kinds.loading_history.experiment import HistoryExperiment
+from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment
+from pyburgers.kinds.likelihood import MICROSTRUCTURE, AtMode, Likelihood, grid_quantities
+from pyburgers.kinds.loading_history.experiment import (
+    CreepInterval,
+    HistoryExperiment,
+    creep_intervals,
+)
+from pyburgers.kinds.loading_history.stages import Leg
 from pyburgers.kinds.loading_history.stan_data import (
     grid_block,
+    leg_of_readings,
     leg_of_times,
     reference_origin,
     section_times,
+    stress_scale,
     tests_block,
 )
-from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
+from pyburgers.kinds.problem import stated_priors
+from pyburgers.kinds.valley import (
+    FLOWING_SHARE,
+    N_PINS,
+    Pins,
+    ValleyChart,
+    middle_of_rise,
+    quantile_places,
+)
 from pyburgers.model.display import time_unit
 from pyburgers.model.laws import DASHPOT_LAWS, KELVIN_LAWS
 from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_FLOW_RATE_QUANTITY
@@ -29,17 +42,219 @@ from pyburgers.model.priors import PriorSet, priors_of_freed_parameters
 from pyburgers.model.read_quantities import STRAIN, STRESS, Quantity
 from pyburgers.model.variants import variant_of, with_variant
 
-FloatArray = npt.NDArray[np.float64]
+N_KNOTS = 60
+"""Of all legs with imposed strain together, besides those at readings."""
+
+
+MIN_KNOTS = 5
+"""Of each of them."""
+
+
+SETTLED_SHARE = 0.9
+"""Where stress is imposed pins lie where the dashpot carries this share of the strain rate or more.
+
+Earlier on its rate is what the Kelvin element leaves of one that is read: with an element softer
+than that at the mode, pins there ask for a softening that the strain does not show. Tests with
+less than `N_PINS` such readings have pins wherever the dashpot flows."""
+
+
+SLOPE_NOISE = 2 * np.pi
+"""Relative noise of a strain rate over that of the strain: of a wave over the flow."""
+
+
+class LoadingHistoryValley(ValleyChart[HistoryExperiment]):
+    """Pins lie at readings, where strain advances by flow; ln S_0 is that in the middle."""
+
+    def pins(self, test: AtMode[HistoryExperiment]) -> Pins:
+        """Set pins where the dashpot carries nearly all of a read rate, or half an imposed one."""
+        experiment, values = test.experiment, test.mode.values
+        curve = _along(test)
+        flowing = curve.flowing & curve.is_reading
+        settled = flowing & curve.settled
+        at_readings = settled if settled.sum() >= N_PINS else flowing
+        places = np.flatnonzero(at_readings)[quantile_places(curve.path_strain[at_readings])]
+        strain_is_read = experiment.response_is_strain[np.cumsum(curve.is_reading) - 1]
+        flowed = np.ptp(curve.path_strain[at_readings])
+        before = _end_before(experiment, curve, places)
+        at = np.concatenate([before, places])
+        since_start = np.where(at < places[0], curve.time[at], 0.0)
+        unit = _rate_or_average(curve.dashpot_rate, curve.dashpot_strain, at, since_start)
+        noise = np.where(
+            strain_is_read[at],
+            SLOPE_NOISE * values["strain_noise"] / flowed / values["stress_exponent"],
+            values["stress_noise"] / curve.stress[at],
+        )
+        # Where stress is imposed, it is exactly linear between the ends of a leg.
+        shows = np.where(curve.driven_by_stress, curve.is_end, curve.is_knot)
+        kept = shows | np.isin(np.arange(curve.leg.size), at)
+        strain_rate = _rate_or_average(curve.strain_rate, curve.strain, at, since_start)
+        return Pins(
+            knot_time=curve.time[kept],
+            knot_stress=curve.stress[kept],
+            knot=np.searchsorted(np.flatnonzero(kept), at),
+            unit=unit,
+            path_strain=np.concatenate(
+                [
+                    [_strain_at_rate(curve, end, unit[0]) for end in before],
+                    curve.path_strain[places],
+                ]
+            ),
+            strain_rate=strain_rate / unit,
+            stress_rate=_rate_or_average(curve.stress_rate, curve.stress, at, since_start) / unit,
+            relative_noise=np.where(since_start > 0, np.inf, noise),
+            time_spent=_time_spent(curve, before, places),
+            readings=_independent_readings(curve.time[at_readings], values) / places.size,
+            reference_rate=float(np.median(unit[before.size :])),
+            flow_stress=stress_scale(experiment),
+            loading_time=_loading_time(experiment, curve, values),
+            noise="strain_noise" if strain_is_read[flowing].mean() > 0.5 else "stress_noise",
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Curve:
+    """The solution at the mode along all legs; a time at which two legs meet comes twice."""
+
+    time: FloatArray
+    leg: IntArray
+    is_end: BoolArray
+    is_knot: BoolArray
+    is_reading: BoolArray
+    stress: FloatArray
+    strain: FloatArray
+    path_strain: FloatArray
+    dashpot_strain: FloatArray
+    strain_rate: FloatArray
+    stress_rate: FloatArray
+    dashpot_rate: FloatArray
+    flowing: BoolArray
+    driven_by_stress: BoolArray
+    settled: BoolArray
+
+
+def _along(test: AtMode[HistoryExperiment]) -> _Curve:
+    """Solve a test at its mode, dense at the start of every leg, and at the readings."""
+    experiment, values = test.experiment, test.mode.values
+    legs, of_reading = experiment.legs, leg_of_readings(experiment)
+    n = max(MIN_KNOTS, N_KNOTS // len(legs))
+    shape = np.union1d(np.geomspace(1e-3, 1.0, n // 2 + 1), np.linspace(0.0, 1.0, n // 2 + 1))
+    knots = [
+        np.append(leg.start_time + shape[:-1] * (leg.end_time - leg.start_time), leg.end_time)
+        for leg in legs
+    ]
+    times = [np.union1d(own, experiment.time[of_reading == k]) for k, own in enumerate(knots)]
+    time, leg = np.concatenate(times), np.repeat(np.arange(len(legs)), [t.size for t in times])
+    found = test.solution(time)
+    elastic = 1 / values["maxwell_modulus"] + values["apparatus_compliance"]
+    stress, strain = found["grid_stress"], found["grid_strain"] - values["strain_offset"]
+    kelvin_strain = found["grid_kelvin_strain"]
+    dashpot_strain = strain - elastic * stress - kelvin_strain
+    parts = np.split(np.arange(time.size), np.cumsum([t.size for t in times])[:-1])
+    dashpot_rate, stress_rate = (
+        np.concatenate([np.gradient(along[part], time[part]) for part in parts])
+        for along in (dashpot_strain, stress)
+    )
+    strain_rate = found["grid_strain_rate"]
+    temperature = np.array([one.temperature for one in legs])[leg]
+    driven_by_stress = np.array([one.driven == "stress" for one in legs])[leg]
+    return _Curve(
+        time=time,
+        leg=leg,
+        is_end=np.concatenate([np.isin(t, t[[0, -1]]) for t in times]),
+        is_knot=np.concatenate([np.isin(t, own) for t, own in zip(times, knots, strict=True)]),
+        is_reading=np.concatenate(
+            [np.isin(t, experiment.time[of_reading == k]) for k, t in enumerate(times)]
+        ),
+        stress=stress,
+        strain=strain,
+        path_strain=found["grid_path_strain"],
+        dashpot_strain=dashpot_strain,
+        strain_rate=strain_rate,
+        stress_rate=stress_rate,
+        dashpot_rate=dashpot_rate,
+        # The strength at another temperature hangs on Q_M.
+        flowing=(strain_rate > 0)
+        & (stress > 0)
+        & (dashpot_rate >= FLOWING_SHARE * strain_rate)
+        & (temperature == experiment.temperature),
+        driven_by_stress=driven_by_stress,
+        settled=~driven_by_stress | (dashpot_rate >= SETTLED_SHARE * strain_rate),
+    )
+
+
+def _end_before(experiment: HistoryExperiment, curve: _Curve, places: IntArray) -> IntArray:
+    """Find the reading up to which the first pin does not reach, if ln S_0 is solved from times.
+
+    That is so in tests under one constant load: the time of the whole strain is what they fix best.
+    """
+    first: Leg = experiment.legs[0]
+    one_load = first.driven == "stress" and first.rate == 0 and not curve.leg[places].any()
+    earlier = np.flatnonzero(curve.is_reading[: places[0]] & (curve.time[: places[0]] > 0))
+    if not (one_load and earlier.size):
+        return np.empty(0, dtype=np.int64)
+    strain = curve.path_strain[places]
+    reach = strain[0] - (strain[1] - strain[0]) / 2
+    return earlier[[np.argmin(np.abs(curve.path_strain[earlier] - reach))]]
+
+
+def _rate_or_average(
+    rate: FloatArray, whole: FloatArray, at: IntArray, since_start: FloatArray
+) -> FloatArray:
+    """Rate at places of the curve, the average since the start where a time since it is given."""
+    averaged = since_start > 0
+    return np.where(averaged, whole[at] / np.where(averaged, since_start, 1.0), rate[at])
+
+
+def _strain_at_rate(curve: _Curve, end: int, rate: float) -> float:
+    """Path strain at which the dashpot has a rate, between the start and a place of the curve."""
+    rising = np.maximum.accumulate(curve.dashpot_rate[1 : end + 1])
+    return float(np.interp(rate, rising, curve.path_strain[1 : end + 1]))
+
+
+def _time_spent(curve: _Curve, before: IntArray, places: IntArray) -> FloatArray:
+    """Time (s) that the dashpot spends near each pin; zeros where none stands for the beginning."""
+    if not before.size:
+        return np.zeros(places.size)
+    flowed = curve.dashpot_strain[places]
+    middle = (flowed[1:] + flowed[:-1]) / 2
+    edges = np.concatenate([curve.dashpot_strain[before], middle, [2 * flowed[-1] - middle[-1]]])
+    return np.concatenate([curve.time[before], np.diff(edges) / curve.dashpot_rate[places]])
+
+
+def _independent_readings(time: FloatArray, values: Mapping[str, float]) -> float:
+    """Count the independent readings that fix a slow change as well as those at times (s)."""
+    drifting = min(1.0, 2 * values["residual_correlation_time"] / float(np.ptp(time)))
+    share = values["residual_correlated_share"] if drifting > 0 else 0.0
+    return float(1 / (share * drifting + (1 - share) / time.size))
+
+
+def _loading_time(
+    experiment: HistoryExperiment, curve: _Curve, values: Mapping[str, float]
+) -> float:
+    """Time (s) under a growing stress in which both springs give together.
+
+    Under a jump of the stress it is twice the time of the first reading.
+    """
+    first: Leg = experiment.legs[0]
+    if first.driven == "stress":
+        return 2 * float(experiment.time[experiment.time > 0].min())
+    stiffness = 1 / (1 / values["maxwell_modulus"] + values["apparatus_compliance"])
+    inside = curve.leg == 0
+    return middle_of_rise(curve.time[inside], curve.stress[inside], stiffness * first.rate)
+
 
 STRAIN_NOISE_SHARE = 0.01
 """Median of the strain noise, over the range of the strain readings."""
 
+
 TIMES_IN_A_LOAD = 48
 """Times beside those of its stage in a load that is only part of it: as many as a stage has."""
+
 
 MOST_TIMES_IN_LOADS = 480
 """Of all such loads of a test, so that bands and files stay small: of more than ten loads each has
 its share of them."""
+
 
 SHORTEST_STEP = 1e-4
 """From the start of a load to the first of its times, and from the last to its end, as a share."""
@@ -53,20 +268,15 @@ class HistoryLikelihood(Likelihood[HistoryExperiment]):
     read = (STRESS, STRAIN)
     response = Quantity("response", "response", "SI", "SI", 1.0)
     reference = REFERENCE_FLOW_RATE_QUANTITY
-    grid_quantities = MappingProxyType(
-        {
-            "grid_stress": ("stress", "Pa"),
-            "grid_stress_replicated": ("stress_replicated", "Pa"),
-            "grid_strain": ("strain", "1"),
-            "grid_strain_replicated": ("strain_replicated", "1"),
-            "grid_strain_rate": ("strain_rate", "1/s"),
-            "grid_kelvin_strain": ("kelvin_strain", "1"),
-            "grid_path_strain": ("path_strain", "1"),
-            "grid_grain_size": ("grain_size", "m"),
-            "grid_fabric_factor": ("fabric_factor", "1"),
-            "grid_grain_size_softening": ("grain_size_softening", "1"),
-            "grid_fabric_softening": ("fabric_softening", "1"),
-        }
+    grid_quantities = grid_quantities(
+        "stress",
+        "stress_replicated",
+        "strain",
+        "strain_replicated",
+        "strain_rate",
+        "kelvin_strain",
+        "path_strain",
+        *MICROSTRUCTURE,
     )
     warmup = 300
     # One chain in some has steps half as long again as the others, and at 0.98 loses trajectories
@@ -92,7 +302,7 @@ class HistoryLikelihood(Likelihood[HistoryExperiment]):
         unit, seconds = time_unit(last)
         return replace(self.clock, display_unit=unit, display_factor=1.0 / seconds)
 
-    def is_read(self, experiment: HistoryExperiment, at: FloatArray) -> npt.NDArray[np.bool_]:
+    def is_read(self, experiment: HistoryExperiment, at: FloatArray) -> BoolArray:
         """Return where strain is imposed, so that stress is read, and where stress is."""
         driven = np.array([leg.driven for leg in experiment.legs])[leg_of_times(experiment, at)]
         return np.stack([driven == "strain", driven == "stress"])
@@ -114,12 +324,10 @@ class HistoryLikelihood(Likelihood[HistoryExperiment]):
         experiments: Sequence[HistoryExperiment | AttenuationExperiment],
         priors: PriorSet,
     ) -> tuple[PriorSet, ...]:
-        """Return priors of each of some histories, and tables behind them, in a fit.
+        """Return priors of each of some histories; those of tables behind them are the first's.
 
-        If strain is read, its noise is free and residuals correlate in time, unless priors say
-        otherwise. They do so too if priors say no more than the share that correlates. Stress that
-        is not read has no noise. Tables take the priors of the first history. Raise InputError if
-        residuals are to correlate along strain.
+        If strain is read, its noise is free and residuals correlate in time unless priors say
+        otherwise. Stress that is not read has no noise.
         """
         histories = [one for one in experiments if isinstance(one, HistoryExperiment)]
         for experiment in histories:
@@ -140,10 +348,7 @@ class HistoryLikelihood(Likelihood[HistoryExperiment]):
         return found + found[:1] * (len(experiments) - len(histories))
 
     def check_priors(self, experiment: HistoryExperiment, priors: PriorSet) -> None:
-        """Refuse laws with a stress of their own where the load cell is uncertain.
-
-        Raise InputError, too, if grains follow the stress and measured ones have no time.
-        """
+        """Refuse laws with a stress of their own beside an uncertain load cell."""
         section_times(experiment, priors)
         variant = variant_of(priors, experiment)
         with_stress = (
@@ -186,10 +391,7 @@ def _priors_of_readings(
 
 
 def _stage_times(experiment: HistoryExperiment, shape: FloatArray) -> FloatArray:
-    """Return times spread in the same way over every stage, from its start to its end: both count.
-
-    The start of a later stage is so the second of two equal times, behind a jump of the stress.
-    """
+    """Return times spread in the same way over every stage, both of whose ends count."""
     parts = []
     for stage in experiment.stages:
         time = stage.start_time + shape * (stage.end_time - stage.start_time)
@@ -199,10 +401,7 @@ def _stage_times(experiment: HistoryExperiment, shape: FloatArray) -> FloatArray
 
 
 def _load_times(experiment: HistoryExperiment) -> FloatArray:
-    """Return times inside the loads that are part of a stage, dense at the start of each.
-
-    A load that fills its stage has the times of the stage.
-    """
+    """Return times inside the loads that are part of a stage, dense at the start of each."""
     loads = [one for one in creep_intervals(experiment) if not _fills_its_stage(experiment, one)]
     number = min(TIMES_IN_A_LOAD, MOST_TIMES_IN_LOADS // max(1, len(loads)))
     n_even = number - number // 2

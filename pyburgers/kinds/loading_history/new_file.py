@@ -8,21 +8,23 @@ from typing import Any
 
 import numpy as np
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.units import UNITS, units_text
-from pyburgers.kinds.column_facts import Facts, facts_of, read_together
-from pyburgers.kinds.column_names import ENGINEERING
-from pyburgers.kinds.experiment import FloatArray
-from pyburgers.kinds.limits import slope_of
+from pyburgers.kinds.experiment_file import slope_of
+from pyburgers.kinds.guessed_columns import ENGINEERING
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.new_file import (
     LAYOUT,
     STRAIN_RATE,
     Columns,
     Description,
+    Facts,
     NewFile,
     Question,
     compression_of,
+    facts_of,
     filled,
+    read_together,
 )
 
 JUMP_DURATION_SHARE = 1e-3
@@ -103,11 +105,7 @@ strain_rate_per_s = {strain_rate_per_s}
 
 
 class LoadingHistoryFile(NewFile):
-    """Stages of a stress or a rate that is given, or one driven by readings of stress or strain.
-
-    Behind a rate the strain may be held, which is a second stage; where the strain turns, so does
-    the rate.
-    """
+    """Stages of a stress, of a rate and a hold, or of readings; a rate turns with the strain."""
 
     experiment = HistoryExperiment
     needed = (("time",), ("strain", "stress", "relaxation_modulus"))
@@ -162,7 +160,7 @@ class LoadingHistoryFile(NewFile):
         return known
 
     def allowed_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
-        """Return what belongs to the stress or the rate that drives it, of which there is one.
+        """Return what belongs to the one that drives it, a stress or a rate.
 
         A stress needs readings of the strain, a rate those of the stress. Of rate, strain and time
         of the loading ahead of a hold two say all.
@@ -182,8 +180,8 @@ class LoadingHistoryFile(NewFile):
     def required_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return the stress, unless a rate is given or there are readings to drive the test.
 
-        Without a column of the strain a rate drives it: the stress is what was read. Where a stress
-        falls at a strain that is held, the hold is asked for, and its loading.
+        Without a column of the strain a rate drives it. Where a stress falls at a strain that is
+        held, the hold is asked for, and its loading.
         """
         by_rate = given[STRESS.name] is None and HOLD_START.name in self.allowed_answers(
             columns, given

@@ -7,9 +7,9 @@ from typing import Literal
 
 import numpy as np
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import counted, span_text
-from pyburgers.kinds.experiment import FloatArray
 from pyburgers.kinds.loading_history.driver import (
     TOLERANCE,
     TURNED_TOLERANCE,
@@ -19,8 +19,8 @@ from pyburgers.kinds.loading_history.driver import (
     tolerance_of,
     tolerances,
 )
-from pyburgers.kinds.loading_history.readings import Readings
-from pyburgers.kinds.loading_history.series import (
+from pyburgers.kinds.loading_history.readings import (
+    Readings,
     Series,
     one_reading_each,
     own_readings,
@@ -48,15 +48,11 @@ true strain follow it to half a percent."""
 class StageSource:
     """What stages are read with.
 
-    `path`: the file, for messages.
-    `temperature`: K, of stages that name none.
-    `conventions`: how numbers are meant.
-    `bounds` (n_stages + 1,): starts of the stages and the end of the last (s on the clock of the
-        file).
-    `readings`: true ones.
+    `path`, `temperature`: the file, for messages; K, of stages that name none.
+    `conventions`, `readings`: how numbers are meant; the true readings.
+    `bounds` (n_stages + 1,): starts of stages and the last end (s on the clock of the file).
     `stress_error`, `strain_error`: stated standard deviations of readings (Pa, fraction).
-    `first_strain`: zero of strain and its standard deviation.
-    `compliance`: of the apparatus (1/Pa): strains that are read include its share.
+    `first_strain`, `compliance`: zero of strain and its error; of the apparatus (1/Pa).
     """
 
     path: Path
@@ -71,12 +67,7 @@ class StageSource:
 
 
 def stage_bounds(path: Path, tables: Sequence[StageTable], time_factor: float) -> FloatArray:
-    """Check the times of stages.
-
-    `time_factor`: to s. The result (n_stages + 1,): starts of the stages and the end of the last
-    (s). Raise InputError if a stage ends before it starts, overlaps the one before, or leaves a
-    gap.
-    """
+    """Return starts of the stages and the end of the last (s), which leave no gap or overlap."""
     for number, table in enumerate(tables, start=1):
         if table.end_time <= table.start_time:
             raise InputError(
@@ -97,11 +88,7 @@ def stage_bounds(path: Path, tables: Sequence[StageTable], time_factor: float) -
 def read_stages(
     test: StageSource, tables: Sequence[StageTable]
 ) -> tuple[tuple[Stage, ...], list[str]]:
-    """Return the stages, and sentences about what was turned or smoothed.
-
-    Raise InputError if a key is missing, is not one of its control, or does not fit the stages
-    before.
-    """
+    """Return the stages, and sentences about what was turned or smoothed."""
     stages: list[Stage] = []
     notices: list[str] = []
     for number, table in enumerate(tables):
@@ -116,10 +103,7 @@ def read_stages(
 def check_given_strains(
     source: StageSource, tables: Sequence[StageTable], stages: Sequence[Stage]
 ) -> None:
-    """Check that strains given by knots start where the strain is at the end of earlier stages.
-
-    A copy of a test that was read before holds too few readings to judge that again.
-    """
+    """Refuse knots of strain that do not start where earlier stages end."""
     for number, (table, stage) in enumerate(zip(tables, stages, strict=True)):
         if table.knots is not None and stage.driven == "strain":
             values = [value for _, value in stage.knots]
@@ -135,7 +119,7 @@ def _check_jump(
     *,
     given: bool = False,
 ) -> None:
-    """Check that a series starts at the strain at the end of the stages before it.
+    """Refuse a series that does not start at the strain where earlier stages end.
 
     Of knots, `given`, only differences count: they may hold the zero of the readings or not.
     """

@@ -9,9 +9,9 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table
-from pyburgers.kinds.experiment import FloatArray
 
 Control = Literal[
     "strain_rate", "stress", "stress_rate", "strain_series", "stress_series", "hold_strain"
@@ -34,21 +34,15 @@ DRIVEN: dict[Control, Driven] = {
 
 @dataclass(frozen=True)
 class Stage:
-    """Part of a test in which one thing is imposed.
-
-    Strain and stress are true ones, positive in compression.
+    """Part of a test in which one thing is imposed; true strain and stress, compression positive.
 
     `control`: what is imposed.
-    `start_time`, `end_time`: seconds since the start of the test.
-    `temperature`: Kelvin.
-    `value`: the strain rate (1/s), the stress (Pa) or the stress rate (Pa/s); 0 for a hold and a
-        series.
+    `start_time`, `end_time`, `temperature`: seconds since the start of the test; Kelvin.
+    `value`: strain rate (1/s), stress (Pa) or stress rate (Pa/s); 0 for a hold and a series.
     `start_stress`: stress (Pa) from which a stress rate starts; None for the other controls.
-    `knots`: times (s, the first and the last are those of the stage) and strains (fraction) or
-        stresses (Pa) of a series, linear in between; empty for the other controls. Only differences
-        of strains count.
-    `is_force`: whether stresses are forces over the first area: the true stress follows from the
-        strain.
+    `knots`: times (s) from end to end, and strains, of which differences count, or stresses (Pa) of
+        a series, linear in between; empty for the other controls.
+    `is_force`: whether stresses are forces over the first area.
     """
 
     control: Control
@@ -70,14 +64,9 @@ class Stage:
 class Leg:
     """Part of a stage over which what is imposed is linear in time.
 
-    `driven`: what is imposed.
-    `start_time`, `end_time`: seconds since the start of the test.
-    `start_value`: stress (Pa) at the start where stress is imposed, with a jump where it differs
-        from that at the end of the leg before; 0 where strain is imposed, which goes on from where
-        it is.
-    `rate`: of what is imposed: 1/s or Pa/s.
-    `temperature`: Kelvin.
-    `stage`: to which it belongs, from 0.
+    `driven`, `stage`: what is imposed; stage to which it belongs, from 0.
+    `start_time`, `end_time`, `temperature`: seconds since the start of the test; Kelvin.
+    `start_value`, `rate`: stress (Pa) at the start, 0 where strain is imposed; 1/s or Pa/s.
     `is_force`: whether its stresses are forces over the first area.
     """
 
@@ -145,10 +134,8 @@ def _start_and_rate(stage: Stage) -> tuple[float, float]:
 class Conventions:
     """How the numbers of a file are meant.
 
-    `time`, `stress`: factors to SI of times and stresses in [[stages]].
-    `time_unit`: of times in [[stages]].
-    `sign`: of a compression.
-    `stress_measure`, `strain_measure`: their measures.
+    `time`, `stress`, `time_unit`: factors to SI in [[stages]], and the unit of its times.
+    `sign`, `stress_measure`, `strain_measure`: of a compression; true or engineering.
     """
 
     time: float
@@ -202,10 +189,7 @@ class StageTable(Table):
 
 
 def check_keys(path: Path, number: int, table: StageTable) -> None:
-    """Check that a table, by its number from 0, has the keys of its control and no others.
-
-    Raise InputError if it does not.
-    """
+    """Refuse a table, by its number from 0, without the keys of its control or with others."""
     own = OWN_KEYS[table.control]
     where = f"in [[stages]] number {number + 1}"
     for key in sorted({key for keys in OWN_KEYS.values() for key in keys}):

@@ -5,15 +5,16 @@ from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
-import numpy.typing as npt
 
+from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.likelihood import LIKELIHOOD as TABLES
 from pyburgers.kinds.attenuation.likelihood import tables_block
+from pyburgers.kinds.experiment_file import PATH_STRAIN_ROUNDING
+from pyburgers.kinds.likelihood import measured_block, strains_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Leg
-from pyburgers.kinds.microstructure import PATH_STRAIN_ROUNDING, measured_block, strains_of
 from pyburgers.kinds.stan_data import StanData, ends
 from pyburgers.model.arrhenius import log_slowdown
 from pyburgers.model.kelvin_elements import element_rows
@@ -21,9 +22,6 @@ from pyburgers.model.laws import RELAXATION_TIMES
 from pyburgers.model.prior_families import Prior, is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 HistoryOrTable = HistoryExperiment | AttenuationExperiment
 
@@ -35,10 +33,7 @@ LABORATORY_STRESS, LABORATORY_STRAIN = 1e7, 1e-2
 
 
 def stress_scale(experiment: HistoryExperiment) -> float:
-    """Return the stress (Pa) of the reference flow rate, which scales the solver's states too.
-
-    The largest one that is imposed or read.
-    """
+    """Return the stress (Pa) of the reference flow rate: the largest that is imposed or read."""
     stress_driven = any(stage.driven == "stress" for stage in experiment.stages)
     if not stress_driven and experiment.n_points == 0:
         return LABORATORY_STRESS
@@ -59,10 +54,7 @@ def reference_origin(experiment: HistoryExperiment) -> tuple[float, float]:
 
 
 def tests_block(experiments: Sequence[HistoryOrTable], priors: Sequence[PriorSet]) -> StanData:
-    """Return the blocks `stan/data/loading_history.stan` and `stan/data/attenuation.stan`.
-
-    Tables of attenuation have no legs; their readings stand among the points.
-    """
+    """Return the blocks `stan/data/loading_history.stan` and `stan/data/attenuation.stan`."""
     entries = [_entries(e, own) for e, own in zip(experiments, priors, strict=True)]
     measured = [e.microstructure for e in experiments]
     histories, tables = _by_kind(experiments)
@@ -84,10 +76,7 @@ def tests_block(experiments: Sequence[HistoryOrTable], priors: Sequence[PriorSet
 
 
 def grid_block(experiments: Sequence[HistoryOrTable], grids: Sequence[FloatArray]) -> StanData:
-    """Return times (s), or places in tables, at which solutions are reported beside the readings.
-
-    See `leg_of_times` for times at which legs meet.
-    """
+    """Return times (s), or places in tables, at which solutions are reported beside readings."""
     entries = [_grid_entries(e, grid) for e, grid in zip(experiments, grids, strict=True)]
     return {
         **_joined(entries),
@@ -169,10 +158,9 @@ def _grid_entries(test: HistoryOrTable, grid: FloatArray) -> StanData:
 
 
 def section_times(experiment: HistoryExperiment, priors: PriorSet) -> list[float | None]:
-    """Return the time (s) at which each section needs the solution of a test fitted with `priors`.
+    """Return the time (s) at which each section needs a solution; None if its strain says all.
 
-    A time is None if the path strain alone says the microstructure. Raise InputError if grains
-    follow the stress, and it is not known in advance when a path strain is reached.
+    Raise InputError if grains follow the stress and nobody knows when a path strain is reached.
     """
     if variant_of(priors, experiment).grain_size != "piezometric":
         return [one.time for one in experiment.microstructure]
@@ -213,8 +201,7 @@ class Outputs:
     """Where the solver reports along a test: at readings and sections, in the order of time.
 
     `time`, `leg` (n_outputs,): seconds since the start; leg from 0.
-    `of_readings`, `of_sections`: place of each among them, from 1; 0 of a section that needs no
-        solution.
+    `of_readings`, `of_sections`: their places among them, from 1; 0 if no solution is needed.
     """
 
     time: FloatArray
@@ -224,11 +211,7 @@ class Outputs:
 
 
 def solver_outputs(experiment: HistoryExperiment, sections: Sequence[float | None]) -> Outputs:
-    """Return where the solver reports.
-
-    `sections`: times (s) of sections, None for those that need no solution. A section at the time
-    of a jump of the stress is ahead of it: the sample was taken out at the end of what was before.
-    """
+    """Return where the solver reports, sections (s, or None) ahead of a jump at their time."""
     wanted = np.array([one is not None for one in sections], dtype=np.bool_)
     own = np.array([one for one in sections if one is not None], dtype=np.float64)
     own_leg = np.array([leg_of_times(experiment, own[[k]])[0] for k in range(own.size)], np.int64)
@@ -245,8 +228,7 @@ def solver_outputs(experiment: HistoryExperiment, sections: Sequence[float | Non
 def leg_of_times(experiment: HistoryExperiment, time: FloatArray) -> IntArray:
     """Return the leg, from 0, of times (s) that do not decrease.
 
-    Of equal times at which two legs meet the first is in the leg that ends there, the others are
-    in the one that begins: behind a jump of the stress, if there is one.
+    Of equal times at which two legs meet the first is in the leg that ends there.
     """
     inner = np.array([leg.end_time for leg in experiment.legs[:-1]])
     leg = np.searchsorted(inner, time, side="left")
@@ -276,8 +258,7 @@ def times_of_readings(experiment: HistoryExperiment) -> tuple[FloatArray, IntArr
 def leg_of_readings(experiment: HistoryExperiment) -> IntArray:
     """Return the leg of each reading, from 0."""
     time, place = times_of_readings(experiment)
-    leg: IntArray = leg_of_times(experiment, time)[place]
-    return leg
+    return np.asarray(leg_of_times(experiment, time)[place])
 
 
 def _times_in_legs(
@@ -303,11 +284,7 @@ START_OF_IMAGINED = 1e-3
 
 
 def elements_block(tests: Sequence[tuple[HistoryExperiment | None, PriorSet]]) -> StanData:
-    """Return the elements for some tests: part of the law, place in it, weight.
-
-    `tests`: None for a table of attenuation; priors fixed at the values where a solution is asked
-    for.
-    """
+    """Return part of the law, place in it and weight of each element; None: a table."""
     names = {name for times in RELAXATION_TIMES for name in (times.switch, times.width) if name}
     largest = {name: max(_largest(own[name]) for _, own in tests) for name in names}
     log_times = None
@@ -319,11 +296,7 @@ def elements_block(tests: Sequence[tuple[HistoryExperiment | None, PriorSet]]) -
 
 
 def _log_times(test: HistoryExperiment, priors: PriorSet) -> tuple[float, float]:
-    """Return ln of the shortest and longest relaxation time (s at T_0 and d_K) that counts.
-
-    From a leg, or the first reading of a stage, to the whole test, and further by what temperature
-    and grain size may change the times by.
-    """
+    """Return ln of the shortest and longest relaxation time (s at T_0 and d_K) that counts."""
     shortest = [leg.end_time - leg.start_time for leg in test.legs]
     for place, stage in enumerate(test.stages):
         since = test.time[test.reading_stage == place] - stage.start_time

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from scipy.special import lambertw
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.experiment import FloatArray
-from pyburgers.kinds.limits import departure
+from pyburgers.kinds.experiment_file import departure
 from pyburgers.kinds.loading_history.driver import reading_error
 from pyburgers.kinds.loading_history.readings import Readings, Response
 from pyburgers.kinds.loading_history.stages import (
@@ -33,13 +33,8 @@ def true_readings(
 ) -> Readings:
     """Turn engineering measures into true ones.
 
-    With e the shortening over the first length, positive in compression, the true strain is -ln(1 -
-    e). The true stress is that of `true_stress`. Strain that is read of a sample at rest is no
-    shortening: it is taken off before, and put back. Where it is uncertain, its error is one of e,
-    not turned. `zero`: strain that is read of a sample at rest (fraction), as it is known
-    beforehand. `compliance`: of the apparatus (1/Pa), whose share strains that are read include.
-    Raise InputError if a sample is shortened by all its length, or a stress has no strain beside
-    it.
+    The true strain is -ln(1 - e), with e the shortening over the first length less the strain
+    `zero` of a sample at rest, which is put back. `compliance`: of the apparatus (1/Pa).
     """
     true_strain = readings.strain - zero
     if strain == "engineering":
@@ -63,11 +58,7 @@ def true_readings(
 def true_stress(
     force: FloatArray, strain: FloatArray, compliance: float, *, where: str
 ) -> FloatArray:
-    """Return the true stress σ = f exp(C σ - ε): at constant volume the sample's strain is ε - C σ.
-
-    `force`: f, over the first area (Pa). `compliance`: C of the apparatus (1/Pa). Raise InputError
-    if no stress goes with a force and such a compliance.
-    """
+    """Return the true stress σ = f exp(C σ - ε) of a force f over the first area (Pa)."""
     rigid = force * np.exp(-strain)
     if compliance == 0:
         return np.asarray(rigid)
@@ -85,10 +76,7 @@ MIN_STAGE_READINGS = 3
 
 
 def unlike_imposed(readings: Readings, stages: Sequence[Stage]) -> list[str]:
-    """Say in which stages what was read of the imposed quantity is another one.
-
-    Strains count from the first reading of the stage behind its start.
-    """
+    """Say in which stages what was read of the imposed quantity is another one."""
     legs = legs_of(stages)
     found = []
     for number, stage in enumerate(stages):
@@ -121,8 +109,7 @@ def _imposed(legs: Sequence[Leg], number: int, time: FloatArray) -> FloatArray:
     if own[0].driven == "strain":
         values = np.array([0.0, *imposed_strains(own)[:-1]])
     k = np.searchsorted(starts, time, side="right") - 1
-    imposed: FloatArray = values[k] + np.array([leg.rate for leg in own])[k] * (time - starts[k])
-    return imposed
+    return np.asarray(values[k] + np.array([leg.rate for leg in own])[k] * (time - starts[k]))
 
 
 MAX_EQUAL_DISTANCE = 3.0
@@ -139,10 +126,7 @@ MAX_ZERO_SHARE = 0.01
 
 
 def without_start(found: Response, stages: Sequence[Stage]) -> tuple[Response, list[str]]:
-    """Leave out a reading at the start where no stress jumps there, and say so.
-
-    The state at rest is the same whatever the parameters.
-    """
+    """Leave out a reading at the start, where the model is at rest, unless a stress jumps there."""
     time, stage, value = found
     at_start = time == 0
     if legs_of(stages)[0].start_value != 0 or not at_start.any():
@@ -166,9 +150,9 @@ def without_states_before(
 ) -> tuple[Response, list[str]]:
     """Leave out strains at the time of a jump of the stress that are of the state before it.
 
-    Such a reading is equal to the state before as far as its error tells, and nearer to it than to
-    the next reading. Before the first load the state is that at rest; later it lies between the
-    last reading and the line through the last two.
+    Such a reading equals that state as far as its error tells, and is nearer to it than to the
+    next. Later than the first load the state lies between the last reading and the line through
+    two.
     """
     time, stage, value = found
     legs = legs_of(stages)
@@ -227,11 +211,7 @@ def _state_at(now: float, time: FloatArray, strain: FloatArray) -> tuple[float, 
 
 
 def check_loaded(path: Path, found: Response, stages: Sequence[Stage]) -> None:
-    """Check that something is imposed, and that stresses are not read before.
-
-    Raise InputError if one differs from zero, by more than a small share of the largest stress, or
-    the model is at rest throughout.
-    """
+    """Refuse a test in which nothing is imposed, or stresses are read before anything is."""
     time, stage, value = found
     legs = legs_of(stages)
     first = next((leg for leg in legs if leg.rate != 0 or leg.start_value != 0), None)

@@ -1,0 +1,72 @@
+"""Folders of temporary files, which the next process removes if a kill left them behind."""
+
+import fcntl
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
+
+PREFIX = "pyburgers-scratch-"
+"""Start of a name that nobody else gives to a folder: it may be removed."""
+
+
+@contextmanager
+def scratch_folder(parent: Path | None = None, prefix: str = PREFIX) -> Iterator[Path]:
+    """Give a new folder for as long as the block runs, by default in that of temporary files.
+
+    The process holds a lock on the folder. A folder without a lock was left by a killed process,
+    and the first call of another process in `parent` removes it.
+    """
+    parent = parent or Path(tempfile.gettempdir())
+    _clear_once(parent, prefix, os.getpid())
+    while True:
+        folder = Path(tempfile.mkdtemp(prefix=prefix, dir=parent))
+        held = _lock(folder, fcntl.LOCK_EX)
+        if folder.is_dir():  # else another process cleared it before it had its lock
+            break
+        _release(held)
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+        _release(held)
+
+
+def clear_abandoned(parent: Path, prefix: str = PREFIX) -> None:
+    """Remove folders of this user in `parent` that killed processes left."""
+    for folder in parent.glob(f"{prefix}*"):
+        with suppress(OSError):
+            if folder.is_symlink() or not folder.is_dir() or folder.stat().st_uid != os.getuid():
+                continue
+            held = _lock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if held is not None:
+                shutil.rmtree(folder, ignore_errors=True)
+                _release(held)
+
+
+@cache
+def _clear_once(parent: Path, prefix: str, process: int) -> None:
+    """Clear a folder once in each process."""
+    clear_abandoned(parent, prefix)
+
+
+def _lock(folder: Path, how: int) -> int | None:
+    """Lock a folder; return the open descriptor, None if it is locked or cannot be."""
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+    except OSError:
+        return None
+    try:
+        fcntl.flock(descriptor, how)
+    except OSError:
+        os.close(descriptor)
+        return None
+    return descriptor
+
+
+def _release(descriptor: int | None) -> None:
+    if descriptor is not None:
+        os.close(descriptor)

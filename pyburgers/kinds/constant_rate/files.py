@@ -1,0 +1,431 @@
+"""Files of tests at constant rate: keys, readings put in order, and such tests simulated."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from pyburgers.common.array_types import FloatArray
+from pyburgers.common.columns import Cell, Column, DataFile, TextFilesTable, read_columns
+from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import Table, all_of, read_toml
+from pyburgers.common.units import count_points, units_text
+from pyburgers.kinds.constant_rate.experiment import (
+    ConstantRateExperiment,
+    RateSegment,
+    _strain_at,
+    _time_at,
+    remarks_on,
+)
+from pyburgers.kinds.experiment import MeasuredMicrostructure
+from pyburgers.kinds.experiment_file import (
+    SIGNS_WERE_TURNED,
+    Compression,
+    ExperimentFile,
+    MicrostructureTable,
+    departure,
+    measured_microstructure,
+    shared_values,
+    sign_of,
+    slope_of,
+)
+from pyburgers.kinds.kind import Kind, draw_residuals
+from pyburgers.kinds.likelihood import strains_of
+
+
+class SegmentTable(Table):
+    """One of [[segments]]."""
+
+    strain_rate_per_s: float = Field(gt=0, description="the imposed strain rate in 1/s")
+    start_strain: float = Field(ge=0, description="the strain (fraction) at which the rate starts")
+    file: DataFile | None = Field(None, description="the data file of this segment")
+    rows: dict[str, Cell] | None = Field(
+        None, description="the rows of the data file of the whole test that are of this segment"
+    )
+
+
+class DataTable(TextFilesTable):
+    """The table [data]."""
+
+    file: DataFile | None = Field(None, description="the data file of the whole test")
+    strain_column: Column | None = None
+    strain_unit: str | None = Field(None, description=units_text("strain"))
+    time_column: Column | None = Field(
+        None,
+        description="the time, in place of the strain; beside it, to compare with the stated rates",
+    )
+    time_unit: str | None = Field(None, description=units_text("time"))
+    stress_column: Column
+    stress_unit: str = Field(description=units_text("stress"))
+    stress_uncertainty: float | None = Field(
+        None, gt=0, description="the standard deviation of a reading in the unit of the stress"
+    )
+
+
+class ConstantRateFile(ExperimentFile):
+    """The keys of a file."""
+
+    protocol: Literal["constant_rate"] = Field(description="the kind of test")
+    compression: Compression = Field("positive", description="its sign in the data files")
+    final_strain: float | None = Field(
+        None, gt=0, description="the strain (fraction) at the end of the test"
+    )
+    segments: list[SegmentTable] = Field(min_length=1, description="one table for each rate")
+    data: DataTable | None = Field(None, description="the table that names the data files")
+    microstructure: list[MicrostructureTable] = Field(
+        default_factory=list, description="one table for each strain; in the unit of [data]"
+    )
+
+
+def check_segments(path: Path, segments: Sequence[SegmentTable]) -> None:
+    """Check that segments start at 0 and follow each other."""
+    starts = [segment.start_strain for segment in segments]
+    if starts[0] != 0:
+        raise InputError(
+            f"{path}: key 'start_strain' in [[segments]] number 1: found {starts[0]:g}, expected "
+            "0, the start of the test."
+        )
+    for number, (before, after) in enumerate(itertools.pairwise(starts), start=2):
+        if after <= before:
+            raise InputError(
+                f"{path}: key 'start_strain' in [[segments]] number {number}: found {after:g}, "
+                f"expected more than {before:g}, where the segment before starts."
+            )
+
+
+def check_data_keys(path: Path, file: ConstantRateFile) -> None:
+    """Check that keys about data files fit together."""
+    data, with_file = file.data, [segment.file is not None for segment in file.segments]
+    if data is None:
+        if any(with_file) or any(segment.rows for segment in file.segments):
+            raise InputError(
+                f"{path}: table [data] is missing, expected it because a segment names its data."
+            )
+        if file.final_strain is None:
+            raise InputError(
+                f"{path}: key 'final_strain' is missing, expected the strain (fraction) at the "
+                "end of the test because there is no [data]."
+            )
+        return
+    if data.file is not None and any(with_file):
+        raise InputError(
+            f"{path}: key 'file': found it in [data] and in [[segments]], expected one of the two."
+        )
+    with_rows = [segment.rows is not None for segment in file.segments]
+    if any(with_rows) and (data.file is None or not all(with_rows)):
+        raise InputError(
+            f"{path}: key 'rows' in [[segments]]: expected it in every one of them or in none, and "
+            "with it one 'file' in [data]."
+        )
+    if data.file is None and not all(with_file):
+        raise InputError(
+            f"{path}: key 'file' is missing, expected it in [data] or in every one of [[segments]]."
+        )
+    if data.strain_column is None and data.time_column is None:
+        raise InputError(f"{path}: [data] needs a key 'strain_column' or 'time_column'.")
+    data.check_pairs(path, "strain", "time")
+
+
+JITTER_SHARE = 0.01
+
+
+JITTER_STRAIN = 1e-3
+"""Largest misplacement of a strain that counts as reading error: 1 % of the test's strain range,
+at most 1e-3. A curve digitised from a figure is good to about 1 % of the axis."""
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Points of one data file, or of some of its rows, as read.
+
+    `selection`: words about its rows that were taken, to follow its name; empty for all.
+    `strain`, `stress` (n_rows,): fraction and Pa in the order of the file.
+    `lower`, `upper`: strains between which the points have to lie.
+    `notes`: sentences about what was done to read them.
+    """
+
+    path: Path
+    selection: str
+    strain: FloatArray
+    stress: FloatArray
+    lower: float
+    upper: float
+    notes: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Name of the file and the rows, as notices give it: without the folder."""
+        return f"{self.path.name}{self.selection}"
+
+    @property
+    def place(self) -> str:
+        """The file and the rows in full, as errors give it."""
+        return f"{self.path}{self.selection}"
+
+    @property
+    def range(self) -> str:
+        """Strains between which the points have to lie, in words."""
+        upper = "the end" if np.isinf(self.upper) else f"{self.upper:g}"
+        return f"{self.lower:g} to {upper}"
+
+
+def join_curves(
+    curves: Sequence[Curve], final_strain: float
+) -> tuple[FloatArray, FloatArray, list[str]]:
+    """Return strain (fraction, not decreasing), stress (Pa), each (n_points,), and what was done.
+
+    Raise InputError if strain runs backwards or leaves its range by more than a reading error, or
+    no point lies above zero strain or has a stress.
+    """
+    tolerance = min(JITTER_STRAIN, JITTER_SHARE * final_strain)
+    strains, stresses = [np.empty(0)], [np.empty(0)]
+    notices: list[str] = []
+    for curve in curves:
+        strain, moved = _inside(curve, tolerance)
+        order, sorted_ = _order(curve, strain, tolerance)
+        loaded = order[strain[order] > 0]
+        strains.append(strain[loaded])
+        stresses.append(curve.stress[loaded])
+        notices += [*curve.notes, *moved, *sorted_]
+        if dropped := strain.size - loaded.size:
+            notices.append(
+                f"{curve.name}: {count_points(dropped)} at zero strain dropped, because the model "
+                "is at rest there and its stress is zero whatever the parameters."
+            )
+    strain, stress = np.concatenate(strains), np.concatenate(stresses)
+    if curves and strain.size == 0:
+        raise InputError(f"{curves[0].place}: every point is at zero strain, expected a curve.")
+    if curves and not stress.any():
+        raise InputError(f"{curves[0].place}: every stress is zero, expected a curve.")
+    return strain, stress, notices
+
+
+def unlike_rates(
+    name: str, time: FloatArray, strain: FloatArray, imposed: FloatArray
+) -> tuple[str, ...]:
+    """Say where strain over time (s), each (n_rows,), is not the one that the rates impose then."""
+    far = departure(strain, imposed, float(np.abs([*strain, *imposed]).max()))
+    if far is None:
+        return ()
+    slope = slope_of(time, strain)
+    by_slope = "" if slope is None else f" (its slope is {slope:.3g} 1/s)"
+    return (
+        f"{name}: the strain over time{by_slope} lies up to {far.largest:.3g} from the strain "
+        f"that the stated rates impose, which it leaves at data row {far.first + 1}; check "
+        "units and rates, of which each change starts a segment.",
+    )
+
+
+def _inside(curve: Curve, tolerance: float) -> tuple[FloatArray, list[str]]:
+    """Strains with points a reading error outside the range moved onto its ends, and notices."""
+    strain = np.clip(curve.strain, curve.lower, curve.upper)
+    distance = np.abs(strain - curve.strain)
+    worst = int(np.argmax(distance))
+    if distance[worst] > tolerance:
+        raise InputError(
+            f"{curve.place}: data row {worst + 1}: found strain {curve.strain[worst]:g}, expected "
+            f"{curve.range} (within {tolerance:.2g})."
+        )
+    if distance[worst] == 0:
+        return strain, []
+    return strain, [
+        f"{curve.name}: {count_points(np.count_nonzero(distance))} moved by at most "
+        f"{distance[worst]:.2g} in strain onto the ends of the range from {curve.range}."
+    ]
+
+
+def _order(
+    curve: Curve, strain: FloatArray, tolerance: float
+) -> tuple[npt.NDArray[np.intp], list[str]]:
+    """Stable order of strains that do not truly run backwards, and notices."""
+    backwards = np.maximum.accumulate(strain) - strain
+    worst = int(np.argmax(backwards))
+    if backwards[worst] > tolerance:
+        raise InputError(
+            f"{curve.place}: data row {worst + 1}: found strain {strain[worst]:g}, which runs "
+            f"backwards by {backwards[worst]:.2g}, expected increasing strain "
+            f"(within {tolerance:.2g})."
+        )
+    order = np.argsort(strain, kind="stable")
+    if backwards[worst] == 0:
+        return order, []
+    return order, [
+        f"{curve.name}: {count_points(np.count_nonzero(backwards))} out of order by at most "
+        f"{backwards[worst]:.2g} in strain sorted."
+    ]
+
+
+def load_constant_rate(
+    path: Path, tables: Mapping[str, Any] | None = None
+) -> ConstantRateExperiment:
+    """Read and check the file of a test at constant rate, or its tables, and its readings.
+
+    Strains misplaced by a reading error are put right, points at zero strain are dropped, both with
+    a notice. Where files hold time alone, it counts from the start, and strain follows from the
+    rates. Raise InputError if a file, key, unit or number is not what it has to be.
+    """
+    file = read_toml(path, ConstantRateFile, tables)
+    segments = tuple(RateSegment(s.start_strain, s.strain_rate_per_s) for s in file.segments)
+    values, _, curves = all_of(
+        lambda: shared_values(path, file),
+        lambda: check_segments(path, file.segments),
+        lambda: _read_curves(path, file, segments),
+    )
+    unit, uncertainty = None, None
+    if file.data is not None:
+        unit = file.data.strain_unit
+        uncertainty = file.data.in_si("stress_uncertainty", "stress_unit", "stress", path)
+    microstructure = measured_microstructure(path, file.microstructure, unit, file.final_strain)
+    final_strain = _final_strain(path, file, segments, curves, microstructure)
+    strain, stress, changes = join_curves(curves, final_strain)
+    if file.compression == "negative":
+        changes = [SIGNS_WERE_TURNED, *changes]
+    return ConstantRateExperiment(
+        **values,
+        segments=segments,
+        strain=strain,
+        stress=stress,
+        final_strain=final_strain,
+        stress_uncertainty=uncertainty,
+        microstructure=microstructure,
+        notices=tuple(dict.fromkeys([*file.notices, *changes, *remarks_on(strain, stress)])),
+    )
+
+
+def _read_curves(
+    path: Path, file: ConstantRateFile, segments: Sequence[RateSegment]
+) -> list[Curve]:
+    """Read the data files, in SI units but otherwise as they are."""
+    check_data_keys(path, file)
+    data = file.data
+    if data is None:
+        return []
+    sign = sign_of(file.compression)
+    end = np.inf if file.final_strain is None else file.final_strain
+    bounds = [*(segment.start_strain for segment in segments), end]
+    parts = [
+        (
+            data.model_copy(
+                update={
+                    "file": data.file if segment.file is None else segment.file,
+                    "rows": {**data.rows, **(segment.rows or {})},
+                }
+            ),
+            "[data]" if data.file is not None else f"[[segments]] number {k + 1}",
+            (bounds[k], bounds[k + 1]),
+        )
+        for k, segment in enumerate(file.segments)
+    ]
+    if data.file is not None and file.segments[0].rows is None:
+        parts = [(data, "[data]", (0.0, end))]
+    curves = []
+    for part, named_in, ends in parts:
+        strain, stress, notes = _read_points(
+            path, part, segments, named_in, sign, is_whole=data.file is not None
+        )
+        curves.append(Curve(part.source(path), part.selection, strain, stress, *ends, notes))
+    return curves
+
+
+def _read_points(
+    path: Path,
+    data: DataTable,
+    segments: Sequence[RateSegment],
+    named_in: str,
+    sign: int,
+    *,
+    is_whole: bool,
+) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
+    """Strain (fraction) and stress (Pa) of one file, each of shape (n_rows,), and notes."""
+    source = data.source(path)
+    read = [name for name in ("strain", "time") if getattr(data, f"{name}_column") is not None]
+    names = (*read, "stress")
+    columns = {f"{name}_column": (f"{name}_unit", name) for name in names}
+    values, notes = read_columns(
+        path,
+        data,
+        columns,
+        named_in=named_in,
+        has_own_clock="strain" in read or is_whole or len(segments) == 1,
+    )
+    found = dict(zip(names, values, strict=True))
+    stress, time = sign * found["stress"], found.get("time")
+    if "strain" not in found:
+        return _strain_at(found["time"], segments), stress, notes
+    strain = sign * found["strain"]
+    if np.mean(strain < 0) > 0.5:
+        expected, other = ("positive", "negative")[::sign]
+        raise InputError(
+            f"{source}: column {data.strain_column!r}: found strains to {sign * np.min(strain):g} "
+            f"(fraction), which are {other}, expected {expected} ones: if compression is {other} "
+            f'in this file, write compression = "{other}" in {path}.'
+        )
+    if time is not None:
+        start = _time_at(strain[:1], segments)
+        imposed = _strain_at(time - time[0] + start, segments)
+        notes += unlike_rates(source.name, time, strain, imposed)
+    return strain, stress, notes
+
+
+def _final_strain(
+    path: Path,
+    file: ConstantRateFile,
+    segments: Sequence[RateSegment],
+    curves: Sequence[Curve],
+    microstructure: Sequence[MeasuredMicrostructure],
+) -> float:
+    """Return the end of the protocol: the key, or else the largest strain in the data."""
+    last_start = segments[-1].start_strain
+    last_segment = f"'start_strain' in [[segments]] number {len(segments)}"
+    if file.final_strain is None:
+        seen = [*strains_of(microstructure[-1:]), *(np.max(curve.strain) for curve in curves)]
+        final = float(max(seen, default=0.0))
+        if final <= last_start:
+            raise InputError(
+                f"{path}: key {last_segment} is {last_start:g}, but the data end at strain "
+                f"{final:g}, expected data beyond it or the key 'final_strain'."
+            )
+        return final
+    if file.final_strain <= last_start:
+        raise InputError(
+            f"{path}: key 'final_strain': found {file.final_strain:g}, expected more than "
+            f"{last_start:g}, the {last_segment}."
+        )
+    return file.final_strain
+
+
+class ConstantRate(Kind[ConstantRateExperiment]):
+    """Strain is imposed at rates that change in steps; the response is the stress along it."""
+
+    name = "constant_rate"
+    load = staticmethod(load_constant_rate)
+
+    def without_data(self, experiment: ConstantRateExperiment) -> ConstantRateExperiment:
+        """Return the test without its points."""
+        return replace(experiment, strain=np.empty(0), stress=np.empty(0), microstructure=())
+
+    def known_columns(
+        self, experiment: ConstantRateExperiment, at: FloatArray
+    ) -> Mapping[str, FloatArray]:
+        """Return the times of strains."""
+        return {"time_s": experiment.time_at(at)}
+
+    def with_noise(
+        self,
+        experiment: ConstantRateExperiment,
+        response: FloatArray,
+        values: Mapping[str, float],
+        rng: np.random.Generator,
+    ) -> ConstantRateExperiment:
+        """Put stresses with residuals, which may correlate along strain, in the place of others."""
+        noise = np.full(experiment.n_points, values["stress_noise"])
+        residuals = draw_residuals(experiment, noise, experiment.reading_segment, values, rng)
+        return replace(experiment, stress=response + residuals)
+
+
+KIND = ConstantRate()

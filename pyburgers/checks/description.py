@@ -23,6 +23,13 @@ from pyburgers.checks.discrepancies import (
     discrepancies_of,
     inside_text,
 )
+from pyburgers.checks.discrepancy_sentences import (
+    Row,
+    Told,
+    beside,
+    finding_of,
+    points_of_segment,
+)
 from pyburgers.checks.fit_checks import (
     LEAST_DRAWS,
     CheckedDraws,
@@ -36,13 +43,6 @@ from pyburgers.checks.residual_numbers import (
     offsets,
     segment_parts,
     straight_line,
-)
-from pyburgers.checks.told import (
-    Row,
-    Told,
-    beside,
-    finding_of,
-    points_of_segment,
 )
 from pyburgers.common.draws import TAIL
 from pyburgers.posterior.labelled_draws import response_in

@@ -87,6 +87,12 @@ def load_program(source: Path, *, threads: int = 1) -> "Program":
     ------
     ToolchainError
         If CmdStan or a compiler is missing, or the program does not compile.
+
+    Examples
+    --------
+    >>> _ = Path("one.stan").write_text("generated quantities { real one = 1; }")
+    >>> float(pyburgers.load_program(Path("one.stan")).evaluate({})["one"])
+    1.0
     """
     return Program(compile_program(source, threads=threads > 1), threads)
 

@@ -38,6 +38,11 @@ def shipped_folder(name: str) -> Path:
     -------
     Path
         The folder inside an installed package, else that of the checkout.
+
+    Examples
+    --------
+    >>> (pyburgers.shipped_folder("data") / "ice" / "PIL40.toml").is_file()
+    True
     """
     package = Path(str(importlib.resources.files("pyburgers")))
     inside = package / name

@@ -209,6 +209,12 @@ class Experiment(ABC):
         Sentences about numbers that were changed or doubted during reading.
     true_parameters : mapping of str to float, or None
         Parameters (SI) behind synthetic data.
+
+    Examples
+    --------
+    >>> test = pyburgers.load_experiment(data / "ice" / "PIL40.toml")
+    >>> test.id, test.material, test.n_points
+    ('PIL40', 'ice', 61)
     """
 
     protocol: ClassVar[str]
@@ -375,6 +381,11 @@ class Experiment(ABC):
         """Return the tables of an experiment file in SI, with readings as arrays by column.
 
         A test that is read from them is equal, notices included.
+
+        Examples
+        --------
+        >>> test.tables()["material"]
+        'ice'
         """
         conditions = {
             key: value
@@ -408,6 +419,12 @@ class Experiment(ABC):
         ----------
         path : str or Path
             The file. `pyburgers.load_experiment` reads an equal test from it.
+
+        Examples
+        --------
+        >>> test.to_toml("mine.toml")
+        >>> pyburgers.load_experiment("mine.toml").n_points == test.n_points
+        True
         """
         write_toml(given_path(path), self.tables())
 
@@ -423,6 +440,10 @@ class Experiment(ABC):
         -------
         matplotlib Axes
             As of `pyburgers.plot`.
+
+        Examples
+        --------
+        >>> axes = test.plot()
         """
         return import_module("pyburgers").plot(self, ax)
 

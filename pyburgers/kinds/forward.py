@@ -49,6 +49,12 @@ def load_parameters(path: str | Path) -> dict[str, float]:
     ------
     InputError
         If the file is missing, is no JSON object, or has wrong names or values.
+
+    Examples
+    --------
+    >>> _ = Path("values.json").write_text(json.dumps(dict(values)))
+    >>> pyburgers.load_parameters("values.json") == values
+    True
     """
     return check_parameters(read_json(given_path(path)), where=str(path))
 
@@ -210,6 +216,12 @@ def simulate(
         size lacks its piezometer.
     SamplingError
         If the solver finds no solution.
+
+    Examples
+    --------
+    >>> solution = pyburgers.simulate(test, values, at=[0.001, 0.01])
+    >>> list(solution["strain"])
+    [0.001, 0.01]
     """
     return _solved(experiment, parameters, at, solver)[0]
 

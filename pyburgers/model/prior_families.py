@@ -142,6 +142,11 @@ class Prior:
         Whether the numbers are shares of the largest measured stress, see `PriorSet.resolved`.
     read_off : tuple of str
         Words in the id, source or DOI of the data that the prior was read off.
+
+    Examples
+    --------
+    >>> priors["stress_exponent"].is_fixed
+    True
     """
 
     parameter: str
@@ -174,6 +179,11 @@ class Prior:
         ------
         ValueError
             If the parameter is fixed, or the numbers are still shares of the largest stress.
+
+        Examples
+        --------
+        >>> prior = pyburgers.priors("ice")["stress_exponent"]
+        >>> low, high = prior.distribution().ppf([0.05, 0.95])
         """
         if self.relative_to_max_stress:
             raise ValueError(f"the prior of {self.parameter} needs PriorSet.resolved first")
@@ -203,7 +213,14 @@ class Prior:
     def of_family(
         cls, parameter: str, family: Family, numbers: Mapping[str, float], **others: Any
     ) -> Self:
-        """Return a prior from the numbers of its family; `others` are the remaining fields."""
+        """Return a prior from the numbers of its family; `others` are the remaining fields.
+
+        Examples
+        --------
+        >>> prior = pyburgers.Prior.of_family(
+        ...     "stress_exponent", "normal", {"location": 3, "scale": 1}, unit="1", source="mine"
+        ... )
+        """
         lower = numbers.get("lower", FAMILIES[family].least)
         upper = numbers.get("upper", math.inf)
         if family == "uniform":

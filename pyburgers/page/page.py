@@ -101,7 +101,9 @@ def write_report(
 
     Examples
     --------
-    >>> pyburgers.write_report([fit], Path("page"), title="Creep", command="python my_script.py")
+    >>> page = pyburgers.write_report(
+    ...     [fit], Path("page"), title="Creep", command="python my_script.py"
+    ... )
     """
     if not fits and not told:
         raise InputError(f"{out}: a report needs at least one run, found none.")

@@ -47,6 +47,10 @@ def report(
     ------
     InputError
         If there is nothing to show, or the folder cannot be written or holds something else.
+
+    Examples
+    --------
+    >>> page = pyburgers.report([fit, other], "page.html", title="Two curves")
     """
     path = given_path(path)
     is_file = path.suffix == ".html"

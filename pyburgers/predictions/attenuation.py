@@ -113,6 +113,14 @@ def attenuation_spectrum(
         or condition is out of range.
     ToolchainError
         If CmdStan or a compiler is missing.
+
+    Examples
+    --------
+    >>> spectrum = pyburgers.attenuation_spectrum(
+    ...     values, [0.01, 0.1], [pyburgers.Regime(1e6, 1e5)], temperature=260.0, grain_size=2e-4
+    ... )
+    >>> spectrum["tan_delta"].shape
+    (1, 2)
     """
     draws, size, fabric = checked_inputs(parameters, temperature, grain_size, fabric_factor)
     frequency = checked_frequencies(frequencies)
@@ -220,7 +228,7 @@ def predict_attenuation(
     Examples
     --------
     >>> spectrum = pyburgers.predict_attenuation(fit, [0.001, 0.01, 0.1])
-    >>> spectrum["tan_delta"].median(("chain", "draw"))
+    >>> middle = spectrum["tan_delta"].median(("chain", "draw"))
     """
     material = fitted_material(
         fit,

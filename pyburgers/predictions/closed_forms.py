@@ -73,6 +73,14 @@ def flow_rate(
         If a number is not finite.
     ToolchainError
         If CmdStan or a compiler is missing.
+
+    Examples
+    --------
+    >>> law = {"stress_exponent": 4.0, "grain_size_exponent": 0.4,
+    ...        "activation_enthalpy": 62e3, "beta": -7.29e-4}
+    >>> rate = pyburgers.flow_rate(law, [1e6, 2e6], temperature=263.0, grain_size=1e-3)
+    >>> round(float(rate[1] / rate[0]), 6)
+    16.0
     """
     draws = {
         name: np.asarray(parameters[name], dtype=np.float64)

@@ -64,6 +64,10 @@ class Regime:
     ------
     InputError
         If one of the two is out of range or not finite.
+
+    Examples
+    --------
+    >>> regime = pyburgers.Regime(median_stress=1e6, amplitude=0.2e6)
     """
 
     median_stress: float

@@ -28,7 +28,7 @@ from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.arrhenius import GAS_CONSTANT, log_slowdown
 from pyburgers.model.closed_forms import closed_forms
-from pyburgers.model.laws import KELVIN_LAWS
+from pyburgers.model.laws import KELVIN_LAWS, SPECTRUM_PARAMETERS
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.prior_families import fixed_prior
 from pyburgers.model.priors import PriorSet, default_priors
@@ -73,8 +73,7 @@ def imagined_test(legs: Sequence[Sequence[float]]) -> HistoryExperiment:
 def fixed_at(values: Mapping[str, float]) -> PriorSet:
     """Priors that fix everything the Kelvin part has."""
     names = {
-        *KELVIN_LAWS["extended_peak"].parameters,
-        *KELVIN_LAWS["andrade"].parameters,
+        *SPECTRUM_PARAMETERS,
         "kelvin_activation_enthalpy",
         "kelvin_grain_size_exponent",
         "kelvin_reference_temperature",

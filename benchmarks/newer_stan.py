@@ -24,7 +24,7 @@ import numpy.typing as npt
 import pandas as pd
 from sampling import ROOT, markdown
 
-from pyburgers.cmdstan.program import load_program
+from pyburgers.cmdstan.program import Density, load_program
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.likelihood import likelihoods
 from pyburgers.kinds.problem import problem_of
@@ -107,7 +107,7 @@ def _row(name: str, executable: Path) -> dict[str, str]:
     points = rng.normal(0.0, SPREAD, (POINTS, precise["n_coordinates"]))
     solved, drawn = program.generate_at(precise, "coordinate", points, digits=17)
     points, density = points[solved], drawn["log_density"].ravel()
-    slopes = program.gradients(precise, "coordinate", points)
+    slopes = Density(program, precise).gradients(points)
     newer, _ = _newer(executable, precise, points, 1)
     data = program_data(problem, solver=SolverOptions())
     once, often = (_newer(executable, data, points, n)[1] for n in (1, TIMED + 1))

@@ -28,8 +28,7 @@ from pyburgers.kinds.problem import one_test
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, FlowLawPrior
 from pyburgers.model.parameters import STRESS_SCATTER
 from pyburgers.model.priors import PriorSet, with_flow_law
-from pyburgers.sbc.convergence import lengthened
-from pyburgers.sbc.data_sets import DataSetPlan, Simulated, fit_and_rank
+from pyburgers.sbc.data_sets import DataSetPlan, Simulated, fit_and_rank, lengthened
 from pyburgers.sbc.replication import Replication
 
 LARGEST_RATIO = 3.0

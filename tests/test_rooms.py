@@ -10,6 +10,7 @@ from pathlib import Path
 from pyburgers.drawing.view import View, views
 from pyburgers.kinds.kind import Kind, kinds
 from pyburgers.kinds.likelihood import NAMES, Likelihood, likelihoods
+from pyburgers.sampling.options import COORDINATES
 
 PACKAGE = Path(__file__).parents[1] / "pyburgers"
 
@@ -24,9 +25,9 @@ ROOMS = (
     "drawing",
     "checks",
     "posterior",
-    "sampling",
     "kinds",
     "model",
+    "sampling",
     "cmdstan",
     "common",
 )
@@ -197,3 +198,8 @@ def test_files_are_short() -> None:
     texts = {file: EXAMPLE.sub("", file.read_text(encoding="utf-8")) for file in files}
     lengths = {file: len(text.splitlines()) for file, text in texts.items()}
     assert {file: n for file, n in lengths.items() if n > LONGEST_FILE} == {}
+
+
+def test_every_chart_can_be_asked_for_by_its_name() -> None:
+    charts = {likelihood.chart.name for likelihood in likelihoods().values()}
+    assert {"auto", "plain", *charts} == {*COORDINATES}

@@ -13,7 +13,6 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.common.draws import TAIL
-from pyburgers.kinds.stan_data import OtherMode
 from pyburgers.posterior.labelled_draws import (
     convergence_table,
     groups_of_tests,
@@ -21,7 +20,7 @@ from pyburgers.posterior.labelled_draws import (
     response_in,
     sampled_draws,
 )
-from pyburgers.sampling.manifest import ChainFailure
+from pyburgers.sampling.manifest import ChainFailure, OtherMode
 
 
 class CheckKind(Enum):

@@ -5,9 +5,9 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckedDraws, CheckKind, Finding, Outcome, check
-from pyburgers.kinds.stan_data import OtherMode
 from pyburgers.model.display import shown_quantity, unit_after_number
 from pyburgers.posterior.labelled_draws import groups_of_tests
+from pyburgers.sampling.manifest import OtherMode
 
 LEAST_WEIGHT = 0.01
 """Over that of the mode where chains begin: below it a mode is no part of what is reported."""

@@ -1,15 +1,19 @@
 """`pyburgers report`: one page about runs."""
 
 import argparse
+import logging
 from pathlib import Path
 
 from pyburgers.cli.shared import command_line
+from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import PeakStressFit, is_peak_stress_run
 from pyburgers.page.names import file_key, names_of_runs
 from pyburgers.page.peak_stress_section import PEAK_STRESS_KEY
 from pyburgers.page.report import report
+
+logger = logging.getLogger(__name__)
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -33,12 +37,24 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    of_tables = [one for one in options.directories if is_peak_stress_run(one)]
-    loaded = [Fit.load(one) for one in options.directories if one not in of_tables]
+    loaded, of_tables, damaged = list[Fit](), list[PeakStressFit](), list[InputError]()
+    for one in options.directories:
+        try:
+            if is_peak_stress_run(one):
+                of_tables.append(PeakStressFit.load(one))
+            else:
+                loaded.append(Fit.load(one))
+        except InputError as error:
+            damaged.append(error)
+    if damaged and not loaded and not of_tables:
+        raise damaged[0]
+    names = names_of_runs([fit.directory.path for fit in of_tables])
     tables = {
-        f"{PEAK_STRESS_KEY}_{file_key(name)}": PeakStressFit.load(directory)
-        for name, directory in zip(names_of_runs(of_tables), of_tables, strict=True)
+        f"{PEAK_STRESS_KEY}_{file_key(name)}": fit
+        for name, fit in zip(names, of_tables, strict=True)
     }
     page = report(loaded, options.out, title=options.title, command=command_line(), tables=tables)
+    for one in damaged:
+        logger.info(f"{one} The page is about the other runs.")
     print(shown(f"The page is {page}"))
-    return 0
+    return InputError.exit_code if damaged else 0

@@ -20,8 +20,7 @@ from pyburgers.kinds.kind import load_experiment
 from pyburgers.model.pooling import parse_pooling
 from pyburgers.model.priors import load_priors
 from pyburgers.model.variants import parse_choices, with_variant
-from pyburgers.sbc.convergence import LONGER
-from pyburgers.sbc.data_sets import SHORT_RUN, DataSetPlan, Range, calibration_priors
+from pyburgers.sbc.data_sets import LONGER, SHORT_RUN, DataSetPlan, Range, calibration_priors
 from pyburgers.sbc.results import (
     count_sentences,
     rank_differences,

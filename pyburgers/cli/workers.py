@@ -1,8 +1,10 @@
 """Options about workers: processes of this machine or of Dask, and the part of the tasks."""
 
 import argparse
+import logging
 import re
 from collections.abc import Iterator
+from concurrent.futures import CancelledError
 from contextlib import contextmanager
 
 from pyburgers.common.errors import InputError, SystemFailureError
@@ -55,7 +57,7 @@ def workers_of(options: argparse.Namespace) -> Iterator[Workers]:
     """Return who does the tasks while the block runs.
 
     Raises InputError if there are no such workers, or Dask is not installed; SystemFailureError if
-    workers were lost again and again.
+    the scheduler was lost, or workers again and again.
     """
     address: str | None = options.scheduler
     if address is None:
@@ -65,6 +67,7 @@ def workers_of(options: argparse.Namespace) -> Iterator[Workers]:
         raise InputError("--jobs: does not go with --scheduler, whose workers are what they are.")
     try:
         from distributed import Client, KilledWorker
+        from distributed.comm.core import CommClosedError
     except ModuleNotFoundError as error:
         raise InputError(
             "--scheduler: Dask is not installed; get it with pip install '.[cluster]' in the "
@@ -74,6 +77,7 @@ def workers_of(options: argparse.Namespace) -> Iterator[Workers]:
         client = Client(address, timeout=ANSWER_SECONDS)
     except (OSError, ValueError) as error:
         raise InputError(f"--scheduler {address}: no scheduler of Dask answers there.") from error
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # errors are told here
     with client:
         # Equal tasks are not one: each writes its own folder.
         executor = client.get_executor(pure=False)
@@ -83,4 +87,10 @@ def workers_of(options: argparse.Namespace) -> Iterator[Workers]:
             raise SystemFailureError(
                 f"--scheduler {address}: several workers ended during the same task; see what "
                 "they wrote, then run the same command again: it does only what is missing."
+            ) from error
+        except (CancelledError, CommClosedError) as error:
+            raise SystemFailureError(
+                f"--scheduler {address}: the scheduler was lost; its workers may still run, so end "
+                "them, start scheduler and workers again, then run the same command with the new "
+                "address: it does only what is missing."
             ) from error

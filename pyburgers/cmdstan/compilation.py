@@ -37,10 +37,10 @@ from pyburgers.common.atomic_files import (
     sha256_of_json,
     write_json,
 )
-from pyburgers.common.errors import InputError, ToolchainError
+from pyburgers.common.errors import ToolchainError
 from pyburgers.common.locks import process_lock
 from pyburgers.common.scratch import scratch_folder
-from pyburgers.common.toml_files import Table, read_json_table
+from pyburgers.common.toml_files import Table
 
 logger = logging.getLogger(__name__)
 
@@ -127,7 +127,7 @@ def _read(path: Path) -> str:
 
 def recorded_recipe(executable: Path) -> str:
     """Return the hash of what decides the results of a compiled program, wherever CmdStan lies."""
-    return read_json_table(_record_file(executable), _Record).recipe
+    return _record(executable).recipe
 
 
 def _key(sources: _Sources, tools: Toolchain) -> str:
@@ -187,19 +187,24 @@ def _record_file(executable: Path) -> Path:
     return executable.with_name(f".{executable.name}.json")
 
 
+def _record(executable: Path) -> _Record:
+    """Read what is noted beside an executable; raise ValueError or OSError if it was damaged."""
+    return _Record.model_validate_json(_record_file(executable).read_bytes())
+
+
 def _is_whole(executable: Path, sources: str | None = None) -> bool:
     """Tell whether an executable is as it was compiled, and of the sources if they are given.
 
     A full disk or a copy of the cache can leave one that does not run.
     """
     try:
-        record = read_json_table(_record_file(executable), _Record)
+        record = _record(executable)
         return (
             sources in (None, record.sources)
             and os.access(executable, os.X_OK)
             and sha256_of_file(executable) == record.sha256
         )
-    except (InputError, OSError):
+    except (ValueError, OSError):
         return False
 
 

@@ -1,4 +1,4 @@
-"""A compiled Stan program, and every way in which CmdStan runs it.
+"""A compiled Stan program, every way in which CmdStan runs it, and the log density of its data.
 
 cmdstanpy writes and reads the files of CmdStan and installs it. Its `CmdStanModel` does not run the
 programs, for five reasons. An interrupt leaves CmdStan running. The signal that ended a program is
@@ -9,8 +9,9 @@ takes eight times as long.
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +32,8 @@ from pyburgers.common.processes import Running, cores, side_by_side, start
 from pyburgers.common.scratch import scratch_folder
 
 __all__ = [
+    "Density",
+    "Ending",
     "ModeNotFound",
     "Program",
     "Unsolved",
@@ -45,6 +48,21 @@ ALL_DIGITS = 17
 
 DATA, POSITION, OUTPUT, TRACE = "data.json", "position.json", "output.csv", "trace.csv"
 """Files of one run."""
+
+DIFFERENCE = 0.05
+"""Step of the central differences; coordinates are O(1)."""
+
+LARGEST_STEP = 4.0
+"""In posterior standard deviations, beyond which differences are taken again with smaller steps."""
+
+SMALL_STEP = 0.25
+"""Of those, in standard deviations as the differences before have them."""
+
+N_REFINEMENTS = 4
+"""Each is worth a factor of ten or more in the width of the narrowest direction."""
+
+LEAST_CURVATURE = 0.15
+"""Floor of the eigenvalues: flat directions are about as wide as a logistic prior, sd 1.8-2.6."""
 
 
 class Unsolved(SamplingError):  # noqa: N818 - an outcome, at some points
@@ -155,71 +173,13 @@ class Program:
         Raises SamplingError if the program stops with an error.
         """
         with _inputs(data, position) as folder:
-            self._run(
+            self.run(
                 folder,
                 ["method=sample", "num_samples=1", "algorithm=fixed_param"],
                 seed=seed,
                 failure="The forward solution failed at these parameters",
             )
             return read_draws([folder / OUTPUT]).at(0)
-
-    def optimise(
-        self, data: Mapping[str, object], position: Mapping[str, object], *, seed: int
-    ) -> tuple[float, dict[str, FloatArray]]:
-        """Climb from a position with L-BFGS; return log density and variables at the end.
-
-        The end need not be a maximum. Raises SamplingError if the program stops with an error, as
-        when the climb leaves the region with solutions.
-        """
-        with _inputs(data, position) as folder:
-            method = ["method=optimize", "algorithm=lbfgs", "iter=5000"]
-            # A line search that fails ends the climb where it is, often at the maximum.
-            end = "Line search failed"
-            self._run(folder, method, seed=seed, failure="The optimiser failed", tolerated=end)
-            draws = read_draws([folder / OUTPUT])
-            return float(draws["lp__"][0, 0]), draws.at(0)
-
-    def ends(
-        self, data: Mapping[str, object], starts: Iterable[Mapping[str, object]], *, seed: int
-    ) -> list[tuple[float, dict[str, FloatArray]]]:
-        """Climb from every start and return the ends as `optimise` does, the best first.
-
-        Raises ModeNotFound if the optimiser fails from all starts.
-        """
-        found: list[tuple[float, dict[str, FloatArray]]] = []
-        n_starts = 0
-        for initial in starts:
-            n_starts += 1
-            # The optimiser may leave the region where the solver finds a solution.
-            with suppress(SamplingError):
-                found.append(self.optimise(data, initial, seed=seed))
-        if not found:
-            raise ModeNotFound(f"the optimiser failed from all {n_starts} starts")
-        return sorted(found, key=lambda end: end[0], reverse=True)
-
-    def gradients(
-        self, data: Mapping[str, object], name: str, points: Sequence[FloatArray] | FloatArray
-    ) -> FloatArray:
-        """Return gradients of the log density, shape (n_points, n_coordinates), to six digits.
-
-        The only parameter of the program is the unbounded vector `name`. Raises SamplingError if
-        the log density is not finite at a point.
-        """
-        # CmdStan records the gradient of one step of vanishing length. Its method log_prob, which
-        # takes points as they are, came later than `MINIMUM_VERSION`.
-        method = [
-            *("method=sample", "num_samples=1", "num_warmup=0", "algorithm=hmc", "engine=nuts"),
-            *("max_depth=1", "stepsize=1e-14", "adapt", "engaged=0"),
-        ]
-        found = []
-        with _inputs(data) as folder:
-            for point in points:
-                write_stan_json(str(folder / POSITION), {name: point})
-                self._run(folder, method, seed=1, failure="There is no gradient here")
-                # Of the potential, which is minus the log density.
-                row = pd.read_csv(folder / TRACE, comment="#").iloc[0].filter(regex="^g_")
-                found.append(-row.to_numpy(dtype=np.float64))
-        return np.array(found)
 
     def generate(
         self,
@@ -296,10 +256,10 @@ class Program:
         values = np.concatenate([part.values for part in parts], axis=1)
         return solved, Draws(parts[0].variables, values)
 
-    def _run(
+    def run(
         self, folder: Path, method: Sequence[str], *, seed: int, failure: str, tolerated: str = ""
     ) -> None:
-        """Run the program to its end in a folder of `_inputs`; raise what it came to otherwise."""
+        """Run the program to its end in a folder of `_inputs`; raise SamplingError if it fails."""
         running = self.start(
             method,
             data=folder / DATA,
@@ -313,6 +273,137 @@ class Program:
         running.require_not_killed()
         if running.failed and not (tolerated and tolerated in running.printed()):
             raise SamplingError(f"{failure}: {running.console_tail()}")
+
+
+@dataclass(frozen=True, eq=False)
+class Ending:
+    """Where a climb has ended: log density, place, (n_coordinates,), and all variables there."""
+
+    log_density: float
+    place: FloatArray
+    variables: Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True)
+class Density:
+    """Log density of a program with its data, at points of its one parameter, an unbounded vector.
+
+    `parameter` is the name of the vector. A place has the shape (n_coordinates,), points have
+    (n_points, n_coordinates).
+    """
+
+    program: Program
+    data: Mapping[str, Any]
+    parameter: str = "coordinate"
+
+    def with_data(self, changes: Mapping[str, object]) -> "Density":
+        """Return the density with other entries of the data."""
+        return replace(self, data={**self.data, **changes})
+
+    def variables_at(self, place: FloatArray) -> dict[str, FloatArray]:
+        """Return every variable at a place; raise SamplingError where there is no solution."""
+        return self.program.evaluate(self.data, {self.parameter: place.tolist()})
+
+    def generated_at(self, points: FloatArray) -> tuple[npt.NDArray[np.bool_], Draws]:
+        """Return which points are solved, and the variables there (`Program.generate_at`)."""
+        return self.program.generate_at(self.data, self.parameter, points, ALL_DIGITS)
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """Return the log density, (n_points,), minus infinity where there is no solution."""
+        solved, drawn = self.generated_at(points)
+        found = np.full(len(points), -np.inf)
+        if solved.any():
+            found[solved] = drawn["log_density"][0]
+        return np.where(np.isnan(found), -np.inf, found)
+
+    def gradients(self, points: FloatArray) -> FloatArray:
+        """Return gradients, (n_points, n_coordinates), to six digits.
+
+        Raises SamplingError if the log density is not finite at a point.
+        """
+        # CmdStan records the gradient of one step of vanishing length. Its method log_prob, which
+        # takes points as they are, came later than `MINIMUM_VERSION`.
+        method = [
+            *("method=sample", "num_samples=1", "num_warmup=0", "algorithm=hmc", "engine=nuts"),
+            *("max_depth=1", "stepsize=1e-14", "adapt", "engaged=0"),
+        ]
+        found = []
+        with _inputs(self.data) as folder:
+            for point in points:
+                write_stan_json(str(folder / POSITION), {self.parameter: point})
+                self.program.run(folder, method, seed=1, failure="There is no gradient here")
+                # Of the potential, which is minus the log density.
+                row = pd.read_csv(folder / TRACE, comment="#").iloc[0].filter(regex="^g_")
+                found.append(-row.to_numpy(dtype=np.float64))
+        return np.array(found)
+
+    def curvature(self, centre: FloatArray, steps: FloatArray | None = None) -> FloatArray:
+        """Return the symmetric Hessian of minus the log density, by differences of gradients.
+
+        The columns of `steps`, (n_coordinates, n_coordinates), are the steps of the central
+        differences; by default `DIFFERENCE` along each coordinate.
+        """
+        if steps is None:
+            steps = DIFFERENCE * np.eye(centre.size)
+        after, before = (self.gradients(centre + shift) for shift in (steps.T, -steps.T))
+        hessian = -np.linalg.solve(2 * steps.T, after - before)
+        symmetric: FloatArray = (hessian + hessian.T) / 2
+        return symmetric
+
+    def laplace(self, mode: FloatArray) -> FloatArray:
+        """Return the covariance of the Laplace approximation at a mode, a square matrix.
+
+        It is the inverse of the Hessian of minus the log density, whose eigenvalues are kept above
+        `LEAST_CURVATURE`.
+        """
+        steps: FloatArray = DIFFERENCE * np.eye(mode.size)
+        for _ in range(1 + N_REFINEMENTS):
+            curvature, axes = np.linalg.eigh(self.curvature(mode, steps))
+            covariance: FloatArray = (axes / np.maximum(curvature, LEAST_CURVATURE)) @ axes.T
+            widths = np.linalg.cholesky(covariance)
+            if np.linalg.norm(np.linalg.solve(widths, steps), axis=0).max() <= LARGEST_STEP:
+                break
+            steps = np.asarray(SMALL_STEP * widths, dtype=np.float64)
+        return covariance
+
+    def expected_rise(self, place: FloatArray, covariance: FloatArray) -> float:
+        """Return the rise from a place to the mode of its quadratic approximation there."""
+        (gradient,) = self.gradients(place[np.newaxis])
+        return float(gradient @ covariance @ gradient) / 2
+
+    def climb(self, start: FloatArray, *, seed: int) -> Ending:
+        """Climb from a place with L-BFGS; the end need not be a maximum.
+
+        Raises SamplingError if the program stops with an error, as when the climb leaves the region
+        with solutions.
+        """
+        with _inputs(self.data, {self.parameter: start.tolist()}) as folder:
+            method = ["method=optimize", "algorithm=lbfgs", "iter=5000"]
+            # A line search that fails ends the climb where it is, often at the maximum.
+            end = "Line search failed"
+            self.program.run(
+                folder, method, seed=seed, failure="The optimiser failed", tolerated=end
+            )
+            draws = read_draws([folder / OUTPUT])
+            variables = draws.at(0)
+            place = np.atleast_1d(variables[self.parameter])
+            return Ending(float(draws["lp__"][0, 0]), place, variables)
+
+    def ends(self, starts: Iterable[FloatArray], *, seed: int) -> list[Ending]:
+        """Climb from every start and return the ends, the best first.
+
+        Raises ModeNotFound if the optimiser fails from all starts.
+        """
+        found: list[Ending] = []
+        n_starts = 0
+        for place in starts:
+            n_starts += 1
+            # The optimiser may leave the region where the solver finds a solution.
+            with suppress(SamplingError):
+                found.append(self.climb(place, seed=seed))
+        if not found:
+            raise ModeNotFound(f"the optimiser failed from all {n_starts} starts")
+        return sorted(found, key=lambda end: end.log_density, reverse=True)
 
 
 @contextmanager

@@ -338,31 +338,41 @@ def _column(
 
 
 WRITTEN_LAYOUT = MappingProxyType({"separator": ",", "header": True, "missing": []})
-"""Keys of a table [data] that describe what `write_columns` writes."""
+"""Keys of a table [data] that describe what `columns_text` returns."""
 
 
-def write_data(directory: Path, data: Mapping[str, Any]) -> dict[str, Any]:
-    """Write columns in memory as text files; return a table [data] that names the files.
+def data_files(
+    data: Mapping[str, Any] | None,
+) -> tuple[dict[str, Any] | None, dict[str, str]]:
+    """Return a table [data] that names files for its columns in memory, and their texts by name.
 
     The columns of the key ``file`` go to ``experiment.csv``, of ``NAME_file`` to
     ``experiment_NAME.csv``.
     """
+    if data is None:
+        return None, {}
     named: dict[str, Any] = {**data, **WRITTEN_LAYOUT}
+    texts = {}
     for key, columns in data.items():
         if isinstance(columns, Mapping):
             named[key] = f"experiment_{key}".removesuffix("_file") + ".csv"
-            write_columns(directory / named[key], columns)
-    return named
+            texts[named[key]] = columns_text(columns)
+    return named, texts
 
 
-def write_columns(path: Path, columns: Mapping[str, Sequence[float] | FloatArray]) -> None:
-    """Write columns with a header, separated by commas, that read back to the same numbers.
+def columns_text(columns: Mapping[str, Sequence[float] | FloatArray]) -> str:
+    """Return columns with a header, separated by commas, that read back to the same numbers.
 
     The cells of NaN are empty.
     """
     rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
     lines = [",".join(columns), *(",".join(map(_written, row)) for row in rows)]
-    write_text(path, "\n".join(lines) + "\n")
+    return "\n".join(lines) + "\n"
+
+
+def write_columns(path: Path, columns: Mapping[str, Sequence[float] | FloatArray]) -> None:
+    """Write a file of `columns_text`."""
+    write_text(path, columns_text(columns))
 
 
 def _written(number: float) -> str:

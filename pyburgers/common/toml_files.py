@@ -182,8 +182,13 @@ def _known(unit: str, units: Mapping[str, T], quantity: str, where: str) -> T:
 
 
 def write_toml(path: Path, table: Mapping[str, Any]) -> None:
-    """Write a table, without what is None, as a file that `tomllib` reads back to equal values."""
-    write_text(path, tomli_w.dumps(without_none(table)))
+    """Write a file of `toml_text`."""
+    write_text(path, toml_text(table))
+
+
+def toml_text(table: Mapping[str, Any]) -> str:
+    """Return a table, without what is None, as text that `tomllib` reads back to equal values."""
+    return tomli_w.dumps(without_none(table))
 
 
 def without_none(table: Mapping[str, Any]) -> dict[str, Any]:

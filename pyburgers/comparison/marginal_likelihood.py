@@ -19,14 +19,13 @@ from scipy.stats import multivariate_normal
 
 from pyburgers.checks.prior_sentences import read_off_sentences
 from pyburgers.cmdstan.draw_files import read_draws
-from pyburgers.cmdstan.program import load_program
+from pyburgers.cmdstan.program import Density, load_program
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.comparison.results import LogIntegral
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, solver_block
 from pyburgers.posterior.labelled_draws import relative_efficiency
-from pyburgers.sampling.densities import log_density_at
 
 logger = logging.getLogger(__name__)
 
@@ -68,8 +67,8 @@ def log_marginal_likelihood(fit: Fit) -> LogIntegral:
         data = run.read_stan_data()
     stats = fit.posterior["sample_stats"].to_dataset()
     at_reference = (stats["lp"] + stats["solver_log_ratio"]).transpose("chain", "draw").to_numpy()
-    data = {**data, **solver_block(REFERENCE_SOLVER)}
     program = load_program(fit.problem.likelihood.program)
+    density = Density(program, {**data, **solver_block(REFERENCE_SOLVER)})
     logger.info(f"Marginal likelihood of {fit.manifest['experiment']}: bridge sampling.")
     for sentence in read_off_sentences(fit.read_off):
         logger.info(f"note: {sentence}")
@@ -77,7 +76,7 @@ def log_marginal_likelihood(fit: Fit) -> LogIntegral:
         draws,
         # A draw without solution at the reference tolerance has no density there.
         np.where(np.isnan(at_reference), -np.inf, at_reference),
-        lambda points: log_density_at(program, data, points),
+        density.at,
         seed=fit.manifest["sampler"]["seed"],
     )
 

@@ -9,8 +9,8 @@ from pyburgers.common.atomic_files import sha256_of_json
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
-from pyburgers.kinds.stan_data import decisive
 from pyburgers.posterior.labelled_draws import MICROSTRUCTURE
+from pyburgers.sampling.run import decisive
 
 STACKING_TOLERANCE = 1e-8
 MAX_STACKING_STEPS = 100_000

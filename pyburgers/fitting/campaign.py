@@ -5,11 +5,12 @@ The folder of a campaign holds ``runs/NAME/``, the run directory of each fit, ``
 on any machines, can work on the same campaign.
 """
 
+import logging
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import pandas as pd
 from pydantic import Field
@@ -25,15 +26,16 @@ from pyburgers.kinds.together import priors_for
 from pyburgers.model.priors import note_other_material
 from pyburgers.model.variants import with_variant
 from pyburgers.sampling.manifest import COMPLETE
-from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.options import SamplerOptions, options_table
 from pyburgers.sampling.run_directory import RunDirectory
 
-DEFAULTS = SamplerOptions()
+logger = logging.getLogger(__name__)
 
 SHIPPED = "default"
 """Stands in a plan for the priors that come with the package."""
 
-NOT_BEGUN = "not begun"
+NOT_BEGUN, DAMAGED = "not begun", "damaged"
+"""Status of runs that have no manifest, or cannot be read."""
 
 LONGEST_NAME = 200
 """Letters of the name of a run, which is that of a folder."""
@@ -41,18 +43,10 @@ LONGEST_NAME = 200
 Name = Annotated[str, Field(pattern=NAME)]
 
 
-class _SamplerTable(Table):
-    """Settings of the sampler that all fits of a campaign share; those of `SamplerOptions`."""
-
-    chains: int = DEFAULTS.chains
-    warmup: int | None = None
-    draws: int = DEFAULTS.draws
-    adapt_delta: float | None = None
-    max_treedepth: int = DEFAULTS.max_treedepth
-    coordinates: str = DEFAULTS.coordinates
-    max_minutes: float | None = None
-    chain_timeout: float | None = None
-    threads_per_chain: int = DEFAULTS.threads_per_chain
+if TYPE_CHECKING:
+    SamplerTable = Table
+else:
+    SamplerTable = options_table(settled=False, without={"seed", "parallel_chains"})
 
 
 class _PlanFile(Table):
@@ -72,7 +66,7 @@ class _PlanFile(Table):
     )
     pool: dict[str, str] = Field({}, description="how joint fits pool parameters")
     seeds: list[int] = Field([1], min_length=1, description="a list of whole numbers")
-    sampler: _SamplerTable = Field(_SamplerTable(), description="settings of the sampler")
+    sampler: SamplerTable = Field(SamplerTable(), description="settings of the sampler")
 
 
 @dataclass(frozen=True)
@@ -168,12 +162,16 @@ def status_table(campaign: Campaign, out: Path) -> pd.DataFrame:
 def _status(folder: Path, one: Combination, task: Task) -> dict[str, Any]:
     """Return the row of a fit."""
     run = RunDirectory(folder)
-    begun = run.manifest_file.is_file()
-    status = run.read_manifest().get("status", NOT_BEGUN) if begun else NOT_BEGUN
-    chains = run.chain_records()
-    verdicts = {}
-    if status == COMPLETE and run.checks_file.is_file():
-        verdicts = read_json(run.checks_file).get("verdicts", {})
+    status, chains, verdicts = NOT_BEGUN, dict[str, Any](), dict[str, Any]()
+    try:
+        if run.manifest_file.is_file():
+            status = run.read_manifest().get("status", NOT_BEGUN)
+        chains = run.chain_records()
+        if status == COMPLETE and run.checks_file.is_file():
+            verdicts = read_json(run.checks_file).get("verdicts", {})
+    except (InputError, OSError) as error:
+        logger.info(f"{one.name} is damaged: {error}")
+        status = DAMAGED
     return {
         "test": one.test,
         "variant": one.variant,

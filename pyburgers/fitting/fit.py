@@ -21,6 +21,7 @@ from pyburgers.fitting.new_test import Source
 from pyburgers.fitting.plots import FitPlots
 from pyburgers.fitting.prediction import Prediction, predict_test
 from pyburgers.fitting.prior_draws import prior_groups
+from pyburgers.fitting.problem_run import run_chains
 from pyburgers.fitting.sampled_fit import (
     SampledFit,
     data_words,
@@ -45,11 +46,10 @@ from pyburgers.posterior.labelled_draws import (
     own_name,
     summary_table,
 )
-from pyburgers.sampling.extensions import require_extendable
 from pyburgers.sampling.manifest import FitManifest
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.repetitions import tighten_solver
-from pyburgers.sampling.run import run_chains
+from pyburgers.sampling.run import require_extendable
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)

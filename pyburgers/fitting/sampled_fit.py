@@ -45,9 +45,13 @@ from pyburgers.posterior.labelled_draws import (
     convergence_table,
     in_display_units,
 )
-from pyburgers.sampling.manifest import COMPLETE, ChainFailure, missing_chains
+from pyburgers.sampling.manifest import (
+    COMPLETE,
+    ChainFailure,
+    missing_chains,
+    recorded_modes,
+)
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.other_modes import recorded_modes
 from pyburgers.sampling.repetitions import SHORTENING, shorten_steps, shortened
 from pyburgers.sampling.run_directory import RunDirectory
 

@@ -12,6 +12,7 @@ from pyburgers.common.messages import messages_to
 from pyburgers.common.processes import cores
 from pyburgers.common.tasks import ALL_HERE, Workers, run_tasks
 from pyburgers.fitting.fit import Fit, fit_problem
+from pyburgers.fitting.problem_run import threads_for
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.stan_data import SolverOptions
@@ -107,7 +108,7 @@ def run_fits(
     for out, task in mine.items():
         name = out.absolute().relative_to(above).as_posix()
         if workers.executor is None:
-            threads = task.options.threads_for(len(task.problem.experiments))
+            threads = threads_for(task.options, len(task.problem.experiments))
             chains = max(1, cores() // (workers.processes(len(mine)) * threads))
             task = replace(task, options=replace(task.options, parallel_chains=chains))
         # Elsewhere the working directory may be another one.

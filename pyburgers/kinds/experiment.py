@@ -14,7 +14,7 @@ import pandas as pd
 from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.paths import given_path
-from pyburgers.common.toml_files import without_none, write_toml
+from pyburgers.common.toml_files import write_toml
 from pyburgers.common.units import counted, span_text
 from pyburgers.model.laws import KELVIN_LAWS
 from pyburgers.model.parameters import CONDITIONS
@@ -380,7 +380,7 @@ class Experiment(ABC):
     def tables(self) -> dict[str, Any]:
         """Return the tables of an experiment file in SI, with readings as arrays by column.
 
-        A test that is read from them is equal, notices included.
+        Keys that do not apply are None. A test that is read from `toml_text` of them is equal.
 
         Examples
         --------
@@ -396,21 +396,19 @@ class Experiment(ABC):
                 strict=True,
             )
         }
-        return without_none(
-            {
-                "id": self.id,
-                "material": self.material,
-                "protocol": self.protocol,
-                "temperature_K": self.temperature,
-                "initial_grain_size_m": self.initial_grain_size,
-                **conditions,
-                **self.own_tables(),
-                "notices": list(self.notices),
-                "provenance": asdict(self.provenance),
-                "metadata": self.metadata,
-                "true_parameters": self.true_parameters,
-            }
-        )
+        return {
+            "id": self.id,
+            "material": self.material,
+            "protocol": self.protocol,
+            "temperature_K": self.temperature,
+            "initial_grain_size_m": self.initial_grain_size,
+            **conditions,
+            **self.own_tables(),
+            "notices": list(self.notices),
+            "provenance": asdict(self.provenance),
+            "metadata": self.metadata,
+            "true_parameters": self.true_parameters,
+        }
 
     def to_toml(self, path: str | Path) -> None:
         """Write one experiment file in SI, with the readings inside it.

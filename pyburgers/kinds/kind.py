@@ -20,10 +20,11 @@ import xarray as xr
 from pydantic import ConfigDict, Field
 
 from pyburgers.common.array_types import FloatArray, IntArray
-from pyburgers.common.columns import write_data
+from pyburgers.common.atomic_files import write_text
+from pyburgers.common.columns import data_files
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
-from pyburgers.common.toml_files import Table, checked, read_tables, write_toml
+from pyburgers.common.toml_files import Table, checked, read_tables, toml_text
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import NAMES, likelihood_of, likelihoods
 from pyburgers.model.priors import PriorSet
@@ -192,14 +193,18 @@ def load_experiment(path: str | Path) -> Experiment:
     return experiment
 
 
-def save_experiment(experiment: Experiment, directory: Path) -> Path:
-    """Write ``experiment.toml`` in SI and its data files into an existing folder; return the first.
+def experiment_files(experiment: Experiment) -> dict[str, str]:
+    """Return the texts of ``experiment.toml`` in SI and its data files, by name; the first is last.
 
     `load_experiment` reads back exactly equal contents, notices included.
     """
     tables = experiment.tables()
-    if tables.get("data") is not None:
-        tables["data"] = write_data(directory, tables["data"])
-    target = directory / "experiment.toml"
-    write_toml(target, tables)
-    return target
+    data, texts = data_files(tables.get("data"))
+    return {**texts, "experiment.toml": toml_text({**tables, "data": data})}
+
+
+def save_experiment(experiment: Experiment, directory: Path) -> Path:
+    """Write `experiment_files` into an existing folder; return the one to load."""
+    for name, text in experiment_files(experiment).items():
+        write_text(directory / name, text)
+    return directory / "experiment.toml"

@@ -1,6 +1,6 @@
 """What is fitted: tests of one material, their priors, and how they are pooled."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeVar
@@ -94,14 +94,6 @@ class Problem:
         """Return whether a test (from 0) feels a parameter; if not it carries another's value."""
         sources = self._carried.get(name)
         return sources is None or sources[test] == test
-
-    def hanging_together(self, drawn: Sequence[Mapping[str, float]]) -> list[dict[str, float]]:
-        """Return values of the parameters of each test, shared ones those of the first of them."""
-        names = self.layout.names
-        return [
-            {**own, **{name: drawn[k][name] for name, k in zip(names, sources, strict=True)}}
-            for own, sources in zip(drawn, self.layout.source, strict=True)
-        ]
 
     @property
     def _apparatus(self) -> dict[str, list[int]]:

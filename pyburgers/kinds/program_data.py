@@ -58,13 +58,13 @@ def program_data(
     """Return all data of the program in plain coordinates, with solutions at `grids` (SI)."""
     layout = problem.layout
     return {
-        **tests_block(problem, use_likelihood=use_likelihood),
         **with_grids({}, problem.experiments, grids),
         **_prior_block(problem, layout),
         **flow_law_block(problem.priors[0].flow_law),
         **_coordinate_block(problem, layout),
         **chart_block(problem),
         **solver_block(solver),
+        **tests_block(problem, use_likelihood=use_likelihood),
     }
 
 
@@ -77,8 +77,8 @@ def tests_block(problem: Problem, *, use_likelihood: bool) -> StanData:
         "initial_grain_size": [e.initial_grain_size for e in experiments],
         "point_end": ends(e.n_points for e in experiments),
         "use_likelihood": int(use_likelihood),
-        "kelvin_law": nonlinear_kelvin_law(own.priors for own in problem.priors),
         **problem.likelihood.tests_block(experiments, problem.priors),
+        "kelvin_law": nonlinear_kelvin_law(own.priors for own in problem.priors),
     }
 
 
@@ -163,8 +163,8 @@ def _prior_block(problem: Problem, layout: Layout) -> StanData:
         for priors, experiment in zip(problem.priors, problem.experiments, strict=True)
     ]
     own = np.zeros((layout.n_tests, len(PROGRAM_PARAMETERS)), dtype=bool)
-    for test, row in enumerate(own):
-        row[[PLACE[layout.names[i]] - 1 for i in layout.own(test)]] = True
+    for row, places in zip(own, layout.own, strict=True):
+        row[[PLACE[layout.names[i]] - 1 for i in places]] = True
     block = {key: [row[key] for row in rows] for key in rows[0]}
     in_flow_law = [PLACE[name] - 1 for name in FLOW_LAW]
     joint = problem.priors[0].flow_law is not None
@@ -185,7 +185,7 @@ def _as_solved(priors: PriorSet, experiment: Experiment) -> PriorSet:
 def _coordinate_block(problem: Problem, layout: Layout) -> StanData:
     """Return the block `stan/data/coordinates.stan` but for what a chart says."""
     plain = problem.coordinates
-    own = [layout.own(test) for test in range(layout.n_tests)]
+    own = layout.own
     parameters = [[PLACE[layout.names[i]] for i in places] for places in own]
     place = np.zeros((layout.n_tests, len(PROGRAM_PARAMETERS)), dtype=np.int64)
     for row, found in zip(place, parameters, strict=True):

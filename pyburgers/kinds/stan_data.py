@@ -69,21 +69,6 @@ class SolverOptions:
             raise InputError(f"max_num_steps is {self.max_num_steps}, expected at least 1.")
 
 
-DECISIVE_DIGITS = 6
-"""Significant digits with which data tell one problem from another, see `decisive`."""
-
-
-def decisive(content: Any) -> Any:
-    """Return data without the digits in which processors differ, for comparisons."""
-    if isinstance(content, float):
-        return f"{content + 0.0:.{DECISIVE_DIGITS - 1}e}"
-    if isinstance(content, dict):
-        return {name: decisive(part) for name, part in content.items()}
-    if isinstance(content, (list, tuple)):
-        return [decisive(part) for part in content]
-    return content
-
-
 REFERENCE_SOLVER = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
 """Tolerance at which a solution is taken as exact."""
 
@@ -186,32 +171,6 @@ class Mode:
     driving_error: FloatArray
 
 
-@dataclass(frozen=True)
-class OtherMode:
-    """Another mode of a problem, lower than the one that chains start from.
-
-    `log_weight`: ln of the probability around it over that around the highest one.
-    `values`: free parameters in SI, by tests.
-    """
-
-    log_weight: float
-    values: Mapping[str, Mapping[str, float]]
-
-
-@dataclass(frozen=True, eq=False)
-class ProblemMode:
-    """The highest density found of a problem.
-
-    `tests`: values of each test, and its plain coordinates by itself.
-    `coordinate` (n_coordinates,): plain coordinates of all tests together.
-    `others`: other modes that were met on the way.
-    """
-
-    tests: tuple[Mode, ...]
-    coordinate: FloatArray
-    others: tuple[OtherMode, ...] = ()
-
-
 @dataclass(frozen=True, eq=False)
 class Layout:
     """Which coordinate of a fit stands for what.
@@ -224,6 +183,8 @@ class Layout:
     `shared`, `partial`: shared (by some tests at least) and partially pooled parameters among them.
     `centre`, `spread` (n_partial,): where centres and spreads of the latter stand.
     `errors`: where the errors of what drives each test stand.
+    `own`: for each test, places among the names of parameters that it has by itself, or shares as
+        first.
     """
 
     names: tuple[str, ...]
@@ -234,6 +195,7 @@ class Layout:
     centre: IntArray
     spread: IntArray
     errors: tuple[IntArray, ...]
+    own: tuple[list[int], ...]
 
     @property
     def n_tests(self) -> int:
@@ -250,14 +212,6 @@ class Layout:
     def pooled(self) -> list[int]:
         """Places of the partially pooled parameters among the names."""
         return [self.names.index(name) for name in self.partial]
-
-    def own(self, test: int) -> list[int]:
-        """Places among the names of parameters that a test has by itself, or shares as first."""
-        return [
-            i
-            for i, name in enumerate(self.names)
-            if name not in self.partial and self.source[test, i] == test
-        ]
 
 
 def layout_of(
@@ -286,7 +240,18 @@ def layout_of(
     shared = tuple(name for name, change in zip(names, changes, strict=True) if change)
     centre = following + np.arange(len(partial))
     ends = following + 2 * len(partial) + np.cumsum([0, *(n_errors or [0] * n_tests)])
-    errors = tuple(np.arange(start, end) for start, end in pairwise(ends))
+    own = tuple(
+        [i for i, name in enumerate(names) if name not in partial and row[i] == test]
+        for test, row in enumerate(source)
+    )
     return Layout(
-        tuple(names), position, source, shared, partial, centre, centre + len(partial), errors
+        tuple(names),
+        position,
+        source,
+        shared,
+        partial,
+        centre,
+        centre + len(partial),
+        tuple(np.arange(start, end) for start, end in pairwise(ends)),
+        own,
     )

@@ -208,11 +208,11 @@ class ValleyChart(Chart[E]):
         # The width of a shared parameter follows the noise of no test.
         follows = [name not in layout.shared for name in layout.names]
         guides = [
-            np.zeros((len(layout.own(test)), 3))
+            np.zeros((len(layout.own[test]), 3))
             if own is None
             else np.column_stack(
                 [own.coordinate, own.linear_from, np.where(follows, own.noise_exponent, 0)]
-            )[layout.own(test)]
+            )[layout.own[test]]
             for test, own in enumerate(references)
         ]
         tests = [*references, *[None] * (layout.n_tests - len(references))]

@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
+from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.paths import given_path, shipped_folder
-from pyburgers.common.toml_files import Table, all_of, read_toml, write_toml
+from pyburgers.common.toml_files import Table, all_of, read_toml, toml_text
 from pyburgers.model.flow_law_prior import FlowLawPrior, FlowLawTable
 from pyburgers.model.parameters import (
     CONDITIONS,
@@ -342,10 +343,15 @@ def load_priors(path: str | Path, choices: Mapping[str, str] | None = None) -> P
 def save_priors(
     priors: PriorSet, path: Path, parameters: Sequence[Parameter] = MATERIAL_PARAMETERS
 ) -> None:
-    """Write a prior file in SI units; `load_priors` reads back an equal set.
+    """Write a file of `priors_text` into a folder that exists."""
+    write_text(path, priors_text(priors, parameters))
 
-    The folder of `path` must exist. Parameters that the set does not give are left out, and the
-    others keep their order. Conditions are in the files of the tests.
+
+def priors_text(priors: PriorSet, parameters: Sequence[Parameter] = MATERIAL_PARAMETERS) -> str:
+    """Return the text of a prior file in SI units; `load_priors` reads back an equal set.
+
+    Parameters that the set does not give are left out, and the others keep their order. Conditions
+    are in the files of the tests.
     """
     tables = {}
     for parameter in parameters:
@@ -366,7 +372,7 @@ def save_priors(
         "parameters": tables,
         "flow_law": priors.flow_law and priors.flow_law.table(),
     }
-    write_toml(path, table)
+    return toml_text(table)
 
 
 def priors(material: str, protocol: str | None = None) -> PriorSet:

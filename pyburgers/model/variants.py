@@ -216,11 +216,11 @@ def variant_of(priors: PriorSet, experiment: Test) -> ModelVariant:
     )
     independent = is_fixed_at(priors[experiment.residual_correlation], 0.0)
     return ModelVariant(
-        kelvin=kelvin_law(priors.priors, experiment.id),
         maxwell=_maxwell_law(priors, experiment),
         grain_size=_grain_size_law(priors, experiment),
         fabric="constant" if constant_fabric else "evolving",
         residuals="independent" if independent else "autocorrelated",
+        kelvin=kelvin_law(priors.priors, experiment.id),
     )
 
 

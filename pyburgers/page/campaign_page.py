@@ -1,5 +1,6 @@
 """The page of a campaign: how far its fits are, whether seeds agree, and every complete fit."""
 
+import logging
 from collections.abc import Mapping
 from itertools import groupby
 from pathlib import Path
@@ -8,30 +9,46 @@ import pandas as pd
 
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.page_parts import PageSection, PageTable
-from pyburgers.fitting.campaign import Campaign, run_folder, shown_status_table, status_table
+from pyburgers.fitting.campaign import (
+    DAMAGED,
+    Campaign,
+    Combination,
+    run_folder,
+    shown_status_table,
+    status_table,
+)
 from pyburgers.fitting.fit import Fit
 from pyburgers.page.comparison_sections import comparison_sections
 from pyburgers.page.joint_section import joint_sections
 from pyburgers.page.page import write_report
 from pyburgers.sampling.manifest import COMPLETE
 
+logger = logging.getLogger(__name__)
+
 
 def write_page(campaign: Campaign, out: Path, *, command: str) -> Path:
     """Write the page of a campaign, ``report/index.html``, about the fits that are complete.
 
     Fits that differ only in their seed are of the same posterior. The page has the first of them,
-    and a table of the largest difference between its seeds. Raises InputError if no fit is
-    complete.
+    and a table of the largest difference between its seeds. A damaged fit is named and left out.
+    Raises InputError if no fit is complete.
     """
     table = status_table(campaign, out)
-    complete = [one for one in campaign.tasks if table["status"][one.name] == COMPLETE]
+    complete: dict[Combination, Fit] = {}
+    for one in campaign.tasks:
+        if table["status"][one.name] == COMPLETE:
+            try:
+                complete[one] = Fit.load(run_folder(out, one))
+            except InputError as error:
+                logger.info(f"{one.name} is not on the page: {error}")
+                table.loc[one.name, "status"] = DAMAGED
     if not complete:
         raise InputError(f"{out}: no fit of the campaign is complete, so there is no page yet.")
     first, rows = [], []
     for (test, variant, priors), group in groupby(
         complete, key=lambda one: (one.test, one.variant, one.priors)
     ):
-        fits = {one.seed: Fit.load(run_folder(out, one)) for one in group}
+        fits = {one.seed: complete[one] for one in group}
         first.append(next(iter(fits.values())))
         rows.append(
             {

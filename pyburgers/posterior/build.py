@@ -9,9 +9,8 @@ import numpy as np
 import xarray as xr
 
 from pyburgers.cmdstan.draw_files import Draws, read_draws
-from pyburgers.cmdstan.program import Program, load_program
+from pyburgers.cmdstan.program import Program, Unsolved, load_program
 from pyburgers.common.draws import FloatArray
-from pyburgers.common.errors import SamplingError
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.likelihood import Likelihood, likelihood_of
@@ -21,13 +20,15 @@ from pyburgers.kinds.stan_data import CENTRE, REFERENCE_SOLVER, SPREAD, StanData
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PLACE
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of
-from pyburgers.posterior import microstructure
 from pyburgers.posterior.groups import (
     GIVEN_OTHERS,
+    MICROSTRUCTURE_LOG_LIKELIHOOD,
     PRIOR_DENSITY,
     drawn_at_points,
     grid_group,
     groups_at_points,
+    microstructure_group,
+    microstructure_of_test,
     point_groups,
 )
 from pyburgers.posterior.labelled_draws import (
@@ -111,13 +112,13 @@ def _groups_of(
         }
     common = point_groups(at_points, experiments)
     total = at_points["log_lik"].sum("point", skipna=False)
-    if microstructure.LOG_LIKELIHOOD in fit:
-        measured = microstructure.microstructure_group(fit, experiments, chains)
+    if MICROSTRUCTURE_LOG_LIKELIHOOD in fit:
+        measured = microstructure_group(fit, experiments, chains)
         common[MICROSTRUCTURE] = measured
         total = total + measured["log_likelihood"].sum(("section", "quantity"))
         for e, (experiment, own) in enumerate(zip(experiments, tests.values(), strict=True)):
             if experiment.microstructure:
-                own[MICROSTRUCTURE] = microstructure.of_test(measured, experiments, e)
+                own[MICROSTRUCTURE] = microstructure_of_test(measured, experiments, e)
     if problem.is_single:
         (groups,) = tests.values()
     else:
@@ -270,31 +271,16 @@ def reference_solution(
     data = {**data, **solver_block(REFERENCE_SOLVER)}
     try:
         return model.generate(data, files, seed=seed).dataset(["log_lik", *variables])
-    except SamplingError:
-        # One draw without solution is enough for that, and CmdStan does not say which.
-        logger.info("Some draws have no solution at the reference tolerance: solving one by one.")
-        return _one_by_one(model, data, read_draws(files), variables)
-
-
-def _one_by_one(
-    model: Program,
-    data: StanData,
-    fit: Draws,
-    variables: Mapping[str, int],
-) -> xr.Dataset:
-    """As `generate_quantities`, slower, with NaN where a draw has no solution."""
-    coordinates = fit["coordinate"]
-    shape = coordinates.shape[:2]
+    except Unsolved:
+        logger.info("Some draws have no solution at the reference tolerance: looking for them.")
+    coordinates = read_draws(files)["coordinate"]
     sizes = {**variables, "log_lik": data["point_end"][-1]}
-    values = {name: np.full((*shape, size), np.nan) for name, size in sizes.items()}
-    for number, index in enumerate(np.ndindex(*shape)):
-        position = {"coordinate": coordinates[index].tolist()}
-        try:
-            solved = model.evaluate(data, position, seed=number)
-        except SamplingError:
-            continue  # stays NaN, which the solver check reports
-        for name, array in values.items():
-            array[index] = solved[name]
+    values = {n: np.full((*coordinates.shape[:2], size), np.nan) for n, size in sizes.items()}
+    for chain, points in enumerate(coordinates):
+        solved, drawn = model.generate_at(data, "coordinate", points, seed=seed)
+        # The others stay NaN, which the solver check reports.
+        for name in values if solved.any() else ():
+            values[name][chain, solved] = drawn[name][0]
     return xr.Dataset(
         {name: (("chain", "draw", f"{name}_dim_0"), array) for name, array in values.items()}
     )
@@ -311,8 +297,8 @@ def _sampled_log_likelihood(fit: Draws, log_density: xr.DataArray) -> xr.DataArr
     other = terms.to_array().sum("variable", skipna=False)
     # By values: the labels of draws and chains differ between the two.
     others = other.to_numpy()
-    if microstructure.LOG_LIKELIHOOD in fit:
-        others = others + fit[microstructure.LOG_LIKELIHOOD].sum(axis=(2, 3))
+    if MICROSTRUCTURE_LOG_LIKELIHOOD in fit:
+        others = others + fit[MICROSTRUCTURE_LOG_LIKELIHOOD].sum(axis=(2, 3))
     return log_density - others
 
 

@@ -7,7 +7,7 @@ import xarray as xr
 
 from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.likelihood import likelihood_of
+from pyburgers.kinds.likelihood import likelihood_of, strains_of, times_of
 from pyburgers.model.read_quantities import Quantity
 from pyburgers.posterior.labelled_draws import CORRELATED
 
@@ -16,6 +16,12 @@ GIVEN_OTHERS = "log_lik_given_others"
 
 PRIOR_DENSITY = "lprior"
 """Log density of the priors in programs; draws of a prediction have none."""
+
+MICROSTRUCTURE_COLUMNS = ("grain_size", "fabric_factor")
+"""What a row of `stan/statistics/measured_microstructure.stan` is about."""
+
+MICROSTRUCTURE_LOG_LIKELIHOOD = "microstructure_log_lik"
+"""Name in programs that take measured microstructure; not there where none was measured."""
 
 
 def drawn_at_points(fit: Draws, chains: Mapping[str, list[int]], response: Quantity) -> xr.Dataset:
@@ -78,3 +84,48 @@ def grid_group(checked: xr.Dataset, experiment: Experiment) -> xr.Dataset:
         values.attrs = {"units": unit}
         variables[name] = values.astype(np.float32)  # drawn, not computed with
     return xr.Dataset(variables).assign_coords({clock: likelihood.grid(experiment)})
+
+
+def microstructure_group(
+    fit: Draws, experiments: Sequence[Experiment], chains: Mapping[str, list[int]]
+) -> xr.Dataset:
+    """Gather measured microstructure of tests, and draws of it, by section and quantity.
+
+    Variables are model, replicated and log_likelihood (0 if nothing was measured), and without
+    draws measured and error, the standard deviation of the fabric factor and of the logarithm
+    of the grain size (m). Path strain and time (s) of each section are coordinates; one of them
+    is NaN.
+    """
+    drawn = {
+        "model": "microstructure_model",
+        "replicated": "microstructure_replicated",
+        "log_likelihood": MICROSTRUCTURE_LOG_LIKELIHOOD,
+    }
+    dimensions = ("chain", "draw", "section", "quantity")
+    sections = [one for experiment in experiments for one in experiment.microstructure]
+    numbers = np.array([one.numbers for one in sections])
+    measured, error = numbers[:, ::2], numbers[:, 1::2]
+    was_measured = error > 0
+    return xr.Dataset(
+        {
+            **{name: (dimensions, fit[column]) for name, column in drawn.items()},
+            "measured": (dimensions[2:], np.where(was_measured, measured, np.nan)),
+            "error": (dimensions[2:], np.where(was_measured, error, np.nan)),
+        },
+        {
+            **chains,
+            "section": np.arange(len(sections)),
+            "strain": ("section", strains_of(sections)),
+            "time": ("section", times_of(sections)),
+            "quantity": list(MICROSTRUCTURE_COLUMNS),
+        },
+    )
+
+
+def microstructure_of_test(
+    group: xr.Dataset, experiments: Sequence[Experiment], test: int
+) -> xr.Dataset:
+    """Return the part of `microstructure_group` that is about one test, counted from 0."""
+    before = sum(len(experiment.microstructure) for experiment in experiments[:test])
+    own = group.isel(section=slice(before, before + len(experiments[test].microstructure)))
+    return own.assign_coords(section=np.arange(own.sizes["section"]))

@@ -16,7 +16,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from pyburgers.cmdstan.draw_files import Adaptation, join_draws, read_draws
+from pyburgers.cmdstan.draw_files import join_draws, read_draws
 from pyburgers.cmdstan.program import Program
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.messages import in_notebook, is_watched
@@ -188,24 +188,19 @@ def run_side_by_side(
     the system starts no process.
     """
     active: dict[Running, _Chain] = {}
-    resumed = {chain: resumption(run, chain) for chain in chains} if extension is None else {}
+    before = {chain: _before(run, chain, extension) for chain in chains}
 
     def starting() -> Iterator[Running]:
         for chain in chains:
-            if extension is not None:
-                one = _extend_chain(model, run, chain, options, extension)
-            elif (known := resumed[chain]) is not None:
-                one = _resume_chain(model, run, chain, options, known)
-            else:
-                one = _start_chain(model, run, chain, options)
+            one = _start_chain(model, run, chain, options, before[chain], extension)
             active[one.running] = one
             yield one.running
 
     failures: list[ChainFailure | None] = []
     at_once = options.parallel_chains or max(1, cores() // model.threads)
     limit = options.chain_timeout
-    warmup = options.warmup_iterations if None in resumed.values() else 0
-    total = extension.draws if extension else warmup + options.draws
+    warmup = options.warmup_iterations if None in before.values() else 0
+    total = warmup + (extension.draws if extension else options.draws)
     try:
         with (
             shown_progress(chains, total) as advance,
@@ -240,101 +235,85 @@ class _Chain:
     seconds_before: float = 0.0
 
 
+def _before(run: RunDirectory, chain: int, extension: Extension | None) -> Resumption | None:
+    """Return what a chain goes on from: its own draws, those put aside, or None at a warm-up."""
+    if extension is None:
+        return resumption(run, chain)
+    last = extension.number - 1
+    seconds = float(read_json(run.timing_file(chain, last))["wall_seconds"])
+    adapted = adaptation(run, chain)
+    return Resumption(run.draws_file(chain, last), adapted, extension.number, seconds)
+
+
 def _start_chain(
-    program: Program, run: RunDirectory, chain: int, options: SamplerOptions
+    program: Program,
+    run: RunDirectory,
+    chain: int,
+    options: SamplerOptions,
+    before: Resumption | None,
+    extension: Extension | None,
 ) -> _Chain:
-    """Start a chain in a scratch folder."""
-    total = options.warmup_iterations + options.draws
+    """Start a chain in a scratch folder: with a warm-up, or where its draws before ended."""
+    scratch, seed = run.new_scratch(), options.seed
+    draws = extension.draws if extension else options.draws
+    if before is None:
+        start, warmup = run.initial_values_file(chain), options.warmup_iterations
+        steps = _arguments_of_warmup(run, options)
+    else:
+        start, warmup = scratch / "start.json", 0
+        steps = _arguments_to_go_on(before, scratch / "metric.json")
+        last = read_draws([before.draws_file])
+        names = read_json(run.initial_values_file(chain))
+        write_json(start, {name: last[name][0, -1].tolist() for name in names})
+        # Extensions and repetitions with shorter steps have random numbers of their own.
+        number = [before.number] if extension else [0, before.number]
+        seed = int(np.random.SeedSequence([seed, *number]).generate_state(1)[0] >> 1)
+    running = program.start(
+        [
+            "method=sample",
+            *(f"num_samples={draws}", f"num_warmup={warmup}"),
+            *("algorithm=hmc", "engine=nuts", f"max_depth={options.max_treedepth}"),
+            *steps,
+        ],
+        data=run.stan_data_file,
+        init=start,
+        output=scratch / "draws.csv",
+        seed=seed,
+        chain=chain,
+        digits=DIGITS,
+        output_options=[f"refresh={max(1, (warmup + draws) // 100)}"],
+    )
+    seconds_before = 0.0 if before is None else before.seconds
+    return _Chain(chain, running, ConsoleFile(running.console), seconds_before)
+
+
+def _arguments_of_warmup(run: RunDirectory, options: SamplerOptions) -> list[str]:
+    """Return the first step and metric of a chain, and how they adapt."""
+    warmup = options.warmup_iterations
     first_metric = (
         [f"stepsize={FIRST_STEP}", "metric=dense_e", f"metric_file={run.metric_file}"]
         if run.metric_file.is_file()
         else ["metric=dense_e"]
     )
-    running = program.start(
-        [
-            "method=sample",
-            *(f"num_samples={options.draws}", f"num_warmup={options.warmup_iterations}"),
-            *("algorithm=hmc", "engine=nuts", f"max_depth={options.max_treedepth}", *first_metric),
-            *("adapt", "engaged=1", f"delta={options.adapt_delta}", f"gamma={STEP_SIZE_DAMPING}"),
-            *(f"{name}={n}" for name, n in _warmup_phases(run, options.warmup_iterations).items()),
-        ],
-        data=run.stan_data_file,
-        init=run.initial_values_file(chain),
-        output=run.new_scratch() / "draws.csv",
-        seed=options.seed,
-        chain=chain,
-        digits=DIGITS,
-        output_options=[f"refresh={max(1, total // 100)}"],
-    )
-    return _Chain(chain, running, ConsoleFile(running.console))
+    last = int(STEP_SIZE_SHARE * warmup)
+    phases = {"init_buffer": int(FIRST_PHASE_SHARE * warmup), "term_buffer": last}
+    if run.read_manifest().get("coordinates", {}).get("system") == "valley":
+        first = int(FIRST_PHASE_SHARE_OF_VALLEY * warmup)
+        phases |= {"init_buffer": first, "window": warmup - first - last}
+    return [
+        *first_metric,
+        *("adapt", "engaged=1", f"delta={options.adapt_delta}", f"gamma={STEP_SIZE_DAMPING}"),
+        *(f"{name}={n}" for name, n in phases.items()),
+    ]
 
 
-def _extend_chain(
-    program: Program, run: RunDirectory, chain: int, options: SamplerOptions, extension: Extension
-) -> _Chain:
-    """Start a finished chain again where it ended, with its step size and metric."""
-    timing = read_json(run.timing_file(chain, extension.number - 1))
-    return _go_on(
-        *(program, run, chain, options),
-        before=run.draws_file(chain, extension.number - 1),
-        seconds_before=float(timing["wall_seconds"]),
-        adapted=adaptation(run, chain),
-        draws=extension.draws,
-        seed=[options.seed, extension.number],
-    )
-
-
-def _resume_chain(
-    program: Program, run: RunDirectory, chain: int, options: SamplerOptions, resumed: Resumption
-) -> _Chain:
-    """Start a chain where the one that was put aside ended, with shorter steps."""
-    return _go_on(
-        *(program, run, chain, options),
-        before=resumed.draws_file,
-        seconds_before=resumed.seconds,
-        adapted=resumed.adapted,
-        draws=options.draws,
-        seed=[options.seed, 0, resumed.number],
-    )
-
-
-def _go_on(
-    program: Program,
-    run: RunDirectory,
-    chain: int,
-    options: SamplerOptions,
-    *,
-    before: Path,
-    seconds_before: float,
-    adapted: Adaptation,
-    draws: int,
-    seed: Sequence[int],
-) -> _Chain:
-    """Start a chain at the last draw of a file, without a warm-up."""
-    scratch = run.new_scratch()
-    start = scratch / "start.json"
-    names = read_json(run.initial_values_file(chain))
-    last = read_draws([before])
-    write_json(start, {name: last[name][0, -1].tolist() for name in names})
-    write_json(scratch / "metric.json", {"inv_metric": adapted.metric.tolist()})
-    running = program.start(
-        [
-            "method=sample",
-            *(f"num_samples={draws}", "num_warmup=0"),
-            *("algorithm=hmc", "engine=nuts", f"max_depth={options.max_treedepth}"),
-            *(f"stepsize={adapted.step_size!r}", "metric=dense_e"),
-            f"metric_file={scratch / 'metric.json'}",
-            *("adapt", "engaged=0"),
-        ],
-        data=run.stan_data_file,
-        init=start,
-        output=scratch / "draws.csv",
-        seed=int(np.random.SeedSequence(seed).generate_state(1)[0] >> 1),
-        chain=chain,
-        digits=DIGITS,
-        output_options=[f"refresh={max(1, draws // 100)}"],
-    )
-    return _Chain(chain, running, ConsoleFile(running.console), seconds_before)
+def _arguments_to_go_on(before: Resumption, metric_file: Path) -> list[str]:
+    """Return the step and the metric that stay, and write the latter."""
+    write_json(metric_file, {"inv_metric": before.adapted.metric.tolist()})
+    return [
+        *(f"stepsize={before.adapted.step_size!r}", "metric=dense_e"),
+        *(f"metric_file={metric_file}", "adapt", "engaged=0"),
+    ]
 
 
 def _keep_chain(
@@ -368,15 +347,6 @@ def _keep_chain(
     return None
 
 
-def _warmup_phases(run: RunDirectory, warmup: int) -> dict[str, int]:
-    """Return the iterations of the phases of the warm-up, by CmdStan's names."""
-    last = int(STEP_SIZE_SHARE * warmup)
-    if run.read_manifest().get("coordinates", {}).get("system") != "valley":
-        return {"init_buffer": int(FIRST_PHASE_SHARE * warmup), "term_buffer": last}
-    first = int(FIRST_PHASE_SHARE_OF_VALLEY * warmup)
-    return {"init_buffer": first, "window": warmup - first - last, "term_buffer": last}
-
-
 def _explain_failure(run: RunDirectory, one: _Chain, defect: str = "") -> ChainFailure:
     """Put into one sentence what ended a chain, where, and what to try; keep its console.
 
@@ -402,8 +372,8 @@ def _explain_failure(run: RunDirectory, one: _Chain, defect: str = "") -> ChainF
         cause = "ended with an error"
         remedy = "tighten the prior bounds or raise the solver's step limit"
     return ChainFailure(
-        chain,
-        f"Chain {chain} {cause} at '{place}', started from {' '.join(values.split())}, last "
+        chain=chain,
+        reason=f"Chain {chain} {cause} at '{place}', started from {' '.join(values.split())}, last "
         f"console lines: {running.console_tail()}; {remedy}, then run the same command again: "
         "it repeats only the missing chains (whole console in "
         f"{run.failure_file(chain).relative_to(run.path)}).",

@@ -1,15 +1,27 @@
 """What the manifest of a run holds, checked on reading: users may have touched it."""
 
+import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import ConfigDict, Field
 
+from pyburgers.common.atomic_files import sha256_of_json
 from pyburgers.common.toml_files import Table
+from pyburgers.sampling.options import options_table
 
 COMPLETE = "complete"
 """Status of a run that lacks nothing."""
+
+
+SEAL = "seal"
+"""Entry of a manifest: the hash of all others. Runs of versions without it have none."""
+
+
+def seal_of(manifest: Mapping[str, Any]) -> str:
+    """Return the hash of all entries of a manifest but the seal, as they are read back."""
+    content = {name: value for name, value in manifest.items() if name != SEAL}
+    return sha256_of_json(json.loads(json.dumps(content)))
 
 
 class Entries(Table):
@@ -34,20 +46,10 @@ class RecordedHashes(Entries):
     posterior_sha256: str | None = Field(None, description="hash of posterior.nc")
 
 
-class SamplerRecord(Table):
-    """Settled `pyburgers.sampling.options.SamplerOptions`."""
-
-    chains: int = Field(ge=1, le=1000, description="how many chains were asked for")
-    warmup: int = Field(ge=1, description="iterations before the draws")
-    draws: int = Field(ge=1, description="draws of a chain")
-    seed: int = Field(ge=0, description="the seed")
-    adapt_delta: float = Field(description="target acceptance")
-    max_treedepth: int = Field(ge=1, description="of a trajectory")
-    coordinates: str = Field(description="what was asked for")
-    max_minutes: float | None = Field(None, description="minutes for more draws")
-    chain_timeout: float | None = Field(description="time limit of a chain, in s")
-    parallel_chains: int | None = Field(description="chains side by side")
-    threads_per_chain: int = Field(1, ge=1, description="threads of a chain")
+if TYPE_CHECKING:
+    SamplerRecord = Table
+else:
+    SamplerRecord = options_table(settled=True)
 
 
 class _Solver(Entries):
@@ -55,10 +57,14 @@ class _Solver(Entries):
     max_num_steps: int = Field(ge=1, description="of the solver")
 
 
-class _Failure(Table):
+class ChainFailure(Table):
+    """A chain that did not finish: what ended it, where, and what to try."""
+
     chain: int = Field(description="identifier of a chain")
     reason: str = Field(description="what ended it")
-    by_system: bool = Field(description="whether it may end well when it is tried again")
+    by_system: bool = Field(
+        default=False, description="whether it may end well when it is tried again"
+    )
 
 
 class _Refit(Entries):
@@ -78,12 +84,16 @@ class _Shortened(Entries):
     step_sizes: dict[str, float] = Field(description="step that each chain goes on with")
 
 
-class _Noisy(Entries):
+class NoisyTolerance(Entries):
+    """A tolerance of the solver that is too loose, and the noise of the log density there."""
+
     tolerance: float = Field(description="of the solver")
     noise: float = Field(description="of the log density at that tolerance")
 
 
-class _OtherMode(Entries):
+class OtherMode(Entries):
+    """Another mode of a problem than the one that chains start from."""
+
     log_weight: float = Field(description="ln of its weight over that of the highest mode")
     values: dict[str, dict[str, float]] = Field(description="free parameters, by tests")
 
@@ -118,7 +128,7 @@ class RunManifest(RecordedHashes):
     hashes: dict[str, str] = Field(description="hash of each input file, by its path")
     sampler: SamplerRecord = Field(description="settings of the sampler")
     use_likelihood: bool = Field(description="whether data took part")
-    failures: list[_Failure] = Field(description="chains that did not finish")
+    failures: list[ChainFailure] = Field(description="chains that did not finish")
     shortened: list[_Shortened] = Field(
         [], description="runs that were put aside for their divergences"
     )
@@ -133,32 +143,29 @@ class FitManifest(RunManifest):
     variant: dict[str, str] = Field({}, description="law of each part of the model")
     solver: _Solver = Field(description="settings of the solver")
     more_draws: list[int] = Field([], description="draws by which chains were extended")
-    noisy: list[_Noisy] = Field([], description="tolerances that were too loose to sample with")
+    noisy: list[NoisyTolerance] = Field(
+        [], description="tolerances that were too loose to sample with"
+    )
     refits: list[_Refit] = Field(description="runs that were put aside")
     coordinates: _Coordinates = Field(description="coordinates of the sampler")
-    other_modes: list[_OtherMode] = Field([], description="modes that chains do not start from")
+    other_modes: list[OtherMode] = Field([], description="modes that chains do not start from")
 
 
-@dataclass(frozen=True)
-class ChainFailure:
-    """A chain that did not finish.
-
-    `chain`: its identifier.
-    `reason`: one sentence on what ended it, where, and what to try.
-    `by_system`: whether the system killed it or the disk was full, so that another try may end
-        well.
-    """
-
-    chain: int
-    reason: str
-    by_system: bool = False
+def recorded_modes(manifest: Mapping[str, Any], part: str | None) -> tuple[OtherMode, ...]:
+    """Return the other modes that the manifest of a run notes, of one of its tests or all."""
+    noted = (OtherMode.model_validate(one) for one in manifest.get("other_modes", []))
+    if part is None:
+        return tuple(noted)
+    return tuple(one.model_copy(update={"values": {part: one.values[part]}}) for one in noted)
 
 
 def missing_chains(
     finished: Iterable[int], manifest: Mapping[str, Any]
 ) -> tuple[ChainFailure, ...]:
     """Return the chains that a run was asked for and does not have, and why."""
-    noted = {failure["chain"]: ChainFailure(**failure) for failure in manifest["failures"]}
+    noted = {
+        failure["chain"]: ChainFailure.model_validate(failure) for failure in manifest["failures"]
+    }
     missing = set(range(1, manifest["sampler"]["chains"] + 1)) - set(finished)
     return tuple(noted.get(chain) or _stopped(chain) for chain in sorted(missing))
 
@@ -166,7 +173,7 @@ def missing_chains(
 def _stopped(chain: int) -> ChainFailure:
     """Return a chain of which nothing is noted."""
     return ChainFailure(
-        chain,
-        f"Chain {chain} has not run to its end because the run was stopped; run the same command "
-        "again: it runs only the missing chains.",
+        chain=chain,
+        reason=f"Chain {chain} has not run to its end because the run was stopped; run the same "
+        "command again: it runs only the missing chains.",
     )

@@ -1,18 +1,32 @@
 """Settings of the sampler and their defaults."""
 
 import math
-from dataclasses import dataclass, replace
-from typing import Any, Self
+from collections.abc import Container
+from dataclasses import dataclass, fields
+from typing import Any, get_args, get_type_hints
+
+from pydantic import Field, create_model
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.processes import cores
-from pyburgers.kinds.likelihood import Likelihood, likelihoods
+from pyburgers.common.toml_files import Table
 
-COORDINATES = ("auto", "plain", *dict.fromkeys(one.chart.name for one in likelihoods().values()))
+COORDINATES = ("auto", "plain", "valley", "sheared", "stretched")
 """What may be asked for; a test can have plain ones and those of its chart."""
 
 MOST_DRAWS = 10**6
 """Of a chain, at once."""
+
+LIMITS = {
+    "chains": (1, 1000),
+    "warmup": (20, 10**6),
+    "draws": (4, MOST_DRAWS),
+    "seed": (0, 2**31 - 1),
+    "max_treedepth": (1, 20),
+    "parallel_chains": (1, 1000),
+    "threads_per_chain": (1, 1000),
+}
+"""Least and largest value of options."""
 
 ENOUGH_DRAWS = 1000
 """Draws of a chain from which on a fit is meant to be final; fewer are a quick look."""
@@ -62,7 +76,7 @@ class SamplerOptions:
     parallel_chains : int or None
         Chains that run side by side; None runs as many as there are cores for their threads.
     threads_per_chain : int
-        Threads that share the tests of a joint fit, see `threads_for`.
+        Threads that share the tests of a joint fit; there are never more than tests.
 
     Examples
     --------
@@ -89,19 +103,9 @@ class SamplerOptions:
         InputError
             If one is out of range.
         """
-        limits = {
-            "chains": (self.chains, 1, 1000),
-            "draws": (self.draws, 4, MOST_DRAWS),
-            "seed": (self.seed, 0, 2**31 - 1),
-            "max_treedepth": (self.max_treedepth, 1, 20),
-            "threads_per_chain": (self.threads_per_chain, 1, 1000),
-        }
-        if self.parallel_chains is not None:
-            limits["parallel_chains"] = (self.parallel_chains, 1, 1000)
-        if self.warmup is not None:
-            limits["warmup"] = (self.warmup, 20, 10**6)
-        for name, (value, least, most) in limits.items():
-            if not least <= value <= most:
+        for name, (least, most) in LIMITS.items():
+            value = getattr(self, name)
+            if value is not None and not least <= value <= most:
                 raise InputError(
                     f"{name} is {value}, expected a number from {least} to {most}{_option(name)}."
                 )
@@ -127,7 +131,7 @@ class SamplerOptions:
 
     @property
     def warmup_iterations(self) -> int:
-        """Warm-up of settled options (`suited_to`)."""
+        """Warm-up of options in which nothing is left to the kind of test."""
         assert self.warmup is not None  # only settled options are sampled with
         return self.warmup
 
@@ -143,49 +147,21 @@ class SamplerOptions:
         """Chains that run side by side on this machine."""
         return self.parallel_chains or min(self.chains, max(1, cores() // self.threads_per_chain))
 
-    def threads_for(self, n_tests: int) -> int:
-        """Return the threads of a chain: at most as many as there are tests to share.
 
-        Parameters
-        ----------
-        n_tests : int
-            Tests of the fit.
+def options_table(*, settled: bool, without: Container[str] = ()) -> type[Table]:
+    """Return the table of a file that holds the options but for some.
 
-        Returns
-        -------
-        int
-            At least 1.
-        """
-        return min(self.threads_per_chain, n_tests)
-
-    def suited_to(self, likelihood: Likelihood[Any], tests: str) -> Self:
-        """Fill in what is left to the kind of test.
-
-        Parameters
-        ----------
-        likelihood : Likelihood
-            That of the tests of a fit.
-        tests : str
-            Names of the tests, for messages.
-
-        Returns
-        -------
-        SamplerOptions
-            With numbers for warm-up and target acceptance.
-
-        Raises
-        ------
-        InputError
-            If such tests do not have the coordinates.
-        """
-        chart = likelihood.chart.name
-        if self.coordinates not in ("auto", "plain", chart):
-            raise InputError(
-                f"{tests}: {self.coordinates} coordinates are not for tests of the protocol "
-                f"{likelihood.name}, expected --coordinates auto, plain or {chart}."
-            )
-        return replace(
-            self,
-            warmup=self.warmup or likelihood.warmup,
-            adapt_delta=self.adapt_delta or likelihood.target_acceptance,
-        )
+    If they are settled, those that decide the draws and the number of chains have to be there, and
+    all lie within their limits.
+    """
+    keys: dict[str, Any] = {}
+    hints = get_type_hints(SamplerOptions)
+    for option in fields(SamplerOptions):
+        name, hint, default = option.name, hints[option.name], option.default
+        if name in without:
+            continue
+        if settled and name not in INDECISIVE - {"chains"}:
+            hint, default = next(iter(get_args(hint)), hint), ...
+        least, most = LIMITS.get(name, (None, None)) if settled else (None, None)
+        keys[name] = hint, Field(default, ge=least, le=most, description=f"the sampler's {name}")
+    return create_model("OptionsTable", __base__=Table, **keys)

@@ -1,4 +1,4 @@
-"""NUTS runs: inputs, coordinates, starts, the chains that a folder lacks, manifest."""
+"""NUTS runs whatever they sample: the chains that a folder lacks, their extension, the record."""
 
 import logging
 import platform
@@ -9,9 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from pyburgers.cmdstan.program import Program, load_program, shares_work
+from pyburgers.cmdstan.program import Program
 from pyburgers.cmdstan.toolchain import cmdstan_version, compiler_version, find_cmdstan
 from pyburgers.common.atomic_files import sha256_of_json, write_json
 from pyburgers.common.errors import (
@@ -21,33 +19,36 @@ from pyburgers.common.errors import (
     SystemFailureError,
     ToolchainError,
 )
-from pyburgers.common.toml_files import read_json
-from pyburgers.kinds.problem import Problem
-from pyburgers.kinds.program_data import program_data
-from pyburgers.kinds.stan_data import SolverOptions, StanData, decisive
-from pyburgers.sampling.chains import run_side_by_side
-from pyburgers.sampling.changes import refusal, wanted_record, write_inputs
-from pyburgers.sampling.charts import ChosenChart, choose_chart
-from pyburgers.sampling.extensions import extend_chains
+from pyburgers.common.units import counted
+from pyburgers.sampling.chains import Extension, run_side_by_side
 from pyburgers.sampling.manifest import ChainFailure
-from pyburgers.sampling.options import INDECISIVE, SamplerOptions
-from pyburgers.sampling.other_modes import modes_record
-from pyburgers.sampling.repetitions import TIGHTENING, shortened, tolerance_in
+from pyburgers.sampling.options import INDECISIVE, MOST_DRAWS, SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
-from pyburgers.sampling.solver_noise import Noisy, noisy_tolerances
-from pyburgers.sampling.starts import (
-    draw_initial_values,
-    draw_start_around,
-    find_mode,
-    programs_of_tests,
-)
 
 logger = logging.getLogger(__name__)
 
 PACKAGES = ("pyburgers", "cmdstanpy", "arviz", "numpy", "scipy", "pandas", "xarray")
 
+DECISIVE_DIGITS = 6
+"""Significant digits with which data tell one problem from another, see `decisive`."""
 
-def fingerprint(data: StanData, options: SamplerOptions, recipe: str) -> str:
+
+def decisive(content: Any) -> Any:
+    """Return data without the digits in which processors differ, to tell one problem from another.
+
+    Sums of linear algebra end in other last digits where a processor has other vector instructions,
+    and a run is to go on wherever it is taken.
+    """
+    if isinstance(content, float):
+        return f"{content + 0.0:.{DECISIVE_DIGITS - 1}e}"
+    if isinstance(content, dict):
+        return {name: decisive(part) for name, part in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [decisive(part) for part in content]
+    return content
+
+
+def fingerprint(data: Mapping[str, Any], options: SamplerOptions, recipe: str) -> str:
     """Hash of everything that decides the draws of a chain (not how many chains there are).
 
     The data are in plain coordinates: others follow from them and the seed. `recipe` is the hash of
@@ -55,89 +56,6 @@ def fingerprint(data: StanData, options: SamplerOptions, recipe: str) -> str:
     """
     chosen = {k: v for k, v in asdict(options).items() if k not in INDECISIVE}
     return sha256_of_json({"data": decisive(data), "options": chosen, "program": recipe})
-
-
-def run_chains(
-    problem: Problem,
-    directory: Path,
-    *,
-    options: SamplerOptions,
-    solver: SolverOptions,
-    use_likelihood: bool,
-    command: str,
-    more_draws: int | None = None,
-    overwrite: bool = False,
-) -> tuple[ChainFailure, ...]:
-    """Run the chains that a run directory lacks, record everything in it, return what failed.
-
-    The directory is new, or of an earlier run with the same inputs; if a run of others is there,
-    `overwrite` has it removed. Every chain is extended by `more_draws`. `command` regenerates the
-    run, for its manifest. Raises `InputError` if the directory holds a different run or cannot be
-    written, `SamplingError` if no chain finished, or one could not be extended. On a
-    `KeyboardInterrupt` the chains are stopped; the same call continues the run.
-    """
-    options = options.suited_to(problem.likelihood, problem.name)
-    data = program_data(problem, solver=solver, use_likelihood=use_likelihood)
-    run = RunDirectory(directory)
-    model = _program_for(problem, options)
-    identity = fingerprint(data, options, model.recipe)
-    wanted = wanted_record(problem, options, solver, use_likelihood=use_likelihood)
-    if run.manifest_file.is_file() and run.read_manifest().get("fingerprint") != identity:
-        if not overwrite:
-            raise InputError(refusal(run, wanted, problem))
-        run.clear(identity)
-    with run.claimed(identity):
-        write_inputs(run, problem)
-        if not run.stan_data_file.is_file():
-            chosen = choose_chart(
-                problem,
-                data,
-                lambda: find_mode(problem, seed=options.seed, solver=solver),
-                wanted=options.coordinates,
-                seed=options.seed,
-                solver=solver,
-            )
-            _write_chart(run, chosen)
-            settled = _settle_tolerance(run, problem, data, chosen, seed=options.seed)
-            # Last: it tells that all is there.
-            write_json(run.stan_data_file, settled)
-        known = run.read_manifest()
-        run.update_manifest(
-            {
-                **run_record(
-                    run,
-                    wanted,
-                    name=problem.name,
-                    data_kind=problem.data_kind,
-                    identity=identity,
-                    command=command,
-                ),
-                "refits": known.get("refits", []),
-                "shortened": shortened(known),
-                "solver": {**asdict(solver), "tolerance": tolerance_in(run)},
-            }
-        )
-        return complete_chains(
-            model,
-            run,
-            options,
-            lambda chain: _draw_start(model, run, problem, options.seed, chain),
-            more_draws=more_draws,
-        )
-
-
-def _program_for(problem: Problem, options: SamplerOptions) -> Program:
-    """Return the program that samples, in as many threads as were asked for and have tests.
-
-    Raises `InputError` if threads cannot share the tests.
-    """
-    program, threads = problem.likelihood.program, options.threads_for(len(problem.experiments))
-    if threads > 1 and not shares_work(program):
-        raise InputError(
-            f"{problem.name}: threads_per_chain is {options.threads_per_chain}, expected 1: "
-            f"threads cannot share tests of the protocol {problem.likelihood.name}."
-        )
-    return load_program(program, threads=threads)
 
 
 def complete_chains(
@@ -166,12 +84,25 @@ def complete_chains(
         if not run.initial_values_file(chain).is_file():
             write_json(run.initial_values_file(chain), draw_start(chain))
     failures = run_side_by_side(model, run, missing, options) if missing else ()
-    not_extended = extend_chains(model, run, options, more_draws)
+    not_extended: tuple[ChainFailure, ...] = ()
+    asked = _asked(run, more_draws)
+    for number, draws in enumerate(asked, start=1):
+        finished = run.finished_chains()
+        chains = [one for one in finished if not run.extended_folder(one, number).is_dir()]
+        if not chains:
+            continue
+        logger.info(f"Extending {counted(len(chains), 'chain')} by {counted(draws, 'draw')}.")
+        not_extended = run_side_by_side(model, run, chains, options, Extension(number, draws))
+        if len(not_extended) == len(finished):
+            # It would fail again whenever the run is continued.
+            run.update_manifest({"more_draws": asked[: number - 1]})
+        if not_extended:
+            break
     status = "chains missing" if failures else "sampled"
     run.update_manifest(
         {
             "status": "extension failed" if not_extended else status,
-            "failures": [asdict(failure) for failure in (*failures, *not_extended)],
+            "failures": [failure.model_dump() for failure in (*failures, *not_extended)],
             "chains": run.chain_records(),
         }
     )
@@ -187,60 +118,40 @@ def _error_of(failures: Sequence[ChainFailure], what: str) -> PyburgersError:
     return kind(f"{what}: {failures[0].reason}")
 
 
-def _write_chart(run: RunDirectory, chart: ChosenChart) -> None:
-    """Save coordinates and metric."""
-    logger.info(
-        f"Coordinates: {chart.name}, as asked for."
-        if chart.reason == "asked for"
-        else f"Coordinates: {chart.name}, because {chart.reason}."
-    )
-    run.update_manifest(
-        {
-            "coordinates": {"system": chart.name, "reason": chart.reason},
-            "other_modes": modes_record(chart.other_modes),
-        }
-    )
-    metric = chart.first_metric
-    if chart.centre is not None and chart.covariance is not None and metric is not None:
-        write_json(
-            run.metric_file,
-            {
-                "inv_metric": metric.tolist(),
-                "centre": chart.centre.tolist(),
-                "covariance": chart.covariance.tolist(),
-            },
+def require_extendable(run: RunDirectory, more_draws: int, *, overwrite: bool) -> None:
+    """Raise `InputError`, before anything is done, if so many draws cannot be added to a run.
+
+    The number may be out of range, there may be no run, or it may be removed.
+    """
+    option = f"--more-draws {more_draws}"
+    if not 1 <= more_draws <= MOST_DRAWS:
+        raise InputError(f"{option}: expected a number from 1 to {MOST_DRAWS}.")
+    if overwrite:
+        raise InputError(
+            f"{option}: found it beside --overwrite, expected one of them: draws are added to a "
+            "run that stays."
+        )
+    if not run.manifest_file.is_file():
+        raise InputError(
+            f"{option}: found no run in {run.path}, expected one to add draws to; run the same "
+            "command without it first."
         )
 
 
-def _settle_tolerance(
-    run: RunDirectory, problem: Problem, data: StanData, chart: ChosenChart, *, seed: int
-) -> StanData:
-    """Return the data in the chart's coordinates, at a tolerance that is good to sample with."""
-    data, noisy = {**data, **chart.block}, list[Noisy]()
-    if chart.centre is not None and chart.covariance is not None:
-        model = load_program(problem.likelihood.program)
-        noisy = noisy_tolerances(model, data, chart.centre, chart.covariance, seed=seed)
-    run.update_manifest({"noisy": [asdict(one) for one in noisy]})
-    if not noisy:
-        return data
-    tolerance = noisy[-1].tolerance / TIGHTENING
-    logger.info(
-        f"At a tolerance of {noisy[-1].tolerance:g} of the solver the log density jumps by "
-        f"{noisy[-1].noise:.1g} from point to point: sampling at {tolerance:g}."
-    )
-    return {**data, "tolerance": tolerance}
-
-
-def _draw_start(
-    model: Program, run: RunDirectory, problem: Problem, seed: int, chain: int
-) -> dict[str, list[float]]:
-    """Start of one chain: around the mode, or from the prior where none was found."""
-    if not run.metric_file.is_file():
-        return draw_initial_values(problem, programs_of_tests(problem), seed=seed, chain=chain)
-    data = run.read_stan_data()
-    laplace = read_json(run.metric_file)
-    centre, covariance = (np.array(laplace[key]) for key in ("centre", "covariance"))
-    return draw_start_around(model, data, centre, covariance, seed=seed, chain=chain)
+def _asked(run: RunDirectory, more_draws: int | None) -> list[int]:
+    """Return the draws of all extensions, of which the manifest then knows."""
+    asked: list[int] = list(run.read_manifest().get("more_draws", []))
+    if more_draws is None:
+        return asked
+    lacking = asked[run.n_extensions() :]
+    for draws in lacking:
+        logger.info(f"Adding {counted(draws, 'draw')} was asked for before and is completed first.")
+    # The same command again means what it was interrupted in.
+    if more_draws in lacking:
+        return asked
+    asked.append(more_draws)
+    run.update_manifest({"more_draws": asked})
+    return asked
 
 
 def run_record(

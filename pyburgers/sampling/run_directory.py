@@ -7,7 +7,6 @@ that a run notes, and the seal of its manifest, tell what was changed since by h
 not what a forger changed who mends every hash.
 """
 
-import json
 import re
 import shutil
 import uuid
@@ -23,14 +22,13 @@ from pyburgers.common.atomic_files import (
     flush_to_disk,
     is_unfinished,
     sha256_of_file,
-    sha256_of_json,
     write_json,
 )
 from pyburgers.common.errors import InputError
 from pyburgers.common.locks import process_lock
 from pyburgers.common.scratch import scratch_folder
 from pyburgers.common.toml_files import TableT, checked, read_json, read_json_table
-from pyburgers.sampling.manifest import ChainRecord, RecordedHashes
+from pyburgers.sampling.manifest import SEAL, ChainRecord, RecordedHashes, seal_of
 
 PATIENCE = 120.0
 """How long a process that shares a directory waits for the others (s)."""
@@ -47,9 +45,6 @@ WRITTEN = frozenset(
     }
 )
 """What a fit writes into its run directory beside its manifest."""
-
-SEAL = "seal"
-"""Entry of a manifest: the hash of all others. Runs of versions without it have none."""
 
 REMEDY = (
     "put back what the run wrote, or remove the directory and run the command in its manifest "
@@ -147,9 +142,18 @@ class RunDirectory:
         return self.path / "failures" / f"chain_{chain}.txt"
 
     def finished_chains(self) -> tuple[int, ...]:
-        """Return the identifiers of the chains that are complete, in order."""
-        folders = (self.path / "chains").glob("chain_*")
-        found = (re.fullmatch(r"chain_([1-9]\d{0,5})", folder.name) for folder in folders)
+        """Return the identifiers of the chains that are complete, in order.
+
+        Raise `InputError` if their folder cannot be read: that does not mean that there are none.
+        """
+        folder = self.path / "chains"
+        try:
+            names = [entry.name for entry in folder.iterdir()]
+        except FileNotFoundError:
+            return ()
+        except OSError as error:
+            raise InputError(f"{folder}: cannot be read ({error.strerror}).") from error
+        found = (re.fullmatch(r"chain_([1-9]\d{0,5})", name) for name in names)
         return tuple(sorted(int(name[1]) for name in found if name is not None))
 
     def require_a_chain(self) -> None:
@@ -171,7 +175,7 @@ class RunDirectory:
                 f"{self.path}: not a run directory, expected a folder that holds manifest.json."
             )
         manifest = read_json(self.manifest_file)
-        if manifest.get(SEAL, (seal := _seal_of(manifest))) != seal:
+        if manifest.get(SEAL, (seal := seal_of(manifest))) != seal:
             raise InputError(
                 f"{self.manifest_file} has changed since the run, as its seal says; put back what "
                 "the run wrote, or remove the directory and fit again."
@@ -187,7 +191,7 @@ class RunDirectory:
 
     def write_manifest(self, content: Mapping[str, Any]) -> None:
         """Write the whole manifest with its seal."""
-        write_json(self.manifest_file, {**content, SEAL: _seal_of(content)})
+        write_json(self.manifest_file, {**content, SEAL: seal_of(content)})
 
     def read_stan_data(self) -> dict[str, Any]:
         """Read the data that every chain read; raise `InputError` if the file was damaged."""
@@ -428,12 +432,6 @@ class RunDirectory:
             flush_to_disk(file)
         finished.rename(self.extended_folder(chain, extension))
         flush_to_disk(self.path / "chains")
-
-
-def _seal_of(manifest: Mapping[str, Any]) -> str:
-    """Return the hash of all entries of a manifest but the seal, as they are read back."""
-    content = {name: value for name, value in manifest.items() if name != SEAL}
-    return sha256_of_json(json.loads(json.dumps(content)))
 
 
 def _hash_of_file(file: Path, hash_of: Callable[[Path], str]) -> str | None:

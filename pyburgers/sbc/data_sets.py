@@ -5,16 +5,25 @@ posterior is uniform (Talts et al. 2018, arXiv:1804.06788). `pyburgers.sbc.run` 
 many times, `pyburgers.sbc.rank_uniformity` judges the ranks.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
+from pyburgers.checks import registry
+from pyburgers.checks.fit_checks import (
+    CheckKind,
+    check_divergences,
+    check_effective_sample_size,
+    check_rhat,
+    run_checks,
+)
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError, SystemFailureError
+from pyburgers.fitting.charts_at_modes import draw_priors
 from pyburgers.fitting.fit import Fit, fit_problem
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate, simulate_data
@@ -33,10 +42,22 @@ from pyburgers.posterior.labelled_draws import (
 )
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.repetitions import shortened
-from pyburgers.sbc.convergence import lengthened, not_converged
 from pyburgers.sbc.replication import Replication
 
 Range: TypeAlias = tuple[float, float]
+
+LONGER = 4
+"""Factor on the iterations of a fit that is repeated, and on how closely it keeps its target."""
+
+RHAT_LIMIT = 1.05
+"""Largest R-hat of a fit of a calibration: 1.01 is passed by chance in its short chains."""
+
+CHECKS = tuple(
+    one
+    for one in registry.CHECKS
+    if one.kind is CheckKind.SAMPLING and one not in (check_rhat, check_effective_sample_size)
+)
+"""Checks of a fit that short chains can pass."""
 
 LOG_LIKELIHOOD = "log_likelihood"
 """Ranked beside the parameters: it sees errors that no single parameter shows (Modrák et al.
@@ -169,7 +190,7 @@ def _draw(
     template: Problem, rng: np.random.Generator
 ) -> tuple[list[dict[str, float]], dict[str, float]]:
     """Draw the parameters of every test from the prior, and centres and spreads (`Simulated`)."""
-    drawn = template.hanging_together([priors.sample(rng) for priors in template.priors])
+    drawn = draw_priors(template, rng)
     pooled: dict[str, float] = {}
     for name in template.partial:
         # The first test's draw is that of the centre: both have the same prior.
@@ -247,6 +268,35 @@ def fit_and_rank(
             ranks = rank_truth(result, simulated, template, plan.n_ranked)
             return Replication(**found, ranks=ranks)
     return Replication(**found)
+
+
+def lengthened(options: SamplerOptions, n_refits: int, failed: Sequence[str]) -> SamplerOptions:
+    """Return settings of a repetition: longer, after divergences with steps that diverge less.
+
+    Repetition 0 is the first fit, whose warm-up and target are known numbers; `failed` names the
+    checks that the fit before the repetition failed.
+    """
+    assert options.warmup is not None
+    assert options.adapt_delta is not None
+    # A stricter target mends nothing else: steps would only be too short.
+    stricter = LONGER**n_refits if check_divergences.name in failed else 1
+    return replace(
+        options,
+        warmup=options.warmup * LONGER**n_refits,
+        draws=options.draws * LONGER**n_refits,
+        adapt_delta=1 - (1 - options.adapt_delta) / stricter,
+        max_minutes=0.0,  # the number of draws follows from the data alone
+    )
+
+
+def not_converged(result: Fit, n_ranked: int) -> tuple[str, ...]:
+    """Return the names of the checks of convergence that a fit failed."""
+    n_effective = convergence_table(result.posterior)["ess_bulk"]
+    return (
+        *(one.name for one in run_checks(result.checked_draws, CHECKS) if not one.passed),
+        *([] if largest_rhat(result.posterior) <= RHAT_LIMIT else ["R-hat"]),
+        *([] if n_effective.min() >= n_ranked else ["independent draws"]),
+    )
 
 
 def rank_truth(

@@ -21,8 +21,7 @@ from pyburgers.model.display import (
     shown_quantity,
 )
 from pyburgers.model.parameters import Parameter
-from pyburgers.sbc.convergence import LONGER, RHAT_LIMIT
-from pyburgers.sbc.data_sets import LOG_LIKELIHOOD
+from pyburgers.sbc.data_sets import LOG_LIKELIHOOD, LONGER, RHAT_LIMIT
 from pyburgers.sbc.rank_uniformity import VERDICTS_TEXT, RankBands, RankVerdict, counts_at_most
 from pyburgers.sbc.replication import RANKS, replication_table
 from pyburgers.sbc.run import Calibration

@@ -23,18 +23,23 @@ from pyburgers.common.errors import InputError, SystemFailureError
 from pyburgers.common.locks import process_lock
 from pyburgers.common.tasks import ALL_HERE, Workers, run_tasks
 from pyburgers.common.toml_files import Table
+from pyburgers.fitting.problem_run import (
+    input_texts,
+    problem_record,
+    settled_options,
+    write_inputs,
+)
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import load_experiment, save_experiment
+from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.program_data import program_data
-from pyburgers.kinds.stan_data import SolverOptions, decisive
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.kinds.together import pooling_for
 from pyburgers.model.pooling import pooling_from
-from pyburgers.model.priors import PriorSet, load_priors, note_other_material, save_priors
-from pyburgers.sampling.changes import problem_record
+from pyburgers.model.priors import PriorSet, load_priors, note_other_material
 from pyburgers.sampling.manifest import COMPLETE, PoolingRecord, RecordedHashes, SamplerRecord
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
-from pyburgers.sampling.run import files_in, origin_record
+from pyburgers.sampling.run import decisive, files_in, origin_record
 from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sbc.data_sets import DataSetPlan, check_template, replicate
 from pyburgers.sbc.rank_uniformity import RankBands, RankVerdict, judge_ranks, rank_bands
@@ -182,8 +187,8 @@ def calibrate(
     problem = problem_of(tests, priors, pooling_for(tests, pool))
     check_template(problem, plan.strain_range)
     note_other_material(priors, tests[0].material)
-    sampler = plan.sampler.suited_to(problem.likelihood, problem.name)
-    plan = replace(plan, sampler=replace(sampler, parallel_chains=1))
+    sampler = replace(settled_options(problem, plan.sampler), parallel_chains=1)
+    plan = replace(plan, sampler=sampler)
     identity = _fingerprint(problem, plan, load_program(problem.likelihood.program).recipe)
     run = RunDirectory(out)
     _refuse_fewer_repetitions(run, plan)
@@ -217,11 +222,7 @@ def _refuse_fewer_repetitions(run: RunDirectory, plan: CalibrationPlan) -> None:
 def _write_inputs(run: RunDirectory, problem: Problem, plan: CalibrationPlan, command: str) -> None:
     """Save, in a claimed folder, what data sets are made of, and what will run."""
     if "plan" not in run.read_manifest():  # else others may be reading the same inputs
-        for test in problem.experiments:
-            folder = run.test_file(test.id).parent
-            folder.mkdir(parents=True, exist_ok=True)
-            save_experiment(test, folder)
-        save_priors(problem.priors[0], run.priors_file)
+        write_inputs(run, input_texts(problem.experiments, problem.priors[0]))
     run.update_manifest(_record(run, problem, plan, command))
 
 

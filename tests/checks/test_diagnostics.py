@@ -37,9 +37,8 @@ from pyburgers.checks.fit_checks import (
 from pyburgers.checks.modes import check_other_modes
 from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.verdicts import verdicts
-from pyburgers.kinds.stan_data import OtherMode
 from pyburgers.posterior.labelled_draws import DRIVING_ERRORS, convergence_table, free_parameters
-from pyburgers.sampling.manifest import ChainFailure
+from pyburgers.sampling.manifest import ChainFailure, OtherMode
 
 FloatArray = npt.NDArray[np.float64]
 CHAINS, DRAWS, POINTS = 4, 500, 60
@@ -115,7 +114,7 @@ def test_good_draws_pass_every_check() -> None:
 
 
 def test_a_missing_chain_fails_with_its_reason() -> None:
-    failure = ChainFailure(5, "Chain 5 was killed by the system (SIGKILL).")
+    failure = ChainFailure(chain=5, reason="Chain 5 was killed by the system (SIGKILL).")
     check = check_chains(CheckedDraws(good(), (failure,)))
     assert not check.passed
     assert "1 of 5 chains" in check.sentence
@@ -316,7 +315,9 @@ def test_errors_of_the_driving_strain_are_checked_like_parameters() -> None:
 def other_mode(weight: float, exponent: float, noise: float = 1e5) -> CheckedDraws:
     """Good draws, and a mode beside the one where their chains began."""
     values = {"stress_exponent": exponent, "stress_noise": noise}
-    return CheckedDraws(good(), other_modes=(OtherMode(np.log(weight), {"twin": values}),))
+    return CheckedDraws(
+        good(), other_modes=(OtherMode(log_weight=np.log(weight), values={"twin": values}),)
+    )
 
 
 @pytest.mark.parametrize(

@@ -132,3 +132,41 @@ def test_where_no_scheduler_answers_one_sentence_says_so(
     command = ["campaign", str(plan), "--out", str(tmp_path / "out"), "--scheduler"]
     assert_refused(main([*command, "tcp://127.0.0.1:9"]), capsys, "no scheduler of Dask answers")
     assert_refused(main([*command, "x", "--jobs", "2"]), capsys, "--jobs: does not go with")
+
+
+WAITING = """
+import argparse, sys, time
+from pathlib import Path
+import pyburgers.cli.doctor as command
+from pyburgers.cli.main import main
+from pyburgers.cli.workers import workers_of
+from pyburgers.common.tasks import run_tasks
+
+def run(_):
+    options = argparse.Namespace(scheduler=sys.argv[1], jobs=None, part=None)
+    with workers_of(options) as workers:
+        tasks = {seconds: (seconds,) for seconds in (0, 600, 601)}
+        for key, _ in run_tasks(time.sleep, tasks, workers=workers, out=Path("out")):
+            print(key, flush=True)
+
+command.run = run
+sys.exit(main(["doctor"]))
+"""
+
+
+@pytest.mark.usefixtures("workers")
+def test_a_lost_scheduler_is_one_sentence_and_a_way_to_go_on(scheduler: str) -> None:
+    command = [sys.executable, "-c", WAITING, scheduler]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as running:
+        assert running.stdout is not None
+        assert running.stdout.readline() == "0\n"
+        for one in psutil.Process().children():
+            if "scheduler" in one.cmdline():
+                one.kill()
+        _, error = running.communicate(timeout=DEADLINE)
+    assert running.returncode == 1
+    assert error.count("\n") == 1
+    assert f"pyburgers: --scheduler {scheduler}: the scheduler was lost; its workers" in error
+    assert "run the same command with the new address: it does only what is missing." in error

@@ -23,7 +23,13 @@ from pyburgers.cmdstan import installation as cmdstan_installation
 from pyburgers.cmdstan.compilation import cache_directory, program_key
 from pyburgers.cmdstan.draw_files import adaptation_of, read_draws
 from pyburgers.cmdstan.installation import install_cmdstan
-from pyburgers.cmdstan.program import Program, Unsolved, compile_program, load_program
+from pyburgers.cmdstan.program import (
+    Density,
+    Program,
+    Unsolved,
+    compile_program,
+    load_program,
+)
 from pyburgers.cmdstan.toolchain import (
     compile_flags,
     find_cmdstan,
@@ -407,13 +413,14 @@ def assert_every_method_runs(program: Program, folder: Path) -> None:
     assert len(program.recipe) == 64
     values = program.evaluate({}, {"x": [3.0]})
     assert (values["x"].tolist(), float(values["square"])) == ([3.0], 9.0)
-    log_density, top = program.optimise({}, {"x": [3.0]}, seed=1)
-    assert log_density == pytest.approx(0.0, abs=1e-10)
-    assert top["x"] == pytest.approx([2.0], abs=1e-5)
+    density = Density(program, {}, "x")
+    end = density.climb(np.array([3.0]), seed=1)
+    assert end.log_density == pytest.approx(0.0, abs=1e-10)
+    assert end.place == pytest.approx([2.0], abs=1e-5)
     points = np.array([[3.0], [-1.0]])
-    np.testing.assert_allclose(program.gradients({}, "x", points), 2 - points)
+    np.testing.assert_allclose(density.gradients(points), 2 - points)
     with pytest.raises(SamplingError, match=r"The optimiser failed: .*Initialization failed"):
-        program.optimise({}, {"x": [1e200]}, seed=1)
+        density.climb(np.array([1e200]), seed=1)
     files = []
     for name, rows in {"one": (1.0, 2.0), "other": (3.0, 4.0), "bad": (5.0, 6.0)}.items():
         files.append(folder / f"{name}.csv")

@@ -73,10 +73,6 @@ def test_processes_are_one_for_each_core_and_no_more_than_tasks() -> None:
         Workers(jobs=0)
 
 
-def refuse(word: str) -> None:
-    raise InputError(f"{word}: refused.")
-
-
 def test_every_call_is_done_and_keeps_its_key() -> None:
     calls = {number: (number, 3) for number in range(4)}
     done = dict(run_tasks(pow, calls, workers=TWO, out=Path("out")))
@@ -84,8 +80,8 @@ def test_every_call_is_done_and_keeps_its_key() -> None:
 
 
 def test_an_error_of_a_call_is_raised_as_it_is() -> None:
-    with pytest.raises(InputError, match=r"^ice: refused.$"):
-        list(run_tasks(refuse, {1: ("ice",)}, out=Path("out")))
+    with pytest.raises(InputError, match=r"^jobs is 0, expected at least 1.$"):
+        list(run_tasks(Workers, {1: (None, 0)}, out=Path("out")))
 
 
 def test_a_killed_process_is_told_with_what_to_do() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 import xarray as xr
-from conftest import SMALL_RUN, Problem
+from conftest import SMALL_RUN, Problem, copy_of
 from refusals import assert_refused
 
 from pyburgers.cli.main import main
@@ -36,6 +36,11 @@ adapt_delta = {SMALL_RUN.adapt_delta}
 """
 
 NAMES = [f"alone-standard-own-seed{seed}" for seed in (SMALL_RUN.seed, 12)]
+
+UNNOTICED = [
+    (name, "complete") for name in ("chains/chain_1/draws.csv", "posterior.nc", "stan_data.json")
+]
+"""Files whose hashes are compared when the run is read, not for its status."""
 
 MakePlan = Callable[..., Path]
 
@@ -106,6 +111,38 @@ def test_a_fit_that_cannot_be_done_leaves_the_others_alone(
     assert f"{NAMES[0]}: could not be done: {stranger}: has files (notes.txt)" in said
     manifest = json.loads((out / "runs" / NAMES[1] / "manifest.json").read_text(encoding="utf-8"))
     assert manifest["status"] == "complete"
+
+
+@pytest.mark.parametrize(
+    ("name", "status"),
+    [("manifest.json", "damaged"), ("chains/chain_1/timing.json", "damaged"), *UNNOTICED],
+)
+def test_a_damaged_run_does_not_hide_the_others(
+    name: str,
+    status: str,
+    make_plan: MakePlan,
+    small_fit: Fit,
+    tmp_path: Path,
+    sketched: None,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    plan, out = make_plan(), tmp_path / "out"
+    for run in NAMES:
+        copy_of(small_fit, out / "runs" / run)
+    (out / "runs" / NAMES[1] / name).write_text("damaged", encoding="utf-8")
+    there = (file for file in (out / "runs" / NAMES[1]).rglob("*") if file.is_file())
+    before = {file: file.read_bytes() for file in there}
+    assert main(["campaign", str(plan), "--out", str(out), "--status"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    for run, word in zip(NAMES, ("complete", status), strict=True):
+        assert word in next(line for line in lines if line.startswith(run))
+    assert main(["campaign", str(plan), "--out", str(out)]) == 1
+    said = capsys.readouterr()
+    assert f"{NAMES[1]}: could not be done: " in said.out
+    page = (out / "report" / "index.html").read_text(encoding="utf-8")
+    assert "1 of 2 fits are complete." in page
+    assert "damaged" in page
+    assert {file: file.read_bytes() for file in before} == before
 
 
 def test_a_plan_is_every_combination(make_plan: MakePlan) -> None:

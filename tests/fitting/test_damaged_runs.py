@@ -1,6 +1,8 @@
 """Run directories that were damaged or changed after the run: told in a sentence, never used."""
 
+import errno
 import json
+import os
 import re
 import shutil
 from collections.abc import Callable, Iterator
@@ -19,8 +21,8 @@ from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError
 from pyburgers.common.netcdf_files import read_netcdf, write_netcdf
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.sampling.manifest import FitManifest
-from pyburgers.sampling.run_directory import SEAL, RunDirectory
+from pyburgers.sampling.manifest import SEAL, FitManifest
+from pyburgers.sampling.run_directory import RunDirectory
 
 Damage = Callable[[Path], None]
 GONE = object()
@@ -187,6 +189,43 @@ def test_a_damaged_run_is_refused_in_one_sentence_by_all_that_reads_it(
         with pytest.raises(InputError, match=re.escape(words)):
             fit(small_problem.experiment, small_problem.priors, out=copy, options=SMALL_RUN)
         assert {file: own for file, own in contents(copy).items() if file in before} == before
+
+
+def test_a_report_shows_the_other_runs_and_names_the_damaged_one(
+    copy: Path, other_fit: Fit, sketched: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cut(copy / DRAWS)
+    page = copy.parent / "page"
+    runs = [str(copy), str(other_fit.directory.path)]
+    assert main(["report", *runs, "--out", str(page)]) == 2
+    out, log = capsys.readouterr()
+    assert "The page is" in out
+    assert f"run: {DRAWS} has changed" in log
+    assert "The page is about the other runs." in log
+    shown = json.loads((page / "manifest.json").read_text(encoding="utf-8"))["runs"]
+    assert [one["id"] for one in shown] == [other_fit.directory.path.name]
+
+
+@pytest.mark.parametrize("name", ["chains", "."])
+def test_a_folder_that_cannot_be_read_is_not_an_empty_one(
+    name: str, copy: Path, small_problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Permissions do not keep the superuser out."""
+
+    def refuse(folder: Path) -> Iterator[Path]:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(folder))
+
+    iterates, locked = Path.iterdir, copy / name
+    monkeypatch.setattr(Path, "iterdir", lambda at: (refuse if at == locked else iterates)(at))
+    before = contents(copy)
+    if name == ".":
+        (copy / "manifest.json").unlink()
+        before = contents(copy)
+    with pytest.raises(InputError, match=r"cannot be read|not a run directory"):
+        Fit.load(copy)
+    with pytest.raises(InputError, match="cannot be read"):
+        fit(small_problem.experiment, small_problem.priors, out=copy, options=SMALL_RUN)
+    assert {file: own for file, own in contents(copy).items() if file in before} == before
 
 
 @pytest.mark.parametrize("damage", [text(""), cut, text("old numbers"), Path.unlink])

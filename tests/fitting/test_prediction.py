@@ -169,7 +169,7 @@ def test_partially_pooled_parameters_of_a_new_test_come_from_centre_and_spread(
     """A log-odds or logarithm behind bounds is normal about the centre."""
     pooling = pooling_of({"maxwell_modulus": "partial", "stress_noise": "shared"})
     problem = problem_of(pair_of(small_problem), small_problem.priors, pooling)
-    n = 4000
+    n = 1500
     rng = np.random.default_rng(1)
     values = {name: np.full(n, prior.location) for name, prior in problem.priors[0].priors.items()}
     values |= {

@@ -13,6 +13,7 @@ from kind_examples import TWIN_FILE
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_tests import compare_by_test
+from pyburgers.fitting.charts_at_modes import at_mode, density_of
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import load_attenuation
@@ -37,7 +38,6 @@ from pyburgers.page.joint_section import joint_sections, pooling_table
 from pyburgers.page.page import write_report
 from pyburgers.predictions.attenuation import predict_attenuation
 from pyburgers.predictions.stress_cycles import Regime
-from pyburgers.sampling.charts import at_mode
 from pyburgers.sampling.options import SamplerOptions
 
 FloatArray = npt.NDArray[np.float64]
@@ -88,7 +88,7 @@ def test_a_table_shares_flow_law_and_kelvin_part_and_has_no_microstructure() -> 
     assert {"stress_exponent", "kelvin_modulus", "kelvin_viscosity"} <= set(problem.shared)
     assert problem.kind("maxwell_modulus") == "separate"
     assert not problem.partial  # one test alone has a grain size that evolves
-    names, own = problem.layout.names, problem.layout.own(1)
+    names, own = problem.layout.names, problem.layout.own[1]
     assert [names[i] for i in own] == ["maxwell_modulus"]
     assert not problem.has_effect("critical_strain_fabric", 1)
     assert problem.owner("critical_strain_fabric", 1) == problem.experiments[0].id
@@ -207,11 +207,10 @@ def test_each_is_left_out(fitted: Fit) -> None:
 @pytest.mark.usefixtures("programs")
 def test_gradients_are_those_of_the_density() -> None:
     problem = both()
-    data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
-    model = load_program(problem.likelihood.program)
+    density = density_of(problem, SolverOptions(1e-11, 1_000_000))
     rng = np.random.default_rng(4)
     position, along = 0.3 * rng.standard_normal((2, problem.layout.size))
-    (gradient,) = model.gradients(data, "coordinate", [position])
+    (gradient,) = density.gradients(position[np.newaxis])
     step = 1e-4
     high, low = (
         evaluated(problem, position + sign * step * along)["log_density"] for sign in (1, -1)

@@ -18,6 +18,7 @@ from stan_data import one_test_data, parameters_in
 from truth_as_mode import at_truth
 
 from pyburgers.drawing.view import views
+from pyburgers.fitting.charts_at_modes import at_mode, density_of, find_mode
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate
@@ -30,9 +31,7 @@ from pyburgers.model.priors import default_priors
 from pyburgers.page.page import write_report
 from pyburgers.page.posterior_figures import figures_for
 from pyburgers.page.tables import truth_table
-from pyburgers.sampling.charts import at_mode
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.starts import find_mode
 
 FloatArray = npt.NDArray[np.float64]
 RecordProperty = Callable[[str, object], None]
@@ -149,7 +148,7 @@ def at_truth_or_mode(kind: str, name: str) -> AtMode[Experiment]:
     if experiment.true_parameters is not None:
         return at_truth(experiment, priors, solver)
     problem = problem_of([experiment], priors)
-    (mode,) = find_mode(problem, seed=1, solver=solver).tests
+    (mode,) = find_mode(problem, density_of(problem, solver), seed=1).tests
     return at_mode(problem, mode, solver)
 
 

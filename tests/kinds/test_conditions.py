@@ -10,6 +10,7 @@ from refusals import refusal
 from same_contents import assert_equal
 
 from pyburgers.common.errors import InputError
+from pyburgers.fitting.charts_at_modes import share_values
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
@@ -104,7 +105,7 @@ def test_tests_of_one_furnace_share_one_error() -> None:
     h = data["shared_parameter"].index(PLACE[TEMPERATURE])
     assert [row[h] for row in data["shared_from"]] == [1, 2, 1]
     drawn = [{p.name: float(e) for p in PROGRAM_PARAMETERS} for e in range(3)]
-    assert [own[TEMPERATURE] for own in tests.hanging_together(drawn)] == [0.0, 1.0, 0.0]
+    assert [own[TEMPERATURE] for own in share_values(tests, drawn)] == [0.0, 1.0, 0.0]
 
 
 def test_one_furnace_of_all_tests_and_none_named() -> None:

@@ -4,8 +4,10 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 import stanio
 import xarray as xr
@@ -13,7 +15,8 @@ from scipy import stats
 from synthetic_fit import make_fit
 
 from pyburgers.cmdstan.draw_files import Draws
-from pyburgers.posterior.build import driving_errors
+from pyburgers.cmdstan.program import Program, Unsolved
+from pyburgers.posterior.build import driving_errors, reference_solution
 from pyburgers.posterior.labelled_draws import (
     keep_posterior,
     load_posterior,
@@ -21,6 +24,8 @@ from pyburgers.posterior.labelled_draws import (
     relative_efficiency,
     smooth_weights,
 )
+
+FloatArray = npt.NDArray[np.float64]
 
 
 def test_weights_add_up_and_rise_with_the_ratios() -> None:
@@ -87,6 +92,31 @@ def test_the_last_coordinates_are_errors_of_the_tests_in_turn() -> None:
     np.testing.assert_array_equal(
         single["driving_error[1]"].transpose("chain", "draw"), values[:, :, 3]
     )
+
+
+class Halting(Program):
+    """A program that has no solution below 0, and the coordinate itself as its variables."""
+
+    def generate(self, *_: Any, **__: Any) -> Draws:
+        raise Unsolved("The program has no solution at some of the draws.")
+
+    def generate_at(
+        self, data: Any, name: str, points: FloatArray, *_: Any, **__: Any
+    ) -> tuple[npt.NDArray[np.bool_], Draws]:
+        solved = points[:, 0] > 0
+        variables = stanio.parse_header("log_lik.1,grid_strain.1")
+        return solved, Draws(variables, np.repeat(points[np.newaxis, solved], 2, axis=2))
+
+
+def test_draws_without_a_solution_are_nan_and_the_others_stay(tmp_path: Path) -> None:
+    file = tmp_path / "draws.csv"
+    file.write_text("coordinate.1\n3.0\n-1.0\n2.0\n", encoding="utf-8")
+    found = reference_solution(
+        Halting(tmp_path), {"point_end": [0, 1]}, [file, file], {"grid_strain": 1}, seed=1
+    )
+    for name in ("log_lik", "grid_strain"):
+        values = found[name].transpose("chain", "draw", f"{name}_dim_0").to_numpy()
+        np.testing.assert_array_equal(values[..., 0], [[3.0, np.nan, 2.0]] * 2)
 
 
 KEEPING = """

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from conftest import ICE, with_fixed
 
-from pyburgers.cmdstan.program import load_program
+from pyburgers.cmdstan.program import Density, load_program
 from pyburgers.kinds.forced_oscillation.experiment import (
     OscillationExperiment,
     with_background,
@@ -19,7 +19,6 @@ from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.priors import default_priors
-from pyburgers.sampling.laplace import laplace_metric
 
 pytestmark = [pytest.mark.usefixtures("programs"), pytest.mark.slow]
 
@@ -55,9 +54,9 @@ def deviations(experiment: OscillationExperiment) -> list[float]:
     (coordinates,) = problem.coordinates
     at_truth = coordinates.at(truth)
     start = np.append(at_truth, np.zeros(experiment.n_driving_errors))
-    (_, found), *_ = model.ends(data, [{"coordinate": start.tolist()}], seed=1)
-    mode = np.asarray(found["coordinate"], dtype=np.float64)
-    covariance = laplace_metric(model, data, mode)
+    density = Density(model, data)
+    mode = density.climb(start, seed=1).place
+    covariance = density.laplace(mode)
     places = [coordinates.quantities.index(name) for name in FREE]
     return [float((mode[k] - at_truth[k]) / np.sqrt(covariance[k, k])) for k in places]
 

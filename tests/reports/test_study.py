@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +28,10 @@ from olivine_spectra import LAWS, run_name
 from page import Page
 from study import (
     COMBINED_RUN,
+    ICE_TWINS,
     MAIN,
     MAX_MINUTES,
+    OLIVINE_RUNS,
     PEAK_STRESS_TABLE,
     Study,
     main,
@@ -56,6 +59,7 @@ from pyburgers.model.priors import PriorSet
 from pyburgers.page.page import write_report
 from pyburgers.predictions.attenuation import predict_attenuation
 from pyburgers.predictions.attenuation_tables import quantile_table
+from pyburgers.predictions.evolving import evolving_attenuation
 from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
 from pyburgers.predictions.stress_cycles import PAPER_REGIMES
 
@@ -76,11 +80,19 @@ def olivine(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fit]:
 
 
 @pytest.fixture(autouse=True, scope="module")
-def few_prior_draws() -> Iterator[None]:
+def few_solved_draws() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(maor_sections, "PRIOR_DRAWS", {"ice": 60, "olivine": 30})
         patch.setattr("maor.stress_floor.SOLVED_DRAWS", 2)
+        patch.setattr(
+            "pyburgers.page.attenuation_section.evolving_attenuation",
+            partial(evolving_attenuation, max_draws=4),
+        )
         yield
+
+
+FEW_FREE = tuple(name for name in TRUTH if name not in {"stress_exponent", "stress_noise"})
+"""Parameters that are fixed in fits whose own sections do not matter here."""
 
 
 @pytest.fixture(scope="module")
@@ -91,8 +103,7 @@ def sections(ice: dict[str, Fit], olivine: dict[str, Fit]) -> tuple[PageSection,
 @pytest.fixture(scope="module")
 def folder(sections: tuple[PageSection, ...], tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("page")
-    fixed = tuple(name for name in TRUTH if name not in {"stress_exponent", "stress_noise"})
-    fit = make_fit(tmp_path_factory.mktemp("run") / "PIL40", chains=2, draws=300, fixed=fixed)
+    fit = make_fit(tmp_path_factory.mktemp("run") / "PIL40", chains=2, draws=300, fixed=FEW_FREE)
     with pytest.MonkeyPatch.context() as patch:
         sketch_pictures(patch)
         write_report([fit], out, title="Study", command="x", extras=sections)
@@ -148,11 +159,16 @@ def test_statements_stand_with_verdict_evidence_and_rule(
     assert grounds.in_files
 
 
+def no_attenuation(*_: object) -> PageSection:
+    return PageSection(key="attenuation", title="", paragraphs=())
+
+
 def test_the_page_says_what_verdicts_on_synthetic_data_mean(
-    page: Page, tmp_path: Path, ice: dict[str, Fit]
+    page: Page, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert SYNTHETIC_SENTENCE in page.text
     assert MICROSTRUCTURE_SENTENCE in page.text
+    monkeypatch.setattr("maor.sections.ice_attenuation_section", no_attenuation)
     measured = {"PIL40": make_fit(tmp_path / "run", kind="measured", draws=100)}
     without_olivine = study_sections(measured, {})
     keys = [section.key for section in without_olivine]
@@ -239,7 +255,7 @@ def test_every_figure_table_and_claim_has_its_place(
 def test_measured_points_are_drawn_over_the_spectra_of_ice(ice: dict[str, Fit]) -> None:
     one = np.array([1.0])
     points = MeasuredAttenuation(0.01 * one, 0.3 * one, 0.0 * one, ("McCarthy and Cooper",))
-    section = ice_attenuation_section(ice, points)
+    section = ice_attenuation_section({"PIL40": ice["PIL40"]}, points)
     (first, *_) = section.figures
     (legend,) = first.draw().legends
     assert "McCarthy and Cooper" in [text.get_text() for text in legend.get_texts()]
@@ -258,9 +274,17 @@ def test_points_that_cannot_be_read_and_parts_of_the_main_job_stop_before_it_fit
 
 
 def test_the_study_fits_every_experiment_and_shows_all_of_it(
-    joint: Fit, peak_stress: PeakStressFit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    joint: Fit,
+    peak_stress: PeakStressFit,
+    sections: tuple[PageSection, ...],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     shown: dict[str, Any] = {}
+
+    def of_paper(ice: Mapping[str, Fit], olivine: Mapping[str, Fit], _: object) -> object:
+        assert [*ice, *olivine] == [*ICE_TWINS, *OLIVINE_RUNS]
+        return sections
 
     def of_peaks(data: PeakStressData, priors: PriorSet, **_: object) -> PeakStressFit:
         return replace(peak_stress, data=data, priors=priors)
@@ -293,6 +317,7 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
     monkeypatch.setattr("study.fit_peak_stress", of_peaks)
     monkeypatch.setattr("study.fit_side_by_side", quickly)
     monkeypatch.setattr("growing_page.write_report", written)
+    monkeypatch.setattr("study.study_sections", of_paper)
     monkeypatch.setattr("study.predicted_tests", lambda: [load_experiment(ICE / "PIL105.toml")])
     monkeypatch.setattr(
         "study.spectra_section",
@@ -328,49 +353,50 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
     assert names[:-1] == ["PIL40", "PIL72", "PIL105", "olivine_kept", "olivine_removed"]
 
 
-IN_WORDS = ("dunite 4506", "olivine kept", "PIL40")
-"""Fits of the main part as its page calls them."""
-
-
 def test_the_main_part_is_on_its_page_after_each_of_its_fits(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pages: list[Page] = []
-
-    def quickly(
-        tasks: Mapping[str, Task],
-        folder: Path,
-        after: Callable[[str, Fit], None],
-        **_: object,
-    ) -> dict[str, Fit]:
-        found = {}
-        for name, task in tasks.items():
-            assert task.options.max_minutes == MAX_MINUTES
-            assert folder == tmp_path / "runs" / "quick"
-            found[name] = (
-                make_olivine_fit(folder / name, "kept")
-                if "olivine" in name
-                else make_fit(folder / name, name=name, draws=100)
-            )
-            after(name, found[name])
-            pages.append(Page((tmp_path / "index.html").read_text(encoding="utf-8")))
-        return found
-
-    sketch_pictures(monkeypatch)
-    monkeypatch.setattr("study.fit_side_by_side", quickly)
-    written = main_part(Study("quick", tmp_path, "make report"))
-    for number, page in enumerate(pages, start=1):
-        assert set(MAIN) & set(page.ids) == set(MAIN[:number])
-        rest = ", ".join([*IN_WORDS[number:], "the attenuation of ice"])
-        assert f"Not finished. Still to come: {rest}." in page.unfolded
-    last = Page(written.read_text(encoding="utf-8"))
-    assert {*MAIN, "attenuation"} <= set(last.ids)
-    assert "Not finished" not in last.text
-
-
-def test_pictures_of_a_growing_page_are_drawn_once(
     ice: dict[str, Fit], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    pages: list[tuple[list[str], dict[str, Any]]] = []
+
+    def quickly(
+        tasks: Mapping[str, Task], folder: Path, after: Callable[[str, Fit], None], **_: object
+    ) -> dict[str, Fit]:
+        assert folder == tmp_path / "runs" / "quick"
+        assert {task.options.max_minutes for task in tasks.values()} == {MAX_MINUTES}
+        found = {name: with_name(ice["PIL40"], name) for name in tasks}
+        for name, fit in found.items():
+            after(name, fit)
+        return found
+
+    def written(fits: Sequence[Fit], out: Path, **parts: Any) -> Path:
+        pages.append(([fit.experiment.id for fit in fits], parts))
+        return out / "index.html"
+
+    monkeypatch.setattr("study.fit_side_by_side", quickly)
+    monkeypatch.setattr("study.ice_attenuation_section", no_attenuation)
+    monkeypatch.setattr("growing_page.write_report", written)
+    assert main_part(Study("quick", tmp_path, "make report")) == tmp_path / "index.html"
+    *growing, (names, last) = pages
+    for number, (shown, parts) in enumerate(growing, start=1):
+        assert shown == list(MAIN[:number])
+        assert list(parts["to_come"]) == [*MAIN[number:], "the attenuation of ice"]
+    assert names == list(MAIN)
+    assert "to_come" not in last
+    assert [section.key for section in last["extras"]] == ["attenuation"]
+
+
+def with_name(fit: Fit, name: str) -> Fit:
+    return with_problem(fit, replace(fit.experiment, id=name), fit.priors)
+
+
+def test_a_growing_page_says_what_is_to_come_and_draws_pictures_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs = tmp_path / "runs"
+    fits = {
+        name: make_fit(runs / name, name=name, chains=2, draws=50, fixed=FEW_FREE)
+        for name in ("PIL40", "PIL72")
+    }
     drawn: list[str] = []
 
     def sketched(_: object, file: Path) -> str:
@@ -378,9 +404,14 @@ def test_pictures_of_a_growing_page_are_drawn_once(
         return '<svg viewBox="0 0 576 432"></svg>'
 
     monkeypatch.setattr("pyburgers.page.illustrations.write_page_images", sketched)
-    page = GrowingPage(tmp_path, "T", "x", dict.fromkeys((*ice, "told"), ""), tuple(ice), "the end")
-    for name, fit in ice.items():
-        page.add(name, fit)
-    page.add("told", ice["PIL40"])
-    assert "Still to come: the end." in page.out.joinpath("index.html").read_text(encoding="utf-8")
-    assert len(drawn) == len(set(drawn)) > 2 * len(ice)
+    names = dict.fromkeys((*fits, "told"), "")
+    growing = GrowingPage(tmp_path / "page", "T", "x", names, tuple(fits), "the end")
+    rests = {"PIL40": "PIL72, told, the end", "PIL72": "told, the end", "told": "the end"}
+    for name, rest in rests.items():
+        growing.add(name, fits.get(name, fits["PIL40"]))
+        page = Page((tmp_path / "page" / "index.html").read_text(encoding="utf-8"))
+        assert f"Not finished. Still to come: {rest}." in page.unfolded
+        assert [one for one in fits if one in page.ids] == [one for one in fits if one <= name]
+    assert len(drawn) == len(set(drawn)) > 2 * len(fits)
+    last = growing.write(list(fits.values()))
+    assert "Not finished" not in last.read_text(encoding="utf-8")

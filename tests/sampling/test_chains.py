@@ -24,6 +24,13 @@ from pyburgers.common.errors import InputError, SystemFailureError
 from pyburgers.common.messages import messages_where_watched
 from pyburgers.common.processes import start
 from pyburgers.fitting.fit import Fit, fit
+from pyburgers.fitting.problem_run import (
+    input_texts,
+    refusal,
+    settled_options,
+    threads_for,
+    wanted_record,
+)
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.priors import default_priors
@@ -37,7 +44,6 @@ from pyburgers.sampling.chains import (
     quarter_messages,
     shown_progress,
 )
-from pyburgers.sampling.changes import refusal, wanted_record
 from pyburgers.sampling.run_directory import RunDirectory
 
 
@@ -86,7 +92,7 @@ def test_a_program_that_does_not_start_is_named(small_fit: Fit, tmp_path: Path) 
     small_fit.save(tmp_path / "run")
     run = RunDirectory(tmp_path / "run")
     with pytest.raises(SystemFailureError, match=r"nowhere: could not be started"):
-        _start_chain(Program(tmp_path / "nowhere"), run, 1, SMALL_RUN)
+        _start_chain(Program(tmp_path / "nowhere"), run, 1, SMALL_RUN, None, None)
 
 
 def test_most_of_a_short_warm_up_is_left_to_the_metric(small_fit: Fit) -> None:
@@ -120,7 +126,7 @@ def test_threads_share_tests_at_constant_rate_and_no_others(tmp_path: Path) -> N
 
 
 def test_there_are_at_most_as_many_threads_as_tests() -> None:
-    assert [TWO.threads_for(n) for n in (1, 2, 8)] == [1, 2, 2]
+    assert [threads_for(TWO, n) for n in (1, 2, 8)] == [1, 2, 2]
 
 
 def test_one_thread_and_several_are_different_runs(joint: Fit) -> None:
@@ -129,7 +135,8 @@ def test_one_thread_and_several_are_different_runs(joint: Fit) -> None:
     def told(threads: int) -> str:
         options = replace(SMALL_RUN, threads_per_chain=threads)
         wanted = wanted_record(joint.problem, options, SolverOptions(), use_likelihood=True)
-        return refusal(joint.directory, wanted, joint.problem)
+        inputs = input_texts(joint.problem.experiments, joint.problem.given_priors)
+        return refusal(joint.directory, wanted, inputs, joint.problem.free)
 
     assert "threads" not in told(1)
     assert "threads_per_chain 2 or more where the run has 1;" in told(2)
@@ -148,7 +155,7 @@ def test_chains_leave_cores_to_the_threads_of_others(
     monkeypatch.setattr(chains, "cores", lambda: 8)
     monkeypatch.setattr(chains, "closing", lambda looks: looks)
     monkeypatch.setattr(chains, "side_by_side", no_looks)
-    options = SMALL_RUN.suited_to(joint.problem.likelihood, joint.problem.name)
+    options = settled_options(joint.problem, SMALL_RUN)
     for threads in (1, 3, 9):
         chains.run_side_by_side(Program(Path("program"), threads), joint.directory, [1, 2], options)
     assert seen == [8, 2, 1]

@@ -9,7 +9,7 @@ from charts_at_modes import chart_at_mode
 from conftest import ICE, SMALL_RUN, TESTS
 from conftest import Problem as SmallProblem
 
-from pyburgers.cmdstan.program import load_program
+from pyburgers.cmdstan.program import Density, load_program
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_json
 from pyburgers.fitting.fit import Fit, fit
@@ -19,12 +19,10 @@ from pyburgers.kinds.forward import simulate_data
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.program_data import program_data
-from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions, solver_block
 from pyburgers.model.priors import default_priors
-from pyburgers.sampling.charts import expected_rise
-from pyburgers.sampling.laplace import curvature_at
+from pyburgers.sampling.modes import noisy_tolerances
 from pyburgers.sampling.run_directory import RunDirectory
-from pyburgers.sampling.solver_noise import noisy_tolerances
 from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
 
 pytestmark = pytest.mark.usefixtures("programs")
@@ -43,18 +41,17 @@ def precise() -> Problem:
 def test_the_first_metric_fits_where_noise_is_far_below_a_percent(precise: Problem) -> None:
     problem, solver = precise, SolverOptions()
     data = program_data(problem, solver=solver)
-    model = load_program(CONSTANT_RATE.program)
-    chart = chart_at_mode(problem, data, solver, wanted="valley")
+    chart = chart_at_mode(problem, data, wanted="valley")
     assert chart.centre is not None
     assert chart.covariance is not None
-    around = {**data, **chart.block}
+    around = Density(load_program(CONSTANT_RATE.program), {**data, **chart.block})
     widths = np.asarray(np.linalg.cholesky(chart.covariance), dtype=np.float64)
-    curvature = widths.T @ curvature_at(model, around, chart.centre, 0.1 * widths) @ widths
+    curvature = widths.T @ around.curvature(chart.centre, 0.1 * widths) @ widths
     # 1 where the metric is right.
     assert np.linalg.eigvalsh(curvature).max() < 3
     # The optimiser comes no nearer than the solver's tolerance lets it; draws lie half a unit for
     # each coordinate below the mode.
-    rise = expected_rise(model, around, chart.centre, chart.covariance)
+    rise = around.expected_rise(chart.centre, chart.covariance)
     assert rise < chart.centre.size / 2
 
 
@@ -62,8 +59,8 @@ def test_the_sampler_moves_in_standard_deviations_of_plain_coordinates(precise: 
     """Stan pulls variances of the adapted metric to 1e-3, above those of precise data."""
     solver = SolverOptions()
     data = program_data(precise, solver=solver)
-    model = load_program(CONSTANT_RATE.program)
-    chart = chart_at_mode(precise, data, solver, wanted="plain")
+    density = Density(load_program(CONSTANT_RATE.program), data)
+    chart = chart_at_mode(precise, data, wanted="plain")
     assert chart.centre is not None
     assert chart.covariance is not None
     assert chart.first_metric is not None
@@ -71,9 +68,9 @@ def test_the_sampler_moves_in_standard_deviations_of_plain_coordinates(precise: 
     assert np.abs(np.log(spread)).max() > 0.5
     np.testing.assert_allclose(np.diag(chart.first_metric), 1)
     # A gradient of Stan's is one by what the sampler moves in.
-    points = [chart.centre + 0.3 * spread]
-    in_units = model.gradients({**data, **chart.block}, "coordinate", points)
-    by_coordinate = model.gradients(data, "coordinate", points)
+    points = (chart.centre + 0.3 * spread)[np.newaxis]
+    in_units = density.with_data(chart.block).gradients(points)
+    by_coordinate = density.gradients(points)
     np.testing.assert_allclose(in_units, by_coordinate * spread, rtol=1e-4)
 
 
@@ -93,8 +90,8 @@ def loosely(problem: SmallProblem, out: Path, tolerance: float = LOOSE.tolerance
 def test_chains_start_at_a_tolerance_that_is_not_too_loose(
     small_problem: SmallProblem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pyburgers.sampling.solver_noise.MAX_NOISE", 0.0)
-    monkeypatch.setattr("pyburgers.sampling.solver_noise.MAX_TIGHTENINGS", 1)
+    monkeypatch.setattr("pyburgers.sampling.modes.MAX_NOISE", 0.0)
+    monkeypatch.setattr("pyburgers.sampling.modes.MAX_TIGHTENINGS", 1)
     result = loosely(small_problem, tmp_path / "run")
     (noisy,) = result.manifest["noisy"]
     assert noisy["tolerance"] == LOOSE.tolerance
@@ -109,11 +106,10 @@ def test_chains_start_at_a_tolerance_that_is_not_too_loose(
         problem_of([small_problem.experiment], small_problem.priors).likelihood.program
     )
     for share, found in ((0.99, 1), (1.01, 0)):
-        monkeypatch.setattr(
-            "pyburgers.sampling.solver_noise.MAX_NOISE", share * float(noisy["noise"])
-        )
-        loose = {**data, "tolerance": LOOSE.tolerance}
-        again = noisy_tolerances(model, loose, centre, covariance, seed=SMALL_RUN.seed)
+        monkeypatch.setattr("pyburgers.sampling.modes.MAX_NOISE", share * float(noisy["noise"]))
+        loose = Density(model, {**data, "tolerance": LOOSE.tolerance})
+        exact = solver_block(REFERENCE_SOLVER)
+        again = noisy_tolerances(loose, exact, centre, covariance, seed=SMALL_RUN.seed)
         assert len(again) == found
     # The same call finds its run again, and another tolerance is told as what was asked for.
     assert loosely(small_problem, tmp_path / "run").manifest["noisy"] == [noisy]
@@ -131,12 +127,11 @@ def test_a_record_that_the_usual_tolerance_cannot_sample_is_told() -> None:
     problem = simulate_from_prior(template, seed=47, stress_range=(50e6, 500e6)).problem
     solver = SolverOptions()
     data = program_data(problem, solver=solver)
-    chart = chart_at_mode(problem, data, solver, seed=47)
+    chart = chart_at_mode(problem, data, seed=47)
     assert chart.centre is not None
     assert chart.covariance is not None
-    model = load_program(problem.likelihood.program)
-    (noisy,) = noisy_tolerances(
-        model, {**data, **chart.block}, chart.centre, chart.covariance, seed=47
-    )
+    density = Density(load_program(problem.likelihood.program), {**data, **chart.block})
+    exact = solver_block(REFERENCE_SOLVER)
+    (noisy,) = noisy_tolerances(density, exact, chart.centre, chart.covariance, seed=47)
     assert noisy.tolerance == solver.tolerance
     assert noisy.noise > 1

@@ -10,20 +10,16 @@ from history_twins import TRUTH, history_twin
 from stan_values import CHARTS
 from truth_as_mode import at_truth
 
-from pyburgers.cmdstan.program import load_program
+from pyburgers.fitting.charts_at_modes import density_of, find_mode
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.likelihood import LoadingHistoryValley
 from pyburgers.kinds.loading_history.stan_data import elements_block
 from pyburgers.kinds.problem import plain_coordinates, problem_of
-from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.kinds.valley import ValleyReference
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant
-from pyburgers.sampling.charts import expected_rise
-from pyburgers.sampling.laplace import laplace_metric
-from pyburgers.sampling.starts import find_mode
 
 pytestmark = pytest.mark.usefixtures("programs")
 
@@ -176,11 +172,10 @@ def test_the_kelvin_part_leaves_the_dashpot_its_strength_at_the_pins(
 def test_the_search_for_the_mode_ends_at_one() -> None:
     """With the gradients of the sampling it ends where the density still rises."""
     problem = problem_of([history_twin("relaxation", 40)], ICE)
-    found = find_mode(problem, seed=1, solver=SolverOptions()).coordinate
-    exact = program_data(problem, solver=SolverOptions(1e-9))
-    program = load_program(problem.likelihood.program)
+    found = find_mode(problem, density_of(problem, SolverOptions()), seed=1).coordinate
+    exact = density_of(problem, SolverOptions(1e-9))
     # A slope says little by itself: widths of the coordinates are 0.01 to 2.
-    assert expected_rise(program, exact, found, laplace_metric(program, exact, found)) < 0.2
+    assert exact.expected_rise(found, exact.laplace(found)) < 0.2
 
 
 @pytest.mark.slow
@@ -188,6 +183,6 @@ def test_the_mode_of_a_test_in_stages_is_found_from_the_prior() -> None:
     """From arbitrary draws of it a climb may end where noise takes all readings up."""
     problem = problem_of([history_twin("mixed", 40)], ICE)
     for seed in (1, 2, 3):
-        (mode,) = find_mode(problem, seed=seed, solver=SolverOptions()).tests
+        (mode,) = find_mode(problem, density_of(problem, SolverOptions()), seed=seed).tests
         for name in ("stress_noise", "strain_noise"):
             assert mode.values[name] < 3 * TRUTH[name]

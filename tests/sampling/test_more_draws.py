@@ -15,7 +15,7 @@ from pyburgers.cmdstan.draw_files import adaptation_of, join_draws, read_draws
 from pyburgers.cmdstan.program import Program
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.sampling import extensions
+from pyburgers.sampling import run as runs
 from pyburgers.sampling.chains import run_side_by_side
 from pyburgers.sampling.manifest import ChainFailure
 from pyburgers.sampling.run_directory import RunDirectory
@@ -99,7 +99,7 @@ def test_a_run_that_was_killed_is_completed_before_another_number_is_added(
     shutil.copytree(extended.directory.path, run.path)
     shutil.rmtree(run.extended_folder(2, 1))
     assert Fit.load(run.path).posterior["posterior"].sizes["draw"] == SMALL_RUN.draws
-    caplog.set_level(logging.INFO, "pyburgers.sampling.extensions")
+    caplog.set_level(logging.INFO, "pyburgers.sampling.run")
     completed = again(small_problem, run.path, more)
     added = [20] if more == 20 else []
     assert completed.manifest["more_draws"] == [MORE, *added]
@@ -167,10 +167,12 @@ def test_an_extension_that_fails_leaves_the_draws_that_were_there(
     def sample(model: Program, run: RunDirectory, chains: Sequence[int], *more: Any) -> Any:
         kept = [chain for chain in chains if chain not in failing]
         assert run_side_by_side(model, run, kept, *more) == ()
-        return tuple(ChainFailure(chain, f"Chain {chain} stopped.") for chain in failing)
+        return tuple(
+            ChainFailure(chain=chain, reason=f"Chain {chain} stopped.") for chain in failing
+        )
 
     with monkeypatch.context() as patched:
-        patched.setattr(extensions, "run_side_by_side", sample)
+        patched.setattr(runs, "run_side_by_side", sample)
         with pytest.raises(SamplingError, match=rf"run: .*extended: Chain {failing[0]} stopped\."):
             again(small_problem, path, MORE)
     assert run.read_manifest()["status"] == "extension failed"

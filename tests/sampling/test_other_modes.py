@@ -1,29 +1,24 @@
 """Modes beside the highest one, of densities whose modes are known."""
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 
-from pyburgers.cmdstan.program import Program
+from pyburgers.cmdstan.program import Density, Ending
 from pyburgers.common.errors import SamplingError
-from pyburgers.kinds.stan_data import OtherMode
-from pyburgers.sampling.other_modes import (
-    modes_beside_the_highest,
-    modes_record,
-    recorded_modes,
-)
+from pyburgers.sampling.manifest import OtherMode, recorded_modes
+from pyburgers.sampling.modes import modes_beside_the_highest
 
 FloatArray = npt.NDArray[np.float64]
-End = tuple[float, dict[str, FloatArray]]
 
 PLACES = np.array([[0.0, 0.0], [6.0, -2.0]])
 SPREADS = np.array([[0.2, 1.0], [0.5, 0.7]])
 
 
-class Mixture(Program):
+class Mixture(Density):
     """Two normal distributions far from each other, with the weights 0.7 and 0.3."""
 
     weights = np.array([0.7, 0.3])
@@ -40,9 +35,7 @@ class Mixture(Program):
         parts: FloatArray = np.log(self.weights) + exponent - np.sum(np.log(SPREADS), axis=1)
         return parts
 
-    def gradients(
-        self, data: Any, name: str, points: Sequence[FloatArray] | FloatArray
-    ) -> FloatArray:
+    def gradients(self, points: FloatArray) -> FloatArray:
         """Return gradients of it."""
         found = []
         for point in points:
@@ -55,22 +48,20 @@ class Mixture(Program):
 class Unsolved(Mixture):
     """The same, without a solution around the second."""
 
-    def gradients(
-        self, data: Any, name: str, points: Sequence[FloatArray] | FloatArray
-    ) -> FloatArray:
+    def gradients(self, points: FloatArray) -> FloatArray:
         if np.asarray(points)[:, 0].max() > 3:
             raise SamplingError("There is no gradient here")
-        return super().gradients(data, name, points)
+        return super().gradients(points)
 
 
-def end(mixture: Mixture, place: Sequence[float]) -> End:
+def end(mixture: Mixture, place: Sequence[float]) -> Ending:
     """An end of a climb."""
     point = np.array(place)
-    return mixture.log_density(point), {"coordinate": point}
+    return Ending(mixture.log_density(point), point, {})
 
 
 @pytest.fixture
-def ends() -> list[End]:
+def ends() -> list[Ending]:
     """The highest first: both modes, and two that are not quite at theirs."""
     mixture = Mixture()
     found = [
@@ -79,30 +70,32 @@ def ends() -> list[End]:
         end(mixture, [6.0, -2.0]),
         end(mixture, [6.1, -2.1]),
     ]
-    return sorted(found, key=lambda one: one[0], reverse=True)
+    return sorted(found, key=lambda one: one.log_density, reverse=True)
 
 
-def test_the_weight_is_that_of_the_probability_around_a_mode(ends: list[End]) -> None:
+def test_the_weight_is_that_of_the_probability_around_a_mode(ends: list[Ending]) -> None:
     """The second has a quarter of the density of the first and 0.43 of its probability."""
-    ((log_weight, variables),) = modes_beside_the_highest(Mixture(), {}, ends)
+    ((log_weight, beside),) = modes_beside_the_highest(Mixture(), ends)
     assert np.exp(log_weight) == pytest.approx(0.3 / 0.7, rel=0.01)
-    np.testing.assert_array_equal(variables["coordinate"], PLACES[1])
+    np.testing.assert_array_equal(beside.place, PLACES[1])
 
 
-def test_an_end_beside_which_nothing_is_solved_is_no_mode(ends: list[End]) -> None:
-    assert modes_beside_the_highest(Unsolved(), {}, ends) == []
+def test_an_end_beside_which_nothing_is_solved_is_no_mode(ends: list[Ending]) -> None:
+    assert modes_beside_the_highest(Unsolved(), ends) == []
     # As where the lesser mode is the one beside which there are solutions.
-    turned = sorted(ends, key=lambda one: one[0])
-    assert turned[0][1]["coordinate"][0] > 3
-    assert modes_beside_the_highest(Unsolved(), {}, turned) == []
+    turned = sorted(ends, key=lambda one: one.log_density)
+    assert turned[0].place[0] > 3
+    assert modes_beside_the_highest(Unsolved(), turned) == []
     # Nor is one that lies far below the highest.
-    lower = [(density - 13 * (at["coordinate"][0] > 3), at) for density, at in ends]
-    assert modes_beside_the_highest(Mixture(), {}, lower) == []
+    lower = [replace(one, log_density=one.log_density - 13 * (one.place[0] > 3)) for one in ends]
+    assert modes_beside_the_highest(Mixture(), lower) == []
 
 
 def test_a_part_of_a_joint_fit_has_its_own_values() -> None:
     values = {"one": {"stress_exponent": 3.0}, "two": {"stress_exponent": 4.0}}
-    manifest = {"other_modes": modes_record([OtherMode(-1.5, values)])}
-    assert recorded_modes(manifest, None) == (OtherMode(-1.5, values),)
-    assert recorded_modes(manifest, "two") == (OtherMode(-1.5, {"two": values["two"]}),)
+    both = OtherMode(log_weight=-1.5, values=values)
+    manifest = {"other_modes": [both.model_dump()]}
+    assert recorded_modes(manifest, None) == (both,)
+    (of_two,) = recorded_modes(manifest, "two")
+    assert of_two == OtherMode(log_weight=-1.5, values={"two": values["two"]})
     assert recorded_modes({}, None) == ()

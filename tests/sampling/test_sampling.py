@@ -20,6 +20,7 @@ from conftest import SMALL_RUN, Problem, SharedRuns
 
 from pyburgers.common.atomic_files import UNFINISHED, write_json
 from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.fitting.charts_at_modes import draw_from_prior, programs_of_tests
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import program_data
@@ -27,7 +28,6 @@ from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run import fingerprint
 from pyburgers.sampling.run_directory import RunDirectory
-from pyburgers.sampling.starts import draw_initial_values, programs_of_tests
 
 StartFit = Callable[..., subprocess.Popen[str]]
 
@@ -234,13 +234,13 @@ def test_starts_are_prior_draws_that_depend_on_seed_and_chain(
     problem = problem_of([small_problem.experiment], small_problem.priors)
     loaded = programs_of_tests(problem)
     starts = {
-        (seed, chain): draw_initial_values(problem, loaded, seed=seed, chain=chain)
+        (seed, chain): draw_from_prior(problem, loaded, seed=seed, chain=chain).tolist()
         for seed, chain in [(1, 1), (1, 2), (2, 1)]
     }
-    assert starts[1, 1] == draw_initial_values(problem, loaded, seed=1, chain=1)
-    assert len({tuple(start["coordinate"]) for start in starts.values()}) == 3
-    assert all(np.isfinite(start["coordinate"]).all() for start in starts.values())
-    assert {len(start["coordinate"]) for start in starts.values()} == {len(problem.free)}
+    assert starts[1, 1] == draw_from_prior(problem, loaded, seed=1, chain=1).tolist()
+    assert len({tuple(start) for start in starts.values()}) == 3
+    assert all(np.isfinite(start).all() for start in starts.values())
+    assert {len(start) for start in starts.values()} == {len(problem.free)}
 
 
 def test_an_experiment_without_data_cannot_be_fitted(

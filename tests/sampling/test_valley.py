@@ -8,19 +8,23 @@ from conftest import ICE, resolved_priors, valley_of, with_fixed
 from truth_as_mode import at_truth
 
 from pyburgers.common.errors import InputError
+from pyburgers.fitting.charts_at_modes import (
+    ProblemMode,
+    at_mode,
+    choose_chart,
+    density_of,
+    find_mode,
+)
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import ConstantRateValley
 from pyburgers.kinds.likelihood import ChartUnsuited
 from pyburgers.kinds.problem import plain_coordinates, problem_of
-from pyburgers.kinds.program_data import program_data
-from pyburgers.kinds.stan_data import ProblemMode, SolverOptions
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.kinds.together import pooling_for
 from pyburgers.kinds.valley import NOISE_SCALED, noise_exponents
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import with_variant
-from pyburgers.sampling.charts import at_mode, choose_chart
-from pyburgers.sampling.starts import find_mode
 
 pytestmark = pytest.mark.usefixtures("programs")
 
@@ -66,7 +70,7 @@ def test_a_prior_that_fixes_the_fabric_does_not_suit(
     name = "steady_state_fabric_factor"
     known = with_fixed(priors, {name: 0.5})
     problem, solver = problem_of([experiment], known), SolverOptions()
-    (mode,) = find_mode(problem, seed=1, solver=solver).tests
+    (mode,) = find_mode(problem, density_of(problem, solver), seed=1).tests
     assert mode.values[name] == 0.5
     with pytest.raises(ChartUnsuited, match=f"{name} is not free"):
         ConstantRateValley().reference(at_mode(problem, mode, solver))
@@ -93,14 +97,7 @@ def test_what_evolves_alone_is_each_tests_own(
     truth = at_truth(experiment, priors, solver).mode
     found = ProblemMode((truth, truth), np.zeros(problem.layout.size))
     with pytest.raises(InputError, match="steady_state_grain_size is partially pooled"):
-        choose_chart(
-            problem,
-            program_data(problem, solver=solver),
-            lambda: found,
-            wanted="valley",
-            seed=1,
-            solver=solver,
-        )
+        choose_chart(problem, density_of(problem, solver), wanted="valley", seed=1, mode=found)
 
 
 def test_widths_follow_the_noise_as_far_as_the_data_set_them(

@@ -33,9 +33,9 @@ from pyburgers.model.priors import default_priors, load_priors
 from pyburgers.posterior.labelled_draws import convergence_table, largest_rhat
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
-from pyburgers.sbc.convergence import RHAT_LIMIT
 from pyburgers.sbc.data_sets import (
     LOG_LIKELIHOOD,
+    RHAT_LIMIT,
     DataSetPlan,
     Simulated,
     calibration_priors,

@@ -10,14 +10,13 @@ import pytest
 from conftest import SMALL_RUN, Problem
 
 from pyburgers.cmdstan.draw_files import read_draws
-from pyburgers.cmdstan.program import load_program
+from pyburgers.cmdstan.program import Density, load_program
 from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
 from pyburgers.fitting.fit import Fit, fit, fit_problem
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, solver_block
 from pyburgers.model.pooling import pooling_of
-from pyburgers.sampling.densities import log_density_at
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
@@ -31,7 +30,7 @@ def coordinates_of(one: Fit) -> FloatArray:
 def density_at(one: Fit, points: FloatArray) -> FloatArray:
     data = json.loads(one.directory.stan_data_file.read_text(encoding="utf-8"))
     program = load_program(CONSTANT_RATE.program)
-    return log_density_at(program, {**data, **solver_block(REFERENCE_SOLVER)}, points)
+    return Density(program, {**data, **solver_block(REFERENCE_SOLVER)}).at(points)
 
 
 def test_the_density_is_that_which_the_chains_sampled(small_fit: Fit, tmp_path: Path) -> None:

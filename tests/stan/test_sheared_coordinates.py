@@ -16,9 +16,10 @@ from log_density import Program, program_with
 from prior_marginals import assert_prior_marginals
 from stan_data import one_test_data, parameter_in, parameters_in, sheared_reference
 
+from pyburgers.cmdstan.program import Density, load_program
 from pyburgers.cmdstan.program import Program as CompiledProgram
-from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError
+from pyburgers.fitting.charts_at_modes import ChosenChart, ProblemMode, at_mode, choose_chart
 from pyburgers.kinds.forced_oscillation.experiment import (
     OscillationExperiment,
     with_background,
@@ -41,7 +42,6 @@ from pyburgers.kinds.stan_data import (
     PLAIN,
     REFERENCE_FLOW_RATE,
     Mode,
-    ProblemMode,
     SolverOptions,
     StanData,
     solver_block,
@@ -49,8 +49,6 @@ from pyburgers.kinds.stan_data import (
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, load_priors
-from pyburgers.sampling.charts import ChosenChart, at_mode, choose_chart
-from pyburgers.sampling.laplace import curvature_at
 from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
 
 FloatArray = npt.NDArray[np.float64]
@@ -299,16 +297,15 @@ def chart_at_truth(
     solver = SolverOptions(tolerance=1e-6)
     return choose_chart(
         problem_of([experiment], priors),
-        one_test_data(experiment, priors, solver=solver),
-        lambda: found,
+        Density(model_of(experiment), one_test_data(experiment, priors, solver=solver)),
         wanted=wanted,
         seed=1,
-        solver=solver,
+        mode=found,
     )
 
 
 def chart_from(data: StanData, experiment: OscillationExperiment, priors: PriorSet) -> ChosenChart:
-    return chart_at_mode(problem_of([experiment], priors), data, SAMPLING)
+    return chart_at_mode(problem_of([experiment], priors), data)
 
 
 @pytest.mark.parametrize("case", UNSUITED)
@@ -443,9 +440,7 @@ def test_a_record_whose_loss_is_all_the_dashpots_is_smooth_in_its_coordinates(
     chosen = {**data, **found.block}
     tight = {**chosen, **solver_block(SolverOptions(1e-7))}
     for point in draws:
-        curvature = curvature_at(
-            model_of(experiment), tight, point, np.asarray(0.25 * widths, dtype=np.float64)
-        )
+        curvature = Density(model_of(experiment), tight).curvature(point, 0.25 * widths)
         # 3900 when the slopes of the flow rate were wrong, 4 since.
         assert np.linalg.eigvalsh(widths.T @ curvature @ widths).max() < 40
     near = draws[0] + 0.02 * np.random.default_rng(3).standard_normal((8, 9)) @ widths.T

@@ -10,7 +10,7 @@ from log_density import program_with
 from stan_data import one_test_data
 from truth_as_mode import at_truth
 
-from pyburgers.cmdstan.program import load_program
+from pyburgers.cmdstan.program import Density, load_program
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.attenuation.likelihood import StretchedChart
@@ -21,7 +21,6 @@ from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.model.variants import with_variant
-from pyburgers.sampling.laplace import laplace_metric
 from pyburgers.sbc.data_sets import simulate_from_prior
 
 FloatArray = npt.NDArray[np.float64]
@@ -75,7 +74,7 @@ def test_coordinates_are_as_wide_with_a_dashpot_as_without(scatter: float) -> No
     for place in (-2.0, 0.0, 1.5):
         at = centre.copy()
         at[flow] = place
-        widths = np.sqrt(np.diag(laplace_metric(load_program(PROGRAM), data, at)))
+        widths = np.sqrt(np.diag(Density(load_program(PROGRAM), data).laplace(at)))
         others = np.delete(widths, flow)
         assert others.min() > 0.5
         assert others.max() < 2.0
@@ -98,7 +97,7 @@ def test_the_density_of_two_tables_is_that_in_plain_coordinates(tmp_path: Path) 
     layout = problem.layout
     point = 0.5 * np.random.default_rng(4).standard_normal(layout.size)
     there = stretched.columns_at({"coordinate": point.tolist()})
-    own = np.concatenate([layout.position[e, layout.own(e)] for e in range(layout.n_tests)])
+    own = np.concatenate([layout.position[e, own] for e, own in enumerate(layout.own)])
     same = np.empty(layout.size)
     same[own] = [there[f"plain_coordinate.{k + 1}"] for k in range(own.size)]
     here = plain.columns_at({"coordinate": same.tolist()})

@@ -14,6 +14,7 @@ from log_density import Program, assert_gradient_is_slope, program_with
 from scipy import stats
 from stan_data import parameters_in
 
+from pyburgers.fitting.charts_at_modes import at_mode
 from pyburgers.kinds.experiment import Experiment, UncertainCondition
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
@@ -25,7 +26,6 @@ from pyburgers.kinds.stan_data import Mode, SolverOptions
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
-from pyburgers.sampling.charts import at_mode
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

@@ -1,25 +1,14 @@
 """Coordinates of a problem, set up at the mode that is searched for."""
 
+from pyburgers.cmdstan.program import Density, load_program
+from pyburgers.fitting.charts_at_modes import ChosenChart, choose_chart
 from pyburgers.kinds.problem import Problem
-from pyburgers.kinds.stan_data import SolverOptions, StanData
-from pyburgers.sampling.charts import ChosenChart, choose_chart
-from pyburgers.sampling.starts import find_mode
+from pyburgers.kinds.stan_data import StanData
 
 
 def chart_at_mode(
-    problem: Problem,
-    data: StanData,
-    solver: SolverOptions,
-    *,
-    wanted: str = "auto",
-    seed: int = 1,
+    problem: Problem, data: StanData, *, wanted: str = "auto", seed: int = 1
 ) -> ChosenChart:
     """Choose coordinates as a fit does."""
-    return choose_chart(
-        problem,
-        data,
-        lambda: find_mode(problem, seed=seed, solver=solver),
-        wanted=wanted,
-        seed=seed,
-        solver=solver,
-    )
+    density = Density(load_program(problem.likelihood.program), data)
+    return choose_chart(problem, density, wanted=wanted, seed=seed)

@@ -4,6 +4,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from pyburgers.fitting.charts_at_modes import at_mode
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.likelihood import AtMode
@@ -11,7 +12,6 @@ from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.stan_data import Mode, SolverOptions
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
-from pyburgers.sampling.charts import at_mode
 
 E = TypeVar("E", bound=Experiment)
 

@@ -91,7 +91,7 @@ class StretchedChart(Chart[AttenuationExperiment]):
             references = [
                 StretchedReference(0.0, 0.0, 1.0, 0.0, np.ones(n), np.zeros(n))
             ] * layout.n_tests
-        return _block(references, [layout.own(e) for e in range(layout.n_tests)])
+        return _block(references, layout.own)
 
 
 def _block(

@@ -1,0 +1,307 @@
+"""The run of a problem: what is asked for, its inputs, coordinates and starts, then its chains."""
+
+import logging
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pyburgers.cmdstan.program import Density, Program, load_program, shares_work
+from pyburgers.common.atomic_files import write_json, write_text
+from pyburgers.common.draws import FloatArray
+from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import read_json, read_tables
+from pyburgers.fitting.charts_at_modes import (
+    ChosenChart,
+    choose_chart,
+    draw_start,
+)
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.kind import experiment_files
+from pyburgers.kinds.problem import Problem
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions, solver_block
+from pyburgers.model.priors import PriorSet, priors_text
+from pyburgers.model.variants import variant_of
+from pyburgers.sampling.manifest import ChainFailure, FitManifest, NoisyTolerance
+from pyburgers.sampling.modes import noisy_tolerances
+from pyburgers.sampling.options import INDECISIVE, SamplerOptions
+from pyburgers.sampling.repetitions import TIGHTENING, shortened, tolerance_in
+from pyburgers.sampling.run import complete_chains, fingerprint, run_record
+from pyburgers.sampling.run_directory import RunDirectory
+
+logger = logging.getLogger(__name__)
+
+MAX_TOLD = 6
+"""Differences that are told; there are as many as parameters where all priors differ."""
+
+
+def run_chains(
+    problem: Problem,
+    directory: Path,
+    *,
+    options: SamplerOptions,
+    solver: SolverOptions,
+    use_likelihood: bool,
+    command: str,
+    more_draws: int | None = None,
+    overwrite: bool = False,
+) -> tuple[ChainFailure, ...]:
+    """Run the chains that a run directory lacks, record everything in it, return what failed.
+
+    The directory is new, or of an earlier run with the same inputs; if a run of others is there,
+    `overwrite` has it removed. Every chain is extended by `more_draws`. `command` regenerates the
+    run, for its manifest. Raises `InputError` if the directory holds a different run or cannot be
+    written, `SamplingError` if no chain finished, or one could not be extended. On a
+    `KeyboardInterrupt` the chains are stopped; the same call continues the run.
+    """
+    options = settled_options(problem, options)
+    model = _program_for(problem, options)
+    # As given: priors are resolved for each test by itself.
+    inputs = input_texts(problem.experiments, problem.given_priors)
+    wanted = wanted_record(problem, options, solver, use_likelihood=use_likelihood)
+    data = program_data(problem, solver=solver, use_likelihood=use_likelihood)
+    run, identity = RunDirectory(directory), fingerprint(data, options, model.recipe)
+    if run.manifest_file.is_file() and run.read_manifest().get("fingerprint") != identity:
+        if not overwrite:
+            raise InputError(refusal(run, wanted, inputs, problem.free))
+        run.clear(identity)
+    with run.claimed(identity):
+        write_inputs(run, inputs)
+        if not run.stan_data_file.is_file():
+            density = Density(load_program(problem.likelihood.program), data)
+            chart = choose_chart(problem, density, wanted=options.coordinates, seed=options.seed)
+            _write_chart(run, density.with_data(chart.block), chart, seed=options.seed)
+        known = run.read_manifest()
+        run.update_manifest(
+            {
+                **run_record(
+                    run,
+                    wanted,
+                    name=problem.name,
+                    data_kind=problem.data_kind,
+                    identity=identity,
+                    command=command,
+                ),
+                "refits": known.get("refits", []),
+                "shortened": shortened(known),
+                "solver": {**asdict(solver), "tolerance": tolerance_in(run)},
+            }
+        )
+        density = Density(model, run.read_stan_data())
+        return complete_chains(
+            model,
+            run,
+            options,
+            lambda chain: draw_start(
+                problem, density, _laplace(run), seed=options.seed, chain=chain
+            ),
+            more_draws=more_draws,
+        )
+
+
+def settled_options(problem: Problem, options: SamplerOptions) -> SamplerOptions:
+    """Fill in warm-up and target acceptance; raise `InputError` if tests lack the coordinates."""
+    likelihood, chart = problem.likelihood, problem.likelihood.chart.name
+    if options.coordinates not in ("auto", "plain", chart):
+        raise InputError(
+            f"{problem.name}: {options.coordinates} coordinates are not for tests of the protocol "
+            f"{likelihood.name}, expected --coordinates auto, plain or {chart}."
+        )
+    return replace(
+        options,
+        warmup=options.warmup or likelihood.warmup,
+        adapt_delta=options.adapt_delta or likelihood.target_acceptance,
+    )
+
+
+def threads_for(options: SamplerOptions, n_tests: int) -> int:
+    """Return the threads of a chain: at most as many as there are tests to share."""
+    return min(options.threads_per_chain, n_tests)
+
+
+def _program_for(problem: Problem, options: SamplerOptions) -> Program:
+    """Return the program that samples, in as many threads as were asked for and have tests.
+
+    Raises `InputError` if threads cannot share the tests.
+    """
+    program, threads = problem.likelihood.program, threads_for(options, len(problem.experiments))
+    if threads > 1 and not shares_work(program):
+        raise InputError(
+            f"{problem.name}: threads_per_chain is {options.threads_per_chain}, expected 1: "
+            f"threads cannot share tests of the protocol {problem.likelihood.name}."
+        )
+    return load_program(program, threads=threads)
+
+
+def _write_chart(run: RunDirectory, density: Density, chart: ChosenChart, *, seed: int) -> None:
+    """Save coordinates, metric and data, at a tolerance that is good to sample with.
+
+    The density is in the coordinates of the chart.
+    """
+    why = "as asked for" if chart.reason == "asked for" else f"because {chart.reason}"
+    logger.info(f"Coordinates: {chart.name}, {why}.")
+    noisy: list[NoisyTolerance] = []
+    metric = chart.first_metric
+    if chart.centre is not None and chart.covariance is not None and metric is not None:
+        metric_data = {
+            "inv_metric": metric.tolist(),
+            "centre": chart.centre.tolist(),
+            "covariance": chart.covariance.tolist(),
+        }
+        write_json(run.metric_file, metric_data)
+        exact = solver_block(REFERENCE_SOLVER)
+        noisy = noisy_tolerances(density, exact, chart.centre, chart.covariance, seed=seed)
+    run.update_manifest(
+        {
+            "coordinates": {"system": chart.name, "reason": chart.reason},
+            "other_modes": [one.model_dump() for one in chart.other_modes],
+            "noisy": [one.model_dump() for one in noisy],
+        }
+    )
+    if noisy:
+        tolerance = noisy[-1].tolerance / TIGHTENING
+        logger.info(
+            f"At a tolerance of {noisy[-1].tolerance:g} of the solver the log density jumps by "
+            f"{noisy[-1].noise:.1g} from point to point: sampling at {tolerance:g}."
+        )
+        density = density.with_data({"tolerance": tolerance})
+    # Last: it tells that all is there.
+    write_json(run.stan_data_file, density.data)
+
+
+def _laplace(run: RunDirectory) -> tuple[FloatArray, FloatArray] | None:
+    """Return the centre of a run's chart and the covariance there, None if no mode was found."""
+    if not run.metric_file.is_file():
+        return None
+    noted = read_json(run.metric_file)
+    return np.array(noted["centre"]), np.array(noted["covariance"])
+
+
+def problem_record(problem: Problem) -> dict[str, Any]:
+    """Note what is fitted: tests, pooling, variant of the model, another source of the flow law."""
+    priors = problem.given_priors
+    return {
+        "experiments": [experiment.id for experiment in problem.experiments],
+        "pooling": problem.pooling.record(),
+        "variant": variant_of(problem.priors[0], problem.experiments[0]).record(),
+        "priors_from": None if priors.flow_law is None else priors.flow_law.source,
+    }
+
+
+def wanted_record(
+    problem: Problem, options: SamplerOptions, solver: SolverOptions, *, use_likelihood: bool
+) -> dict[str, Any]:
+    """Note what is asked for, as the manifest of a run has it; options are settled ones."""
+    return {
+        **problem_record(problem),
+        "sampler": asdict(options),
+        "solver": asdict(solver),
+        "use_likelihood": use_likelihood,
+    }
+
+
+def input_texts(experiments: Sequence[Experiment], priors: PriorSet) -> dict[str, str]:
+    """Return the files that a run needs to be trusted and repeated, by their paths in its folder.
+
+    Of the files of a test the TOML file is last: it is what tells that the copy is complete.
+    """
+    tests = {
+        RunDirectory(Path()).test_file(experiment.id).with_name(name).as_posix(): text
+        for experiment in experiments
+        for name, text in experiment_files(experiment).items()
+    }
+    return {**tests, RunDirectory(Path()).priors_file.as_posix(): priors_text(priors)}
+
+
+def write_inputs(run: RunDirectory, texts: Mapping[str, str]) -> None:
+    """Save `input_texts`, those of a test once."""
+    for name, text in texts.items():
+        file = run.path / name
+        if file == run.priors_file or not (file.parent / "experiment.toml").is_file():
+            file.parent.mkdir(parents=True, exist_ok=True)
+            write_text(file, text)
+
+
+def refusal(
+    run: RunDirectory, wanted: Mapping[str, Any], inputs: Mapping[str, str], free: Sequence[str]
+) -> str:
+    """Say what differs in a run from a `wanted_record` and `input_texts`, and what to do.
+
+    `free` names the parameters that are inferred.
+    """
+    try:
+        manifest = run.read_manifest(FitManifest)
+        found = list(_differences(run, manifest, wanted, inputs, free))
+    except (InputError, OSError):  # damaged, or of another kind
+        found = ["it is no finished fit of tests"]
+    if not found:
+        found = ["Stan programs, CmdStan or the compiler are others now"]
+    more = [f"and {len(found) - MAX_TOLD} more"] if len(found) > MAX_TOLD else []
+    longer = ""
+    if len(found) == 1 and re.match(r"draws \d", found[0]):
+        longer = ", or --more-draws N to add draws to its chains"
+    return (
+        f"{run.path}: holds a run of other inputs: {'; '.join([*found[:MAX_TOLD], *more])}; "
+        f"choose another --out, or --overwrite to replace it{longer}."
+    )
+
+
+def _differences(
+    run: RunDirectory,
+    manifest: Mapping[str, Any],
+    wanted: Mapping[str, Any],
+    inputs: Mapping[str, str],
+    free: Sequence[str],
+) -> Iterator[str]:
+    """Return what is asked for and what the run has, where they differ."""
+    ours, theirs = (_decisive(record, free) for record in (wanted, manifest))
+    different = [name for name in ours if ours[name] != theirs.get(name)]
+    for name in different[:1] if "tests" in different else different:
+        yield f"{name} {ours[name]} where the run has {theirs.get(name)}"
+    if "tests" not in different:
+        yield from _other_files(run, inputs)
+
+
+def _decisive(record: Mapping[str, Any], free: Sequence[str]) -> dict[str, Any]:
+    """Return what decides the draws of a run by its name in messages, the tests first."""
+    tests, sampler = record["experiments"], record["sampler"]
+    # The tolerance that was asked for; what follows from the draws tightens it.
+    tightened = [*record.get("noisy", []), *record.get("refits", []), record["solver"]]
+    decisive = {
+        "tests": "+".join(tests),
+        **{name: value for name, value in sampler.items() if name not in INDECISIVE},
+        "draws of": "data and prior" if record["use_likelihood"] else "the prior alone",
+        "tolerance": f"{tightened[0]['tolerance']:g}",
+        **record.get("variant", {}),
+    }
+    if len(tests) > 1:
+        threads = sampler.get("threads_per_chain", 1)
+        decisive["threads_per_chain"] = "2 or more" if threads > 1 else "1"
+        pooled = record["pooling"]["kinds"]
+        decisive |= {f"pooling of {name}": pooled.get(name) for name in free}
+    return decisive
+
+
+def _other_files(run: RunDirectory, inputs: Mapping[str, str]) -> Iterator[str]:
+    """Compare the copies of tests and priors with those that the run would have."""
+    *tests, (_, priors) = inputs.items()
+    for name, text in sorted(tests):
+        file = run.path / name
+        if not file.is_file() or file.read_text(encoding="utf-8") != text:
+            what = "the file" if file.suffix == ".toml" else "readings"
+            yield f"{what} of test {file.parent.name}"
+    now, before = tomllib.loads(priors), read_tables(run.priors_file)
+    ours, theirs = (
+        {name: {**prior, "source": "", "read_off": []} for name, prior in one["parameters"].items()}
+        for one in (now, before)
+    )
+    for name in {**ours, **theirs}:
+        if ours.get(name) != theirs.get(name):
+            yield f"prior of {name}"
+    if now.get("flow_law") != before.get("flow_law"):
+        yield "prior of the flow law"

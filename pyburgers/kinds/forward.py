@@ -19,12 +19,13 @@ from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.program_data import given_parameters, solve
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions
 from pyburgers.model.parameters import (
+    BELOW_ONE,
     GIVEN_TOGETHER,
     PARAMETER_BY_NAME,
     PARAMETERS,
     STANDARD_VALUES,
 )
-from pyburgers.model.prior_families import BELOW_ONE, MAY_BE_ZERO, UNSIGNED
+from pyburgers.model.prior_families import MAY_BE_ZERO, UNSIGNED
 from pyburgers.model.variants import check_laws, with_variant
 
 E = TypeVar("E", bound=Experiment)

@@ -20,7 +20,7 @@ from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, factor_to_si
 from pyburgers.model.laws import DASHPOT_STRESSES, NONLINEAR_KELVIN_PARAMETERS
-from pyburgers.model.parameters import CONDITIONS, CONSTANTS, STANDARD_VALUES, Parameter
+from pyburgers.model.parameters import BELOW_ONE, CONDITIONS, CONSTANTS, STANDARD_VALUES, Parameter
 
 if TYPE_CHECKING:
     from scipy.stats._distn_infrastructure import rv_continuous_frozen
@@ -105,9 +105,6 @@ LOWER_LIMITS: Mapping[str, tuple[float, str]] = MappingProxyType(
     }
 )
 """Lower bounds of parameters that have one beside their sign, and why."""
-
-BELOW_ONE = frozenset({"relaxation_exponent", "andrade_exponent"})
-"""Exponents of relaxation and creep, which at 1 are a dashpot."""
 
 ENDS_AT_ONE = BELOW_ONE | {"steady_state_fabric_factor", "residual_correlated_share"}
 """Parameters for which an upper bound of 1 is no choice: a dashpot, no softening, the whole."""

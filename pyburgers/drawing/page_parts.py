@@ -22,7 +22,7 @@ class PageFigure:
     title : str
         Heading.
     caption : str
-        What is shown and how to read it, one paragraph.
+        One paragraph about what is shown and how to read it.
     draw : callable
         Draws it.
     result : str

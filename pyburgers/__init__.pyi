@@ -72,10 +72,10 @@ from .model.variants import with_variant as with_variant
 from .page.attenuation_section import attenuation_section as attenuation_section
 from .page.comparison_sections import comparison_sections as comparison_sections
 from .page.joint_section import joint_sections as joint_sections
+from .page.page import report as report
 from .page.page import write_report as write_report
 from .page.peak_stress_section import peak_stress_section as peak_stress_section
 from .page.posterior_figures import page_figure as page_figure
-from .page.report import report as report
 from .predictions.attenuation import attenuation_spectrum as attenuation_spectrum
 from .predictions.attenuation import predict_attenuation as predict_attenuation
 from .predictions.closed_forms import flow_rate as flow_rate

@@ -3,6 +3,8 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from string import Formatter
+from typing import Any
 
 import pandas as pd
 from markupsafe import Markup
@@ -81,6 +83,23 @@ def recipe(
 ) -> Callable[[Callable[[FittedTest], Figure]], FigureRecipe]:
     """Make a `FigureRecipe` of the function below, which draws the figure of a fit."""
     return lambda draw: FigureRecipe(name, title, caption, draw, result, suits, on_every_page)
+
+
+def text_table(table: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:
+    """Return rows as text: by heading a format of the row's columns, ``{q5:.3g} to {q95:.3g}``.
+
+    A cell is empty if one of its numbers is NaN.
+    """
+    rows = table.to_dict("records")
+    cells = [{heading: _cell(form, row) for heading, form in columns.items()} for row in rows]
+    return pd.DataFrame(cells, columns=list(columns))
+
+
+def _cell(form: str, row: Mapping[Any, Any]) -> str:
+    """Fill a format, unless a number is NaN."""
+    names = [name for _, name, _, _ in Formatter().parse(form) if name]
+    is_known = all(row[name] == row[name] for name in names)
+    return form.format_map(row) if is_known else ""
 
 
 @dataclass(frozen=True, eq=False)

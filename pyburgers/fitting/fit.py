@@ -455,7 +455,7 @@ def fit_problem(
     if more_draws is not None:
         require_extendable(run, more_draws, overwrite=overwrite)
 
-    options = options or SamplerOptions()
+    settings = options or SamplerOptions()
     asked = more_draws
 
     def sample(more: int | None) -> Fit:
@@ -464,7 +464,7 @@ def fit_problem(
             run_chains(
                 problem,
                 run.path,
-                options=options,
+                options=settings,
                 solver=solver or problem.likelihood.solver,
                 use_likelihood=use_likelihood,
                 command=command,
@@ -476,7 +476,7 @@ def fit_problem(
             if not _solved_again_with_a_tighter_tolerance(result):
                 return result
 
-    result = sample_until_good(sample, options)
+    result = sample_until_good(sample, settings)
     write_tables(result)
     return replace(result, manifest=run.read_manifest())
 

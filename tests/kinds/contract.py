@@ -82,6 +82,7 @@ BAD_TABLES: Mapping[str, Callable[[list[str]], list[str]]] = {
     "not a number": lambda lines: [*lines[:3], "nan," + lines[3].split(",", 1)[1], *lines[4:]],
     "infinite": lambda lines: [*lines[:3], lines[3].rsplit(",", 1)[0] + ",inf", *lines[4:]],
     "too large": lambda lines: [*lines[:3], lines[3].rsplit(",", 1)[0] + ",-1e200", *lines[4:]],
+    "too small": lambda lines: [lines[0], *(f"{x.rsplit(',', 1)[0]},1e-300" for x in lines[1:])],
     "backwards": lambda lines: [lines[0], *lines[:0:-1]],
 }
 

@@ -1,6 +1,7 @@
 """Options and starts of the sampler, and chains that end badly, in processes of their own."""
 
 import json
+import math
 import os
 import shutil
 import signal
@@ -179,7 +180,10 @@ def assert_whole(run: RunDirectory) -> None:
         ("adapt_delta", lambda: SamplerOptions(adapt_delta=1.0)),
         ("adapt_delta", lambda: SamplerOptions(adapt_delta=float("nan"))),
         ("max_treedepth", lambda: SamplerOptions(max_treedepth=0)),
-        ("chain_timeout", lambda: SamplerOptions(chain_timeout=0.0)),
+        *(
+            ("chain_timeout", lambda value=value: SamplerOptions(chain_timeout=value))
+            for value in (0.0, -1.0, math.nan, math.inf)
+        ),
         ("threads_per_chain", lambda: SamplerOptions(threads_per_chain=0)),
         ("coordinates", lambda: SamplerOptions(coordinates=cast(Any, "polar"))),
     ],

@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
@@ -168,6 +169,15 @@ class Fit(SampledFit):
         dict of str to dict of str to Influence
             By name of the test, then of the quantity.
         """
+        return self._influences_on(derived) if derived else self._influences
+
+    @cached_property
+    def _influences(self) -> dict[str, dict[str, Influence]]:
+        """Those on the parameters, made once: tables, pages and exports ask again and again."""
+        return self._influences_on({})
+
+    def _influences_on(self, derived: Mapping[str, FloatArray]) -> dict[str, dict[str, Influence]]:
+        """Influences by test and quantity; empty without likelihood."""
         if not self.manifest["use_likelihood"]:
             return {}
         fitted = self.manifest["experiments"]
@@ -187,6 +197,11 @@ class Fit(SampledFit):
 
     def decisions(self) -> dict[str, Influence]:
         """Return who decides each row of `summary`."""
+        return self._decisions
+
+    @cached_property
+    def _decisions(self) -> dict[str, Influence]:
+        """The decisions, computed once: tables and pages ask for them again and again."""
         found: dict[str, Influence] = {}
         for e, of_test in enumerate(self.influences().values()):
             for name, one in of_test.items():
@@ -407,7 +422,7 @@ def fit_problem(
     if more_draws is not None:
         require_extendable(run, more_draws, overwrite=overwrite)
 
-    options = options or SamplerOptions()
+    settings = options or SamplerOptions()
     asked = more_draws
 
     def sample(more: int | None) -> Fit:
@@ -416,7 +431,7 @@ def fit_problem(
             run_chains(
                 problem,
                 run.path,
-                options=options,
+                options=settings,
                 solver=solver or problem.likelihood.solver,
                 use_likelihood=use_likelihood,
                 command=command,
@@ -428,7 +443,7 @@ def fit_problem(
             if not _solved_again_with_a_tighter_tolerance(result):
                 return result
 
-    result = sample_until_good(sample, options)
+    result = sample_until_good(sample, settings)
     write_tables(result)
     return replace(result, manifest=run.read_manifest())
 

@@ -95,11 +95,14 @@ def run_fits(
         return {}
     above = os.path.commonpath([out.absolute().parent for out in mine])
     calls = {}
-    for out, task in mine.items():
+    processes = workers.processes(len(mine))
+    for number, (out, task) in enumerate(mine.items(), start=1):
         name = out.absolute().relative_to(above).as_posix()
         if workers.executor is None:
+            # The last fit begins when another has ended, and soon has all cores to itself.
+            beside = 1 if number == len(mine) > processes else processes
             threads = threads_for(task.options, len(task.problem.experiments))
-            chains = max(1, cores() // (workers.processes(len(mine)) * threads))
+            chains = max(1, cores() // (beside * threads))
             task = replace(task, options=replace(task.options, parallel_chains=chains))
         # Elsewhere the working directory may be another one.
         calls[out] = (name, task, out.absolute(), command, keep_going)

@@ -232,7 +232,7 @@ def load_peak_stress(path: str | Path) -> PeakStressData:
     }
     source = data.source(path)
     read, notes = read_columns(path, data, columns)
-    values = dict(zip(wanted, read, strict=True))
+    values = dict(zip(wanted, read.values(), strict=True))
     if data.temperature_unit == "degC":
         values["temperature"] = values["temperature"] + ZERO_CELSIUS
     _check_values(source, values)
@@ -240,7 +240,7 @@ def load_peak_stress(path: str | Path) -> PeakStressData:
     return PeakStressData(
         id=file.id,
         material=file.material,
-        **{UNCERTAINTY: np.zeros(read[0].size), **values},
+        **{UNCERTAINTY: np.zeros(len(values["stress"])), **values},
         provenance=Provenance(**file.provenance.model_dump()),
         peak_strain=None if peak is None else PeakStrain(peak.mean, peak.sd),
         notices=(*notes, *unlikely_stress(file.material, float(values["stress"].max()))),

@@ -108,11 +108,9 @@ class Stated:
 
 @dataclass(frozen=True)
 class UncertainCondition:
-    """A condition of a test that is known up to an error, normal about 0.
+    """A condition known up to an error of `sd` (K; 1 of the load cell), normal about 0.
 
-    `parameter`: the error: one of `pyburgers.model.parameters.CONDITIONS`.
-    `sd`: its standard deviation (K; 1 of the load cell).
-    `apparatus`: furnace or load cell with one error in all tests that name it.
+    `parameter`: the error, one of `CONDITIONS`; `apparatus` gives it to all tests that name it.
     """
 
     parameter: str

@@ -156,9 +156,8 @@ class PlainCoordinates:
 class Mode:
     """The highest density found, on the real line of the plain coordinates.
 
-    `values`: every parameter in SI.
-    `coordinate` (n_coordinates,): plain coordinates.
-    `driving_error` (n_driving_errors,): errors of what drives the test, standardised.
+    `values`, `coordinate` (n_coordinates,): every parameter in SI; plain coordinates.
+    `driving_error` (n_driving_errors,): standardised errors of what drives the test.
     """
 
     values: Mapping[str, float]

@@ -119,9 +119,9 @@ class SamplerOptions:
                 f"max_minutes is {self.max_minutes}, expected a number of minutes or 0"
                 f"{_option('max_minutes')}."
             )
-        if self.chain_timeout is not None and self.chain_timeout <= 0:
+        if self.chain_timeout is not None and not 0 < self.chain_timeout < math.inf:
             raise InputError(
-                f"chain_timeout is {self.chain_timeout} s, expected more than 0"
+                f"chain_timeout is {self.chain_timeout} s, expected a finite number above 0"
                 f"{_option('chain_timeout')}."
             )
 

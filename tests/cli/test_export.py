@@ -166,15 +166,6 @@ source = "imagined"
 """
 
 
-def test_an_imagined_test_needs_no_data(small_fit: Fit, tmp_path: Path) -> None:
-    path = tmp_path / "imagined.toml"
-    path.write_text(IMAGINED, encoding="utf-8")
-    out = tmp_path / "creep.csv"
-    run = str(small_fit.directory.path)
-    assert main(["simulate", str(path), "--from", run, "--out", str(out)]) == 0
-    assert pd.read_csv(out)["strain"].iloc[-1] > 0
-
-
 def test_a_solution_from_a_run_has_what_the_file_states_as_a_prediction_has(
     small_fit: Fit, tmp_path: Path
 ) -> None:

@@ -11,6 +11,7 @@ from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
 from pyburgers.kinds.experiment import Experiment, Stated
 from pyburgers.kinds.experiment_file import far_reading, microstructure_tables
 from pyburgers.kinds.loading_history.stages import (
+    OWN_KEYS,
     Leg,
     Stage,
     imposed_strains,
@@ -289,15 +290,10 @@ def _stage_table(stage: Stage) -> dict[str, Any]:
         "end_time": stage.end_time,
         "temperature_K": stage.temperature,
     }
-    match stage.control:
-        case "strain_rate":
-            table["strain_rate_per_s"] = stage.value
-        case "stress":
-            table["stress"] = stage.value
-        case "stress_rate":
-            table |= {"stress_rate": stage.value, "start_stress": stage.start_stress}
-        case "strain_series" | "stress_series":
-            table["knots"] = [list(knot) for knot in stage.knots]
+    if stage.knots:
+        table["knots"] = [list(knot) for knot in stage.knots]
+    else:
+        table |= zip(OWN_KEYS[stage.control], (stage.value, stage.start_stress), strict=False)
     return table
 
 

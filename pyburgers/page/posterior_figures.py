@@ -437,6 +437,11 @@ def page_figure(fit: FittedTest, name: str) -> PageFigure:
     ------
     InputError
         If fits of such a test have no such figure.
+
+    Examples
+    --------
+    >>> pyburgers.page_figure(fit, "stress_strain").title
+    'Stress-strain curve'
     """
     recipes = {one.name: one for one in (*view_of(fit.experiment).figures, *POSTERIOR_FIGURES)}
     if name not in recipes:

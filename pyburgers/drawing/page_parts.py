@@ -49,9 +49,8 @@ class FigureRecipe:
     `caption`: what is shown and how to read it, one paragraph, or what returns it for a fit.
     `draw`: draws it for a fit.
     `result`: says in a sentence what it shows of a fit, for those who cannot see it.
-    `suits`: whether a fit has anything to show; by default every one has.
-    `on_every_page`: whether the section of every such fit holds it; else it is drawn where it is
-        asked for.
+    `suits`: whether the section of a fit holds it; else it is drawn where it is asked for. By
+        default every section does.
     """
 
     name: str
@@ -60,7 +59,6 @@ class FigureRecipe:
     draw: Callable[[FittedTest], Figure]
     result: Callable[[FittedTest], str]
     suits: Callable[[FittedTest], bool] = lambda _: True
-    on_every_page: bool = True
 
     def __call__(self, fit: FittedTest) -> Figure:
         """Draw the figure."""
@@ -79,10 +77,9 @@ def recipe(
     result: Callable[[FittedTest], str],
     *,
     suits: Callable[[FittedTest], bool] = lambda _: True,
-    on_every_page: bool = True,
 ) -> Callable[[Callable[[FittedTest], Figure]], FigureRecipe]:
     """Make a `FigureRecipe` of the function below, which draws the figure of a fit."""
-    return lambda draw: FigureRecipe(name, title, caption, draw, result, suits, on_every_page)
+    return lambda draw: FigureRecipe(name, title, caption, draw, result, suits)
 
 
 def text_table(table: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:

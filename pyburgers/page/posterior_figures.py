@@ -412,9 +412,7 @@ def _chain_handles(fit: FittedTest) -> list[Line2D]:
 
 def figures_for(fit: FittedTest) -> tuple[PageFigure, ...]:
     """Return the figures of a fit, in their order on the page."""
-    first, *others = (
-        one for one in view_of(fit.experiment).figures if one.on_every_page and one.suits(fit)
-    )
+    first, *others = (one for one in view_of(fit.experiment).figures if one.suits(fit))
     return tuple(
         one.of(fit) for one in (first, *POSTERIOR_FIGURES[:1], *others, *POSTERIOR_FIGURES[1:])
     )

@@ -136,7 +136,7 @@ class _Panel:
     "the same kind of fit; (e) the stress that the model is compared with. Bars are one "
     "standard deviation of a reading.",
     lambda _: "",
-    on_every_page=False,
+    suits=lambda _: False,
 )
 def preparation_of(fit: FittedTest) -> Figure:
     """Draw the preparation of the record of a fit."""

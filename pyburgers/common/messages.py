@@ -56,6 +56,11 @@ class PrintableStream(io.TextIOBase):
         return self.bare.fileno()
 
     @property
+    def errors(self) -> str | None:  # type: ignore[override]
+        """What the stream below does with text that its encoding lacks."""
+        return self.bare.errors
+
+    @property
     def encoding(self) -> str:  # type: ignore[override]
         """The encoding of the stream below."""
         return self.bare.encoding

@@ -77,6 +77,10 @@ class SamplerOptions:
         Chains that run side by side; None runs as many as there are cores for their threads.
     threads_per_chain : int
         Threads that share the tests of a joint fit; there are never more than tests.
+
+    Examples
+    --------
+    >>> options = pyburgers.SamplerOptions(chains=2, draws=500, seed=7)
     """
 
     chains: int = 4

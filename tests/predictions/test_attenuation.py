@@ -1,6 +1,5 @@
 """The closed-form attenuation spectrum: limits, closed forms, invariants, tables, files."""
 
-import itertools
 import time
 import tracemalloc
 from collections.abc import Callable, Mapping
@@ -13,7 +12,6 @@ import oracle
 import pytest
 import xarray as xr
 from imposed_stress import simulate_imposed_stress
-from scipy.integrate import quad
 from synthetic_fit import INITIAL_GRAIN_SIZE, make_fit
 
 from pyburgers.common.errors import InputError
@@ -113,27 +111,6 @@ def test_the_flow_rate_is_that_of_the_flow_law(breakdown: float) -> None:
         load = breakdown * np.sinh(load / breakdown)
     expected = FLUIDITY * slower * 2e-4**-0.5 * np.sign(load) * np.abs(load) ** exponents
     np.testing.assert_allclose(found, expected, rtol=1e-12)
-
-
-@pytest.mark.parametrize("exponent", [2.5, 2.7, 3.0, 3.3, 4.0, 4.5, 5.0])
-@pytest.mark.parametrize("median", [0.0, 0.3, 0.9, 1.0, 1.02, 2.0, 5.0])
-def test_fluidity_agrees_with_adaptive_quadrature(exponent: float, median: float) -> None:
-    """Medians are over the amplitude: stress changes sign below 1."""
-
-    def integrand(angle: float) -> float:
-        relative = median + np.sin(angle)
-        return float(np.sign(relative) * np.abs(relative) ** exponent * np.sin(angle))
-
-    turning = [-np.pi / 2, -np.arcsin(min(median, 1.0)), np.pi / 2]
-    halves = [
-        quad(integrand, low, high, epsabs=0, epsrel=1e-12, limit=200)[0]
-        for low, high in itertools.pairwise(turning)
-        if high > low
-    ]
-    amplitude, fluidity = 1e6, 1e-30
-    found = dashpot_fluidity(material(exponent, fluidity), (Regime(median * amplitude, amplitude),))
-    expected = fluidity * amplitude ** (exponent - 1) * 2 / np.pi * sum(halves)
-    assert found[0] == pytest.approx(expected, rel=1e-10)
 
 
 BAND = {"relaxation_time_decades": 4.0, "relaxation_exponent": 0.3}

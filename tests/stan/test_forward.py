@@ -23,8 +23,6 @@ from pyburgers.model.priors import default_priors
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
-TWINS = ("PIL40", "PIL72", "PIL105")
-
 ONE_RATE = ((0.0, 1e-4),)
 STEPS = ((0.0, 1e-4), (0.03, 2e-5), (0.0501, 3e-4))
 
@@ -133,25 +131,6 @@ def test_strains_of_the_elements_add_up(segments: Sequence[tuple[float, float]])
         elastic_strain = last["stress_Pa"] / parameters["maxwell_modulus"]
         total = last["kelvin_strain"] + elastic_strain + dashpot_strain
         assert total == pytest.approx(last["strain"], abs=1e-8)
-
-
-@pytest.mark.parametrize("name", TWINS)
-@pytest.mark.parametrize("segments", [ONE_RATE, STEPS], ids=["one rate", "rate steps"])
-def test_two_states_have_the_solution_of_six(
-    segments: Sequence[tuple[float, float]], name: str
-) -> None:
-    parameters = truth(name)
-    two = simulate(protocol(segments, 0.1), parameters)
-    strain = two["strain"].to_numpy()
-    state = oracle.six_states(parameters, 260.0, 230e-6, segments, strain)
-    np.testing.assert_allclose(two["stress_Pa"], state[0], rtol=1e-6)
-    np.testing.assert_allclose(two["kelvin_strain"], state[1], rtol=1e-6, atol=1e-11)
-    np.testing.assert_allclose(two["grain_size_m"], state[4], rtol=1e-7)
-    np.testing.assert_allclose(two["fabric_factor"], state[5], rtol=1e-7)
-    np.testing.assert_allclose(state[1] + state[2] + state[3], strain, atol=1e-8, rtol=0)
-    np.testing.assert_allclose(
-        state[2] * parameters["maxwell_modulus"], state[0], rtol=1e-7, atol=1
-    )
 
 
 @pytest.mark.parametrize("start", [0.051, 0.0803, 1 / 30, 0.07])

@@ -9,20 +9,16 @@ import numpy as np
 import numpy.typing as npt
 import oracle
 import pytest
-from conftest import ICE, Problem, write_problem
+from conftest import ICE, write_problem
 from imposed_stress import simulate_imposed_stress
-from log_density import constant_rate_program
 from scipy.integrate import quad
-from stan_data import one_test_data
 
 from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.forward import simulate
-from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.priors import load_priors
-from pyburgers.model.variants import with_variant
 from pyburgers.predictions.attenuation import attenuation_spectrum, predict_attenuation
 from pyburgers.predictions.stress_cycles import Regime
 
@@ -105,31 +101,6 @@ def test_a_breakdown_far_below_the_stress_is_solved_or_refused_but_never_nan() -
             continue
         assert np.isfinite(found["stress_Pa"]).all()
         assert found["stress_Pa"].max() < 40 * breakdown
-
-
-def test_gradients_are_finite_and_those_of_the_density(
-    small_problem: Problem, tmp_path: Path
-) -> None:
-    experiment = small_problem.experiment
-    priors = with_variant(small_problem.priors, experiment, {"maxwell": "hyperbolic_sine"})
-    data = one_test_data(
-        experiment, priors.resolved(experiment.largest_stress), solver=SolverOptions(1e-10)
-    )
-    program = constant_rate_program(data, tmp_path / "program")
-    size, rng = data["n_coordinates"], np.random.default_rng(1)
-    assert size == len(priors.free)
-    for spread in (0.3, 1.0, 2.0):
-        at = np.array(0.2 * rng.standard_normal(size))
-        at[-1] = spread * rng.standard_normal()
-        here = program.at({"coordinate": at.tolist()})
-        assert np.isfinite(here.gradient).all()
-        step = 1e-4
-        around = [
-            program.columns_at({"coordinate": (at + sign * step * np.eye(size)[-1]).tolist()})
-            for sign in (1, -1)
-        ]
-        slope = (around[0]["lp__"] - around[1]["lp__"]) / (2 * step)
-        assert here.gradient[-1] == pytest.approx(slope, rel=1e-3, abs=1e-3)
 
 
 def test_a_prior_with_mass_at_no_breakdown_stress_at_all_is_refused(tmp_path: Path) -> None:

@@ -196,24 +196,6 @@ def test_random_histories_agree_with_an_independent_solver(material: str) -> Non
             )
 
 
-def test_strains_add_up() -> None:
-    """Elastic, Kelvin and dashpot strain are the whole, in legs that are driven by either."""
-    rng = np.random.default_rng(19)
-    for _ in range(10):
-        legs, times = random_history(rng)
-        stress, strain, kelvin, _, dashpot, _ = solve(ICE, legs, times, tolerance=1e-9)
-        parts = stress / ICE["maxwell_modulus"] + kelvin + dashpot
-        np.testing.assert_allclose(strain, parts, rtol=0, atol=1e-8)
-        imposed, before = 0.0, 0
-        for one, at in zip(legs, times, strict=True):
-            here = slice(before, before + at.size)
-            if one.driven == "strain":
-                # The first time is the start of the leg.
-                imposed = strain[here][0] + one.rate * (at - one.start_time)
-                np.testing.assert_allclose(strain[here], imposed, rtol=0, atol=1e-8)
-            before += at.size
-
-
 PANELS = np.concatenate([[0.0], np.geomspace(1e-6, 1.0, 40)])
 """Ends of the panels of a leg, as shares of its duration: dense at its start."""
 

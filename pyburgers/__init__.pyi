@@ -1,9 +1,11 @@
 from .checks.fit_checks import Outcome as Outcome
+from .cmdstan.program import load_program as load_program
 from .common.errors import InputError as InputError
 from .common.errors import PyburgersError as PyburgersError
 from .common.errors import SamplingError as SamplingError
 from .common.errors import SystemFailureError as SystemFailureError
 from .common.errors import ToolchainError as ToolchainError
+from .common.paths import shipped_folder as shipped_folder
 from .common.tasks import Workers as Workers
 from .common.units import rounded as rounded
 from .comparison.by_points import compare as compare

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pyburgers import Fit, write_report
+from pyburgers import Fit, PageSection, write_report
 
 
 @dataclass(eq=False)
@@ -21,7 +21,9 @@ class GrowingPage:
     shown : sequence of str
         Those of them that have a section of their own, in the order of the page.
     at_the_end : str
-        What comes when all fits are done, in words.
+        What is still to come besides fits, in words; empty if nothing is.
+    extras : sequence of PageSection
+        Parts beside the fits that are there already.
     """
 
     out: Path
@@ -30,8 +32,14 @@ class GrowingPage:
     tests: Mapping[str, str]
     shown: Sequence[str]
     at_the_end: str
+    extras: Sequence[PageSection] = ()
     _found: dict[str, Fit] = field(default_factory=dict, init=False)
     _drawn: dict[Path, str] = field(default_factory=dict, init=False)
+
+    @property
+    def file(self) -> Path:
+        """The page itself."""
+        return self.out / "index.html"
 
     def add(self, name: str, fit: Fit) -> None:
         """Write the page with one more fit, and with what is still to come."""
@@ -39,7 +47,8 @@ class GrowingPage:
         fits = [self._found[one] for one in self.shown if one in self._found]
         if fits:
             missing = {one: test for one, test in self.tests.items() if one not in self._found}
-            self.write(fits, to_come={**missing, self.at_the_end: ""})
+            more = {self.at_the_end: ""} if self.at_the_end else {}
+            self.write(fits, to_come={**missing, **more}, extras=self.extras)
 
     def write(self, fits: Sequence[Fit], **parts: Any) -> Path:
         """Write the page, with parts as for `pyburgers.write_report`, and return it."""

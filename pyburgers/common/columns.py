@@ -21,7 +21,7 @@ from pyburgers.common.cells import number_in
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.text_tables import TextTable, look_at, table_of_columns
-from pyburgers.common.toml_files import Table, all_of, factor_to_si, unit_of
+from pyburgers.common.toml_files import Table, all_of, factor_to_si, is_file_of_user, unit_of
 from pyburgers.common.units import Unit, counted
 
 Separator = Literal[",", ";", "tab", "whitespace"]
@@ -202,7 +202,7 @@ def _kept_to_itself(path: Path, data: TextFilesTable, key: str) -> Iterator[None
         yield
     except InputError:
         file = data.source(path, key)
-        if may_be_quoted(file, path) or not file.is_file():
+        if may_be_quoted(file, path) or not is_file_of_user(file):
             raise
         raise InputError(
             f"{path}: key {key!r}: {file} has no such table; its content is not shown, because it "

@@ -24,11 +24,15 @@ class PageFigure:
     title : str
         Heading.
     caption : str
-        What is shown and how to read it, one paragraph.
+        One paragraph about what is shown and how to read it.
     draw : callable
         Draws it.
     result : str
         Its content in a sentence, for readers who cannot see it; by default its title.
+
+    Examples
+    --------
+    >>> figure = pyburgers.PageFigure("mine", "My curve", "Stress.", lambda: plt.figure())
     """
 
     name: str
@@ -124,6 +128,11 @@ class PageTable:
         Whether it is for those who look closer: a file, and not on the page.
     folded : bool
         Whether figures or sentences of its part say already what a reader needs of it.
+
+    Examples
+    --------
+    >>> numbers = pd.DataFrame({"stress (MPa)": [1.5]})
+    >>> table = pyburgers.PageTable("mine", "My table", numbers.astype(str), numbers)
     """
 
     name: str
@@ -160,6 +169,13 @@ class PageSection:
         Whether it stands after the fits rather than between overview and fits.
     alarms : tuple of str
         Sentences of it that nobody should miss; they stand at the top of the page as well.
+
+    Examples
+    --------
+    >>> section = pyburgers.PageSection("mine", "My part", ("A finding.",))
+    >>> page = pyburgers.write_report(
+    ...     [fit], Path("page"), title="Ice", command="my_script.py", extras=[section]
+    ... )
     """
 
     key: str

@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
@@ -11,12 +12,12 @@ from typing import Self
 import pandas as pd
 import xarray as xr
 
-from pyburgers.checks.fit_checks import Outcome, check_solver
 from pyburgers.checks.prior_influence import Influence, prior_influence
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.messages import messages_where_watched
 from pyburgers.common.paths import given_path
+from pyburgers.fitting.continuation import put_aside_where_tolerance_matters, sample_until_good
 from pyburgers.fitting.new_test import Source
 from pyburgers.fitting.plots import FitPlots
 from pyburgers.fitting.prediction import Prediction, predict_test
@@ -26,7 +27,6 @@ from pyburgers.fitting.sampled_fit import (
     SampledFit,
     data_words,
     in_passing,
-    sample_until_good,
     write_tables,
 )
 from pyburgers.kinds.conditions import doubts
@@ -48,14 +48,10 @@ from pyburgers.posterior.labelled_draws import (
 )
 from pyburgers.sampling.manifest import FitManifest
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.repetitions import tighten_solver
 from pyburgers.sampling.run import require_extendable
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
-
-MAX_REFITS = 2
-"""Times that a run is repeated at a tighter tolerance of the solver."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -68,6 +64,12 @@ class Fit(SampledFit):
         As of every `SampledFit`; groups of the draws: `pyburgers.posterior.build.build_posterior`.
     problem : Problem
         Tests, priors, pooling.
+
+    Examples
+    --------
+    >>> draws = fit.posterior["posterior"]["maxwell_modulus"]
+    >>> draws.dims
+    ('chain', 'draw')
     """
 
     problem: Problem
@@ -137,7 +139,13 @@ class Fit(SampledFit):
         return tests[test]
 
     def tests(self) -> "dict[str, Fit]":
-        """Return the result for each test (see `__getitem__`)."""
+        """Return the result for each test (see `__getitem__`).
+
+        Examples
+        --------
+        >>> sorted(joint.tests())
+        ['PIL40', 'other']
+        """
         if not self.is_joint:
             return {self.problem.name: self}
         found = {}
@@ -167,7 +175,21 @@ class Fit(SampledFit):
         -------
         dict of str to dict of str to Influence
             By name of the test, then of the quantity.
+
+        Examples
+        --------
+        >>> stiffness = fit.posterior["posterior"]["maxwell_modulus"].to_numpy().ravel()
+        >>> of_tests = fit.influences({"compliance": 1 / stiffness})
         """
+        return self._influences_on(derived) if derived else self._influences
+
+    @cached_property
+    def _influences(self) -> dict[str, dict[str, Influence]]:
+        """Those on the parameters, made once: tables, pages and exports ask again and again."""
+        return self._influences_on({})
+
+    def _influences_on(self, derived: Mapping[str, FloatArray]) -> dict[str, dict[str, Influence]]:
+        """Influences by test and quantity; empty without likelihood."""
         if not self.manifest["use_likelihood"]:
             return {}
         fitted = self.manifest["experiments"]
@@ -186,7 +208,18 @@ class Fit(SampledFit):
         }
 
     def decisions(self) -> dict[str, Influence]:
-        """Return who decides each row of `summary`."""
+        """Return who decides each row of `summary`.
+
+        Examples
+        --------
+        >>> sorted(fit.decisions())
+        ['activation_enthalpy', 'maxwell_modulus', 'reference_stress', 'stress_noise']
+        """
+        return self._decisions
+
+    @cached_property
+    def _decisions(self) -> dict[str, Influence]:
+        """The decisions, computed once: tables and pages ask for them again and again."""
         found: dict[str, Influence] = {}
         for e, of_test in enumerate(self.influences().values()):
             for name, one in of_test.items():
@@ -208,12 +241,23 @@ class Fit(SampledFit):
         ----------
         experiment, draws, separate_from, seed
             As for `pyburgers.fitting.prediction.predict_test`, which says what is raised.
+
+        Examples
+        --------
+        >>> prediction = fit.predict(test)
+        >>> score = pyburgers.score_table(prediction)
         """
         source = Source(self.problem, self.tests(), self.posterior, self.cautions)
         return predict_test(source, experiment, draws=draws, separate_from=separate_from, seed=seed)
 
     def prior_groups(self, draws: int, seed: int) -> dict[str, xr.Dataset]:
-        """Draw from the priors of one test, and solve every draw for readings with noise."""
+        """Draw from the priors of one test, and solve every draw for readings with noise.
+
+        Examples
+        --------
+        >>> sorted(fit.prior_groups(20, seed=1))
+        ['prior', 'prior_predictive']
+        """
         if self.is_joint or draws == 0:
             return {}
         return prior_groups(self.experiment, self.priors, draws, seed)
@@ -238,6 +282,10 @@ class Fit(SampledFit):
         ------
         InputError
             If the folder cannot be written or holds something else.
+
+        Examples
+        --------
+        >>> page = fit.report("page.html")
         """
         page: Path = import_module("pyburgers").report([self], path, title=title)
         return page
@@ -251,6 +299,11 @@ class Fit(SampledFit):
         """Posterior table in SI units, of one test with the priors beside it.
 
         See `pyburgers.posterior.labelled_draws.draws_table` and `summary_table`.
+
+        Examples
+        --------
+        >>> fit.si_summary().loc["maxwell_modulus", "unit"]
+        'Pa'
         """
         if self.is_joint:
             return draws_table(self.posterior)
@@ -275,6 +328,11 @@ class Fit(SampledFit):
         InputError
             If it is no run of one or several tests, has no finished chain, or a file was damaged or
             changed.
+
+        Examples
+        --------
+        >>> fit.save("copy")
+        >>> again = pyburgers.Fit.load("copy")
         """
         run = RunDirectory(given_path(path))
         found = run.read_manifest()
@@ -335,11 +393,11 @@ def fit(
         (`pyburgers.kinds.together.pooling_for`).
     options : SamplerOptions, optional
         Chains, iterations, seed. If a few trajectories diverge, all chains go on with shorter steps
-        (`pyburgers.fitting.sampled_fit.put_aside_where_few_diverged`).
+        (`pyburgers.fitting.continuation.put_aside_where_few_diverged`).
     solver : SolverOptions, optional
         Tolerance of the ODE solver while sampling. All draws are solved again at the reference
         tolerance. If their Pareto k shows that the tolerance was too loose, all chains run again
-        ten times tighter, at most `MAX_REFITS` times.
+        ten times tighter, at most twice.
     use_likelihood : bool
         False samples the prior predictive distribution with the same program.
     command : str
@@ -363,9 +421,9 @@ def fit(
 
     Examples
     --------
-    >>> test = pyburgers.load_experiment("my_test.toml")
-    >>> result = pyburgers.fit(test, pyburgers.priors("ice"), out="runs/my_test")
-    >>> result.summary()
+    >>> options = pyburgers.SamplerOptions(chains=2, warmup=150, draws=100)
+    >>> result = pyburgers.fit(test, priors, out="runs/mine", options=options)
+    >>> table = result.summary()
     """
     tests = [experiments] if isinstance(experiments, Experiment) else list(experiments)
     if priors is None:
@@ -425,20 +483,9 @@ def fit_problem(
             )
             more = asked = None  # chains that are run again get the same number
             result = Fit.load(run.path)
-            if not _solved_again_with_a_tighter_tolerance(result):
+            if not put_aside_where_tolerance_matters(result):
                 return result
 
     result = sample_until_good(sample, settings)
     write_tables(result)
     return replace(result, manifest=run.read_manifest())
-
-
-def _solved_again_with_a_tighter_tolerance(result: Fit) -> bool:
-    """Put all chains aside if the tolerance of the solver was too loose, and tell whether."""
-    solver = check_solver(result.checked_draws)
-    loose = solver.outcome is Outcome.NO and not result.missing_chains()
-    if not loose or len(result.manifest["refits"]) == MAX_REFITS:
-        return False
-    tight = tighten_solver(result.directory, float(solver.table["pareto_k"].iloc[0]))
-    logger.info(f"{solver.sentence} Sampling all chains again at a tolerance of {tight:g}.")
-    return True

@@ -38,6 +38,12 @@ class Task:
         None takes that of the protocol.
     remark : str
         Text behind the command in the run's manifest.
+
+    Examples
+    --------
+    >>> task = pyburgers.task_of([test], priors, options)
+    >>> task.options.chains
+    2
     """
 
     problem: Problem
@@ -68,6 +74,10 @@ def task_of(
     ------
     InputError
         If an input is wrong.
+
+    Examples
+    --------
+    >>> task = pyburgers.task_of([test], priors, options)
     """
     return Task(problem_of(experiments, priors, pooling_for(experiments, pool)), options)
 
@@ -95,11 +105,14 @@ def run_fits(
         return {}
     above = os.path.commonpath([out.absolute().parent for out in mine])
     calls = {}
-    for out, task in mine.items():
+    processes = workers.processes(len(mine))
+    for number, (out, task) in enumerate(mine.items(), start=1):
         name = out.absolute().relative_to(above).as_posix()
         if workers.executor is None:
+            # The last fit begins when another has ended, and soon has all cores to itself.
+            beside = 1 if number == len(mine) > processes else processes
             threads = threads_for(task.options, len(task.problem.experiments))
-            chains = max(1, cores() // (workers.processes(len(mine)) * threads))
+            chains = max(1, cores() // (beside * threads))
             task = replace(task, options=replace(task.options, parallel_chains=chains))
         # Elsewhere the working directory may be another one.
         calls[out] = (name, task, out.absolute(), command, keep_going)
@@ -154,8 +167,7 @@ def fit_side_by_side(
 
     Examples
     --------
-    >>> options, priors = pyburgers.SamplerOptions(), pyburgers.default_priors("ice")
-    >>> tasks = {test.id: pyburgers.task_of([test], priors, options) for test in tests}
+    >>> tasks = {"mine": pyburgers.task_of([test], priors, options)}
     >>> fits = pyburgers.fit_side_by_side(tasks, Path("runs"), command="python my_script.py")
     """
     found: dict[str, Fit] = {}

@@ -42,6 +42,11 @@ class SolverOptions:
         neighbouring points. At 3e-5 it varies by 0.3.
     max_num_steps : int
         Steps between two output strains before the solver gives up, which rejects the draw.
+
+    Examples
+    --------
+    >>> pyburgers.SolverOptions(tolerance=1e-8)
+    SolverOptions(tolerance=1e-08, max_num_steps=20000)
     """
 
     tolerance: float = 1e-5

@@ -82,6 +82,10 @@ def comparison_sections(fits: Sequence[Fit]) -> tuple[PageSection, ...]:
     -------
     tuple of PageSection
         Comparisons by points, by whole tests, and of flow laws from another source.
+
+    Examples
+    --------
+    >>> sections = pyburgers.comparison_sections([fit, other])
     """
     groups: dict[str, dict[str, Fit]] = {}
     names = page_names(fits)

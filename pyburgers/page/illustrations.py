@@ -4,8 +4,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from matplotlib.figure import Figure
-
 from pyburgers.common.tasks import Workers, run_tasks
 from pyburgers.drawing.inline_svg import InlineSvg, inline_svg
 from pyburgers.drawing.page_parts import PageFigure
@@ -14,19 +12,20 @@ from pyburgers.page.names import file_key
 
 CSS_PIXELS_PER_POINT = 100 / 72
 
+FIGURES_A_PROCESS = 4
+"""Figures that take as long to write as a process takes to start."""
+
 
 @dataclass(frozen=True, eq=False)
 class Illustration:
     """A figure for a page.
 
-    `text`: its name, title and caption.
-    `figure`: the figure itself.
+    `text`: its name, title and caption, and what draws it.
     `file`: where it is written as PNG; beside it as SVG.
     `result`: what it shows, in a sentence.
     """
 
     text: PageFigure
-    figure: Figure
     file: Path
     result: str
 
@@ -39,11 +38,10 @@ class Illustration:
 def illustrate(
     figures: Iterable[PageFigure], out: Path, key: str, of: str = ""
 ) -> tuple[Illustration, ...]:
-    """Draw figures of a part of a page by its key; `of` names a fit for readers who see nothing."""
+    """Name figures of a part of a page by its key; `of` names a fit for readers who see nothing."""
     return tuple(
         Illustration(
             one,
-            one.draw(),
             out / "figures" / f"{key}_{file_key(one.name)}.png",
             ": ".join(filter(None, (", ".join(filter(None, (one.title, of))), one.result))),
         )
@@ -77,15 +75,16 @@ def write_figures(
     """Write every figure as PNG and SVG, and return what stands in the page, by anchors.
 
     Pictures that `by_file` holds are not drawn again; the others are added to it. None as the
-    number of processes takes one for each core.
+    number of processes takes one for each core, if there are many figures.
     """
-    calls = {one.file: (one.figure, one.file) for one in illustrations if one.file not in by_file}
+    missing = [one for one in illustrations if one.file not in by_file]
     workers = Workers(jobs=jobs)
-    if workers.processes(len(calls)) == 1:
+    if workers.processes(len(missing) // FIGURES_A_PROCESS) == 1:
         drawn: Iterable[tuple[Path, str]] = (
-            (file, write_page_images(*call)) for file, call in calls.items()
+            (one.file, write_page_images(one.text.draw(), one.file)) for one in missing
         )
     else:
+        calls = {one.file: (one.text.draw(), one.file) for one in missing}
         drawn = run_tasks(write_page_images, calls, workers=workers, out=out)
     by_file |= dict(drawn)
     found: dict[str, Picture] = {}

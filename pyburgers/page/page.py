@@ -106,7 +106,9 @@ def write_report(
 
     Examples
     --------
-    >>> pyburgers.write_report([fit], Path("page"), title="Creep", command="python my_script.py")
+    >>> page = pyburgers.write_report(
+    ...     [fit], Path("page"), title="Creep", command="python my_script.py"
+    ... )
     """
     if not fits and not told:
         raise InputError(f"{out}: a report needs at least one run, found none.")
@@ -194,6 +196,10 @@ def report(
     ------
     InputError
         If there is nothing to show, or the folder cannot be written or holds something else.
+
+    Examples
+    --------
+    >>> page = pyburgers.report([fit, other], "page.html", title="Two curves")
     """
     path = given_path(path)
     is_file = path.suffix == ".html"

@@ -27,8 +27,13 @@ from pyburgers.drawing.page_parts import text_table
 from pyburgers.kinds.forced_oscillation.harmonics import CUBIC, fit_harmonics
 from pyburgers.kinds.forward import check_given_together
 from pyburgers.kinds.stan_data import SolverOptions, solver_block
-from pyburgers.model.relaxation import kelvin_part, require_one_relaxation_time
+from pyburgers.model.closed_forms import (
+    closed_forms,
+    parameter_columns,
+    require_one_relaxation_time,
+)
 from pyburgers.predictions.attenuation import attenuation_spectrum, condition_columns, flat_draws
+from pyburgers.predictions.closed_forms import cycles_data
 from pyburgers.predictions.material import Material
 from pyburgers.predictions.stress_cycles import (
     EVOLUTION,
@@ -38,7 +43,6 @@ from pyburgers.predictions.stress_cycles import (
     Regime,
     checked_frequencies,
     checked_hold_time,
-    parameter_columns,
 )
 
 EVOLVING_FREQUENCIES = (1e-4, 1e-3, 1e-2)
@@ -92,8 +96,9 @@ def evolving_attenuation(
         fabric_factor=fabric,
         hold_time=hold,
     )
-    kelvin = kelvin_part(parameters, material.temperature, size)
-    elastic_loss = kelvin.compliance(2 * np.pi * frequency)[1][:, np.newaxis]
+    asked = cycles_data((), frequency, hold, with_strains=False)
+    elements = closed_forms(parameters, size, temperature=material.temperature, asked=asked)
+    elastic_loss = elements["kelvin_loss"][:, np.newaxis]
     frozen_loss = frozen["loss_compliance"].to_numpy()
     found = {
         name: np.empty(frozen_loss.shape)

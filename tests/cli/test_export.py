@@ -17,8 +17,7 @@ from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.pooling import DEFAULT_KINDS
-from pyburgers.predictions.exported import LEFT_OUT, LOG_FACTOR, as_latex, exported
-from pyburgers.predictions.stated_laws import POWER_LAW
+from pyburgers.predictions.exported import LEFT_OUT, LOG_FACTOR, POWER_LAW, as_latex, exported
 
 
 def printed(fit: Fit, kind: str, capsys: pytest.CaptureFixture[str]) -> str:

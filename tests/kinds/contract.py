@@ -191,7 +191,7 @@ def test_the_density_is_prior_likelihood_and_jacobian(
     program, centre = program_in(kind, name, what, tmp_path)
     rng = np.random.default_rng(5)
     # From close by to as far away as the prior reaches.
-    for width in np.geomspace(0.1, 1.5, 4):
+    for width in np.geomspace(0.1, 1.5, 3):
         point = centre + width * rng.standard_normal(centre.size)
         columns = program.columns_at({"coordinate": point.tolist()})
         values = parameters_in(columns)
@@ -223,6 +223,7 @@ def test_a_fit_is_kept_and_shown(
     kind: str, name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     sketch_pictures(monkeypatch, drawn_once=True)
+    monkeypatch.setattr("pyburgers.fitting.charts_at_modes.N_BEST", 2)
     example = EXAMPLES[kind]
     experiment = example.load(name)
     priors = default_priors(experiment.material, experiment.protocol)
@@ -232,7 +233,7 @@ def test_a_fit_is_kept_and_shown(
         experiment,
         with_fixed(priors, known),
         out=tmp_path / "run",
-        options=SamplerOptions(chains=2, warmup=60, draws=30, seed=1, adapt_delta=0.8),
+        options=SamplerOptions(chains=2, warmup=20, draws=20, seed=1, adapt_delta=0.8),
     )
     kept = Fit.load(result.directory.path)
     assert_equal(kept.experiment, experiment)

@@ -184,6 +184,8 @@ def test_every_document_is_on_the_site() -> None:
     listed = (docs / "index.md").read_text(encoding="utf-8").splitlines()
     for document in docs.glob("*.md"):
         assert document.stem in [*listed, "index"], f"docs/index.md does not list {document.name}"
+    parts = [line.removeprefix(":caption: ") for line in listed if line.startswith(":caption: ")]
+    assert parts == ["Tutorials", "How to", "Reference", "Explanation"]
 
 
 def test_every_public_name_is_on_the_page_of_python() -> None:

@@ -46,6 +46,12 @@ class AttenuationExperiment(Experiment):
         Readings of each row.
     elasticity : Elasticity
         Whether cycles are axial or of shear, and what relates the two.
+
+    Examples
+    --------
+    >>> table = pyburgers.load_experiment(data / "ice" / "attenuation_twin.toml")
+    >>> type(table).__name__, table.n_points
+    ('AttenuationExperiment', 72)
     """
 
     protocol: ClassVar[str] = "attenuation"

@@ -48,6 +48,12 @@ class HistoryExperiment(Experiment):
         Measured strain of the sample at rest; None for zero.
     n_readings_in_file : int
         Before records were thinned.
+
+    Examples
+    --------
+    >>> test = pyburgers.load_experiment(data / "halite" / "halite_z3.toml")
+    >>> len(test.stages)
+    1
     """
 
     protocol: ClassVar[str] = "loading_history"

@@ -224,16 +224,16 @@ def test_letters_that_an_encoding_lacks_are_escaped(tmp_path: Path) -> None:
     assert out.read_text(encoding="ascii") == "\\u03b7 of the Kelvin element\n"
 
 
-def test_a_deleted_working_directory_is_told(tmp_path: Path) -> None:
+def test_a_deleted_working_directory_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     gone = tmp_path / "gone"
     gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
     for command in (["check", "nowhere"], ["doctor"]):
-        code, error = ended(
-            f"os.chdir({str(gone)!r}); os.rmdir({str(gone)!r}); code = main({command})\n"
-            f"os.mkdir({str(gone)!r}); sys.exit(code)"
-        )
-        assert "Traceback" not in error
-        assert code in (0, 1, 2)
+        assert main(command) in (0, 1, 2)
+        error = capsys.readouterr().err
         if error:
             assert error.startswith("pyburgers: ")
 
@@ -277,8 +277,8 @@ def test_too_little_memory_is_told_and_not_waited_for() -> None:
 
 
 def test_bytes_that_are_no_text_are_escaped() -> None:
-    code, error = ended(r"sys.exit(main(['check', '/nowhere\udcff']))")
-    assert (code, "\\udcff: not a run directory" in error) == (2, True)
+    code, error = ended(r"sys.exit(main(['doctor', '\udcff']))")
+    assert (code, "\\udcff" in error) == (2, True)
 
 
 NEW = shlex.split("--material ice --temperature-K 263 --grain-size-m 1e-3 --strain-rate-per-s 1e-5")
@@ -294,10 +294,7 @@ def test_a_name_of_a_file_that_is_no_text_is_refused_where_it_would_be_written(
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert "found bytes that are no text in its name" in error
-    options = map(os.fsencode, (*NEW, "--id", "\udcff"))
-    command = [os.fsencode(sys.executable), b"-m", b"pyburgers", b"new", path, *options]
-    ended = subprocess.run(command, capture_output=True, check=False)
-    assert (ended.returncode, ended.stderr.count(b"\n")) == (2, 1)
+    assert_refused(main(["new", os.fsdecode(path), *NEW, "--id", "\udcff"]), capsys)
 
 
 LONG = "x" * 5000

@@ -26,7 +26,16 @@ from pyburgers.common.atomic_files import write_json
 from pyburgers.common.toml_files import read_json
 from pyburgers.fitting.fit import fit
 
-KILLS = {"fit": 40, "sbc": 20, "campaign": 20, "compare": 15, "study": 5}
+KILLS = {
+    "fit": 80,
+    "sbc": 40,
+    "campaign": 40,
+    "compare": 30,
+    "report": 30,
+    "predict": 30,
+    "compile": 40,
+    "study": 10,
+}
 
 AT_MOST = 6
 """Kills of one attempt."""

@@ -10,12 +10,9 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+from matplotlib import pyplot as plt
 
 import pyburgers
-from pyburgers.drawing.style import image
-from pyburgers.predictions.assumptions import elastic_modulus_sentence, frozen_sentence
-from pyburgers.predictions.attenuation_figures import attenuation
-from pyburgers.predictions.attenuation_tables import overview_table, quantile_table
 
 
 def main() -> None:
@@ -49,15 +46,22 @@ def main() -> None:
     for label in spectrum["regime"].to_numpy():
         low, high = at_one_millihertz.sel(regime=label).quantile([0.05, 0.95])
         print(f"{label}: tan(delta) at 1 mHz is {low:.3g} to {high:.3g} (90 %)")
-    print(overview_table(spectrum).to_string(index=False))
-    # What it takes for granted, and where that fails.
-    print(frozen_sentence(spectrum))
-    print(elastic_modulus_sentence(spectrum))
+        # Beyond some strain of the hold and the cycles, the microstructure would change.
+        fails = float(spectrum["frozen_fails"].sel(regime=label).mean())
+        print(f"  the strain is too large for frozen grains in {100 * fails:.0f} % of the draws")
 
     options.out.mkdir(parents=True, exist_ok=True)
-    quantile_table(spectrum).to_csv(options.out / "attenuation.csv", index=False)
-    figure = attenuation(spectrum, spectrum.attrs["title"])
-    (options.out / "attenuation.png").write_bytes(image(figure, "png"))
+    bands = spectrum["tan_delta"].quantile([0.05, 0.5, 0.95], ("chain", "draw"))
+    table = bands.to_dataset("quantile").to_dataframe()
+    table.to_csv(options.out / "attenuation.csv")
+    figure, axes = plt.subplots(layout="constrained")
+    for label in spectrum["regime"].to_numpy():
+        low, median, high = bands.sel(regime=label)
+        (line,) = axes.loglog(spectrum["frequency"], median, label=label)
+        axes.fill_between(spectrum["frequency"], low, high, alpha=0.3, color=line.get_color())
+    axes.set(xlabel="frequency (Hz)", ylabel="tan δ", title=spectrum.attrs["title"])
+    axes.legend(title="median stress ± amplitude")
+    figure.savefig(options.out / "attenuation.png")
     print("written to", options.out)
 
 

@@ -1,9 +1,11 @@
 from .checks.fit_checks import Outcome as Outcome
+from .cmdstan.program import load_program as load_program
 from .common.errors import InputError as InputError
 from .common.errors import PyburgersError as PyburgersError
 from .common.errors import SamplingError as SamplingError
 from .common.errors import SystemFailureError as SystemFailureError
 from .common.errors import ToolchainError as ToolchainError
+from .common.paths import shipped_folder as shipped_folder
 from .common.tasks import Workers as Workers
 from .common.units import rounded as rounded
 from .comparison.by_points import compare as compare
@@ -70,10 +72,10 @@ from .model.variants import with_variant as with_variant
 from .page.attenuation_section import attenuation_section as attenuation_section
 from .page.comparison_sections import comparison_sections as comparison_sections
 from .page.joint_section import joint_sections as joint_sections
+from .page.page import report as report
 from .page.page import write_report as write_report
 from .page.peak_stress_section import peak_stress_section as peak_stress_section
 from .page.posterior_figures import page_figure as page_figure
-from .page.report import report as report
 from .predictions.attenuation import attenuation_spectrum as attenuation_spectrum
 from .predictions.attenuation import predict_attenuation as predict_attenuation
 from .predictions.closed_forms import flow_rate as flow_rate

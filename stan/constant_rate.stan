@@ -11,7 +11,7 @@ functions {
 #include physics/flow_law.stan
 #include physics/dashpot_laws.stan
 #include physics/kelvin_laws.stan
-#include physics/relaxation_elements.stan
+#include physics/relaxation.stan
 #include physics/microstructure.stan
 #include kinds/constant_rate_dynamics.stan
 #include statistics/priors.stan

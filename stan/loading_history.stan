@@ -16,7 +16,6 @@ functions {
 #include physics/dashpot_laws.stan
 #include physics/kelvin_laws.stan
 #include physics/relaxation.stan
-#include physics/relaxation_elements.stan
 #include physics/stress_cycles.stan
 #include physics/microstructure.stan
 #include kinds/loading_history_rates.stan

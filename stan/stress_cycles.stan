@@ -25,9 +25,13 @@ data {
   // sin(omega t) where the strain of a cycle is summed; none: it is not computed.
   int<lower=0> n_sines;
   vector[n_sines] sine;
-  // ln(omega tau) where a peak is looked for, of a Kelvin part with many relaxation times.
-  int<lower=0> n_delays;
-  vector[n_delays] log_delay;
+  // Elements of the Kelvin part (physics/relaxation.stan).
+  int<lower=1> n_elements;
+  matrix[n_elements, 3] element;
+  int<lower=0> n_delays; // frequencies at which a peak of many relaxation times is looked for
+  real<lower=0> hold_time; // s
+  int<lower=0> n_times;
+  vector[n_times] log_time; // ln(relaxation time/s) at which their density is asked for
 }
 parameters {
   vector[n_parameters() + 3] material; // parameters, grain size (m), fabric factor, a stress (Pa)
@@ -42,14 +46,29 @@ generated quantities {
   vector[n_regimes] held_rate; // of the dashpot at the median stress, 1/s
   vector[n_regimes] wanted_grain_size; // in the end, at the median stress, m
   matrix[n_sines > 0 ? n_regimes : 0, n_frequencies] cycle_strain; // path strain of a cycle
+  real longest_time; // tau of the Kelvin part, s
+  real kelvin_creep_of_hold; // strain over stress, 1/Pa
+  vector[n_times] time_density; // compliance over ln(relaxation time), 1/Pa
+  matrix[n_times > 0 ? n_elements : 0, 2] elements; // relaxation time (s), compliance (1/Pa)
   {
     vector[n_parameters()] parameter = head(material, n_parameters());
     real grain_size = material[n_parameters() + 1];
     real fabric_factor = material[n_parameters() + 2];
     vector[n_frequencies] log_frequency = log(2 * pi() * frequency);
-    real log_time = log_relaxation_time(parameter, temperature, grain_size);
-    matrix[n_frequencies, 2] kelvin = kelvin_compliance(log_frequency + log_time, parameter);
+    real log_longest = log_relaxation_time(parameter, temperature, grain_size);
+    matrix[n_frequencies, 2] kelvin = kelvin_compliance(log_frequency + log_longest, parameter);
+    matrix[n_elements, 2] decays = relaxation_elements(element, relaxation_numbers(parameter));
+    vector[n_delays] log_delay = log(1e-3)
+                                 + linspaced_vector(n_delays, 0,
+                                                    log(1e6) + log(max(decays[ : , 1])));
     matrix[n_delays, 2] away = kelvin_compliance(log_delay, parameter);
+    longest_time = exp(log_longest);
+    kelvin_creep_of_hold = kelvin_creep(hold_time / longest_time, parameter, element);
+    time_density = relaxation_density(log_longest - log_time, parameter);
+    if (n_times > 0) {
+      elements = append_col(longest_time ./ decays[ : , 1],
+                            decays[ : , 2] / parameter[i_kelvin_modulus()]);
+    }
     maxwell_modulus = maxwell_modulus_at(parameter, rep_vector(temperature, 1))[1];
     dashpot_rate = dashpot_rate_at(material[n_parameters() + 3], grain_size, fabric_factor,
                                    parameter, temperature);
@@ -69,11 +88,11 @@ generated quantities {
                                 temperature)
               - parameter[i_grain_size_exponent()] * log(grain_size));
       has_peak[r] = n_delays > 0
-                    ? rises_somewhere((away[ : , 2] + fluidity[r] * exp(log_time - log_delay))
+                    ? rises_somewhere((away[ : , 2] + fluidity[r] * exp(log_longest - log_delay))
                                       ./ (1 / maxwell_modulus + away[ : , 1]))
                     : element_has_peak(parameter[i_kelvin_modulus()] / maxwell_modulus,
                                        fluidity[r] * parameter[i_kelvin_modulus()]
-                                       * exp(log_time));
+                                       * longest_time);
       held_rate[r] = dashpot_rate_at(median_stress[r], grain_size, fabric_factor, parameter,
                                      temperature);
       wanted_grain_size[r] = preferred_grain_size(median_stress[r], parameter);

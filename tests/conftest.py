@@ -19,10 +19,12 @@ from types import MappingProxyType
 from weakref import WeakSet
 
 import filelock
+import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
 import pytest
 from independent_table import TRUTHS
+from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 from truth_as_mode import at_truth
 
@@ -73,10 +75,8 @@ POOL = {"stress_noise": "separate"}
 LONGEST_FILES = (
     "contract.py",
     "test_study.py",
-    "test_kinds_together.py",
     "test_leave_one_test_out.py",
     "test_comparison.py",
-    "test_statements.py",
     "test_calibration_run.py",
     "test_figures.py",
     "test_sampling.py",
@@ -84,8 +84,6 @@ LONGEST_FILES = (
     "test_shorter_steps.py",
     "test_compare_cli.py",
     "test_calibration.py",
-    "test_olivine_spectra.py",
-    "test_examples.py",
     "test_hand_over.py",
     "test_peak_stress_fit.py",
 )
@@ -180,13 +178,30 @@ def valley_of(experiment: ConstantRateExperiment, priors: PriorSet) -> ValleyRef
     return replace(valley, noise_exponent=np.linspace(0.9, 0.0, test.mode.coordinate.size))
 
 
+OF_OTHERS = {"PYTEST_CURRENT_TEST", "HDF5_PLUGIN_PATH"}
+"""Variables that pytest and the import of netCDF4 set."""
+
+
+def surroundings() -> dict[str, object]:
+    """Return what tests of one process share: variables, folder, messages, figures and styles."""
+    variables = {name: own for name, own in os.environ.items() if name not in OF_OTHERS}
+    return {
+        "variables": variables,
+        "folder": Path.cwd(),
+        "handlers": tuple(logging.getLogger("pyburgers").handlers),
+        "figures": tuple(plt.get_fignums()),
+        "styles": {name: own for name, own in dict.items(mpl.rcParams) if name != "backend"},
+    }
+
+
 @pytest.fixture(autouse=True)
-def quiet_logger() -> Iterator[None]:
-    """Undo the level of the package's logger that a script in the same process has set."""
+def same_surroundings() -> Iterator[None]:
+    """Undo the level of messages that a script sets, and fail a test that leaves more changed."""
     package = logging.getLogger("pyburgers")
-    before = package.level
+    level, before = package.level, surroundings()
     yield
-    package.setLevel(before)
+    package.setLevel(level)
+    assert surroundings() == before
 
 
 @pytest.fixture(scope="session")

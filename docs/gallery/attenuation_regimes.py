@@ -4,9 +4,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import pyburgers
-from pyburgers.common.paths import shipped_folder
 
-test = pyburgers.load_experiment(shipped_folder("data") / "ice" / "PIL40.toml")
+test = pyburgers.load_experiment(pyburgers.shipped_folder("data") / "ice" / "PIL40.toml")
 truth = dict(test.true_parameters or {}) | {"maxwell_modulus": 9.3e9}  # that of ice itself
 regimes = [
     pyburgers.Regime(median_stress=median * 1e6, amplitude=amplitude * 1e6)

@@ -4,9 +4,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import pyburgers
-from pyburgers.common.paths import shipped_folder
 
-test = pyburgers.load_experiment(shipped_folder("data") / "ice" / "PIL40.toml")
+test = pyburgers.load_experiment(pyburgers.shipped_folder("data") / "ice" / "PIL40.toml")
 priors = pyburgers.priors("ice").resolved(float(test.largest_stress))
 rng = np.random.default_rng(8)
 strain = np.linspace(0.001, 0.2, 80)

@@ -4,9 +4,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import pyburgers
-from pyburgers.common.paths import shipped_folder
 
-test = pyburgers.load_experiment(shipped_folder("data") / "ice" / "PIL40.toml")
+test = pyburgers.load_experiment(pyburgers.shipped_folder("data") / "ice" / "PIL40.toml")
 truth = dict(test.true_parameters or {})
 strain = np.linspace(0.001, 0.2, 120)
 held = pyburgers.simulate(test, truth, at=strain).attrs["reference_stress"]

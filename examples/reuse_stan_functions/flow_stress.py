@@ -8,15 +8,13 @@ says how well one test fixes the strength of ice at the much lower rates of a gl
 """
 
 import argparse
-import sys
+import logging
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 import pyburgers
-from pyburgers.cmdstan.program import load_program
-from pyburgers.common.messages import messages_to
 
 PROGRAM = Path(__file__).with_name("flow_stress.stan")
 PARAMETERS = (
@@ -47,8 +45,9 @@ def main() -> None:
 
     # "#include physics/..." in a program is looked up in the package. The first call compiles,
     # later ones find the executable in a cache.
-    with messages_to(sys.stderr):
-        program = load_program(PROGRAM)
+    logging.basicConfig(format="%(message)s")
+    logging.getLogger("pyburgers").setLevel(logging.INFO)
+    program = pyburgers.load_program(PROGRAM)
     values = program.evaluate(
         {
             "n_draws": chosen.size,

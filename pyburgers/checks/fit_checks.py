@@ -31,7 +31,13 @@ class CheckKind(Enum):
 
 
 class Outcome(Enum):
-    """An answer."""
+    """An answer.
+
+    Examples
+    --------
+    >>> pyburgers.Outcome("yes") is pyburgers.Outcome.YES
+    True
+    """
 
     YES = "yes"
     NO = "no"

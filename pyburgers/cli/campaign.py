@@ -14,7 +14,8 @@ from pyburgers.fitting.campaign import (
     shown_status_table,
     status_table,
 )
-from pyburgers.page.campaign_page import write_page
+from pyburgers.page.campaign_page import shown_fits
+from pyburgers.page.page import page_about
 from pyburgers.sampling.manifest import COMPLETE
 
 EXIT_NOT_DONE = 1
@@ -54,7 +55,12 @@ def run(options: argparse.Namespace) -> int:
         write_text(out / "status.csv", table.to_csv())
         print(shown(f"table: {out / 'status.csv'}"))
     if options.part is None and (table["status"] == COMPLETE).any():
-        print(shown(f"The page is {write_page(campaign, out, command=command)}"))
+        fits, section = shown_fits(campaign, out)
+        title = f"Campaign {campaign.id}"
+        page = page_about(
+            fits, out / "report", title=title, command=command, first=(section,), jobs=None
+        )
+        print(shown(f"The page is {page}"))
     if failed:
         return EXIT_NOT_DONE
     done = table[table["status"] == COMPLETE]

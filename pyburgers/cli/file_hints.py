@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pyburgers.common.cells import DECIMAL_COMMA, ODD_MINUS
+from pyburgers.common.columns import may_be_quoted
 from pyburgers.common.errors import InputError
 from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.kinds.experiment import Experiment
@@ -38,7 +39,9 @@ def looks(path: Path, content: Mapping[str, Any]) -> Iterator[TextTable]:
         return
     for table, key in text_files(content):
         with suppress(InputError):  # the error itself is told
-            yield look_at(path.parent / str(data.get("data_root", "")) / table[key])
+            file = path.parent / str(data.get("data_root", "")) / table[key]
+            if may_be_quoted(file, path):
+                yield look_at(file)
 
 
 def hints(path: Path, content: Mapping[str, Any]) -> list[str]:

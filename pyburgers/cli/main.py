@@ -11,7 +11,7 @@ import tempfile
 import threading
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, redirect_stdout, suppress
+from contextlib import ExitStack, contextmanager, redirect_stdout, suppress
 from importlib import import_module
 from pathlib import Path
 from types import FrameType, ModuleType
@@ -20,6 +20,7 @@ from pyburgers.cli.parser import OneLineParser, ShowVersion
 from pyburgers.common.errors import InputError, PyburgersError, nearest
 from pyburgers.common.messages import PrintableStream, message_text, messages_to
 from pyburgers.common.paths import shown
+from pyburgers.common.scratch import scratch_folder
 
 LEAST_MEMORY = 600_000_000
 """Limit of memory (bytes) below which libraries of linear algebra wait for more without an end."""
@@ -71,7 +72,7 @@ def _answered(arguments: Sequence[str] | None) -> int:
     """Run a command; say in a sentence what it comes to, if that is an error that may happen."""
     try:
         try:
-            with _signals_heard(), redirect_stdout(PrintableStream(sys.stdout)):
+            with _signals_heard(), _temporary_files(), redirect_stdout(PrintableStream(sys.stdout)):
                 return _run(sys.argv[1:] if arguments is None else arguments)
         finally:
             sys.stdout.flush()
@@ -158,6 +159,24 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     """Interrupt what the command does."""
     _hear((one for one in ENDING if signal.getsignal(one) is _interrupt), _end_at_once)
     raise KeyboardInterrupt(number)
+
+
+@contextmanager
+def _temporary_files() -> Iterator[None]:
+    """Have temporary files of libraries lie in a folder that the next command clears after a kill.
+
+    If there is no such folder, `pyburgers doctor` says why.
+    """
+    before = tempfile.tempdir, os.environ.get("TMPDIR")
+    with ExitStack() as folders:
+        with suppress(OSError):
+            tempfile.tempdir = os.environ["TMPDIR"] = str(folders.enter_context(scratch_folder()))
+        try:
+            yield
+        finally:
+            tempfile.tempdir = before[0]
+            os.environ.pop("TMPDIR", None)
+            os.environ.update({} if before[1] is None else {"TMPDIR": before[1]})
 
 
 def _ended(sentence: str, code: int) -> int:

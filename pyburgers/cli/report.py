@@ -10,8 +10,8 @@ from pyburgers.common.paths import shown
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import PeakStressFit, is_peak_stress_run
 from pyburgers.page.names import file_key, names_of_runs
+from pyburgers.page.page import report
 from pyburgers.page.peak_stress_section import PEAK_STRESS_KEY
-from pyburgers.page.report import report
 
 logger = logging.getLogger(__name__)
 

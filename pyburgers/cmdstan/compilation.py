@@ -231,6 +231,8 @@ def _build(sources: _Sources, tools: Toolchain, executable: Path, *, threads: bo
     logger.info(
         f"Compiling {sources.name}, once (seconds for a small program, minutes for a large one)."
     )
+    own_key = _sources_key(sources, tools.cmdstan_path, threads=threads)
+    recipe = _recipe(sources, tools)
     # Not in the cache folder, whose path may hold spaces, which make cannot handle.
     with scratch_folder(_folder_for_make()) as scratch:
         program = scratch / sources.name
@@ -252,11 +254,7 @@ def _build(sources: _Sources, tools: Toolchain, executable: Path, *, threads: bo
         partial = executable.with_name(f".{executable.name}.partial")
         try:
             shutil.copy2(program.with_suffix(""), partial)
-            record = _Record(
-                sha256=sha256_of_file(partial),
-                sources=_sources_key(sources, tools.cmdstan_path, threads=threads),
-                recipe=_recipe(sources, tools),
-            )
+            record = _Record(sha256=sha256_of_file(partial), sources=own_key, recipe=recipe)
             write_json(_record_file(executable), record.model_dump())
             partial.replace(executable)
         finally:

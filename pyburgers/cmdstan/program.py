@@ -84,7 +84,34 @@ def compile_program(program: Path, *, threads: bool = False) -> Path:
 
 
 def load_program(source: Path, *, threads: int = 1) -> "Program":
-    """Return a Stan program ready to run, in one or several threads; see `compile_program`."""
+    """Compile a Stan program, or take its executable from the cache.
+
+    Files that the program includes are found beside it, then among the Stan files of the package.
+
+    Parameters
+    ----------
+    source : Path
+        File of the program.
+    threads : int
+        Threads that share the work of the program.
+
+    Returns
+    -------
+    Program
+        Its `executable` is a path for cmdstanpy. `evaluate(data)` returns the generated quantities
+        of a program without parameters, by name.
+
+    Raises
+    ------
+    ToolchainError
+        If CmdStan or a compiler is missing, or the program does not compile.
+
+    Examples
+    --------
+    >>> _ = Path("one.stan").write_text("generated quantities { real one = 1; }")
+    >>> float(pyburgers.load_program(Path("one.stan")).evaluate({})["one"])
+    1.0
+    """
     return Program(compile_program(source, threads=threads > 1), threads)
 
 

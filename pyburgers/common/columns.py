@@ -3,7 +3,8 @@
 import math
 import os
 import re
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -20,7 +21,7 @@ from pyburgers.common.cells import number_in
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.text_tables import TextTable, look_at, table_of_columns
-from pyburgers.common.toml_files import Table, all_of, factor_to_si, unit_of
+from pyburgers.common.toml_files import Table, all_of, factor_to_si, is_file_of_user, unit_of
 from pyburgers.common.units import Unit, counted
 
 Separator = Literal[",", ";", "tab", "whitespace"]
@@ -31,8 +32,14 @@ SEPARATORS = {"tab": "\t", "whitespace": " "}
 DATA_ROOT_VARIABLE = "PYBURGERS_DATA"
 """Environment variable that takes the place of the key `data_root`."""
 
+TABLE_ENDINGS = (".csv", ".tsv", ".txt", ".dat", ".asc", ".xlsx", ".xls")
+"""Endings of files of tables."""
+
 MAX_SI_NUMBER = 1e100
 """Size of a number in SI from which on squares and products of readings may not be numbers."""
+
+MIN_SI_NUMBER = 1e-50
+"""The largest number of a column is at least this, or 0: squares of less vanish."""
 
 INFINITE = re.compile(r"[+-]?(?:inf(?:inity)?|[0-9.]+e[+-]?[0-9]+|nan)", re.IGNORECASE)
 """Cells that are numbers to Python, but not finite ones."""
@@ -145,7 +152,7 @@ def read_columns(
     named_in: str = "[data]",
     may_be_empty: Container[str] = (),
     has_own_clock: bool = True,
-) -> tuple[list[FloatArray], tuple[str, ...]]:
+) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
     """Read columns of a text file, of a workbook, or of a table in memory.
 
     `key`, `named_in`: of `data`, which names the data file; the table of the TOML file with that
@@ -154,21 +161,54 @@ def read_columns(
         with a note. Return `columns` (n_rows,) in SI, finite but for NaN in empty cells, and
         `notes`. Raise InputError, which names file, line and column, of anything else.
     """
-    units, (found, notes) = all_of(
-        lambda: all_of(*(partial(_unit, data, unit, path) for unit in columns.values())),
-        lambda: _numbers(path, data, columns, key, named_in, may_be_empty, has_own_clock),
-    )
+    with _kept_to_itself(path, data, key):
+        units, (found, notes) = all_of(
+            lambda: all_of(*(partial(_unit, data, unit, path) for unit in columns.values())),
+            lambda: _numbers(path, data, columns, key, named_in, may_be_empty, has_own_clock),
+        )
     with np.errstate(over="ignore"):
-        scaled = [
-            unit.zero + unit.factor * values for values, unit in zip(found, units, strict=True)
-        ]
-    for column, values in zip(columns, scaled, strict=True):
+        scaled = {
+            column: unit.zero + unit.factor * values
+            for column, values, unit in zip(columns, found, units, strict=True)
+        }
+    for column, values in scaled.items():
         if (np.abs(values) > MAX_SI_NUMBER).any():
             raise InputError(
                 f"{data.source(path, key)}: column {getattr(data, column)!r} holds a number that "
                 f"is too large, expected at most {MAX_SI_NUMBER:g} in SI."
             )
+        largest = float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))
+        if 0.0 < largest < MIN_SI_NUMBER:
+            raise InputError(
+                f"{data.source(path, key)}: column {getattr(data, column)!r} holds no number above "
+                f"{largest:g} in SI, expected one of at least {MIN_SI_NUMBER:g}; check its unit."
+            )
     return scaled, notes
+
+
+def may_be_quoted(file: Path, path: Path) -> bool:
+    """Tell whether messages may show content of a file that the TOML file `path` names.
+
+    It lies in the same folder or below, or its name is that of a table.
+    """
+    inside = file.resolve().is_relative_to(path.resolve().parent)
+    return inside or file.suffix.lower() in TABLE_ENDINGS
+
+
+@contextmanager
+def _kept_to_itself(path: Path, data: TextFilesTable, key: str) -> Iterator[None]:
+    """Quote no content of a file that may be no table, which an experiment file of others names."""
+    try:
+        yield
+    except InputError:
+        file = data.source(path, key)
+        if may_be_quoted(file, path) or not is_file_of_user(file):
+            raise
+        raise InputError(
+            f"{path}: key {key!r}: {file} has no such table; its content is not shown, because it "
+            f"lies outside the folder of {path.name}: expected a file there, or one that ends in "
+            f"{', '.join(TABLE_ENDINGS)}."
+        ) from None
 
 
 def _table(path: Path, data: TextFilesTable, key: str, named_in: str) -> TextTable:

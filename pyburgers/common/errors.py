@@ -8,6 +8,11 @@ class PyburgersError(Exception):
     """A run could not be done; the message is one sentence for the user.
 
     The command line prints the message and exits with `exit_code`.
+
+    Examples
+    --------
+    >>> issubclass(pyburgers.InputError, pyburgers.PyburgersError)
+    True
     """
 
     exit_code = 1
@@ -20,6 +25,14 @@ class InputError(PyburgersError):
     ----------
     *sentences : str
         Faults, one sentence each. The first is the message.
+
+    Examples
+    --------
+    >>> try:
+    ...     pyburgers.Regime(median_stress=-1.0, amplitude=1e5)
+    ... except pyburgers.InputError as error:
+    ...     print(error)
+    median_stress: found -1 Pa, expected zero or a positive stress.
     """
 
     exit_code = 2
@@ -48,15 +61,33 @@ class StructureError(InputError):
 
 
 class ToolchainError(PyburgersError):
-    """CmdStan, the C++ compiler or make is missing or failed."""
+    """CmdStan, the C++ compiler or make is missing or failed.
+
+    Examples
+    --------
+    >>> issubclass(pyburgers.ToolchainError, pyburgers.PyburgersError)
+    True
+    """
 
 
 class SamplingError(PyburgersError):
-    """Stan ran but gave nothing usable."""
+    """Stan ran but gave nothing usable.
+
+    Examples
+    --------
+    >>> issubclass(pyburgers.SamplingError, pyburgers.PyburgersError)
+    True
+    """
 
 
 class SystemFailureError(PyburgersError):
-    """The system did not start a program, or ended it: says nothing about model and data."""
+    """The system did not start a program, or ended it: says nothing about model and data.
+
+    Examples
+    --------
+    >>> issubclass(pyburgers.SystemFailureError, pyburgers.PyburgersError)
+    True
+    """
 
 
 def nearest(name: object, valid: Iterable[str]) -> str:

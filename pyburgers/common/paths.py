@@ -27,7 +27,23 @@ def shown(text: object) -> str:
 
 
 def shipped_folder(name: str) -> Path:
-    """Return ``data`` or ``stan`` of the package: inside it in a wheel, beside it in a checkout."""
+    """Return a folder that comes with the package: ``data`` or ``stan``.
+
+    Parameters
+    ----------
+    name : {"data", "stan"}
+        Shipped tests and priors, or the Stan programs and their functions.
+
+    Returns
+    -------
+    Path
+        The folder inside an installed package, else that of the checkout.
+
+    Examples
+    --------
+    >>> (pyburgers.shipped_folder("data") / "ice" / "PIL40.toml").is_file()
+    True
+    """
     package = Path(str(importlib.resources.files("pyburgers")))
     inside = package / name
     return inside if inside.is_dir() else package.parent / name

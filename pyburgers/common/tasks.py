@@ -42,6 +42,10 @@ class Workers:
     part : tuple of two int, or None
         The part of the tasks that this call does, from 1, and the number of parts. Other calls,
         such as those of a job array, do the other parts. None does all tasks.
+
+    Examples
+    --------
+    >>> workers = pyburgers.Workers(jobs=2)
     """
 
     executor: Executor | None = None

@@ -54,6 +54,9 @@ NAME = r"^[A-Za-z0-9_][A-Za-z0-9._-]{0,99}$"
 """What a name has to look like that becomes a part of names of files."""
 
 
+SYSTEM_FOLDERS = ("/proc", "/sys")
+"""Folders whose files are the system itself; some of them never end."""
+
 DEEPEST = 100
 """Parts of a dotted key. Time to read one goes with the square of their number."""
 
@@ -68,11 +71,17 @@ _PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+"""
 _DEEP_KEY = re.compile(rf"(?<![\w-])(?:{_PART}){{{DEEPEST}}}")
 
 
+def is_file_of_user(path: Path) -> bool:
+    """Tell whether a path is a file, and not one of the system's own."""
+    of_system = any(path.resolve().is_relative_to(folder) for folder in SYSTEM_FOLDERS)
+    return path.is_file() and not of_system
+
+
 def read_bytes(path: Path, where: str | None = None) -> bytes:
     """Return the bytes of an input file; `where` is the file and key that name it."""
     prefix = f"{where}: " if where else ""
     try:
-        if path.exists() and not (path.is_file() or path.is_dir()):
+        if path.exists() and not (is_file_of_user(path) or path.is_dir()):
             raise InputError(f"{prefix}{path} is a device or a pipe; expected a file.")
         return path.read_bytes()
     except FileNotFoundError:

@@ -120,6 +120,11 @@ def rounded(value: float, sd: float) -> str:
     sd : float
         Standard deviation in the same unit; without a positive one, four significant digits are
         printed.
+
+    Examples
+    --------
+    >>> pyburgers.rounded(1.2345, 0.02)
+    '1.234'
     """
     if not (math.isfinite(sd) and sd > 0):
         return f"{value:.4g}"

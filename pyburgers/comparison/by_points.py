@@ -64,8 +64,8 @@ def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Compariso
 
     Examples
     --------
-    >>> comparison = pyburgers.compare({"linear": one, "power law": other})
-    >>> comparison.pairs()[0].sentence()
+    >>> comparison = pyburgers.compare({"one": fit, "same": fit})
+    >>> sentence = comparison.pairs()[0].sentence()
     """
     if len(fits) < 2:
         raise InputError(f"compare: found {counted(len(fits), 'fit')}, expected at least two.")

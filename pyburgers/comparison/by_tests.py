@@ -58,6 +58,10 @@ def compare_by_test(
         If the fits are of different data, or one has no likelihood.
     SamplingError
         If a fit without a test fails.
+
+    Examples
+    --------
+    >>> comparison = pyburgers.compare_by_test({"shared": joint, "separate": separate})
     """
     fit_without_tests(joints, workers=workers, command=command)
     found = {name: _left_out(joint) for name, joint in joints.items()}

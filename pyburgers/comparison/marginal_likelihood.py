@@ -57,6 +57,10 @@ def log_marginal_likelihood(fit: Fit) -> LogIntegral:
         If there are too few draws.
     SamplingError
         If the program fails or the draws have no spread.
+
+    Examples
+    --------
+    >>> integral = pyburgers.log_marginal_likelihood(fit)
     """
     with fit.directory.unchanged_copy(fit.manifest, with_draws=True) as run:
         draws = read_draws(run.draws_files())["coordinate"]

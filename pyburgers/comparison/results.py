@@ -130,6 +130,12 @@ class Comparison:
         `pyburgers.model.variants.ModelVariant.short_text`.
     correlated : tuple of str
         Names of the fits whose residuals correlate.
+
+    Examples
+    --------
+    >>> comparison = pyburgers.compare({"one": fit, "same": fit})
+    >>> len(comparison.weights)
+    2
     """
 
     results: Mapping[str, LeaveOneOut]
@@ -145,7 +151,13 @@ class Comparison:
         return all(result.reliable for result in self.results.values())
 
     def pairs(self) -> tuple[Pair, ...]:
-        """Relate every two fits, the better first."""
+        """Relate every two fits, the better first.
+
+        Examples
+        --------
+        >>> len(pyburgers.compare({"one": fit, "same": fit}).pairs())
+        1
+        """
         return tuple(
             _pair({better: one, worse: other})
             for (better, one), (worse, other) in itertools.combinations(self.results.items(), 2)
@@ -163,6 +175,10 @@ class Comparison:
         -------
         tuple of str
             A sentence; none if all fits are alike in that.
+
+        Examples
+        --------
+        >>> sentences = pyburgers.compare({"one": fit, "same": fit}).gap_sentences()
         """
         if not 0 < len(self.correlated) < len(self.results):
             return ()
@@ -264,6 +280,12 @@ class ComparisonByTest:
         tests in the place of points.
     variants : mapping of str to str
         Variant of the model by name of the fit.
+
+    Examples
+    --------
+    >>> comparison = pyburgers.compare_by_test({"shared": joint, "separate": separate})
+    >>> list(comparison.results)
+    ['shared', 'separate']
     """
 
     results: Mapping[str, LeaveOneTestOut]

@@ -1,10 +1,11 @@
 """What views read from the posterior of a fit."""
 
-from typing import Any
-
+from pyburgers.common.array_types import BoolArray
 from pyburgers.common.draws import FloatArray, all_draws
-from pyburgers.drawing.panels import FittedCurve, ReadCurve
+from pyburgers.drawing.panels import HALF_WIDTH, FittedCurve, ReadCurve
 from pyburgers.kinds.kind import FittedTest
+from pyburgers.kinds.likelihood import likelihood_of
+from pyburgers.posterior.labelled_draws import response_in
 
 
 def predicted(fit: FittedTest, name: str) -> FloatArray:
@@ -12,16 +13,18 @@ def predicted(fit: FittedTest, name: str) -> FloatArray:
     return all_draws(fit.posterior["predictions"].to_dataset()[name]).astype("float64")
 
 
-def positions(fit: FittedTest, clock: str) -> FloatArray:
-    """Return the positions of the predictions on the clock (SI), shape (n_grid,)."""
+def positions(fit: FittedTest) -> FloatArray:
+    """Return the positions of the predictions on the clock of the test (SI), shape (n_grid,)."""
+    clock = likelihood_of(fit.experiment).clock.name
     found: FloatArray = fit.posterior["predictions"].to_dataset()[clock].to_numpy()
     return found
 
 
-def residuals(fit: FittedTest, read: str, data: FloatArray) -> FloatArray:
-    """Return readings minus the median response of the model, shape (n_points,)."""
-    median: FloatArray = fit.posterior["model_response"][read].median(("chain", "draw")).to_numpy()
-    return data - median
+def residuals(fit: FittedTest) -> FloatArray:
+    """Return readings minus the median response of the model (SI), shape (n_points,)."""
+    median = response_in(fit.posterior, "model_response").median(("chain", "draw"))
+    left: FloatArray = fit.experiment.response - median.to_numpy()
+    return left
 
 
 def mean_of(fit: FittedTest, parameter: str) -> float:
@@ -31,12 +34,28 @@ def mean_of(fit: FittedTest, parameter: str) -> float:
 
 
 def curve_of(
-    fit: FittedTest, name: str, read: ReadCurve, factor: float = 1.0, **parts: Any
+    fit: FittedTest,
+    read: ReadCurve,
+    name: str,
+    noise: str,
+    label: str,
+    *,
+    factor: float = 1.0,
+    clock_factor: float = 1.0,
+    rows: BoolArray | slice = slice(None),
 ) -> FittedCurve:
-    """Return the curve of a quantity from readings and predictions; the parts are other fields."""
-    found: dict[str, Any] = {
-        "solutions": predicted(fit, name) * factor,
-        "replicated": predicted(fit, f"{name}_replicated") * factor,
-        "data_label": f"{fit.experiment.provenance.kind} data",
-    }
-    return FittedCurve(**(vars(read) | found | parts))
+    """Return the curve of a quantity from the readings of it, some rows of all, and predictions.
+
+    Noise is the parameter with its scatter; the label is that of residuals, and factors turn SI
+    units into those that are shown.
+    """
+    return FittedCurve(
+        **vars(read),
+        grid=positions(fit) * clock_factor,
+        solutions=predicted(fit, name) * factor,
+        replicated=predicted(fit, f"{name}_replicated") * factor,
+        residuals=residuals(fit)[rows] * factor,
+        noise_band=HALF_WIDTH * mean_of(fit, noise) * factor,
+        residual_label=label,
+        data_label=f"{fit.experiment.provenance.kind} data",
+    )

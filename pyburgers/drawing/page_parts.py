@@ -3,6 +3,8 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from string import Formatter
+from typing import Any
 
 import pandas as pd
 from markupsafe import Markup
@@ -22,11 +24,15 @@ class PageFigure:
     title : str
         Heading.
     caption : str
-        What is shown and how to read it, one paragraph.
+        One paragraph about what is shown and how to read it.
     draw : callable
         Draws it.
     result : str
         Its content in a sentence, for readers who cannot see it; by default its title.
+
+    Examples
+    --------
+    >>> figure = pyburgers.PageFigure("mine", "My curve", "Stress.", lambda: plt.figure())
     """
 
     name: str
@@ -79,6 +85,23 @@ def recipe(
     return lambda draw: FigureRecipe(name, title, caption, draw, result, suits, on_every_page)
 
 
+def text_table(table: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:
+    """Return rows as text: by heading a format of the row's columns, ``{q5:.3g} to {q95:.3g}``.
+
+    A cell is empty if one of its numbers is NaN.
+    """
+    rows = table.to_dict("records")
+    cells = [{heading: _cell(form, row) for heading, form in columns.items()} for row in rows]
+    return pd.DataFrame(cells, columns=list(columns))
+
+
+def _cell(form: str, row: Mapping[Any, Any]) -> str:
+    """Fill a format, unless a number is NaN."""
+    names = [name for _, name, _, _ in Formatter().parse(form) if name]
+    is_known = all(row[name] == row[name] for name in names)
+    return form.format_map(row) if is_known else ""
+
+
 @dataclass(frozen=True, eq=False)
 class PageTable:
     """A table.
@@ -105,6 +128,11 @@ class PageTable:
         Whether it is for those who look closer: a file, and not on the page.
     folded : bool
         Whether figures or sentences of its part say already what a reader needs of it.
+
+    Examples
+    --------
+    >>> numbers = pd.DataFrame({"stress (MPa)": [1.5]})
+    >>> table = pyburgers.PageTable("mine", "My table", numbers.astype(str), numbers)
     """
 
     name: str
@@ -141,6 +169,13 @@ class PageSection:
         Whether it stands after the fits rather than between overview and fits.
     alarms : tuple of str
         Sentences of it that nobody should miss; they stand at the top of the page as well.
+
+    Examples
+    --------
+    >>> section = pyburgers.PageSection("mine", "My part", ("A finding.",))
+    >>> page = pyburgers.write_report(
+    ...     [fit], Path("page"), title="Ice", command="my_script.py", extras=[section]
+    ... )
     """
 
     key: str

@@ -48,7 +48,13 @@ _SERIES = re.compile(rf' id="{SERIES_ID}:(\d+):([^"]*)"'.encode())
 
 
 def style() -> AbstractContextManager[None]:
-    """Set what all figures share; undone when the context ends."""
+    """Set what all figures share; undone when the context ends.
+
+    Examples
+    --------
+    >>> with pyburgers.style():
+    ...     figure, axes = plt.subplots()
+    """
     return rc_context(
         {
             "font.size": 10.0,

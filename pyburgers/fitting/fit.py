@@ -69,6 +69,12 @@ class Fit(SampledFit):
         As of every `SampledFit`; groups of the draws: `pyburgers.posterior.build.build_posterior`.
     problem : Problem
         Tests, priors, pooling.
+
+    Examples
+    --------
+    >>> draws = fit.posterior["posterior"]["maxwell_modulus"]
+    >>> draws.dims
+    ('chain', 'draw')
     """
 
     problem: Problem
@@ -138,7 +144,13 @@ class Fit(SampledFit):
         return tests[test]
 
     def tests(self) -> "dict[str, Fit]":
-        """Return the result for each test (see `__getitem__`)."""
+        """Return the result for each test (see `__getitem__`).
+
+        Examples
+        --------
+        >>> sorted(joint.tests())
+        ['PIL40', 'other']
+        """
         if not self.is_joint:
             return {self.problem.name: self}
         found = {}
@@ -168,7 +180,21 @@ class Fit(SampledFit):
         -------
         dict of str to dict of str to Influence
             By name of the test, then of the quantity.
+
+        Examples
+        --------
+        >>> stiffness = fit.posterior["posterior"]["maxwell_modulus"].to_numpy().ravel()
+        >>> of_tests = fit.influences({"compliance": 1 / stiffness})
         """
+        return self._influences_on(derived) if derived else self._influences
+
+    @cached_property
+    def _influences(self) -> dict[str, dict[str, Influence]]:
+        """Those on the parameters, made once: tables, pages and exports ask again and again."""
+        return self._influences_on({})
+
+    def _influences_on(self, derived: Mapping[str, FloatArray]) -> dict[str, dict[str, Influence]]:
+        """Influences by test and quantity; empty without likelihood."""
         if not self.manifest["use_likelihood"]:
             return {}
         fitted = self.manifest["experiments"]
@@ -187,7 +213,13 @@ class Fit(SampledFit):
         }
 
     def decisions(self) -> dict[str, Influence]:
-        """Return who decides each row of `summary`."""
+        """Return who decides each row of `summary`.
+
+        Examples
+        --------
+        >>> sorted(fit.decisions())
+        ['activation_enthalpy', 'maxwell_modulus', 'reference_stress', 'stress_noise']
+        """
         return self._decisions
 
     @cached_property
@@ -214,12 +246,23 @@ class Fit(SampledFit):
         ----------
         experiment, draws, separate_from, seed
             As for `pyburgers.fitting.prediction.predict_test`, which says what is raised.
+
+        Examples
+        --------
+        >>> prediction = fit.predict(test)
+        >>> score = pyburgers.score_table(prediction)
         """
         source = Source(self.problem, self.tests(), self.posterior, self.cautions)
         return predict_test(source, experiment, draws=draws, separate_from=separate_from, seed=seed)
 
     def prior_groups(self, draws: int, seed: int) -> dict[str, xr.Dataset]:
-        """Draw from the priors of one test, and solve every draw for readings with noise."""
+        """Draw from the priors of one test, and solve every draw for readings with noise.
+
+        Examples
+        --------
+        >>> sorted(fit.prior_groups(20, seed=1))
+        ['prior', 'prior_predictive']
+        """
         if self.is_joint or draws == 0:
             return {}
         return prior_groups(self.experiment, self.priors, draws, seed)
@@ -244,6 +287,10 @@ class Fit(SampledFit):
         ------
         InputError
             If the folder cannot be written or holds something else.
+
+        Examples
+        --------
+        >>> page = fit.report("page.html")
         """
         page: Path = import_module("pyburgers").report([self], path, title=title)
         return page
@@ -257,6 +304,11 @@ class Fit(SampledFit):
         """Posterior table in SI units, of one test with the priors beside it.
 
         See `pyburgers.posterior.labelled_draws.draws_table` and `summary_table`.
+
+        Examples
+        --------
+        >>> fit.si_summary().loc["maxwell_modulus", "unit"]
+        'Pa'
         """
         if self.is_joint:
             return draws_table(self.posterior)
@@ -281,6 +333,11 @@ class Fit(SampledFit):
         InputError
             If it is no run of one or several tests, has no finished chain, or a file was damaged or
             changed.
+
+        Examples
+        --------
+        >>> fit.save("copy")
+        >>> again = pyburgers.Fit.load("copy")
         """
         run = RunDirectory(given_path(path))
         found = run.read_manifest()
@@ -369,9 +426,9 @@ def fit(
 
     Examples
     --------
-    >>> test = pyburgers.load_experiment("my_test.toml")
-    >>> result = pyburgers.fit(test, pyburgers.priors("ice"), out="runs/my_test")
-    >>> result.summary()
+    >>> options = pyburgers.SamplerOptions(chains=2, warmup=150, draws=100)
+    >>> result = pyburgers.fit(test, priors, out="runs/mine", options=options)
+    >>> table = result.summary()
     """
     tests = [experiments] if isinstance(experiments, Experiment) else list(experiments)
     if priors is None:
@@ -413,7 +470,7 @@ def fit_problem(
     if more_draws is not None:
         require_extendable(run, more_draws, overwrite=overwrite)
 
-    options = options or SamplerOptions()
+    settings = options or SamplerOptions()
     asked = more_draws
 
     def sample(more: int | None) -> Fit:
@@ -422,7 +479,7 @@ def fit_problem(
             run_chains(
                 problem,
                 run.path,
-                options=options,
+                options=settings,
                 solver=solver or problem.likelihood.solver,
                 use_likelihood=use_likelihood,
                 command=command,
@@ -434,7 +491,7 @@ def fit_problem(
             if not _solved_again_with_a_tighter_tolerance(result):
                 return result
 
-    result = sample_until_good(sample, options)
+    result = sample_until_good(sample, settings)
     write_tables(result)
     return replace(result, manifest=run.read_manifest())
 

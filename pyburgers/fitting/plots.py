@@ -48,6 +48,10 @@ def plot(experiment: Experiment, ax: Axes | None = None) -> Axes:
     ------
     InputError
         If the test has no readings.
+
+    Examples
+    --------
+    >>> axes = pyburgers.plot(test)
     """
     if not experiment.n_points:
         raise InputError(f"{experiment.id}: found no readings to draw, expected some.")
@@ -71,6 +75,10 @@ def plot_priors(priors: PriorSet) -> Figure:
     -------
     Figure
         A panel for each parameter.
+
+    Examples
+    --------
+    >>> figure = pyburgers.plot_priors(pyburgers.priors("ice").resolved(2e6))
     """
     shown = [priors[name] for name in priors.free if not priors[name].relative_to_max_stress]
     rows = -(-len(shown) // PRIORS_IN_A_ROW)

@@ -53,6 +53,12 @@ class Prediction:
         Doubts: verdicts on the fit that are not yes, extrapolation.
     notes : tuple of str
         Sources of parameters and noise.
+
+    Examples
+    --------
+    >>> prediction = fit.predict(test)
+    >>> prediction.posterior["posterior_predictive"].sizes["point"] == test.n_points
+    True
     """
 
     experiment: Experiment

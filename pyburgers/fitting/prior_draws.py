@@ -34,6 +34,12 @@ class PriorDraws:
         prior_predictive as well, readings with noise.
     n_unsolved : int
         Draws that were left out because they have no solution.
+
+    Examples
+    --------
+    >>> drawn = pyburgers.prior_draws(test, fit.priors, draws=5)
+    >>> drawn.n_unsolved
+    0
     """
 
     experiment: Experiment
@@ -67,6 +73,10 @@ def prior_draws(
         If the prior of the flow law is a joint one.
     SamplingError
         If no draw has a solution.
+
+    Examples
+    --------
+    >>> drawn = pyburgers.prior_draws(test, fit.priors, draws=5)
     """
     rng = np.random.default_rng(seed)
     likelihood = likelihood_of(experiment)

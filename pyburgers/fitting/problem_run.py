@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pyburgers.cmdstan.program import Density, Program, load_program, shares_work
+from pyburgers.cmdstan.program import Density, load_program, shares_work
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
@@ -59,13 +59,16 @@ def run_chains(
     written, `SamplingError` if no chain finished, or one could not be extended. On a
     `KeyboardInterrupt` the chains are stopped; the same call continues the run.
     """
-    options = settled_options(problem, options)
-    model = _program_for(problem, options)
+    settled = settled_options(problem, options)
+    wanted = wanted_record(problem, settled, solver, use_likelihood=use_likelihood)
+    data = program_data(problem, solver=solver, use_likelihood=use_likelihood)
+    source, threads = problem.likelihood.program, settled.threads_per_chain
+    # Climbs are the same whatever the threads of the chains.
+    climber = load_program(source)
+    model = load_program(source, threads=threads) if threads > 1 else climber
+    run, identity = RunDirectory(directory), fingerprint(data, settled, model.recipe)
     # As given: priors are resolved for each test by itself.
     inputs = input_texts(problem.experiments, problem.given_priors)
-    wanted = wanted_record(problem, options, solver, use_likelihood=use_likelihood)
-    data = program_data(problem, solver=solver, use_likelihood=use_likelihood)
-    run, identity = RunDirectory(directory), fingerprint(data, options, model.recipe)
     if run.manifest_file.is_file() and run.read_manifest().get("fingerprint") != identity:
         if not overwrite:
             raise InputError(refusal(run, wanted, inputs, problem.free))
@@ -73,9 +76,9 @@ def run_chains(
     with run.claimed(identity):
         write_inputs(run, inputs)
         if not run.stan_data_file.is_file():
-            density = Density(load_program(problem.likelihood.program), data)
-            chart = choose_chart(problem, density, wanted=options.coordinates, seed=options.seed)
-            _write_chart(run, density.with_data(chart.block), chart, seed=options.seed)
+            density = Density(climber, data)
+            chart = choose_chart(problem, density, wanted=settled.coordinates, seed=settled.seed)
+            _write_chart(run, density.with_data(chart.block), chart, seed=settled.seed)
         known = run.read_manifest()
         run.update_manifest(
             {
@@ -96,46 +99,42 @@ def run_chains(
         return complete_chains(
             model,
             run,
-            options,
+            settled,
             lambda chain: draw_start(
-                problem, density, _laplace(run), seed=options.seed, chain=chain
+                problem, density, _laplace(run), seed=settled.seed, chain=chain
             ),
             more_draws=more_draws,
         )
 
 
 def settled_options(problem: Problem, options: SamplerOptions) -> SamplerOptions:
-    """Fill in warm-up and target acceptance; raise `InputError` if tests lack the coordinates."""
+    """Fill in warm-up, target acceptance and the threads that are of use.
+
+    Raises `InputError` if the tests do not have the coordinates, or threads cannot share them.
+    """
     likelihood, chart = problem.likelihood, problem.likelihood.chart.name
     if options.coordinates not in ("auto", "plain", chart):
         raise InputError(
             f"{problem.name}: {options.coordinates} coordinates are not for tests of the protocol "
             f"{likelihood.name}, expected --coordinates auto, plain or {chart}."
         )
+    threads = threads_for(options, len(problem.experiments))
+    if threads > 1 and not shares_work(likelihood.program):
+        raise InputError(
+            f"{problem.name}: threads_per_chain is {threads}, expected 1: "
+            f"threads cannot share tests of the protocol {likelihood.name}."
+        )
     return replace(
         options,
         warmup=options.warmup or likelihood.warmup,
         adapt_delta=options.adapt_delta or likelihood.target_acceptance,
+        threads_per_chain=threads,
     )
 
 
 def threads_for(options: SamplerOptions, n_tests: int) -> int:
     """Return the threads of a chain: at most as many as there are tests to share."""
     return min(options.threads_per_chain, n_tests)
-
-
-def _program_for(problem: Problem, options: SamplerOptions) -> Program:
-    """Return the program that samples, in as many threads as were asked for and have tests.
-
-    Raises `InputError` if threads cannot share the tests.
-    """
-    program, threads = problem.likelihood.program, threads_for(options, len(problem.experiments))
-    if threads > 1 and not shares_work(program):
-        raise InputError(
-            f"{problem.name}: threads_per_chain is {options.threads_per_chain}, expected 1: "
-            f"threads cannot share tests of the protocol {problem.likelihood.name}."
-        )
-    return load_program(program, threads=threads)
 
 
 def _write_chart(run: RunDirectory, density: Density, chart: ChosenChart, *, seed: int) -> None:
@@ -224,7 +223,11 @@ def write_inputs(run: RunDirectory, texts: Mapping[str, str]) -> None:
         file = run.path / name
         if file == run.priors_file or not (file.parent / "experiment.toml").is_file():
             file.parent.mkdir(parents=True, exist_ok=True)
-            write_text(file, text)
+            # A killed process leaves nothing unfinished beside the copies.
+            scratch = run.new_scratch()
+            write_text(scratch / file.name, text)
+            (scratch / file.name).replace(file)
+            scratch.rmdir()
 
 
 def refusal(

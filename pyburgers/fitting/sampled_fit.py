@@ -118,7 +118,13 @@ class SampledFit(ABC):
         return {name: one for found in self.influences().values() for name, one in found.items()}
 
     def prior_conflicts(self) -> tuple[str, ...]:
-        """Return a sentence for each test in which prior and data disagree."""
+        """Return a sentence for each test in which prior and data disagree.
+
+        Examples
+        --------
+        >>> for sentence in fit.prior_conflicts():
+        ...     print(sentence)
+        """
         said = {name: conflict_sentence(found) for name, found in self.influences().items()}
         return tuple(f"{name}: {text}" for name, text in said.items() if text is not None)
 
@@ -126,6 +132,10 @@ class SampledFit(ABC):
         """Return a sentence for each number that a bound or another quantity's prior decides.
 
         Another one names the priors that were read off the data of the fit.
+
+        Examples
+        --------
+        >>> sentences = fit.prior_decisions()
         """
         return decision_sentences(self.decisions())
 
@@ -152,6 +162,11 @@ class SampledFit(ABC):
         ------
         InputError
             If other units are asked for.
+
+        Examples
+        --------
+        >>> fit.summary().loc["maxwell_modulus", "unit"]
+        'GPa'
         """
         if units not in get_args(_Units):
             raise InputError(f"units is {units!r}, expected 'display' or 'SI'.")
@@ -200,6 +215,10 @@ class SampledFit(ABC):
             Of ArviZ 0.x or 1.x. Groups posterior (sampled quantities, SI), sample_stats,
             log_likelihood, log_prior, posterior_predictive, observed_data, constant_data, prior and
             prior_predictive. Attributes of each quantity: units, symbol, long_name.
+
+        Examples
+        --------
+        >>> draws = fit.to_arviz(prior_draws=20)
         """
         return arviz_data(self.posterior, self.prior_groups(prior_draws, seed))
 
@@ -219,6 +238,10 @@ class SampledFit(ABC):
         ------
         InputError
             If `path` exists.
+
+        Examples
+        --------
+        >>> fit.save("kept")
         """
         path = given_path(path)
         if path.exists():
@@ -229,12 +252,22 @@ class SampledFit(ABC):
         """Return the checks that are made (`pyburgers.checks.registry.CHECKS`).
 
         Draws of the prior alone describe no data, so they are checked for their sampling.
+
+        Examples
+        --------
+        >>> names = [check.name for check in fit.asked_checks()]
         """
         fitted = self.manifest["use_likelihood"]
         return [one for one in CHECKS if fitted or one.kind is CheckKind.SAMPLING]
 
     def checks(self) -> tuple[CheckResult, ...]:
-        """Return what the checks found."""
+        """Return what the checks found.
+
+        Examples
+        --------
+        >>> {check.outcome for check in fit.checks()} <= set(pyburgers.Outcome)
+        True
+        """
         return self._checks
 
     @cached_property
@@ -243,7 +276,12 @@ class SampledFit(ABC):
         return run_checks(self.checked_draws, self.asked_checks())
 
     def checks_record(self) -> dict[str, Any]:
-        """Return verdicts, checks, and what priors do, as ``checks.json`` has them."""
+        """Return verdicts, checks, and what priors do, as ``checks.json`` has them.
+
+        Examples
+        --------
+        >>> record = fit.checks_record()
+        """
         return {
             **verdicts_record(self.checks()),
             "prior_conflicts": list(self.prior_conflicts()),
@@ -256,7 +294,13 @@ class SampledFit(ABC):
         return {name: replace(one, usable=usable) for name, one in found.items()}
 
     def verdicts(self) -> dict[CheckKind, Verdict]:
-        """Return both: was the posterior sampled well, does the model describe the data."""
+        """Return both: was the posterior sampled well, does the model describe the data.
+
+        Examples
+        --------
+        >>> [kind.value for kind in fit.verdicts()]
+        ['Was the posterior sampled well?', 'Does the model describe the data?']
+        """
         return verdicts(self.checks())
 
     @property
@@ -284,7 +328,13 @@ class SampledFit(ABC):
         return CheckedDraws(self.posterior, self.missing_chains(), limit, before, modes)
 
     def missing_chains(self) -> tuple[ChainFailure, ...]:
-        """Return the chains that were asked for and are not there, and why."""
+        """Return the chains that were asked for and are not there, and why.
+
+        Examples
+        --------
+        >>> fit.missing_chains()
+        ()
+        """
         return missing_chains(
             self.posterior["posterior"]["chain"].to_numpy().tolist(), self.manifest
         )

@@ -38,6 +38,12 @@ class Task:
         None takes that of the protocol.
     remark : str
         Text behind the command in the run's manifest.
+
+    Examples
+    --------
+    >>> task = pyburgers.task_of([test], priors, options)
+    >>> task.options.chains
+    2
     """
 
     problem: Problem
@@ -68,6 +74,10 @@ def task_of(
     ------
     InputError
         If an input is wrong.
+
+    Examples
+    --------
+    >>> task = pyburgers.task_of([test], priors, options)
     """
     return Task(problem_of(experiments, priors, pooling_for(experiments, pool)), options)
 
@@ -157,8 +167,7 @@ def fit_side_by_side(
 
     Examples
     --------
-    >>> options, priors = pyburgers.SamplerOptions(), pyburgers.default_priors("ice")
-    >>> tasks = {test.id: pyburgers.task_of([test], priors, options) for test in tests}
+    >>> tasks = {"mine": pyburgers.task_of([test], priors, options)}
     >>> fits = pyburgers.fit_side_by_side(tasks, Path("runs"), command="python my_script.py")
     """
     found: dict[str, Fit] = {}

@@ -145,6 +145,10 @@ class PeakStressFit(SampledFit):
         Priors of `pyburgers.flow_law_tables.inputs.FLOW_LAW_PARAMETERS` in SI.
     softening : SofteningPrior
         Prior of the softening at the peaks.
+
+    Examples
+    --------
+    >>> draws = peaks.posterior["posterior"]["stress_exponent"]
     """
 
     data: PeakStressData
@@ -170,6 +174,10 @@ class PeakStressFit(SampledFit):
         -------
         dict of str to dict of str to Influence
             By name of the table, then of the quantity.
+
+        Examples
+        --------
+        >>> influences = peaks.influences()
         """
         if not self.manifest["use_likelihood"]:
             return {}
@@ -178,11 +186,22 @@ class PeakStressFit(SampledFit):
         return {self.data.id: self._usable(found)}
 
     def si_summary(self) -> pd.DataFrame:
-        """Posterior table in SI units (`pyburgers.posterior.labelled_draws.summary_table`)."""
+        """Posterior table in SI units (`pyburgers.posterior.labelled_draws.summary_table`).
+
+        Examples
+        --------
+        >>> peaks.si_summary().loc["stress_exponent", "unit"]
+        '1'
+        """
         return summary_table(self.posterior, self.priors)
 
     def asked_checks(self) -> Sequence[Check]:
-        """Return the checks that are made: there is no solver to check."""
+        """Return the checks that are made: there is no solver to check.
+
+        Examples
+        --------
+        >>> names = [check.name for check in peaks.asked_checks()]
+        """
         fitted = self.manifest["use_likelihood"]
         return (*CHAIN_CHECKS, *TABLE_CHECKS) if fitted else CHAIN_CHECKS
 
@@ -204,6 +223,11 @@ class PeakStressFit(SampledFit):
         ------
         InputError
             If it is no run of this kind, has no finished chain, or a file was damaged or changed.
+
+        Examples
+        --------
+        >>> peaks.save("peaks")
+        >>> again = pyburgers.PeakStressFit.load("peaks")
         """
         run = RunDirectory(given_path(path))
         run.read_manifest()
@@ -264,9 +288,9 @@ def fit_peak_stress(
 
     Examples
     --------
-    >>> table = pyburgers.load_peak_stress("my_table.toml")
+    >>> table = pyburgers.load_peak_stress(data / "ice" / "peak_stress_qi_goldsby_2021.toml")
     >>> priors = pyburgers.default_peak_stress_priors("ice")
-    >>> result = pyburgers.fit_peak_stress(table, priors, out="runs/my_table")
+    >>> result = pyburgers.fit_peak_stress(table, priors, out="runs/peaks", options=options)
     """
     run = RunDirectory(given_path(out))
     options = options or SamplerOptions()
@@ -275,6 +299,7 @@ def fit_peak_stress(
         warmup=options.warmup or WARMUP,
         adapt_delta=options.adapt_delta or TARGET_ACCEPTANCE,
         coordinates="plain",
+        threads_per_chain=1,
     )
     curve = default_priors(data.material) if curve is None else curve
     for given in (priors, curve):
@@ -342,6 +367,10 @@ def flow_law_prior(fit: PeakStressFit) -> FlowLawPrior:
     ------
     InputError
         If a parameter of the flow law was fixed, so that there is no density to hand on.
+
+    Examples
+    --------
+    >>> prior = pyburgers.flow_law_prior(peaks)
     """
     fixed = [p.name for p in FLOW_LAW_PARAMETERS if fit.priors[p.name].is_fixed]
     if fixed:

@@ -95,6 +95,11 @@ class PeakStressData:
         Strain of the peaks, if it is stated.
     notices : tuple of str
         Sentences about changes during reading.
+
+    Examples
+    --------
+    >>> table.n_points == len(table.stress)
+    True
     """
 
     id: str
@@ -152,6 +157,11 @@ def without_test(data: PeakStressData, experiment: Experiment) -> PeakStressData
     ------
     InputError
         If the test has no peak, none of the rows may be it, or fewer than `LEAST_POINTS` are left.
+
+    Examples
+    --------
+    >>> test = pyburgers.load_experiment(data / "ice" / "PIL40.toml")
+    >>> rest = pyburgers.without_test(table, test)
     """
     test = experiment.peak
     if test is None:
@@ -212,6 +222,10 @@ def load_peak_stress(path: str | Path) -> PeakStressData:
     InputError
         If a file, key, unit or number is not what it has to be, or there are fewer than
         `LEAST_POINTS` points.
+
+    Examples
+    --------
+    >>> table = pyburgers.load_peak_stress(data / "ice" / "peak_stress_qi_goldsby_2021.toml")
     """
     path = given_path(path)
     content = read_tables(path)
@@ -232,7 +246,7 @@ def load_peak_stress(path: str | Path) -> PeakStressData:
     }
     source = data.source(path)
     read, notes = read_columns(path, data, columns)
-    values = dict(zip(wanted, read, strict=True))
+    values = dict(zip(wanted, read.values(), strict=True))
     if data.temperature_unit == "degC":
         values["temperature"] = values["temperature"] + ZERO_CELSIUS
     _check_values(source, values)
@@ -240,7 +254,7 @@ def load_peak_stress(path: str | Path) -> PeakStressData:
     return PeakStressData(
         id=file.id,
         material=file.material,
-        **{UNCERTAINTY: np.zeros(read[0].size), **values},
+        **{UNCERTAINTY: np.zeros(len(values["stress"])), **values},
         provenance=Provenance(**file.provenance.model_dump()),
         peak_strain=None if peak is None else PeakStrain(peak.mean, peak.sd),
         notices=(*notes, *unlikely_stress(file.material, float(values["stress"].max()))),
@@ -364,6 +378,10 @@ def load_peak_stress_priors(path: str | Path) -> PriorSet:
     ------
     InputError
         If the file, a key, a unit or a number is not what it has to be.
+
+    Examples
+    --------
+    >>> ice = pyburgers.load_peak_stress_priors(data / "priors" / "peak_stress" / "ice.toml")
     """
     path = given_path(path)
     file = read_toml(path, _PeakStressPriorFile)
@@ -386,6 +404,11 @@ def default_peak_stress_priors(material: str) -> PriorSet:
     ------
     InputError
         If there are none; the message names the materials that have some.
+
+    Examples
+    --------
+    >>> pyburgers.default_peak_stress_priors("ice").material
+    'ice'
     """
     file = shipped_prior_file(material, "peak_stress", of=" for peak stresses")
     return load_peak_stress_priors(file)
@@ -403,6 +426,11 @@ def with_curve_flow_law(priors: PriorSet, curve: PriorSet) -> PriorSet:
         For a table of peak stresses.
     curve : PriorSet
         For a curve of the same material.
+
+    Examples
+    --------
+    >>> curve, of_table = pyburgers.priors("ice"), pyburgers.default_peak_stress_priors("ice")
+    >>> changed = pyburgers.with_curve_flow_law(of_table, curve)
     """
     taken = {name: curve[name] for name in FLOW_LAW}
     return replace(

@@ -60,6 +60,14 @@ def ConstantRateTest(  # noqa: N802 - it stands for the class of its result
     ------
     InputError
         If an argument is not what the file of such a test may hold.
+
+    Examples
+    --------
+    >>> test = pyburgers.ConstantRateTest(
+    ...     strain=[0.1, 0.2, 0.4], strain_unit="percent", stress=[0.8, 1.5, 2.4],
+    ...     stress_unit="MPa", strain_rate=1e-5, temperature_K=260, grain_size_um=230,
+    ...     material="ice", name="mine"
+    ... )
     """
     given = _named(locals(), "strain_rate", "start_strain")
     rates, starts = np.atleast_1d(strain_rate), np.atleast_1d(start_strain)
@@ -109,6 +117,14 @@ def LoadingHistory(  # noqa: N802
     ------
     InputError
         If an argument is not what the file of such a test may hold.
+
+    Examples
+    --------
+    >>> hold = {"control": "stress", "start_time": 0, "end_time": 2, "stress": 0.8}
+    >>> plan = pyburgers.LoadingHistory(
+    ...     stages=[hold], time_unit="h", stress_unit="MPa", temperature_K=263,
+    ...     grain_size_um=1000, material="ice", name="plan"
+    ... )
     """
     given = _named(locals(), "stages")
     return _history("LoadingHistory", {"stages": list(map(dict, stages)), **given})
@@ -145,6 +161,14 @@ def CreepTest(  # noqa: N802
     ------
     InputError
         If an argument is not what the file of such a test may hold.
+
+    Examples
+    --------
+    >>> test = pyburgers.CreepTest(
+    ...     time=[1, 2, 4], time_unit="h", strain=[0.1, 0.15, 0.2], strain_unit="percent",
+    ...     stress=0.8, stress_unit="MPa", temperature_K=263, grain_size_um=1000,
+    ...     material="ice", name="mine"
+    ... )
     """
     given = _named(locals(), "stress", "stress_unit")
     stage = {"control": "stress", "start_time": 0, "stress": stress}
@@ -184,6 +208,14 @@ def RelaxationTest(  # noqa: N802
     ------
     InputError
         If an argument is not what the file of such a test may hold.
+
+    Examples
+    --------
+    >>> test = pyburgers.RelaxationTest(
+    ...     time=[10, 100, 1000], time_unit="s", stress=[2.0, 1.5, 1.0], stress_unit="MPa",
+    ...     strain=0.06, strain_unit="percent", loading_time=10, temperature_K=263,
+    ...     grain_size_um=1000, material="ice", name="mine"
+    ... )
     """
     given = _named(locals(), "strain", "strain_unit", "loading_time")
     called, end = "RelaxationTest", _last("RelaxationTest", time)
@@ -239,6 +271,16 @@ def ForcedOscillation(  # noqa: N802
     InputError
         If an argument is not what the file of such a test may hold, or the record cannot be
         prepared.
+
+    Examples
+    --------
+    >>> time = np.linspace(0, 900, 181)
+    >>> test = pyburgers.ForcedOscillation(
+    ...     time=time, time_unit="s", strain=1e-4 * np.sin(2 * np.pi * time / 300 - 0.1),
+    ...     strain_unit="fraction", strain_uncertainty=1e-6, stress=np.sin(2 * np.pi * time / 300),
+    ...     stress_unit="MPa", stress_uncertainty=0.01, period_s=300.0, background="removed",
+    ...     temperature_K=1423, grain_size_um=10, material="olivine", name="mine"
+    ... )
     """
     given = _named(locals(), *OSCILLATION_SERIES)
     stress_clock = time if stress_time is None else stress_time
@@ -311,6 +353,16 @@ def AttenuationTable(  # noqa: N802
     ------
     InputError
         If an argument is not what the file of such a table may hold.
+
+    Examples
+    --------
+    >>> table = pyburgers.AttenuationTable(
+    ...     period=[1, 10, 100], period_unit="s", attenuation=[0.02, 0.04, 0.08],
+    ...     attenuation_form="tan_delta", deformation="axial", temperature_K=1373,
+    ...     grain_size_um=5, material="olivine", name="mine"
+    ... )
+    >>> table.n_points
+    3
     """
     given = _named(locals())
     return test_of("AttenuationTable", load_attenuation, AttenuationFile, given)

@@ -108,11 +108,9 @@ class Stated:
 
 @dataclass(frozen=True)
 class UncertainCondition:
-    """A condition of a test that is known up to an error, normal about 0.
+    """A condition known up to an error of `sd` (K; 1 of the load cell), normal about 0.
 
-    `parameter`: the error: one of `pyburgers.model.parameters.CONDITIONS`.
-    `sd`: its standard deviation (K; 1 of the load cell).
-    `apparatus`: furnace or load cell with one error in all tests that name it.
+    `parameter`: the error, one of `CONDITIONS`; `apparatus` gives it to all tests that name it.
     """
 
     parameter: str
@@ -209,11 +207,17 @@ class Experiment(ABC):
         Sentences about numbers that were changed or doubted during reading.
     true_parameters : mapping of str to float, or None
         Parameters (SI) behind synthetic data.
+
+    Examples
+    --------
+    >>> test = pyburgers.load_experiment(data / "ice" / "PIL40.toml")
+    >>> test.id, test.material, test.n_points
+    ('PIL40', 'ice', 61)
     """
 
     protocol: ClassVar[str]
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
-        {"kelvin": tuple(law.name for law in KELVIN_LAWS.values() if law.one_time)}
+        {"kelvin": tuple(law.name for law in KELVIN_LAWS.values() if not law.times)}
     )
     parts_name: ClassVar[str] = "parts"
     residual_correlation: ClassVar[str] = "residual_correlation_strain"
@@ -375,6 +379,11 @@ class Experiment(ABC):
         """Return the tables of an experiment file in SI, with readings as arrays by column.
 
         Keys that do not apply are None. A test that is read from `toml_text` of them is equal.
+
+        Examples
+        --------
+        >>> test.tables()["material"]
+        'ice'
         """
         conditions = {
             key: value
@@ -406,6 +415,12 @@ class Experiment(ABC):
         ----------
         path : str or Path
             The file. `pyburgers.load_experiment` reads an equal test from it.
+
+        Examples
+        --------
+        >>> test.to_toml("mine.toml")
+        >>> pyburgers.load_experiment("mine.toml").n_points == test.n_points
+        True
         """
         write_toml(given_path(path), self.tables())
 
@@ -421,6 +436,10 @@ class Experiment(ABC):
         -------
         matplotlib Axes
             As of `pyburgers.plot`.
+
+        Examples
+        --------
+        >>> axes = test.plot()
         """
         return import_module("pyburgers").plot(self, ax)
 

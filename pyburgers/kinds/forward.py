@@ -19,12 +19,13 @@ from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.program_data import given_parameters, solve
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions
 from pyburgers.model.parameters import (
+    BELOW_ONE,
     GIVEN_TOGETHER,
     PARAMETER_BY_NAME,
     PARAMETERS,
     STANDARD_VALUES,
 )
-from pyburgers.model.prior_families import BELOW_ONE, MAY_BE_ZERO, UNSIGNED
+from pyburgers.model.prior_families import MAY_BE_ZERO, UNSIGNED
 from pyburgers.model.variants import check_laws, with_variant
 
 E = TypeVar("E", bound=Experiment)
@@ -49,6 +50,12 @@ def load_parameters(path: str | Path) -> dict[str, float]:
     ------
     InputError
         If the file is missing, is no JSON object, or has wrong names or values.
+
+    Examples
+    --------
+    >>> _ = Path("values.json").write_text(json.dumps(dict(values)))
+    >>> pyburgers.load_parameters("values.json") == values
+    True
     """
     return check_parameters(read_json(given_path(path)), where=str(path))
 
@@ -210,6 +217,12 @@ def simulate(
         size lacks its piezometer.
     SamplingError
         If the solver finds no solution.
+
+    Examples
+    --------
+    >>> solution = pyburgers.simulate(test, values, at=[0.001, 0.01])
+    >>> list(solution["strain"])
+    [0.001, 0.01]
     """
     return _solved(experiment, parameters, at, solver)[0]
 

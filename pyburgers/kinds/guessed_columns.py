@@ -180,15 +180,12 @@ MAX_RELATIVE_DIFFERENCE = 1e-3
 class GuessedColumn:
     """A column of a text file.
 
-    `quantity`: what it holds, a key of `COLUMN_NAMES`, or that with ``_uncertainty``.
-    `column`: its name, or its number from 1.
-    `name`: its name with the unit under it.
-    `unit`: its unit; None where it has none.
-    `told_by`: what says so: its name, numbers, the column that it shares its unit with, or nothing.
+    `quantity`, `column`, `name`: a key of `COLUMN_NAMES`, or that with ``_uncertainty``; its name
+        or number from 1; its name with the unit under it.
+    `unit`, `told_by`: its unit or None; its name, numbers, another column or nothing says so.
     `numbers` (n_rows,): what it holds in its unit; NaN where there is no number.
     `is_foreign`: whether its name has a unit that files do not know, or says logarithm.
-    `rivals`: other columns that may hold the quantity, the likeliest first.
-    `is_decided`: whether names and units put it before its rivals, or somebody chose it.
+    `rivals`, `is_decided`: other columns that may hold the quantity; whether it is put before them.
     `confined_by`: column of what acts beside a stress that may be the total one along the axis.
     """
 

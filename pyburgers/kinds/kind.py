@@ -176,6 +176,10 @@ def load_experiment(path: str | Path) -> Experiment:
     ------
     InputError
         If a file, key, unit or number is not what it has to be.
+
+    Examples
+    --------
+    >>> test = pyburgers.load_experiment(data / "ice" / "PIL40.toml")
     """
     path = given_path(path)
     tables = read_tables(path)

@@ -42,6 +42,11 @@ class SolverOptions:
         neighbouring points. At 3e-5 it varies by 0.3.
     max_num_steps : int
         Steps between two output strains before the solver gives up, which rejects the draw.
+
+    Examples
+    --------
+    >>> pyburgers.SolverOptions(tolerance=1e-8)
+    SolverOptions(tolerance=1e-08, max_num_steps=20000)
     """
 
     tolerance: float = 1e-5
@@ -156,9 +161,8 @@ class PlainCoordinates:
 class Mode:
     """The highest density found, on the real line of the plain coordinates.
 
-    `values`: every parameter in SI.
-    `coordinate` (n_coordinates,): plain coordinates.
-    `driving_error` (n_driving_errors,): errors of what drives the test, standardised.
+    `values`, `coordinate` (n_coordinates,): every parameter in SI; plain coordinates.
+    `driving_error` (n_driving_errors,): standardised errors of what drives the test.
     """
 
     values: Mapping[str, float]

@@ -57,13 +57,24 @@ def shown_quantity(name: str) -> Parameter:
     ------
     KeyError
         If there is no such quantity.
+
+    Examples
+    --------
+    >>> pyburgers.shown_quantity("maxwell_modulus").label
+    'Maxwell modulus'
     """
     beside = {**REFERENCE_QUANTITIES, STRESS_SCATTER.name: STRESS_SCATTER}
     return beside.get(name) or PARAMETER_BY_NAME[name]
 
 
 def unit_text(quantity: Parameter) -> str:
-    """Display unit as printed; an en dash where there is none."""
+    """Display unit as printed; an en dash where there is none.
+
+    Examples
+    --------
+    >>> pyburgers.unit_text(pyburgers.shown_quantity("maxwell_modulus"))
+    'GPa'
+    """
     return _UNIT_TEXT.get(quantity.display_unit, quantity.display_unit)
 
 
@@ -78,7 +89,13 @@ def axis_label(quantity: Parameter) -> str:
 
 
 def symbol_text(quantity: Parameter) -> str:
-    """Symbol as plain text, what follows an underscore being its subscript."""
+    """Symbol as plain text, what follows an underscore being its subscript.
+
+    Examples
+    --------
+    >>> pyburgers.symbol_text(pyburgers.shown_quantity("maxwell_modulus"))
+    'E_M'
+    """
     text = quantity.symbol.replace("{", "").replace("}", "")
     for command, letter in _GREEK.items():
         text = text.replace(command, letter)

@@ -6,10 +6,13 @@ and so how many elements are as good as the integral, in frequency as in time.
 """
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
 from pyburgers.common.array_types import FloatArray
+from pyburgers.model.laws import RELAXATION_TIMES
+from pyburgers.model.parameters import PLACE
 
 _POLE = 0.5 * math.pi
 """Distance of an element's poles from the real axis of ln(t)."""
@@ -22,6 +25,40 @@ ANDRADE_MARGIN = math.log(30.0)
 
 All faster and all slower ones are right to second order in shortest/time and time/longest, so that
 what is left is below 1e-4 of the creep and of the compliance, for any exponent."""
+
+
+_ONLY, _FASTER, _SLOWER = 0.0, -1.0, -2.0
+"""Parts of a law that no parameter switches on, as in `stan/physics/relaxation.stan`."""
+
+
+def element_rows(
+    largest: Mapping[str, float], error: float, log_times: tuple[float, float] | None = None
+) -> list[list[float]]:
+    """Return the elements for the programs: part of the law, place in it, weight.
+
+    `largest` has the largest values of switches and widths (SI) that count. Elements of endless
+    times are given if `log_times` says which times count, ln(s). `error` is that of
+    `band_elements`.
+    """
+    longest, beside = [[_ONLY, 0.0, 1.0]], []
+    for times in RELAXATION_TIMES:
+        if largest[times.switch] == 0:
+            continue
+        part = float(PLACE[times.switch])
+        if times.spread == "band":
+            longest = _rows(part, *band_elements(largest[times.width] * math.log(10), error))
+        elif times.spread == "peak":
+            beside += _rows(part, *peak_elements(largest[times.width], error))
+        elif times.spread == "one":
+            beside.append([part, 0.0, 1.0])
+        elif log_times is not None:
+            longest = _rows(part, *andrade_elements(*log_times, error))
+            longest[0][0], longest[-1][0] = _FASTER, _SLOWER
+    return longest + beside
+
+
+def _rows(part: float, places: FloatArray, weights: FloatArray) -> list[list[float]]:
+    return [[part, *row] for row in zip(places.tolist(), weights.tolist(), strict=True)]
 
 
 def band_elements(log_width: float, error: float) -> tuple[FloatArray, FloatArray]:

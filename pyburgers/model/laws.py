@@ -8,7 +8,7 @@ are in `stan/physics/dashpot_laws.stan`, `stan/physics/kelvin_laws.stan` and
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
 
 @dataclass(frozen=True)
@@ -17,8 +17,7 @@ class Law:
 
     `parameters` are those that it frees. `expression` is the law in an export; `{slower}` stands
     for a factor of the Kelvin viscosity. `own_stress` says whether it has a stress of its own,
-    `closed_form` whether stress cycles have a closed form, `one_time` whether there is at most one
-    relaxation time.
+    `closed_form` whether stress cycles have a closed form.
     """
 
     name: str
@@ -26,7 +25,6 @@ class Law:
     expression: str
     own_stress: bool = False
     closed_form: bool = True
-    one_time: bool = True
 
 
 @dataclass(frozen=True)
@@ -51,18 +49,40 @@ class DashpotLaw(Law):
 
 
 @dataclass(frozen=True)
+class RelaxationTimes:
+    """Relaxation times that a law of the Kelvin part has, and the sum of elements for them.
+
+    They are there if the parameter `switch` is not left at its standard value. `spread` says how
+    elements are chosen: "one" is one time beside the longest one; "band" lies between two ends
+    that the parameter `width` (decades) sets apart; "peak" is log-normal with the standard
+    deviation `width`; "endless" has no ends. A band and endless times take the place of the
+    longest time, the others stand beside it.
+    """
+
+    switch: str
+    spread: Literal["one", "band", "peak", "endless"] = "one"
+    width: str = ""
+
+
+@dataclass(frozen=True)
 class KelvinLaw(Law):
     """A law of the Kelvin part.
 
-    Priors have the law if exactly its `switches` are not left at their standard values, and
-    `without` are. `weak_priors` replace the numbers of the weak priors of freed parameters.
-    `conventions` are fixed at their prior means, because data fix them only together with others.
+    `times` are its relaxation times, if there are several. Priors have the law if exactly its
+    `switches` are not left at their standard values, and `without` are. `weak_priors` replace the
+    numbers of the weak priors of freed parameters. `conventions` are fixed at their prior means,
+    because data fix them only together with others.
     """
 
-    switches: tuple[str, ...] = ()
+    times: tuple[RelaxationTimes, ...] = ()
     without: tuple[str, ...] = ()
     weak_priors: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     conventions: tuple[str, ...] = ()
+
+    @property
+    def switches(self) -> tuple[str, ...]:
+        """Parameters that tell the law from the linear one."""
+        return self.parameters if self.own_stress else tuple(one.switch for one in self.times)
 
 
 _DRIVING = "(stress - kelvin_modulus*kelvin_strain)"
@@ -94,11 +114,12 @@ def _nonlinear(name: str, parameter: str, factor: str) -> KelvinLaw:
         _RATE.format(nonlinear=f"*{factor}"),
         own_stress=True,
         closed_form=False,
-        switches=(parameter,),
     )
 
 
 _STRENGTH = "peak_strength"
+_BAND_TIMES = RelaxationTimes(_BAND_PARAMETERS[0], "band", width=_BAND_PARAMETERS[0])
+_PEAK_TIMES = RelaxationTimes(_STRENGTH, "peak", width="peak_width")
 
 KELVIN_LAWS: Mapping[str, KelvinLaw] = MappingProxyType(
     {
@@ -114,8 +135,7 @@ KELVIN_LAWS: Mapping[str, KelvinLaw] = MappingProxyType(
                 "two_elements",
                 (_STRENGTH, "peak_time_decades"),
                 f"{_CREEP}{_ELEMENT}{_SECOND}",
-                one_time=False,
-                switches=(_STRENGTH,),
+                times=(_PEAK_TIMES,),
                 without=("peak_width",),
                 weak_priors={
                     _STRENGTH: {
@@ -130,22 +150,19 @@ KELVIN_LAWS: Mapping[str, KelvinLaw] = MappingProxyType(
                 "extended",
                 _BAND_PARAMETERS,
                 f"{_CREEP}{_BAND}",
-                one_time=False,
-                switches=_BAND_PARAMETERS[:1],
+                times=(_BAND_TIMES,),
             ),
             KelvinLaw(
                 "extended_peak",
                 (*_BAND_PARAMETERS, _STRENGTH, "peak_time_decades", "peak_width"),
                 f"{_CREEP}{_BAND}{_PEAK}",
-                one_time=False,
-                switches=(_BAND_PARAMETERS[0], _STRENGTH),
+                times=(_BAND_TIMES, _PEAK_TIMES),
             ),
             KelvinLaw(
                 "andrade",
                 ("andrade_exponent",),
                 f"{_CREEP}(time/({_TIME}))^andrade_exponent/kelvin_modulus",
-                one_time=False,
-                switches=("andrade_exponent",),
+                times=(RelaxationTimes("andrade_exponent", "endless"),),
                 conventions=("kelvin_modulus",),
             ),
         )
@@ -163,15 +180,16 @@ NONLINEAR_KELVIN_PARAMETERS: tuple[str, ...] = tuple(
 )
 """Parameters of the laws of one Kelvin element beside the linear one: one each."""
 
-SPECTRUM_SWITCHES: tuple[str, ...] = tuple(
-    name for name in KELVIN_SWITCHES if name not in NONLINEAR_KELVIN_PARAMETERS
+RELAXATION_TIMES: tuple[RelaxationTimes, ...] = tuple(
+    dict.fromkeys(one for law in KELVIN_LAWS.values() for one in law.times)
 )
+"""Relaxation times of all laws with several of them."""
+
+SPECTRUM_SWITCHES: tuple[str, ...] = tuple(one.switch for one in RELAXATION_TIMES)
 """Parameters whose standard value takes a law with several relaxation times out."""
 
 SPECTRUM_PARAMETERS: tuple[str, ...] = tuple(
-    dict.fromkeys(
-        name for law in KELVIN_LAWS.values() if not law.one_time for name in law.parameters
-    )
+    dict.fromkeys(name for law in KELVIN_LAWS.values() if law.times for name in law.parameters)
 )
 """Parameters of the laws with several relaxation times."""
 

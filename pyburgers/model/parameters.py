@@ -294,6 +294,9 @@ GIVEN_TOGETHER: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 """Where the first is not left without effect, the others have to be given too."""
 
+BELOW_ONE = frozenset({"relaxation_exponent", "andrade_exponent"})
+"""Exponents of relaxation and creep, which at 1 are a dashpot."""
+
 PARAMETER_BY_NAME: Mapping[str, Parameter] = MappingProxyType(
     {p.name: p for p in PROGRAM_PARAMETERS}
 )

@@ -20,7 +20,7 @@ from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, factor_to_si
 from pyburgers.model.laws import DASHPOT_STRESSES, NONLINEAR_KELVIN_PARAMETERS
-from pyburgers.model.parameters import CONDITIONS, CONSTANTS, STANDARD_VALUES, Parameter
+from pyburgers.model.parameters import BELOW_ONE, CONDITIONS, CONSTANTS, STANDARD_VALUES, Parameter
 
 if TYPE_CHECKING:
     from scipy.stats._distn_infrastructure import rv_continuous_frozen
@@ -106,9 +106,6 @@ LOWER_LIMITS: Mapping[str, tuple[float, str]] = MappingProxyType(
 )
 """Lower bounds of parameters that have one beside their sign, and why."""
 
-BELOW_ONE = frozenset({"relaxation_exponent", "andrade_exponent"})
-"""Exponents of relaxation and creep, which at 1 are a dashpot."""
-
 ENDS_AT_ONE = BELOW_ONE | {"steady_state_fabric_factor", "residual_correlated_share"}
 """Parameters for which an upper bound of 1 is no choice: a dashpot, no softening, the whole."""
 
@@ -142,6 +139,11 @@ class Prior:
         Whether the numbers are shares of the largest measured stress, see `PriorSet.resolved`.
     read_off : tuple of str
         Words in the id, source or DOI of the data that the prior was read off.
+
+    Examples
+    --------
+    >>> priors["stress_exponent"].is_fixed
+    True
     """
 
     parameter: str
@@ -174,6 +176,11 @@ class Prior:
         ------
         ValueError
             If the parameter is fixed, or the numbers are still shares of the largest stress.
+
+        Examples
+        --------
+        >>> prior = pyburgers.priors("ice")["stress_exponent"]
+        >>> low, high = prior.distribution().ppf([0.05, 0.95])
         """
         if self.relative_to_max_stress:
             raise ValueError(f"the prior of {self.parameter} needs PriorSet.resolved first")
@@ -203,7 +210,14 @@ class Prior:
     def of_family(
         cls, parameter: str, family: Family, numbers: Mapping[str, float], **others: Any
     ) -> Self:
-        """Return a prior from the numbers of its family; `others` are the remaining fields."""
+        """Return a prior from the numbers of its family; `others` are the remaining fields.
+
+        Examples
+        --------
+        >>> prior = pyburgers.Prior.of_family(
+        ...     "stress_exponent", "normal", {"location": 3, "scale": 1}, unit="1", source="mine"
+        ... )
+        """
         lower = numbers.get("lower", FAMILIES[family].least)
         upper = numbers.get("upper", math.inf)
         if family == "uniform":

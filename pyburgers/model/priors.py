@@ -76,6 +76,11 @@ class PriorSet:
         Remarks for the reader.
     flow_law : FlowLawPrior or None
         Joint prior of `FLOW_LAW` in place of their own, which are then its marginals.
+
+    Examples
+    --------
+    >>> pyburgers.priors("ice")["stress_exponent"].family
+    'uniform'
     """
 
     material: str
@@ -111,12 +116,23 @@ class PriorSet:
         )
 
     def sample(self, rng: np.random.Generator) -> dict[str, float]:
-        """Draw every parameter (SI); fixed ones have their value."""
+        """Draw every parameter (SI); fixed ones have their value.
+
+        Examples
+        --------
+        >>> ice = pyburgers.priors("ice").resolved(2e6)
+        >>> values = ice.sample(np.random.default_rng(1))
+        """
         values = {name: prior.sample(rng) for name, prior in self.priors.items()}
         return values if self.flow_law is None else {**values, **self.flow_law.sample(rng)}
 
     def exchanging(self, *changed: Prior) -> "PriorSet":
-        """Return the set with priors exchanged or added, in the order of the programs."""
+        """Return the set with priors exchanged or added, in the order of the programs.
+
+        Examples
+        --------
+        >>> ice = pyburgers.priors("ice").exchanging(priors["beta"])
+        """
         merged = {**self.priors, **{prior.parameter: prior for prior in changed}}
         ordered = {p.name: merged[p.name] for p in PROGRAM_PARAMETERS if p.name in merged}
         return replace(self, priors=MappingProxyType(ordered))
@@ -134,6 +150,12 @@ class PriorSet:
         ------
         InputError
             If there is no such parameter, or a prior is none that its file could hold.
+
+        Examples
+        --------
+        >>> law = pyburgers.normal(4, 0.5, "1", lower=1)
+        >>> pyburgers.priors("ice").with_(stress_exponent=law)["stress_exponent"].location
+        4.0
         """
         for name in changed:
             if name not in PARAMETER_BY_NAME or name in CONDITIONS:
@@ -147,7 +169,12 @@ class PriorSet:
         return found
 
     def plot(self) -> Any:
-        """Draw the density of every prior that is not fixed (`pyburgers.plot_priors`)."""
+        """Draw the density of every prior that is not fixed (`pyburgers.plot_priors`).
+
+        Examples
+        --------
+        >>> figure = pyburgers.priors("ice").resolved(2e6).plot()
+        """
         return import_module("pyburgers").plot_priors(self)
 
     def __repr__(self) -> str:
@@ -162,6 +189,10 @@ class PriorSet:
         ----------
         max_stress : float
             Largest measured absolute stress (Pa).
+
+        Examples
+        --------
+        >>> ice = pyburgers.priors("ice").resolved(max_stress=2e6)
         """
         return self.exchanging(*(prior.resolved(max_stress) for prior in self.priors.values()))
 
@@ -182,6 +213,11 @@ def with_flow_law(priors: PriorSet, flow_law: FlowLawPrior, where: str) -> Prior
     ------
     InputError
         If it is of another material, or one of the four parameters is fixed.
+
+    Examples
+    --------
+    >>> law = pyburgers.flow_law_prior(peaks)
+    >>> ice = pyburgers.with_flow_law(pyburgers.priors("ice"), law, where="my table")
     """
     if flow_law.material != priors.material:
         raise InputError(
@@ -268,6 +304,10 @@ def load_priors(path: str | Path, choices: Mapping[str, str] | None = None) -> P
     InputError
         If the file, a key, a unit or a number is wrong, or a prior gives mass to values that the
         model excludes.
+
+    Examples
+    --------
+    >>> ice = pyburgers.load_priors(data / "priors" / "ice.toml")
     """
     path = given_path(path)
     file = read_toml(path, _PriorFile)
@@ -350,6 +390,11 @@ def priors(material: str, protocol: str | None = None) -> PriorSet:
     ------
     InputError
         If there are none, or no such kind of test. The message names the known ones.
+
+    Examples
+    --------
+    >>> pyburgers.priors("ice").material
+    'ice'
     """
     return load_priors(shipped_file(material, protocol))
 

@@ -31,6 +31,11 @@ def normal(
         Bounds.
     source : str
         Origin of the prior, for tables and pages.
+
+    Examples
+    --------
+    >>> law = pyburgers.normal(4, 0.5, "1", lower=1)
+    >>> ice = pyburgers.priors("ice").with_(stress_exponent=law)
     """
     numbers = {"location": mean, "scale": sd, "lower": lower, "upper": upper}
     return _stated("normal", unit, source, numbers)
@@ -47,6 +52,10 @@ def lognormal(median: float, log_sd: float, unit: str, *, source: str = STATED) 
         Standard deviation of the natural logarithm.
     unit, source
         As for `pyburgers.normal`.
+
+    Examples
+    --------
+    >>> ice = pyburgers.priors("ice").with_(kelvin_modulus=pyburgers.lognormal(1, 0.5, "GPa"))
     """
     return _stated("lognormal", unit, source, {"location": median, "scale": log_sd})
 
@@ -60,6 +69,10 @@ def half_normal(sd: float, unit: str, *, source: str = STATED) -> PriorTable:
         Standard deviation of the whole normal.
     unit, source
         As for `pyburgers.normal`.
+
+    Examples
+    --------
+    >>> ice = pyburgers.priors("ice").with_(stress_noise=pyburgers.half_normal(0.1, "MPa"))
     """
     return _stated("half_normal", unit, source, {"scale": sd})
 
@@ -73,6 +86,10 @@ def uniform(lower: float, upper: float, unit: str, *, source: str = STATED) -> P
         Bounds.
     unit, source
         As for `pyburgers.normal`.
+
+    Examples
+    --------
+    >>> ice = pyburgers.priors("ice").with_(stress_exponent=pyburgers.uniform(2, 6, "1"))
     """
     return _stated("uniform", unit, source, {"lower": lower, "upper": upper})
 
@@ -86,6 +103,12 @@ def fixed(value: float, unit: str, *, source: str = STATED) -> PriorTable:
         The value.
     unit, source
         As for `pyburgers.normal`.
+
+    Examples
+    --------
+    >>> ice = pyburgers.priors("ice").with_(stress_exponent=pyburgers.fixed(4, "1"))
+    >>> ice["stress_exponent"].is_fixed
+    True
     """
     return _stated("fixed", unit, source, {"value": value})
 

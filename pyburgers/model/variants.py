@@ -88,6 +88,11 @@ class ModelVariant:
         Crystal fabric; oscillating tests have a constant one.
     residuals : {"independent", "autocorrelated"}
         From point to point, or along strain or time.
+
+    Examples
+    --------
+    >>> pyburgers.ModelVariant(kelvin="extended").short_text
+    'kelvin=extended'
     """
 
     kelvin: str = "linear"
@@ -97,7 +102,13 @@ class ModelVariant:
     residuals: Literal["independent", "autocorrelated"] = "independent"
 
     def record(self) -> dict[str, str]:
-        """Return the choices by name, as manifests hold them."""
+        """Return the choices by name, as manifests hold them.
+
+        Examples
+        --------
+        >>> pyburgers.ModelVariant().record()["maxwell"]
+        'power_law'
+        """
         return asdict(self)
 
     @property
@@ -169,6 +180,12 @@ def with_variant(priors: PriorSet, experiment: Test, choices: Mapping[str, str])
     ------
     InputError
         If a name is unknown, or priors or experiment do not allow a choice.
+
+    Examples
+    --------
+    >>> changed = pyburgers.with_variant(pyburgers.priors("ice"), test, {"maxwell": "linear"})
+    >>> pyburgers.variant_of(changed, test).maxwell
+    'linear'
     """
     _check_names(choices, "variant")
     changed = priors
@@ -187,7 +204,13 @@ def with_variant(priors: PriorSet, experiment: Test, choices: Mapping[str, str])
 
 
 def variant_of(priors: PriorSet, experiment: Test) -> ModelVariant:
-    """Return the laws that the priors give a fit of an experiment."""
+    """Return the laws that the priors give a fit of an experiment.
+
+    Examples
+    --------
+    >>> pyburgers.variant_of(pyburgers.priors("ice"), test).short_text
+    'standard'
+    """
     constant_fabric = not _allows(experiment, "fabric", "evolving") or is_fixed_at(
         priors["steady_state_fabric_factor"], 1.0
     )

@@ -51,6 +51,10 @@ def attenuation_section(
         If the Kelvin part of a fit is not linear, or a fit is a joint one.
     SamplingError
         If the solver finds no solution.
+
+    Examples
+    --------
+    >>> section = pyburgers.attenuation_section({"ice": fit})
     """
     spectra = {name: predict_attenuation(fit) for name, fit in fits.items()}
     first, fit = next(iter(fits.items()))

@@ -1,4 +1,4 @@
-"""The page of a campaign: how far its fits are, whether seeds agree, and every complete fit."""
+"""What the page of a campaign shows: complete fits, how far all are, and whether seeds agree."""
 
 import logging
 from collections.abc import Mapping
@@ -18,20 +18,17 @@ from pyburgers.fitting.campaign import (
     status_table,
 )
 from pyburgers.fitting.fit import Fit
-from pyburgers.page.comparison_sections import comparison_sections
-from pyburgers.page.joint_section import joint_sections
-from pyburgers.page.page import write_report
 from pyburgers.sampling.manifest import COMPLETE
 
 logger = logging.getLogger(__name__)
 
 
-def write_page(campaign: Campaign, out: Path, *, command: str) -> Path:
-    """Write the page of a campaign, ``report/index.html``, about the fits that are complete.
+def shown_fits(campaign: Campaign, out: Path) -> tuple[list[Fit], PageSection]:
+    """Return the complete fits that the page of a campaign shows, and its part about all of them.
 
-    Fits that differ only in their seed are of the same posterior. The page has the first of them,
-    and a table of the largest difference between its seeds. A damaged fit is named and left out.
-    Raises InputError if no fit is complete.
+    Of fits that differ only in their seed the page has the first, and a table of the largest
+    difference between seeds. A damaged fit is named and left out. Raises InputError if no fit is
+    complete.
     """
     table = status_table(campaign, out)
     complete: dict[Combination, Fit] = {}
@@ -59,22 +56,7 @@ def write_page(campaign: Campaign, out: Path, *, command: str) -> Path:
                 "between_seeds": _between_seeds(fits),
             }
         )
-    joints = [fit for fit in first if fit.is_joint]
-    alone = [fit for fit in first if not fit.is_joint]
-    fits_shown = [*(fit for joint in joints for fit in joint.tests().values()), *alone]
-    return write_report(
-        fits_shown,
-        out / "report",
-        title=f"Campaign {campaign.id}",
-        command=command,
-        joints=joints,
-        extras=(
-            _section(table, pd.DataFrame(rows)),
-            *joint_sections(joints, alone),
-            *comparison_sections([*joints, *fits_shown]),
-        ),
-        jobs=None,
-    )
+    return first, _section(table, pd.DataFrame(rows))
 
 
 def _between_seeds(fits: Mapping[int, Fit]) -> float:

@@ -32,7 +32,7 @@ from pyburgers.comparison.results import (
     table_of_tests,
 )
 from pyburgers.comparison.same_data import data_hash
-from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
+from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable, text_table
 from pyburgers.drawing.panels import figure_of
 from pyburgers.drawing.style import BLUE, GREEN, VERMILION, few_ticks
 from pyburgers.fitting.fit import Fit
@@ -82,6 +82,10 @@ def comparison_sections(fits: Sequence[Fit]) -> tuple[PageSection, ...]:
     -------
     tuple of PageSection
         Comparisons by points, by whole tests, and of flow laws from another source.
+
+    Examples
+    --------
+    >>> sections = pyburgers.comparison_sections([fit, other])
     """
     groups: dict[str, dict[str, Fit]] = {}
     names = page_names(fits)
@@ -113,15 +117,16 @@ def by_points_section(fits: Mapping[str, Fit], keys: Mapping[str, str]) -> tuple
             PageTable(
                 "table",
                 "Expected log predictive density, the best first",
-                _shown(
-                    table,
+                text_table(
+                    table.reset_index(),
                     {
-                        "elpd": ("elpd", "{:.1f}"),
-                        "difference": ("difference", "{:.1f}"),
-                        "its standard error": ("difference_se", "{:.1f}"),
-                        "weight": ("weight", "{:.2f}"),
-                        "effective parameters": ("n_effective", "{:.1f}"),
-                        "points with high k": ("high_k", "{}"),
+                        "fit": "{fit}",
+                        "elpd": "{elpd:.1f}",
+                        "difference": "{difference:.1f}",
+                        "its standard error": "{difference_se:.1f}",
+                        "weight": "{weight:.2f}",
+                        "effective parameters": "{n_effective:.1f}",
+                        "points with high k": "{high_k}",
                     },
                 ),
                 table.reset_index(),
@@ -161,18 +166,19 @@ def by_tests_section(joints: Mapping[str, Fit], keys: Mapping[str, str]) -> tupl
     if comparison is None:
         return ()
     fits, tests = table_of_fits(comparison), table_of_tests(comparison)
-    shown_fits = _shown(
-        fits,
+    shown_fits = text_table(
+        fits.reset_index(),
         {
-            "variant": ("variant", "{}"),
-            "difference": ("difference", "{:.1f}"),
-            "its standard error": ("difference_se", "{:.1f}"),
-            "its Monte Carlo error": ("difference_monte_carlo_error", "{:.1f}"),
-            "weight": ("weight", "{:.2f}"),
+            "fit": "{fit}",
+            "variant": "{variant}",
+            "difference": "{difference:.1f}",
+            "its standard error": "{difference_se:.1f}",
+            "its Monte Carlo error": "{difference_monte_carlo_error:.1f}",
+            "weight": "{weight:.2f}",
         },
     )
     shown_fits.insert(2, "log density", _with_errors(fits["elpd"], fits["monte_carlo_error"]))
-    shown_tests = _shown(tests, {"readings": ("points", "{}")})
+    shown_tests = text_table(tests.reset_index(), {"test": "{test}", "readings": "{points}"})
     for name in comparison.results:
         shown_tests[name] = _with_errors(tests[f"{name} elpd"], tests[f"{name} monte_carlo_error"])
     section = PageSection(
@@ -208,12 +214,6 @@ def by_tests_section(joints: Mapping[str, Fit], keys: Mapping[str, str]) -> tupl
         after_fits=True,
     )
     return (section,)
-
-
-def _shown(table: pd.DataFrame, columns: Mapping[str, tuple[str, str]]) -> pd.DataFrame:
-    """Return a table as text: its index, then columns by heading, each with its format."""
-    shown = {heading: table[name].map(form.format) for heading, (name, form) in columns.items()}
-    return pd.DataFrame(shown).reset_index()
 
 
 def _with_errors(values: pd.Series, errors: pd.Series) -> list[str]:

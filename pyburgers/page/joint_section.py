@@ -163,6 +163,10 @@ def joint_sections(joints: Sequence[Fit], separate: Sequence[Fit]) -> tuple[Page
         Joint fits.
     separate : sequence of Fit
         Fits of single tests; those of the same data as a test of a joint fit are set beside it.
+
+    Examples
+    --------
+    >>> sections = pyburgers.joint_sections([joint], [fit, other])
     """
     named = zip(page_keys(joints), page_names(joints), joints, strict=True)
     return tuple(joint_section(joint_key(key), name, joint, separate) for key, name, joint in named)

@@ -15,18 +15,22 @@ from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.checks.prior_sentences import CONFLICT_MEANING, SHARE_TEXT
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import read_json
 from pyburgers.drawing.inline_svg import dark_colours
 from pyburgers.drawing.page_parts import PageSection
 from pyburgers.drawing.view import view_of
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
+from pyburgers.flow_law_tables.fit import PeakStressFit
 from pyburgers.model.display import symbol_text
 from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES
 from pyburgers.page import tables
+from pyburgers.page.comparison_sections import comparison_sections
 from pyburgers.page.fit_sections import SameData, Section, by_data, write_section
 from pyburgers.page.glossary import with_definitions
 from pyburgers.page.illustrations import Illustration, Picture, illustrate, write_figures
+from pyburgers.page.joint_section import joint_sections
 from pyburgers.page.methods import bibtex
 from pyburgers.page.names import file_key, in_words, joint_key, page_keys, page_names
 from pyburgers.page.overview import (
@@ -40,6 +44,7 @@ from pyburgers.page.overview import (
     overview_table,
     remedies,
 )
+from pyburgers.page.peak_stress_section import peak_stress_section
 from pyburgers.page.run_records import REPORT_KIND, report_manifest, runs_table
 
 logger = logging.getLogger(__name__)
@@ -101,7 +106,9 @@ def write_report(
 
     Examples
     --------
-    >>> pyburgers.write_report([fit], Path("page"), title="Creep", command="python my_script.py")
+    >>> page = pyburgers.write_report(
+    ...     [fit], Path("page"), title="Creep", command="python my_script.py"
+    ... )
     """
     if not fits and not told:
         raise InputError(f"{out}: a report needs at least one run, found none.")
@@ -154,6 +161,94 @@ def write_report(
     )
     write_text(page, text)
     return page
+
+
+def report(
+    fits: Sequence[Fit],
+    path: str | Path,
+    *,
+    title: str | None = None,
+    command: str = "pyburgers.report(...)",
+    tables: Mapping[str, PeakStressFit] = MappingProxyType({}),
+) -> Path:
+    """Write a page about fits of one test or of several.
+
+    Parameters
+    ----------
+    fits : sequence of Fit
+        The fits.
+    path : path
+        A file that ends in ``.html``, with a folder of tables and figures beside it.
+        Or a folder, new or that of an earlier page.
+    title : str, optional
+        Heading of the page.
+    command : str
+        Command that makes the page again, as the page tells it.
+    tables : mapping of str to PeakStressFit
+        Fits of tables of peak stresses by their key on the page.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to show, or the folder cannot be written or holds something else.
+
+    Examples
+    --------
+    >>> page = pyburgers.report([fit, other], "page.html", title="Two curves")
+    """
+    path = given_path(path)
+    is_file = path.suffix == ".html"
+    folder = path.with_name(f"{path.stem}_files") if is_file else path
+    page = page_about(
+        fits, folder, title=title or "Nonlinear Burgers fits", command=command, tables=tables
+    )
+    if not is_file:
+        return page
+    text = page.read_text(encoding="utf-8")
+    for part in ("tables", "figures"):
+        text = text.replace(f'href="{part}/', f'href="{folder.name}/{part}/')
+    write_text(path, text)
+    page.unlink()
+    return path
+
+
+def page_about(
+    fits: Sequence[Fit],
+    folder: Path,
+    *,
+    title: str,
+    command: str,
+    first: Sequence[PageSection] = (),
+    tables: Mapping[str, PeakStressFit] = MappingProxyType({}),
+    jobs: int | None = 1,
+) -> Path:
+    """Write a page about fits of one test or of several, some parts first, as `write_report` does.
+
+    Joint fits and fits of the same data get their parts too.
+    """
+    joints = [fit for fit in fits if fit.is_joint]
+    alone = [fit for fit in fits if not fit.is_joint]
+    tests = [*(fit for joint in joints for fit in joint.tests().values()), *alone]
+    return write_report(
+        tests,
+        folder,
+        title=title,
+        command=command,
+        joints=joints,
+        extras=(
+            *first,
+            *joint_sections(joints, alone),
+            *comparison_sections([*joints, *tests]),
+            *(peak_stress_section(table, key) for key, table in tables.items()),
+        ),
+        told={key: [table] for key, table in tables.items()},
+        jobs=jobs,
+    )
 
 
 def _write_groups(groups: Sequence[Sequence[tuple[str, str, Fit]]], out: Path) -> list[SameData]:

@@ -48,6 +48,10 @@ def peak_stress_section(fit: PeakStressFit, key: str = PEAK_STRESS_KEY) -> PageS
     -------
     PageSection
         A part of a page, behind the fits.
+
+    Examples
+    --------
+    >>> section = pyburgers.peak_stress_section(peaks)
     """
     data = fit.data
     comparison = least_squares_table(fit)

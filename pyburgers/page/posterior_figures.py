@@ -36,12 +36,14 @@ from pyburgers.drawing.view import view_of
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE, REFERENCE_STRESS
-from pyburgers.model.display import axis_label, unit_text
+from pyburgers.model.display import axis_label, shown_quantity, unit_text
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.prior_families import Prior
 from pyburgers.page.decades import PriorOfLogarithm, ShownDraws, shown_draws
-from pyburgers.page.figure_results import agreement, narrowed, strongest_trade_off
-from pyburgers.posterior.labelled_draws import free_parameters
+from pyburgers.posterior.labelled_draws import (
+    convergence_table,
+    free_parameters,
+)
 
 CHAIN_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY_BLUE, VERMILION)
 CHAIN_DASHES = ("-", "-.", ":")
@@ -82,6 +84,39 @@ STUCK_BANDWIDTH = 0.02
 
 NARROW = 0.12
 """Share of the prior's range below which a posterior gets limits of its own."""
+
+
+def narrowed(fit: FittedTest) -> str:
+    """Say which quantity is narrowest beside its prior, and which is widest."""
+    share = {name: shown_draws(fit, name).width_beside_prior for name in fit.priors.free}
+    least, most = min(share, key=share.__getitem__), max(share, key=share.__getitem__)
+    return (
+        f"{shown_quantity(least).label} is narrowest beside its prior ({share[least]:.0%} of its "
+        f"standard deviation), {shown_quantity(most).label} widest ({share[most]:.0%})."
+    )
+
+
+def strongest_trade_off(fit: FittedTest) -> str:
+    """Name the two quantities that go together most closely."""
+    draws = fit.posterior["posterior"].to_dataset()
+    names = free_parameters(fit.posterior)
+    ranks = np.array([stats.rankdata(all_draws(draws[name])) for name in names])
+    divergent = int(fit.posterior["sample_stats"].to_dataset()["diverging"].sum())
+    said = f"{divergent} divergent draws."
+    if len(names) < 2:
+        return said
+    correlation = np.triu(np.corrcoef(ranks), 1)
+    one, other = divmod(int(np.abs(correlation).argmax()), len(names))
+    labels = " and ".join(shown_quantity(names[k]).label for k in (one, other))
+    return f"{labels} go together most, rank correlation {correlation[one, other]:+.2f}; {said}"
+
+
+def agreement(fit: FittedTest) -> str:
+    """Say how far chains agree."""
+    if fit.posterior["posterior"].sizes["chain"] == 1:
+        return "one chain, with none to compare it with."
+    rhat = convergence_table(fit.posterior)["rhat"].fillna(np.inf)
+    return f"largest R-hat {rhat.max():.3f}, of {rhat.idxmax()}."
 
 
 @recipe(
@@ -404,6 +439,11 @@ def page_figure(fit: FittedTest, name: str) -> PageFigure:
     ------
     InputError
         If fits of such a test have no such figure.
+
+    Examples
+    --------
+    >>> pyburgers.page_figure(fit, "stress_strain").title
+    'Stress-strain curve'
     """
     recipes = {one.name: one for one in (*view_of(fit.experiment).figures, *POSTERIOR_FIGURES)}
     if name not in recipes:

@@ -96,71 +96,32 @@ def likely_fails(spectrum: xr.Dataset) -> npt.NDArray[np.bool_]:
     return marked
 
 
-def frozen_limit_frequency(spectrum: xr.Dataset, share: float | None = None) -> FloatArray:
-    """Return the frequency (Hz) below which a cycle strains too much for frozen microstructure.
-
-    The path strain of a cycle grows towards low frequency, and is interpolated on logarithmic
-    scales. The limit is 0 if no frequency is below it, infinite if all are, and NaN if the critical
-    strain is not known; shape (n_draws, n_regimes). The hold is left out: see `hold_fails`.
-    """
-    limit = checked_share(float(spectrum["critical_share"]) if share is None else share)
-    ordered = spectrum.sortby("frequency")
-    log_frequency = np.log(ordered["frequency"].to_numpy())
-    relative = ordered["cycle_strain"] / (limit * ordered["critical_strain"])
-    strain = relative.transpose(..., "regime", "frequency").to_numpy()
-    with np.errstate(divide="ignore"):  # an infinite critical strain
-        values = np.log(strain.reshape(-1, *strain.shape[-2:]))
-    n_failing = (values > 0).sum(axis=-1)
-    last = np.clip(n_failing - 1, 0, max(0, log_frequency.size - 2))
-    following = np.minimum(last + 1, log_frequency.size - 1)
-    before, after = (
-        np.take_along_axis(values, index[..., np.newaxis], -1)[..., 0]
-        for index in (last, following)
-    )
-    # Outside the frequencies, where the next line decides.
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        part = before / (before - after)
-        inside = np.exp(
-            log_frequency[last] + part * (log_frequency[following] - log_frequency[last])
-        )
-    found: FloatArray = np.select(
-        [np.isnan(values[..., 0]), n_failing == 0, n_failing == log_frequency.size],
-        [np.nan, 0.0, np.inf],
-        inside,
-    )
-    return found
-
-
 def frozen_limit_texts(spectrum: xr.Dataset) -> list[str]:
-    """Say for each regime where frozen microstructure fails, for tables.
+    """Say for each regime in which share of draws the hold fails, and up to which cycles most do.
 
-    That is the share of draws in which the hold strains too much, and the frequency below which a
-    cycle by itself does (median of the draws); where that is below all frequencies, the share of
-    draws in which the slowest cycle does.
+    Where no cycle fails in most draws, it is said in which share the slowest one does.
     """
-    by_hold = probability(hold_fails(spectrum)).to_numpy()
-    limits = np.quantile(frozen_limit_frequency(spectrum), 0.5, axis=0, method="higher")
-    lowest = float(spectrum["frequency"].min())
-    by_slowest = probability(cycle_fails(spectrum)).sel(frequency=lowest).to_numpy()
+    ordered = spectrum.sortby("frequency")
+    frequency = ordered["frequency"].to_numpy()
+    by_hold = probability(hold_fails(ordered)).to_numpy()
+    by_cycle = probability(cycle_fails(ordered)).transpose("regime", "frequency").to_numpy()
     texts = []
-    for share, limit, slowest in zip(by_hold, limits, by_slowest, strict=True):
-        if np.isnan(limit):
+    for share, of_cycles in zip(by_hold, by_cycle, strict=True):
+        if np.isnan(share):
             texts.append("cannot tell")
             continue
-        cycles = f"in cycles below {limit:.2g} Hz"
-        if limit == 0 and slowest > 0:
-            cycles = f"in cycles of {lowest:.2g} Hz in {100 * slowest:.0f} %"
-        elif limit == 0:
-            cycles = f"in no cycle down to {lowest:.2g} Hz"
-        elif np.isinf(limit):
-            cycles = "in all cycles"
+        n_failing = int((of_cycles >= LIKELY).sum())
+        cycles = "in all cycles"
+        if n_failing == 0 and of_cycles[0] > 0:
+            cycles = f"in cycles of {frequency[0]:.2g} Hz in {100 * of_cycles[0]:.0f} %"
+        elif n_failing == 0:
+            cycles = f"in no cycle down to {frequency[0]:.2g} Hz"
+        elif n_failing < frequency.size:
+            cycles = f"in cycles up to {frequency[n_failing - 1]:.2g} Hz"
         hold = f"in the hold in {100 * share:.0f} % of draws"
-        if share >= LIKELY:
-            texts.append(f"fails {hold}, {cycles}")
-        else:
-            texts.append(
-                f"holds; fails {hold}, {cycles}" if limit == 0 else f"fails {cycles}, {hold}"
-            )
+        first, second = (hold, cycles) if share >= LIKELY or n_failing == 0 else (cycles, hold)
+        holds = "holds; " if share < LIKELY and n_failing == 0 else ""
+        texts.append(f"{holds}fails {first}, {second}")
     return texts
 
 

@@ -12,7 +12,7 @@ any power law and any amplitude::
     g(sigma) = sgn(sigma) (|sigma|/F)^n d^-p exp[Q_M (beta - 1/(R T))]
 
 (of a hyperbolic sine with sigma_L sinh[|sigma|/(F sigma_L)] in place of |sigma|/F; J1_K and J2_K
-are those of one Kelvin element, those of other laws are in `pyburgers.model.relaxation`).
+are those of one Kelvin element; other laws are in `stan/physics/relaxation.stan`).
 
 The dashpot's fluidity B depends on the regime of stresses but not on frequency. Higher harmonics
 of the strain and its steady drift do not enter: tan(delta) is that of the fundamental.
@@ -29,8 +29,8 @@ from pyburgers.common.draws import FloatArray
 from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.common.units import UNITS
 from pyburgers.kinds.kind import FittedTest
+from pyburgers.model.closed_forms import closed_forms, require_linear
 from pyburgers.model.display import STRESS_UNIT
-from pyburgers.model.relaxation import kelvin_part
 from pyburgers.predictions.assumptions import (
     CRITICAL_SHARE,
     checked_share,
@@ -38,7 +38,7 @@ from pyburgers.predictions.assumptions import (
     cycle_fails,
     hold_fails,
 )
-from pyburgers.predictions.closed_forms import closed_forms
+from pyburgers.predictions.closed_forms import cycles_data
 from pyburgers.predictions.material import Material, fitted_material
 from pyburgers.predictions.stress_cycles import (
     DRAW_DIMENSIONS,
@@ -75,7 +75,7 @@ def attenuation_spectrum(
     parameters : mapping of str to array
         Draws of `PARAMETER_NAMES` (SI), all of one shape: ``()``, ``(draw,)`` or ``(chain, draw)``.
         With `pyburgers.predictions.stress_cycles.EVOLUTION` the result shows failures of frozen
-        microstructure. With `pyburgers.model.relaxation.RELAXATION_PARAMETERS` the Kelvin part
+        microstructure. With `pyburgers.model.closed_forms.RELAXATION_PARAMETERS` the Kelvin part
         follows another linear law. Other names are ignored.
     frequencies : array, shape (n_frequencies,)
         Hz, positive.
@@ -113,20 +113,25 @@ def attenuation_spectrum(
         or condition is out of range.
     ToolchainError
         If CmdStan or a compiler is missing.
+
+    Examples
+    --------
+    >>> spectrum = pyburgers.attenuation_spectrum(
+    ...     values, [0.01, 0.1], [pyburgers.Regime(1e6, 1e5)], temperature=260.0, grain_size=2e-4
+    ... )
+    >>> spectrum["tan_delta"].shape
+    (1, 2)
     """
     draws, size, fabric = checked_inputs(parameters, temperature, grain_size, fabric_factor)
     frequency = checked_frequencies(frequencies)
     hold_time = checked_hold_time(hold_time)
-    kelvin = kelvin_part(parameters, temperature, size)
+    require_linear(parameters)
     found = closed_forms(
         draws,
-        regimes,
-        frequency,
-        kelvin,
+        size,
         temperature=temperature,
-        grain_size=size,
         fabric_factor=fabric,
-        with_strains=with_strains,
+        asked=cycles_data(regimes, frequency, hold_time, with_strains=with_strains),
     )
     storage = found["storage_compliance"][..., np.newaxis, :]
     background = found["fluidity"][..., np.newaxis] / (2 * np.pi * frequency)
@@ -157,7 +162,7 @@ def attenuation_spectrum(
     )
     if not with_strains:
         return spectrum
-    recoverable = 1 / found["maxwell_modulus"] + kelvin.creep(hold_time)
+    recoverable = 1 / found["maxwell_modulus"] + found["kelvin_creep_of_hold"]
     median_stress = spectrum["median_stress"].to_numpy()
     hold = median_stress * recoverable[..., np.newaxis] + found["held_rate"] * hold_time
     critical = critical_strain(draws, size, fabric, found["wanted_grain_size"])
@@ -223,7 +228,7 @@ def predict_attenuation(
     Examples
     --------
     >>> spectrum = pyburgers.predict_attenuation(fit, [0.001, 0.01, 0.1])
-    >>> spectrum["tan_delta"].median(("chain", "draw"))
+    >>> middle = spectrum["tan_delta"].median(("chain", "draw"))
     """
     material = fitted_material(
         fit,

@@ -23,11 +23,17 @@ from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.common.units import UNITS, number
+from pyburgers.drawing.page_parts import text_table
 from pyburgers.kinds.forced_oscillation.harmonics import CUBIC, fit_harmonics
 from pyburgers.kinds.forward import check_given_together
 from pyburgers.kinds.stan_data import SolverOptions, solver_block
-from pyburgers.model.relaxation import kelvin_part, require_one_relaxation_time
+from pyburgers.model.closed_forms import (
+    closed_forms,
+    parameter_columns,
+    require_one_relaxation_time,
+)
 from pyburgers.predictions.attenuation import attenuation_spectrum, condition_columns, flat_draws
+from pyburgers.predictions.closed_forms import cycles_data
 from pyburgers.predictions.material import Material
 from pyburgers.predictions.stress_cycles import (
     EVOLUTION,
@@ -37,7 +43,6 @@ from pyburgers.predictions.stress_cycles import (
     Regime,
     checked_frequencies,
     checked_hold_time,
-    parameter_columns,
 )
 
 EVOLVING_FREQUENCIES = (1e-4, 1e-3, 1e-2)
@@ -91,8 +96,9 @@ def evolving_attenuation(
         fabric_factor=fabric,
         hold_time=hold,
     )
-    kelvin = kelvin_part(parameters, material.temperature, size)
-    elastic_loss = kelvin.compliance(2 * np.pi * frequency)[1][:, np.newaxis]
+    asked = cycles_data((), frequency, hold, with_strains=False)
+    elements = closed_forms(parameters, size, temperature=material.temperature, asked=asked)
+    elastic_loss = elements["kelvin_loss"][:, np.newaxis]
     frozen_loss = frozen["loss_compliance"].to_numpy()
     found = {
         name: np.empty(frozen_loss.shape)
@@ -223,23 +229,22 @@ def evolving_table(comparison: xr.Dataset) -> pd.DataFrame:
 
 def evolving_overview(comparison: xr.Dataset) -> pd.DataFrame:
     """Return `evolving_table` for people: text, median with 5 and 95 % of the draws."""
-    frozen, evolving, ratio, strain = (
-        evolving_quantiles(comparison[name])
-        for name in ("tan_delta_frozen", "tan_delta_evolving", "fluidity_ratio", "path_strain")
-    )
-    return pd.DataFrame(
-        [
-            {
-                "regime": str(label),
-                "frequency (Hz)": f"{frequency:.3g}",
-                "tan δ, frozen": _text(frozen[:, k, j]),
-                "tan δ, evolving": _text(evolving[:, k, j]),
-                "dashpot faster, times": _text(ratio[:, k, j]),
-                "strain at the end (%)": number(float(f"{100 * strain[1, k, j]:.2g}")),
-            }
-            for k, label in enumerate(comparison["regime"].to_numpy())
-            for j, frequency in enumerate(comparison["frequency"].to_numpy())
-        ]
+    table = evolving_table(comparison)
+    strain = [number(float(f"{100 * value:.2g}")) for value in table["path_strain"]]
+    return text_table(
+        table.assign(
+            regime=np.repeat(comparison["regime"].to_numpy(), comparison.sizes["frequency"]),
+            strain=strain,
+        ),
+        {
+            "regime": "{regime}",
+            "frequency (Hz)": "{frequency_Hz:.3g}",
+            "tan δ, frozen": "{frozen_q50:.3g} [{frozen_q5:.3g}, {frozen_q95:.3g}]",
+            "tan δ, evolving": "{evolving_q50:.3g} [{evolving_q5:.3g}, {evolving_q95:.3g}]",
+            "dashpot faster, times": "{fluidity_ratio_q50:.3g} [{fluidity_ratio_q5:.3g}, "
+            "{fluidity_ratio_q95:.3g}]",
+            "strain at the end (%)": "{strain}",
+        },
     )
 
 
@@ -260,8 +265,3 @@ def evolving_quantiles(values: xr.DataArray) -> FloatArray:
         flat_draws(values), np.array(QUANTILES) / 100, axis=0, method="nearest"
     )
     return found
-
-
-def _text(quantiles: FloatArray) -> str:
-    low, median, high = quantiles
-    return f"{median:.3g} [{low:.3g}, {high:.3g}]"

@@ -230,6 +230,10 @@ def export(
         If the format cannot express the law of the fit, or a choice is missing, wrong or unused.
     ToolchainError
         If CmdStan or a compiler is missing (icepack, specfem, tidalpy).
+
+    Examples
+    --------
+    >>> block = pyburgers.export(fit, "aspect", microstructure="initial", out="ice.prm")
     """
     if file_format not in FORMATS:
         raise InputError(

@@ -38,6 +38,13 @@ class MeasuredAttenuation:
         Attenuation, and its standard deviation, 0 where none is given.
     series : tuple of str
         Series of each point, for the legend.
+
+    Examples
+    --------
+    >>> measured = pyburgers.MeasuredAttenuation(
+    ...     frequency=np.array([0.1]), tan_delta=np.array([0.05]),
+    ...     standard_deviation=np.array([0.01]), series=("mine",)
+    ... )
     """
 
     frequency: FloatArray
@@ -47,7 +54,7 @@ class MeasuredAttenuation:
 
 
 def load_measured_attenuation(path: Path) -> MeasuredAttenuation:
-    """Read points of attenuation to draw over a predicted spectrum.
+    r"""Read points of attenuation to draw over a predicted spectrum.
 
     Parameters
     ----------
@@ -65,6 +72,13 @@ def load_measured_attenuation(path: Path) -> MeasuredAttenuation:
     InputError
         If the file cannot be read or has no points, or if a column is missing or unknown. If a
         number is not finite or not positive (a standard deviation: negative).
+
+    Examples
+    --------
+    >>> lines = "frequency_Hz,tan_delta\n0.01,0.12\n0.1,0.05\n"
+    >>> _ = Path("measured.csv").write_text(lines)
+    >>> pyburgers.load_measured_attenuation(Path("measured.csv")).tan_delta
+    array([0.12, 0.05])
     """
     text = io.StringIO(read_text(path))
     try:

@@ -28,6 +28,10 @@ def prediction_figure(prediction: Prediction) -> Figure:
     ----------
     prediction : Prediction
         Of `Fit.predict`.
+
+    Examples
+    --------
+    >>> figure = pyburgers.prediction_figure(fit.predict(test))
     """
     shown = answers(prediction)
     with figure_of(8.0, 1.6 + 3.6 * len(shown)) as figure:

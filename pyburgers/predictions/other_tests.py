@@ -149,6 +149,10 @@ def score_table(prediction: Prediction) -> pd.DataFrame:
     ------
     InputError
         If the test has no data, or there is only one draw.
+
+    Examples
+    --------
+    >>> scores = pyburgers.score_table(fit.predict(test))
     """
     experiment = _with_data(prediction)
     new = _new_readings(prediction)
@@ -186,6 +190,11 @@ def score_sentence(prediction: Prediction, scores: pd.DataFrame) -> str:
         Of a test with data.
     scores : DataFrame
         Its `score_table`.
+
+    Examples
+    --------
+    >>> prediction = fit.predict(test)
+    >>> sentence = pyburgers.score_sentence(prediction, pyburgers.score_table(prediction))
     """
     said = [
         f"{_share(scores, row, 'found')} in the {band} % band (the draws expect "
@@ -211,6 +220,11 @@ def surprise_sentence(prediction: Prediction, scores: pd.DataFrame) -> str:
         Of a test with data.
     scores : DataFrame
         Its `score_table`.
+
+    Examples
+    --------
+    >>> prediction = fit.predict(test)
+    >>> sentence = pyburgers.surprise_sentence(prediction, pyburgers.score_table(prediction))
     """
     outside = scores[~scores["found"].between(scores["expected_q5"], scores["expected_q95"])]
     points = count_points(prediction.experiment.n_points)

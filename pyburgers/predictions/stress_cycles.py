@@ -9,10 +9,10 @@ import numpy.typing as npt
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import number
+from pyburgers.model.closed_forms import RELAXATION_PARAMETERS
 from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
 from pyburgers.model.laws import DASHPOT_STRESSES
-from pyburgers.model.parameters import PIEZOMETER, PROGRAM_PARAMETERS
-from pyburgers.model.relaxation import RELAXATION_PARAMETERS
+from pyburgers.model.parameters import PIEZOMETER
 
 PARAMETER_NAMES = (
     "maxwell_modulus",
@@ -64,6 +64,10 @@ class Regime:
     ------
     InputError
         If one of the two is out of range or not finite.
+
+    Examples
+    --------
+    >>> regime = pyburgers.Regime(median_stress=1e6, amplitude=0.2e6)
     """
 
     median_stress: float
@@ -165,20 +169,6 @@ def checked_inputs(
         _check_positive(name, unit, values)
         frozen.append(np.broadcast_to(values, shape))
     return draws, frozen[0], frozen[1]
-
-
-def parameter_columns(
-    parameters: Mapping[str, FloatArray], shape: tuple[int, ...]
-) -> list[FloatArray]:
-    """Return draws in the order of the programs, each of one shape (SI).
-
-    A parameter that is not given has no effect: on a frozen microstructure, or on stresses without
-    noise.
-    """
-    return [
-        np.broadcast_to(parameters.get(p.name, np.array(p.standard or 0.0)), shape)
-        for p in PROGRAM_PARAMETERS
-    ]
 
 
 def _check_positive(name: str, unit: str, values: FloatArray) -> None:

@@ -20,7 +20,7 @@ from pyburgers.cmdstan.draw_files import join_draws, read_draws
 from pyburgers.cmdstan.program import Program
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.messages import in_notebook, is_watched
-from pyburgers.common.processes import Running, cores, side_by_side
+from pyburgers.common.processes import Running, side_by_side
 from pyburgers.common.toml_files import read_json
 from pyburgers.common.units import counted, duration_text
 from pyburgers.sampling.manifest import ChainFailure
@@ -197,14 +197,13 @@ def run_side_by_side(
             yield one.running
 
     failures: list[ChainFailure | None] = []
-    at_once = options.parallel_chains or max(1, cores() // model.threads)
     limit = options.chain_timeout
     warmup = options.warmup_iterations if None in before.values() else 0
     total = warmup + (extension.draws if extension else options.draws)
     try:
         with (
             shown_progress(chains, total) as advance,
-            closing(side_by_side(starting(), at_once=at_once, limit=limit)) as looks,
+            closing(side_by_side(starting(), at_once=options.chains_at_once, limit=limit)) as looks,
         ):
             for running, ended in looks:
                 for one in (active[process] for process in running):

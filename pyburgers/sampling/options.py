@@ -77,6 +77,10 @@ class SamplerOptions:
         Chains that run side by side; None runs as many as there are cores for their threads.
     threads_per_chain : int
         Threads that share the tests of a joint fit; there are never more than tests.
+
+    Examples
+    --------
+    >>> options = pyburgers.SamplerOptions(chains=2, draws=500, seed=7)
     """
 
     chains: int = 4
@@ -119,9 +123,9 @@ class SamplerOptions:
                 f"max_minutes is {self.max_minutes}, expected a number of minutes or 0"
                 f"{_option('max_minutes')}."
             )
-        if self.chain_timeout is not None and self.chain_timeout <= 0:
+        if self.chain_timeout is not None and not 0 < self.chain_timeout < math.inf:
             raise InputError(
-                f"chain_timeout is {self.chain_timeout} s, expected more than 0"
+                f"chain_timeout is {self.chain_timeout} s, expected a finite number above 0"
                 f"{_option('chain_timeout')}."
             )
 

@@ -61,16 +61,6 @@ def scratch_of(file: Path) -> Path:
     return file.parent / f".{file.stem}"
 
 
-def read_replication(file: Path) -> Replication:
-    """Return what a file keeps; raise InputError if it was damaged."""
-    return read_json_table(file, Replication)
-
-
-def write_replication(file: Path, replication: Replication) -> None:
-    """Write what `read_replication` reads."""
-    write_json(file, replication.model_dump())
-
-
 _COLUMNS = {
     "seed": "seed",
     "n_unsolvable": "unsolvable_draws",
@@ -137,7 +127,9 @@ def replications(run: RunDirectory, seeds: Iterable[int], n_draws: int) -> tuple
     seeds = tuple(seeds)
     done = {one.seed: one for one in _tabled(run, n_draws)}
     files = {seed: simulation_file(run, seed) for seed in seeds}
-    done |= {seed: read_replication(file) for seed, file in files.items() if file.is_file()}
+    done |= {
+        seed: read_json_table(file, Replication) for seed, file in files.items() if file.is_file()
+    }
     return tuple(done[seed] for seed in seeds if seed in done)
 
 
@@ -150,7 +142,7 @@ def take_from_table(run: RunDirectory, seeds: Container[int], n_draws: int) -> N
     for one in _tabled(run, n_draws):
         file = simulation_file(run, one.seed)
         if one.seed in seeds and not file.exists():
-            write_replication(file, one)
+            write_json(file, one.model_dump())
 
 
 def _tabled(run: RunDirectory, n_draws: int) -> tuple[Replication, ...]:

@@ -18,11 +18,11 @@ from typing import Any
 from pydantic import Field
 
 from pyburgers.cmdstan.program import load_program
-from pyburgers.common.atomic_files import sha256_of_json
+from pyburgers.common.atomic_files import sha256_of_json, write_json
 from pyburgers.common.errors import InputError, SystemFailureError
 from pyburgers.common.locks import process_lock
 from pyburgers.common.tasks import ALL_HERE, Workers, run_tasks
-from pyburgers.common.toml_files import Table
+from pyburgers.common.toml_files import Table, read_json_table
 from pyburgers.fitting.problem_run import (
     input_texts,
     problem_record,
@@ -46,12 +46,10 @@ from pyburgers.sbc.rank_uniformity import RankBands, RankVerdict, judge_ranks, r
 from pyburgers.sbc.replication import (
     SIMULATIONS,
     Replication,
-    read_replication,
     replications,
     scratch_of,
     simulation_file,
     take_from_table,
-    write_replication,
 )
 
 logger = logging.getLogger(__name__)
@@ -335,9 +333,10 @@ def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:
     remedy = "wait for it, or let each do another --part"
     with process_lock(scratch / ".lock", taken, remedy, patience=0):
         if not _is_done(file, plan.refits):
-            before = read_replication(file) if file.is_file() else None
-            write_replication(file, _replicate(run, scratch / "fits", seed, plan, before))
-        replication = read_replication(file)
+            before = read_json_table(file, Replication) if file.is_file() else None
+            done = _replicate(run, scratch / "fits", seed, plan, before)
+            write_json(file, done.model_dump())
+        replication = read_json_table(file, Replication)
         shutil.rmtree(scratch)
     if replication.failure is not None:
         return "no fit"
@@ -346,7 +345,7 @@ def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:
 
 def _is_done(file: Path, refits: int) -> bool:
     """Tell whether a data set has its outcome, after so many longer fits if they are needed."""
-    return file.is_file() and read_replication(file).is_done(refits)
+    return file.is_file() and read_json_table(file, Replication).is_done(refits)
 
 
 def _replicate(

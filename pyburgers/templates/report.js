@@ -87,7 +87,7 @@ function explorer(svg) {
     });
     told.textContent = `${series.dataset.series}: ${values.join(", ")}`;
     const size = view[2] / width;
-    for (const [name, value] of Object.entries({ cx: x, cy: y, r: 5 * size, "stroke-width": 1.5 * size })) ring.setAttribute(name, value);
+    for (const [name, value] of Object.entries({ cx: x, cy: y, r: 2.5 + 3 * size, "stroke-width": 1.5 * size })) ring.setAttribute(name, value);
     svg.append(ring);
     svg.parentElement.append(told);
     const corner = new DOMPoint(x, y).matrixTransform(svg.getScreenCTM());

@@ -16,7 +16,7 @@
  * v_0 the rate of the undeformed dashpot at stress S. With a power-law Kelvin element its linear
  * driving stress stands for q (physics/kelvin_laws.stan), with another law of the dashpot
  * (physics/dashpot_laws.stan) the equivalent stress for y in v_d. A Kelvin part with many relaxation times
- * (physics/relaxation_elements.stan) is a sum of elements, each with a z_k of its own:
+ * (physics/relaxation.stan) is a sum of elements, each with a z_k of its own:
  *
  *   dz_k/dt = c_k (D E_K/eta_K) (y - z_k),  z = sum of w_k z_k.
  *

@@ -1,6 +1,7 @@
 /**
  * Linear laws of the Kelvin part: its complex compliance at an angular frequency omega,
- * J(omega) = storage - i loss.
+ * J(omega) = storage - i loss; the same parts as sums of elements, for solutions in time; and the
+ * density of their relaxation times.
  *
  * With the relaxation time tau = eta_K/E_K at the temperature and grain size of the row,
  *
@@ -15,6 +16,11 @@
  * (band and peak: Jackson and Faul 2010, Physics of the Earth and Planetary Interiors 183,
  * 151-163, with Delta_B = E_M/E_K). All times of a row are slower by one factor at another
  * temperature, exp[(Q_K/R)(1/T - 1/T_0)], and grain size, (d/d_K)^m_K.
+ *
+ * Andrade creep has times without end, at the density a/Gamma(1 - a) (t/tau)^a over ln t. Those
+ * that a test can tell apart are a sum as well; all faster ones, which follow at once, and all
+ * slower ones, which only flow, are an element each, with their compliance and mean time, or with
+ * their flow and what it slows down by.
  *
  * Integrals are exact to about 1e-9 and have derivatives: that over the band by the incomplete
  * integral below, that over the peak by a trapezoid rule without the error of its poles. Needs
@@ -203,4 +209,140 @@ matrix kelvin_compliance(vector log_x, vector parameter) {
              * (width > 0 ? peak_compliance(from_peak, width) : element_compliance(from_peak));
   }
   return found;
+}
+
+/**
+ * Part of a law that an element belongs to, in the first column of `element`: the place of the
+ * parameter that switches the part on. 0 is the one element of a law without a band.
+ */
+int is_only_element() { return 0; }
+int is_faster() { return -1; } // all times of Andrade creep below a place
+int is_slower() { return -2; } // all above
+
+/** Whether elements of a part are among them. */
+int has_part(data matrix element, data int which) {
+  for (k in 1 : rows(element)) {
+    if (element[k, 1] == which) {
+      return 1;
+    }
+  }
+  return 0;
+}
+
+int n_relaxation_numbers() { return 7; }
+
+/**
+ * Numbers that the elements follow from: ln(tau_H/tau_L), alpha, Delta_P E_K/E_M, ln(tau_H/tau_P),
+ * sigma_P, ln(tau/s) at T_0 and d_K, and a of Andrade creep.
+ *
+ * @param parameter in the order of physics/parameters.stan
+ */
+vector relaxation_numbers(vector parameter) {
+  return [log(10) * parameter[i_relaxation_time_decades()], parameter[i_relaxation_exponent()],
+          parameter[i_peak_strength()] * parameter[i_kelvin_modulus()]
+          / parameter[i_maxwell_modulus()],
+          log(10) * parameter[i_peak_time_decades()], parameter[i_peak_width()],
+          log(parameter[i_kelvin_viscosity()] / parameter[i_kelvin_modulus()]),
+          parameter[i_andrade_exponent()]]';
+}
+
+/** Whether a free parameter changes each of these numbers, and the elements with it. */
+array[] int relaxation_numbers_vary(data array[] int is_free, data matrix element) {
+  return {is_free[i_relaxation_time_decades()], is_free[i_relaxation_exponent()],
+          has_part(element, i_peak_strength())
+          * max(is_free[{i_peak_strength(), i_kelvin_modulus(), i_maxwell_modulus()}]),
+          is_free[i_peak_time_decades()], is_free[i_peak_width()],
+          has_part(element, i_andrade_exponent())
+          * max(is_free[{i_kelvin_modulus(), i_kelvin_viscosity()}]),
+          is_free[i_andrade_exponent()]};
+}
+
+/**
+ * Decay of each element over E_K/eta_K, and its compliance over 1/E_K.
+ *
+ * @param element a row each: the part of the law that it belongs to; its place in the band, from 0
+ *   at the shortest to 1 at the longest ln(time), in the peak, in standard deviations of ln(time), or,
+ *   of Andrade creep, its ln(time/s) at T_0 and d_K; its weight in an integral over the place
+ * @param number relaxation_numbers()
+ * @return (n, 2)
+ */
+matrix relaxation_elements(data matrix element, vector number) {
+  int n = rows(element);
+  real width = number[1];
+  real exponent = number[2];
+  real a = number[7];
+  real density = width == 0 ? 1 : exponent * width / -expm1(-exponent * width);
+  real andrade_density = a / tgamma(1 - a);
+  matrix[n, 2] elements;
+  for (k in 1 : n) {
+    if (element[k, 1] == i_relaxation_time_decades()) {
+      real below = (1 - element[k, 2]) * width;
+      elements[k] = [exp(below), element[k, 3] * density * exp(-exponent * below)];
+    } else if (element[k, 1] == i_peak_strength()) {
+      elements[k] = [exp(number[4] - number[5] * element[k, 2]), element[k, 3] * number[3]];
+    } else if (element[k, 1] == is_only_element()) {
+      elements[k] = [1, 1];
+    } else {
+      real below = number[6] - element[k, 2];
+      real slower = 1;
+      real softer = element[k, 3];
+      if (element[k, 1] == is_faster()) {
+        slower = a / (1 + a);
+        softer = 1 / a;
+      } else if (element[k, 1] == is_slower()) {
+        slower = (2 - a) / (1 - a);
+        softer = slower / (1 - a);
+      }
+      elements[k] = [exp(below) / slower, softer * andrade_density * exp(-a * below)];
+    }
+  }
+  return elements;
+}
+
+/**
+ * Strain over the stress (1/Pa) that was put on a while ago.
+ *
+ * @param since that time over tau = exp(log_relaxation_time)
+ * @param parameter in the order of physics/parameters.stan
+ * @param element as for relaxation_elements(); Andrade creep needs none
+ */
+real kelvin_creep(real since, vector parameter, data matrix element) {
+  matrix[rows(element), 2] elements = relaxation_elements(element, relaxation_numbers(parameter));
+  if (parameter[i_andrade_exponent()] > 0) {
+    return since ^ parameter[i_andrade_exponent()] / parameter[i_kelvin_modulus()];
+  }
+  return -dot_product(elements[ : , 2], expm1(-since * elements[ : , 1]))
+         / parameter[i_kelvin_modulus()];
+}
+
+/**
+ * Density of the compliance over ln(relaxation time), 1/Pa; elements of one time have none.
+ *
+ * @param below ln(tau/relaxation time), shape (n)
+ * @param parameter in the order of physics/parameters.stan
+ */
+vector relaxation_density(vector below, vector parameter) {
+  real compliance = 1 / parameter[i_kelvin_modulus()];
+  real andrade_exponent = parameter[i_andrade_exponent()];
+  real exponent = parameter[i_relaxation_exponent()];
+  real log_width = log(10) * parameter[i_relaxation_time_decades()];
+  real strength = parameter[i_peak_strength()] / parameter[i_maxwell_modulus()];
+  real peak_width = parameter[i_peak_width()];
+  vector[num_elements(below)] density = rep_vector(0, num_elements(below));
+  if (andrade_exponent > 0) {
+    return compliance * andrade_exponent / tgamma(1 - andrade_exponent)
+           * exp(-andrade_exponent * below);
+  }
+  for (i in 1 : num_elements(below)) {
+    if (log_width > 0 && below[i] >= 0 && below[i] <= log_width) {
+      density[i] = compliance * exponent * exp(-exponent * below[i])
+                   / -expm1(-exponent * log_width);
+    }
+    if (strength > 0 && peak_width > 0) {
+      density[i] += strength
+                    * exp(normal_lpdf(below[i] | log(10) * parameter[i_peak_time_decades()],
+                                      peak_width));
+    }
+  }
+  return density;
 }

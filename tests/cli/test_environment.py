@@ -331,6 +331,59 @@ def test_names_and_files_that_cannot_be_are_refused(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("name", ["/proc/kmsg", "/proc/self/environ", "/proc/self/pagemap", "link"])
+def test_files_of_the_system_are_refused_like_devices(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "link").symlink_to("/proc/self/environ")
+    text = (ICE / "PIL40.toml").read_text(encoding="utf-8").replace("PIL40.csv", name)
+    (tmp_path / "test.toml").write_text(text, encoding="utf-8")
+    for command in (["fit"], ["check-file"]):
+        assert main([*command, str(tmp_path / "test.toml")]) == 2
+        assert f"{name} is a device or a pipe; expected a file" in "".join(capsys.readouterr())
+    assert_refused(main(["fit", str(tmp_path / name)]), capsys, "is a device or a pipe")
+
+
+SECRETS = [
+    "root:x:0:0:root:/root",
+    "machine a login b password hunter2",
+    "hunter2",
+    "a,b\n1,hunter2",
+]
+
+
+@pytest.mark.parametrize("secret", SECRETS)
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("", ""),
+        ('","', '"whitespace"'),
+        ("header = true", "header = false"),
+        ('"stress_MPa"', '"b"'),
+    ],
+)
+def test_no_line_of_a_file_is_shown_that_a_strange_experiment_file_names(
+    old: str, new: str, secret: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / ".netrc").write_text(f"{secret}\n" * 3, encoding="utf-8")
+    folder = tmp_path / "downloaded"
+    folder.mkdir()
+    text = (ICE / "PIL40.toml").read_text(encoding="utf-8").replace("PIL40.csv", "../.netrc")
+    (folder / "test.toml").write_text(text.replace(old, new), encoding="utf-8")
+    for command in ("fit", "check-file"):
+        assert main([command, str(folder / "test.toml")]) == 2
+        said = "".join(capsys.readouterr())
+        assert not any(word in said for word in ("root:x", "hunter2", "machine", "login"))
+        assert "its content is not shown" in said
+
+
+@pytest.mark.parametrize("command", [["doctor"], ["check-file", TEST], ["fit", "--help"]])
+def test_a_python_that_optimises_runs_the_commands(command: list[str]) -> None:
+    """It drops docstrings and assertions."""
+    code, error = ended(f"sys.exit(main({command}))", environment={"PYTHONOPTIMIZE": "2"})
+    assert (code, error) == (0, "")
+
+
 def test_a_pipe_is_not_waited_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     os.mkfifo(tmp_path / "pipe.toml")
     assert_refused(main(["fit", str(tmp_path / "pipe.toml")]), capsys, "is a device or a pipe")

@@ -17,8 +17,7 @@ from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.pooling import DEFAULT_KINDS
-from pyburgers.predictions.exported import LEFT_OUT, LOG_FACTOR, as_latex, exported
-from pyburgers.predictions.stated_laws import POWER_LAW
+from pyburgers.predictions.exported import LEFT_OUT, LOG_FACTOR, POWER_LAW, as_latex, exported
 
 
 def printed(fit: Fit, kind: str, capsys: pytest.CaptureFixture[str]) -> str:
@@ -165,15 +164,6 @@ stress = 1.0
 kind = "synthetic"
 source = "imagined"
 """
-
-
-def test_an_imagined_test_needs_no_data(small_fit: Fit, tmp_path: Path) -> None:
-    path = tmp_path / "imagined.toml"
-    path.write_text(IMAGINED, encoding="utf-8")
-    out = tmp_path / "creep.csv"
-    run = str(small_fit.directory.path)
-    assert main(["simulate", str(path), "--from", run, "--out", str(out)]) == 0
-    assert pd.read_csv(out)["strain"].iloc[-1] > 0
 
 
 def test_a_solution_from_a_run_has_what_the_file_states_as_a_prediction_has(

@@ -27,7 +27,7 @@ def arguments(small_problem: Problem, tmp_path: Path) -> list[str]:
         *("fit", str(small_problem.experiment_file), str(other)),
         *("--priors", str(small_problem.priors_file), "--out", str(tmp_path / "run")),
         *("--chains", "2", "--warmup", "40", "--draws", "20", "--seed", "3"),
-        *("--adapt-delta", "0.8"),
+        *("--adapt-delta", "0.8", "--max-treedepth", "5"),
     ]
 
 

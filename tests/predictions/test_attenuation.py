@@ -314,7 +314,7 @@ def test_the_criterion_of_the_peak_counts_the_turns_of_the_curve() -> None:
         "beta": np.log(background / viscosity) / 60e3 + 1 / (oracle.GAS_CONSTANT * TEMPERATURE),
     }
     frequencies = tuple(np.geomspace(1e-6, 1e1, 20_001))
-    spectrum = spectrum_of(parameters, PAPER_REGIMES[:1], frequencies)
+    spectrum = spectrum_of(parameters, PAPER_REGIMES[:1], frequencies, with_strains=False)
     slopes = np.sign(np.diff(spectrum["tan_delta"].to_numpy()[:, 0], axis=-1))
     n_turns = (np.diff(slopes, axis=-1) != 0).sum(axis=-1)
     assert set(n_turns.tolist()) == {0, 2}
@@ -322,16 +322,15 @@ def test_the_criterion_of_the_peak_counts_the_turns_of_the_curve() -> None:
 
 
 def test_a_whole_posterior_takes_little_time_and_memory() -> None:
-    draws = random_draws((4, 1000))
     assert len(DEFAULT_FREQUENCIES) == 60
     start = time.process_time()
-    spectrum_of(draws, frequencies=DEFAULT_FREQUENCIES)
-    assert time.process_time() - start < 2.0
+    spectrum_of(random_draws((4, 500)), frequencies=DEFAULT_FREQUENCIES)
+    assert time.process_time() - start < 1.0
     tracemalloc.start()
-    spectrum_of(draws, frequencies=DEFAULT_FREQUENCIES)
+    spectrum_of(random_draws((4, 250)), frequencies=DEFAULT_FREQUENCIES)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert peak < 100e6
+    assert peak < 25e6
 
 
 DRAWS = random_draws((2, 3))

@@ -95,7 +95,7 @@ def test_what_is_expected_is_what_happens_where_the_draws_are_right() -> None:
     shares = [
         float(score_table(made)["share_below"][DENSITY])
         for k in range(30)
-        for made in [make_prediction(spread=5e5, off=5e5 * rng.normal(), seed=k)]
+        for made in [make_prediction(spread=5e5, off=5e5 * rng.normal(), n_draws=100, seed=k)]
     ]
     assert 0.3 < np.mean(shares) < 0.7
     far_off = score_table(make_prediction(spread=1e5, off=2e6))
@@ -119,7 +119,9 @@ def test_the_band_of_a_replicated_test_is_made_without_its_own_draw(n_draws: int
 
 
 def test_known_noise_alone_gives_the_nominal_coverage() -> None:
-    tables = [score_table(make_prediction(spread=0.0, seed=seed)) for seed in range(20)]
+    tables = [
+        score_table(make_prediction(spread=0.0, n_draws=100, seed=seed)) for seed in range(20)
+    ]
     for band in (50, 90):
         rows = [table.loc[f"coverage of the {band} % band"] for table in tables]
         assert rows[0]["expected"] == pytest.approx(band / 100, abs=0.02)

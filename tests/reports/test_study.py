@@ -67,7 +67,7 @@ from pyburgers.predictions.stress_cycles import PAPER_REGIMES
 @pytest.fixture(scope="module")
 def ice(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fit]:
     folder = tmp_path_factory.mktemp("ice")
-    return {name: make_fit(folder / name, name=name, draws=100) for name in ("PIL40", "PIL72")}
+    return {name: make_fit(folder / name, name=name, draws=50) for name in ("PIL40", "PIL72")}
 
 
 @pytest.fixture(scope="module")

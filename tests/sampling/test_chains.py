@@ -27,7 +27,6 @@ from pyburgers.fitting.fit import Fit, fit
 from pyburgers.fitting.problem_run import (
     input_texts,
     refusal,
-    settled_options,
     threads_for,
     wanted_record,
 )
@@ -35,6 +34,7 @@ from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.priors import default_priors
 from pyburgers.sampling import chains
+from pyburgers.sampling import options as options_module
 from pyburgers.sampling.chains import (
     ConsoleFile,
     _Chain,
@@ -152,12 +152,12 @@ def test_chains_leave_cores_to_the_threads_of_others(
         seen.append(at_once)
         yield ()
 
-    monkeypatch.setattr(chains, "cores", lambda: 8)
+    monkeypatch.setattr(options_module, "cores", lambda: 8)
     monkeypatch.setattr(chains, "closing", lambda looks: looks)
     monkeypatch.setattr(chains, "side_by_side", no_looks)
-    options = settled_options(joint.problem, SMALL_RUN)
     for threads in (1, 3, 9):
-        chains.run_side_by_side(Program(Path("program"), threads), joint.directory, [1, 2], options)
+        asked = replace(SMALL_RUN, chains=20, warmup=50, threads_per_chain=threads)
+        chains.run_side_by_side(Program(Path("program"), threads), joint.directory, [1, 2], asked)
     assert seen == [8, 2, 1]
 
 

@@ -111,6 +111,7 @@ def test_a_run_that_was_killed_is_completed_before_another_number_is_added(
     assert draws.sizes["draw"] == SMALL_RUN.draws + MORE + sum(added)
     if added:
         assert caplog.messages == [
+            "2 of 2 chains are there already.",
             "Adding 60 draws was asked for before and is completed first.",
             "Extending 1 chain by 60 draws.",
             "Extending 2 chains by 20 draws.",

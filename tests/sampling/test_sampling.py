@@ -1,6 +1,7 @@
 """Options and starts of the sampler, and chains that end badly, in processes of their own."""
 
 import json
+import math
 import os
 import shutil
 import signal
@@ -179,7 +180,10 @@ def assert_whole(run: RunDirectory) -> None:
         ("adapt_delta", lambda: SamplerOptions(adapt_delta=1.0)),
         ("adapt_delta", lambda: SamplerOptions(adapt_delta=float("nan"))),
         ("max_treedepth", lambda: SamplerOptions(max_treedepth=0)),
-        ("chain_timeout", lambda: SamplerOptions(chain_timeout=0.0)),
+        *(
+            ("chain_timeout", lambda value=value: SamplerOptions(chain_timeout=value))
+            for value in (0.0, -1.0, math.nan, math.inf)
+        ),
         ("threads_per_chain", lambda: SamplerOptions(threads_per_chain=0)),
         ("coordinates", lambda: SamplerOptions(coordinates=cast(Any, "polar"))),
     ],
@@ -252,16 +256,28 @@ def test_an_experiment_without_data_cannot_be_fitted(
     assert not (tmp_path / "run").exists()
 
 
-def test_a_killed_chain_is_named_and_the_next_call_completes_the_run(
+def test_an_interrupted_run_and_a_killed_chain_are_told_and_the_next_call_completes_the_run(
     start_fit: StartFit, undisturbed: Fit, small_problem: Problem, tmp_path: Path
 ) -> None:
+    """A terminal sends the signal to the whole group of processes, so to the chains too."""
     run = RunDirectory(tmp_path / "run")
+    for send in (os.kill, os.killpg):
+        process = start_fit(run.path)
+        wait_for_draws(run, process)
+        send(process.pid, signal.SIGINT)
+        output, _ = process.communicate(timeout=120)
+        assert process.returncode == 130
+        assert "interrupted" in output
+        assert "Traceback" not in output
+        assert processes_on(run.path) == []
+        assert run.read_manifest()["status"] == "interrupted"
+        assert_whole(run)
+
     process = start_fit(run.path)
     wait_for_draws(run, process)
     victim = next(child for child in chains_of(process) if "id=2" in _command_line(child))
     victim.kill()
     output, _ = process.communicate(timeout=120)
-
     assert process.returncode == 3
     assert run.finished_chains() == (1,)
     assert "Chain 2 was killed by the system (SIGKILL)" in output
@@ -319,32 +335,6 @@ def test_a_chain_that_cannot_start_is_named(
     assert "1000000000.0" in check.sentence
     assert "tighten the prior" in check.sentence
     assert run.finished_chains() == (1,)
-
-
-@pytest.mark.parametrize("send", [os.kill, os.killpg])
-def test_ctrl_c_leaves_a_run_that_can_be_continued(
-    send: Callable[[int, int], None],
-    start_fit: StartFit,
-    undisturbed: Fit,
-    small_problem: Problem,
-    tmp_path: Path,
-) -> None:
-    """A terminal sends the signal to the whole group of processes, so to the chains too."""
-    run = RunDirectory(tmp_path / "run")
-    process = start_fit(run.path)
-    wait_for_draws(run, process)
-    send(process.pid, signal.SIGINT)
-    output, _ = process.communicate(timeout=120)
-
-    assert process.returncode == 130
-    assert "interrupted" in output
-    assert "Traceback" not in output
-    assert processes_on(run.path) == []
-    assert run.read_manifest()["status"] == "interrupted"
-    assert_whole(run)
-
-    fit(small_problem.experiment, small_problem.priors, out=run.path, options=INTERRUPTED)
-    assert_same_draws(run, undisturbed)
 
 
 @pytest.mark.slow

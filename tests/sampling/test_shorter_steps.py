@@ -20,7 +20,7 @@ from pyburgers.sampling.run_directory import RunDirectory
 
 FloatArray = npt.NDArray[np.float64]
 
-LONG_STEPS = replace(SMALL_RUN, adapt_delta=0.05)
+LONG_STEPS = replace(SMALL_RUN, warmup=60, draws=30, adapt_delta=0.05)
 """A target with which half of the trajectories diverge, and a few still with steps half as long."""
 
 
@@ -175,6 +175,8 @@ def test_a_fit_of_peak_stresses_goes_on_too(
     peak_stress: PeakStressFit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("pyburgers.fitting.sampled_fit.MAX_DIVERGENT_SHARE", 1.0)
+    softening = "pyburgers.flow_law_tables.fit.softening_prior"
+    monkeypatch.setattr(softening, lambda *_, **__: peak_stress.softening)
     options = replace(PEAK_STRESS_RUN, warmup=100, draws=100, adapt_delta=0.05)
     fit = fit_peak_stress(peak_stress.data, peak_stress.priors, out=tmp_path, options=options)
     assert fit.manifest["shortened"]

@@ -33,7 +33,7 @@ from pyburgers.sbc.results import (
 from pyburgers.sbc.run import Calibration, CalibrationPlan
 
 TINY = (
-    *("--simulations", "3", "--warmup", "60", "--draws", "60", "--ranked-draws", "19"),
+    *("--simulations", "3", "--warmup", "40", "--draws", "60", "--ranked-draws", "19"),
     *("--adapt-delta", "0.8"),
 )
 RESULTS = ("verdicts.csv", "ranks.csv", "ranks.png", "ranks.svg")

@@ -4,7 +4,7 @@ functions {
 #include physics/flow_law.stan
 #include physics/dashpot_laws.stan
 #include physics/kelvin_laws.stan
-#include physics/relaxation_elements.stan
+#include physics/relaxation.stan
 #include physics/microstructure.stan
 #include kinds/loading_history_rates.stan
 #include kinds/loading_history_legs.stan

@@ -28,7 +28,7 @@ from pyburgers.model.variants import with_variant
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
-SOLVER = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
+SOLVER = SolverOptions()
 SIZE = len(PARAMETERS)
 VARIANTS = [{}, {"fabric": "constant"}, {"grain_size": "constant"}]
 """Where grain size and fabric evolve, and where one of them does."""
@@ -78,13 +78,13 @@ def test_log_jacobian_of_a_creep_test_is_that_of_the_map(
     variant: Mapping[str, str], tmp_path: Path
 ) -> None:
     """Whose plain coordinate is the flow rate at its stress, with ln S_0 solved from times."""
-    twin = history_twin("creep", 30)
+    twin = history_twin("creep", 12)
     truth = {**(twin.true_parameters or {}), "peak_strength": 0.5, "peak_time_decades": 1.0}
     twin = replace(twin, true_parameters=truth)
     known = {"residual_correlation_time", "residual_correlated_share"}
     priors = with_fixed(default_priors(twin.material, twin.protocol), {k: TRUTH[k] for k in known})
     priors = with_variant(priors, twin, variant)
-    reference, _ = LoadingHistoryValley().reference(at_truth(twin, priors, SolverOptions()))
+    reference, _ = LoadingHistoryValley().reference(at_truth(twin, priors, SOLVER))
     assert reference.pins.time_spent.all()
     data = one_test_data(twin, priors, solver=SOLVER, reference=reference)
     program = program_with(likelihood_of(twin).program, data, tmp_path)
@@ -99,7 +99,7 @@ def test_the_curve_stays_when_what_softens_changes(
     priors = with_variant(resolved_priors(experiment), experiment, variant)
     names = plain_coordinates(experiment, priors).parameters
     softening = [names.index(name) for name in SOFTENING if name in names]
-    test = at_truth(experiment, priors, SolverOptions())
+    test = at_truth(experiment, priors, SOLVER)
     systems = {
         "plain": (None, test.mode.coordinate),
         "valley": (valley_of(experiment, priors), np.zeros(len(names))),

@@ -29,7 +29,7 @@ FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
 TIGHT = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
-QUICK = SamplerOptions(chains=2, warmup=60, draws=30, seed=1, adapt_delta=0.8)
+QUICK = SamplerOptions(chains=2, warmup=20, draws=15, seed=1, adapt_delta=0.8)
 MEASURED = (
     MeasuredMicrostructure(0.05, 200e-6, 10e-6),
     MeasuredMicrostructure(0.15, 170e-6, 8e-6, 0.7, 0.05),

@@ -1,17 +1,17 @@
 """Laws of the Kelvin part against direct numerical integration."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import FunctionValues
-from scipy.special import gamma
+from relaxation_oracle import band_oracle, compliance_oracle, creep_oracle, parts, peak_oracle
 from stan_values import PHYSICS
 
+from pyburgers.model.closed_forms import closed_forms
 from pyburgers.model.kelvin_elements import band_elements, peak_elements
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
-from pyburgers.model.relaxation import kelvin_part
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -35,10 +35,10 @@ BOUNDS = {
 """From which parameters are drawn; viscosities by their logarithm."""
 
 OF_LAW: Mapping[str, tuple[str, ...]] = {
-    "one element": (),
-    "two elements": ("peak_strength", "peak_time_decades"),
-    "band": ("relaxation_time_decades", "relaxation_exponent"),
-    "band and peak": (
+    "linear": (),
+    "two_elements": ("peak_strength", "peak_time_decades"),
+    "extended": ("relaxation_time_decades", "relaxation_exponent"),
+    "extended_peak": (
         "relaxation_time_decades",
         "relaxation_exponent",
         "peak_strength",
@@ -71,93 +71,6 @@ def longest_time(values: Mapping[str, float], temperature: float, grain_size: fl
     coarser = grain_size / values["kelvin_reference_grain_size"]
     time = values["kelvin_viscosity"] / values["kelvin_modulus"]
     return float(time * np.exp(slower) * coarser ** values["kelvin_grain_size_exponent"])
-
-
-def integral(density: Callable[[FloatArray], FloatArray], ends: tuple[float, float]) -> FloatArray:
-    """Integral over ln(t) of storage and loss, by 20 Gauss nodes in panels of at most a half."""
-    n_panels = int(np.ceil(2 * (ends[1] - ends[0])))
-    edges = np.linspace(*ends, n_panels + 1)
-    node, weight = np.polynomial.legendre.leggauss(20)
-    half = 0.5 * np.diff(edges)[:, np.newaxis]
-    where = edges[:-1, np.newaxis] + half * (1 + node)
-    found: FloatArray = (density(where) * half * weight).sum(axis=(-2, -1))
-    return found
-
-
-def parts(x: FloatArray) -> FloatArray:
-    """Storage and loss of one element at the logarithm of omega t."""
-    return np.stack([0.5 * (1 - np.tanh(x)), 0.5 / np.cosh(x)])
-
-
-def band_oracle(log_x: float, exponent: float, decades: float) -> FloatArray:
-    width = decades * np.log(10)
-    norm = exponent / -np.expm1(-exponent * width)
-    found = integral(lambda u: np.exp(exponent * u) * parts(log_x + u), (-width, 0.0))
-    return np.asarray(norm * found)
-
-
-def peak_oracle(log_x: float, width: float) -> FloatArray:
-    reach = 12 * width
-    norm = 1 / (width * np.sqrt(2 * np.pi))
-    # As fine in units of a narrow peak as in those of the relaxation itself.
-    scale = min(width, 1.0)
-    found = integral(
-        lambda v: np.exp(-0.5 * (v * scale / width) ** 2) * parts(log_x + v * scale),
-        (-reach / scale, reach / scale),
-    )
-    return np.asarray(norm * scale * found)
-
-
-def compliance_oracle(law: str, values: Mapping[str, float], log_x: float) -> FloatArray:
-    unit = 1 / values["kelvin_modulus"]
-    if law == "one element":
-        element = 1 / (1 + 1j * np.exp(log_x))
-        return unit * np.array([element.real, -element.imag])
-    if law == "two elements":
-        shift = np.log(10) * values["peak_time_decades"]
-        second = values["peak_strength"] / values["maxwell_modulus"]
-        two = unit * parts(np.array(log_x)) + second * parts(np.array(log_x - shift))
-        return np.asarray(two)
-    if law == "andrade":
-        exponent = values["andrade_exponent"]
-        creep = gamma(1 + exponent) * (1j * np.exp(log_x)) ** -exponent
-        return unit * np.array([creep.real, -creep.imag])
-    found = unit * band_oracle(
-        log_x, values["relaxation_exponent"], values["relaxation_time_decades"]
-    )
-    if law == "band":
-        return found
-    peak = peak_oracle(log_x - np.log(10) * values["peak_time_decades"], values["peak_width"])
-    return found + values["peak_strength"] / values["maxwell_modulus"] * peak
-
-
-def creep_oracle(law: str, values: Mapping[str, float], log_t: float) -> float:
-    """Strain over stress (1/Pa) at the logarithm of the time over the longest relaxation time."""
-    unit = 1 / values["kelvin_modulus"]
-    if law == "one element":
-        return float(-unit * np.expm1(-np.exp(log_t)))
-    if law == "two elements":
-        since = log_t + np.log(10) * values["peak_time_decades"]
-        second = values["peak_strength"] / values["maxwell_modulus"]
-        return float(-unit * np.expm1(-np.exp(log_t)) - second * np.expm1(-np.exp(since)))
-    if law == "andrade":
-        return float(unit * np.exp(values["andrade_exponent"] * log_t))
-    exponent = values["relaxation_exponent"]
-    width = values["relaxation_time_decades"] * np.log(10)
-    norm = exponent / -np.expm1(-exponent * width)
-    found = integral(
-        lambda u: -norm * np.exp(exponent * u) * np.expm1(-np.exp(log_t - u)), (-width, 0.0)
-    )
-    if law == "band":
-        return float(unit * found)
-    scale, spread = min(values["peak_width"], 1.0), values["peak_width"]
-    since = log_t + np.log(10) * values["peak_time_decades"]
-    peak = integral(
-        lambda v: -np.exp(-0.5 * (v * scale / spread) ** 2) * np.expm1(-np.exp(since - v * scale)),
-        (-12 * spread / scale, 12 * spread / scale),
-    )
-    peak = peak * scale / (spread * np.sqrt(2 * np.pi))
-    return float(unit * found + values["peak_strength"] / values["maxwell_modulus"] * peak)
 
 
 def conditions() -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -199,18 +112,27 @@ def test_compliance_is_that_of_direct_integration(
     assert relative_error(found, expected).max() < 1e-6
 
 
+@pytest.mark.parametrize("since", [0.2, 15.0, 900.0])
 @pytest.mark.parametrize("law", OF_LAW)
-def test_sums_of_elements_answer_like_the_integrals_in_frequency_and_time(law: str) -> None:
-    compliance, expected, creep, expected_creep = [], [], [], []
-    for values, kelvin, size, omega in zip(random_sets(law, 3), *conditions(), strict=True):
-        tau = longest_time(values, kelvin, size)
-        part = kelvin_part(values, kelvin, np.array(size))
-        compliance.append(np.concatenate(part.compliance(np.array([omega]))))
-        expected.append(compliance_oracle(law, values, np.log(omega * tau)))
-        creep.append(part.creep(1 / omega))
-        expected_creep.append(creep_oracle(law, values, -np.log(omega * tau)))
-    assert relative_error(np.array(compliance), np.array(expected)).max() < 1e-6
-    np.testing.assert_allclose(creep, expected_creep, rtol=1e-6)
+def test_sums_of_elements_answer_like_the_integrals_in_frequency_and_time(
+    law: str, since: float
+) -> None:
+    sets, temperature = random_sets(law, 3), 1300.0
+    grain_size = conditions()[1]
+    drawn = {name: np.array([values[name] for values in sets]) for name in BOUNDS}
+    asked = {"hold_time": since, "n_times": 1, "log_time": [0.0]}
+    found = closed_forms(drawn, grain_size, temperature=temperature, asked=asked)
+    tau = [longest_time(*one) for one in zip(sets, [temperature] * N_SETS, grain_size, strict=True)]
+    np.testing.assert_allclose(found["longest_time"], tau, rtol=1e-8)
+    log_since = np.log(since / np.array(tau))
+    creep = [creep_oracle(law, *one) for one in zip(sets, log_since, strict=True)]
+    np.testing.assert_allclose(found["kelvin_creep_of_hold"], creep, rtol=1e-6)
+    if law == "andrade":
+        return
+    time, compliance = found["elements"].transpose(2, 0, 1)
+    answer = (compliance / (1 + 1j * time / since)).sum(axis=-1)
+    expected = [compliance_oracle(law, *one) for one in zip(sets, -log_since, strict=True)]
+    assert relative_error(np.stack([answer.real, -answer.imag], 1), np.array(expected)).max() < 1e-6
 
 
 @pytest.mark.parametrize("error", [1e-4, 1e-6])
@@ -245,18 +167,25 @@ def test_a_band_of_twelve_decades_takes_three_to_four_elements_a_decade() -> Non
     assert 36 <= band_elements(12 * np.log(10), 1e-4)[0].size <= 52
 
 
-@pytest.mark.parametrize("law", ["band", "band and peak", "andrade"])
-def test_the_spectrum_of_times_adds_up_to_the_compliance(law: str) -> None:
+@pytest.mark.parametrize("law", ["extended", "extended_peak", "andrade"])
+def test_the_density_of_times_adds_up_to_the_compliance(law: str) -> None:
     sets = random_sets(law, seed=3)[:20]
-    for values in sets:
-        values["peak_width"] = max(values["peak_width"], 1.0)  # a grid sees no narrower peak
+    for values in sets:  # a grid sees nothing narrower
+        values["peak_width"] = max(values["peak_width"], 1.0)
+        if law != "andrade":
+            values["relaxation_time_decades"] = max(values["relaxation_time_decades"], 2.0)
+        values["kelvin_viscosity"] = 1e12
     drawn = {name: np.array([one[name] for one in sets]) for name in BOUNDS}
-    part = kelvin_part(drawn, 1300.0, np.full(len(sets), 5e-6))
-    log_time = np.log(part.longest_time)[:, np.newaxis] + np.linspace(-90.0, 60.0, 60_001)
-    elements = [
-        (part.spectrum(grid)[k] / (1 + 1j * np.exp(np.log(0.3) + grid)))
-        for k, grid in enumerate(log_time)
-    ]
-    found = np.trapezoid(np.array(elements), log_time, axis=-1)
-    storage, loss = part.compliance(np.array([0.3]))
-    assert np.abs(found - (storage - 1j * loss)[:, 0]).max() < 2e-3 * np.abs(found).max()
+    log_time = np.linspace(-90.0, 75.0, 16_501)
+    asked = {
+        "n_times": log_time.size,
+        "log_time": log_time.tolist(),
+        "n_frequencies": 1,
+        "frequency": [0.3],
+    }
+    part = closed_forms(drawn, np.full(len(sets), 5e-6), temperature=1300.0, asked=asked)
+    elements = part["time_density"] / (1 + 1j * np.exp(np.log(0.6 * np.pi) + log_time))
+    found = np.trapezoid(elements, log_time, axis=-1)
+    storage = part["storage_compliance"][:, 0] - 1 / drawn["maxwell_modulus"]
+    expected = storage - 1j * part["kelvin_loss"][:, 0]
+    assert np.abs(found - expected).max() < 2e-3 * np.abs(found).max()

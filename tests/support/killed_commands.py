@@ -9,6 +9,8 @@ from pathlib import Path
 MAIN = ("-m", "pyburgers")
 SAMPLER = ("--chains", "2", "--warmup", "150", "--draws", "200")
 
+PREDICTED = ("--test", "PIL40")
+
 TINY_STUDY = f"""
 import sys
 sys.path.insert(0, {str(Path(__file__).parents[2] / "reports")!r})
@@ -20,6 +22,18 @@ study.PRESETS = dict.fromkeys(study.PRESETS, tiny)
 sys.exit(study.main(["--out", sys.argv[1]]))
 """
 """`make study` with chains that are far too short to say anything."""
+
+TINY_PROGRAM = """
+import os, sys
+from pathlib import Path
+out = Path(sys.argv[1])
+os.environ["PYBURGERS_CACHE"] = str(out / "cache")
+from pyburgers.cmdstan.program import load_program
+source = out / "tiny.stan"
+source.write_text("transformed data { real x = 2; } generated quantities { real y = x * x; }")
+(out / "summary.csv").write_text(repr(load_program(source).evaluate({})))
+"""
+"""A program that is compiled into a new cache and runs."""
 
 PLAN = """
 id = "killed"
@@ -76,6 +90,11 @@ def killed_commands(
         "sbc": KilledCommand((*MAIN, "sbc", *files, *numbers, "--out", "OUT")),
         "campaign": KilledCommand((*MAIN, "campaign", str(plan), "--out", "OUT")),
         "compare": KilledCommand((*MAIN, "compare", *left_out), partial(_copy_run, joint)),
+        "report": KilledCommand((*MAIN, "report", str(joint), "--out", "OUT/page")),
+        "predict": KilledCommand(
+            (*MAIN, "predict", "attenuation", str(joint), *PREDICTED, "--out", "OUT/table.csv")
+        ),
+        "compile": KilledCommand(("-c", TINY_PROGRAM, "OUT")),
         "study": KilledCommand(("-c", TINY_STUDY, "OUT")),
     }
 

@@ -7,12 +7,14 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 import psutil
 
 from pyburgers.common.atomic_files import UNFINISHED
+from pyburgers.common.netcdf_files import read_netcdf
 
 ORPHANS_END_WITHIN = 10.0
 """Seconds."""
@@ -20,11 +22,25 @@ ORPHANS_END_WITHIN = 10.0
 LONGEST_RUN = 3600.0
 """Seconds after which a command hangs."""
 
-HOW = ("parent killed", "one of its processes killed", "all killed", "terminated", "interrupted")
+TO_PARENT = {
+    "parent killed": (signal.SIGKILL,),
+    "terminated": (signal.SIGTERM,),
+    "hung up": (signal.SIGHUP,),
+    "parent interrupted": (signal.SIGINT,),
+    "interrupted twice": (signal.SIGINT, signal.SIGINT),
+}
+"""Signals to the command alone, by what is done."""
+
+TO_ALL = {"all killed": signal.SIGKILL, "interrupted": signal.SIGINT, "all ended": signal.SIGTERM}
+"""Signals to all processes of the group of the command."""
+
+ONE = "one of its processes killed"
+
+HOW = (*TO_PARENT, *TO_ALL, ONE)
 
 RESULTS = (
-    *("draws.csv", "summary.csv", "simulation_*.json", "ranks.csv", "verdicts.csv"),
-    *("comparison.csv", "left_out_tests.csv"),
+    *("draws.csv", "summary.csv", "checks.json", "simulation_*.json", "ranks.csv", "verdicts.csv"),
+    *("comparison.csv", "left_out_tests.csv", "tables/*.csv", "table.csv"),
 )
 """Files that are the same however often a command was killed, but for the times in comments."""
 
@@ -47,10 +63,17 @@ class Command:
     out: Path
     done: list[str] = field(default_factory=list)
 
+    @property
+    def temporary(self) -> Path:
+        """Folder of its temporary files, beside what it writes."""
+        return self.out.with_name(f"{self.out.name}_temporary")
+
     def start(self) -> subprocess.Popen[bytes]:
         """Start it in a session of its own, where Ctrl-C counts even if it does not here."""
+        self.temporary.mkdir(exist_ok=True)
         return subprocess.Popen(
             [sys.executable, *self.arguments],
+            env={**os.environ, "TMPDIR": str(self.temporary)},
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             start_new_session=True,
@@ -76,7 +99,7 @@ class Command:
             hit = True
             self.done.append(f"{how} after {after:.1f} s")
             _kill(process, how, rng)
-            if how == "one of its processes killed":  # the others may go on
+            if how == ONE:  # the others may go on
                 process.communicate(timeout=LONGEST_RUN)
         end = time.monotonic() + ORPHANS_END_WITHIN
         while left := in_session(process.pid):
@@ -90,15 +113,12 @@ class Command:
 
 def _kill(process: subprocess.Popen[bytes], how: str, rng: np.random.Generator) -> None:
     """Do it; what has ended in the meantime is left in peace."""
-    if how == "parent killed":
-        process.kill()
-    elif how == "all killed":
-        os.killpg(process.pid, signal.SIGKILL)
-    elif how == "terminated":
-        process.terminate()
-    elif how == "interrupted":
-        os.killpg(process.pid, signal.SIGINT)
-    elif children := psutil.Process(process.pid).children(recursive=True):
+    for number in TO_PARENT.get(how, ()):
+        process.send_signal(number)
+        time.sleep(float(rng.uniform(0.0, 0.3)))
+    if how in TO_ALL:
+        os.killpg(process.pid, TO_ALL[how])
+    elif how == ONE and (children := psutil.Process(process.pid).children(recursive=True)):
         chosen = children[int(rng.integers(len(children)))]
         try:
             chosen.kill()
@@ -129,8 +149,16 @@ def _is_scratch(file: Path) -> bool:
 
 
 def results(out: Path) -> dict[Path, list[str]]:
-    """Lines of `RESULTS` below a folder, without comments."""
-    return {
+    """Lines of `RESULTS` below a folder, without comments, and hashes of all labelled draws."""
+    draws = {
+        file.relative_to(out): [
+            f"{group.path}/{name} {sha256(values.to_numpy().tobytes()).hexdigest()}"
+            for group in read_netcdf(file).subtree
+            for name, values in group.data_vars.items()
+        ]
+        for file in sorted(out.rglob("posterior.nc"))
+    }
+    return draws | {
         file.relative_to(out): [
             line
             for line in file.read_text(encoding="utf-8").splitlines()
@@ -147,6 +175,7 @@ def leftovers(out: Path) -> list[Path]:
         file
         for file in out.rglob("*")
         if file.name.startswith((".scratch", ".simulation", UNFINISHED))
+        or file.name.endswith(".partial")
     ]
 
 
@@ -181,10 +210,11 @@ def attempt(
     hit = True
     while hit and len(one.done) < at_most:
         how = HOW[int(rng.integers(len(HOW)))]
-        hit = one.killed(float(rng.uniform(0.0, 0.7 * seconds)), how, rng)
+        hit = one.killed(float(rng.uniform(0.0, seconds)), how, rng)
     one.finish()
     assert results(one.out) == expected, one.done
     assert leftovers(one.out) == [], one.done
+    assert list(one.temporary.iterdir()) == [], one.done
 
 
 def assert_survives(

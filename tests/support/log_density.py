@@ -72,6 +72,22 @@ class Program:
         assert np.all(np.any([one, two], axis=1)), "a step was rejected"
         return Evaluation(still["lp__"], (two - 2 * one) / step**2, still)
 
+    def generated_at(self, points: FloatArray) -> list[dict[str, float]]:
+        """Columns of the generated quantities at points, shape (n, n_coordinates), in one run."""
+        solved, draws = CompiledProgram(self.executable, self.threads).generate_at(
+            json.loads(self.data_file.read_text(encoding="utf-8")),
+            "coordinate",
+            points,
+            digits=ALL_DIGITS,
+        )
+        assert solved.all()
+        names = [
+            ".".join([name, *(str(k + 1) for k in reversed(place))])
+            for name, variable in draws.variables.items()
+            for place in np.ndindex(*reversed(variable.dimensions))
+        ]
+        return [dict(zip(names, row, strict=True)) for row in draws.values[0].tolist()]
+
     def _leapfrog(
         self, initial_values: Mapping[str, object], step: FloatArray
     ) -> tuple[Mapping[str, float], FloatArray]:
@@ -114,14 +130,8 @@ def assert_gradient_is_slope(
     here, step = program.at({"coordinate": point.tolist()}), 1e-3
     along = range(point.size) if along is None else along
     shifts = step * np.eye(point.size)[along]
-    solved, draws = CompiledProgram(program.executable, program.threads).generate_at(
-        json.loads(program.data_file.read_text(encoding="utf-8")),
-        "coordinate",
-        np.vstack([point, *(point + m * shifts for m in (1, -1, 2, -2))]),
-        digits=ALL_DIGITS,
-    )
-    assert solved.all()
-    density = draws["log_density"][0]
+    points = np.vstack([point, *(point + m * shifts for m in (1, -1, 2, -2))])
+    density = np.array([columns["log_density"] for columns in program.generated_at(points)])
     assert density[0] == pytest.approx(here.log_density, rel=1e-7)
     ahead, behind, far_ahead, far_behind = density[1:].reshape(4, -1)
     slope = (8 * (ahead - behind) - (far_ahead - far_behind)) / (12 * step)

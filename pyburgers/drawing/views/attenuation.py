@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from pyburgers.common.draws import FloatArray
 from pyburgers.drawing.fitted import curve_of, mean_of, positions, predicted
 from pyburgers.drawing.fitted import residuals as residuals_of
-from pyburgers.drawing.page_parts import PageTable, recipe
+from pyburgers.drawing.page_parts import PageTable, recipe, text_table
 from pyburgers.drawing.panels import (
     HALF_WIDTH,
     LINES_AND_AREAS,
@@ -57,7 +57,7 @@ class _Spectrum:
 
 def _spectra(fit: FittedTest) -> list[_Spectrum]:
     conditions = of_kind(fit.experiment, AttenuationExperiment).conditions
-    period, spectrum, quantity = conditions.at(positions(fit, "place"))
+    period, spectrum, quantity = conditions.at(positions(fit))
     solutions = np.exp(predicted(fit, "log_reading"))
     temperature = conditions.temperature[conditions.first_rows]
     coolest, span = temperature.min(), float(np.ptp(temperature)) or 1.0
@@ -159,7 +159,7 @@ def arrhenius(fit: FittedTest) -> Figure:
     """Draw relaxation times against inverse temperature."""
     experiment = of_kind(fit.experiment, AttenuationExperiment)
     conditions = experiment.conditions
-    _, spectrum, quantity = conditions.at(positions(fit, "place"))
+    _, spectrum, quantity = conditions.at(positions(fit))
     first = np.unique(spectrum[quantity == ATTENUATION], return_index=True)[1]
     temperature = conditions.temperature[conditions.first_rows]
     order = np.argsort(temperature)
@@ -225,7 +225,7 @@ def residuals(fit: FittedTest) -> Figure:
 def left_over(fit: FittedTest) -> tuple[FloatArray, FloatArray]:
     """Return recorded less median modelled reading, of attenuation and of modulus, by row."""
     experiment = of_kind(fit.experiment, AttenuationExperiment)
-    left = residuals_of(fit, "log_reading", experiment.response)
+    left = residuals_of(fit)
     n = experiment.readings.tan_delta.size
     return left[:n], left[n:]
 
@@ -262,19 +262,17 @@ def rms_by_temperature(fit: FittedTest) -> pd.DataFrame:
 def rms_table(fit: FittedTest) -> PageTable:
     """Return `rms_by_temperature` as what a page shows."""
     table = rms_by_temperature(fit).reset_index()
-    shown = pd.DataFrame(
-        {
-            "temperature (K)": table["temperature_K"],
-            "attenuations": table["attenuations"].astype(str),
-            "rms of ln tan δ": table["rms_log_tan_delta"].map("{:.3f}".format),
-            "moduli": table["moduli"].astype(str),
-            "rms of ln modulus": table["rms_log_modulus"].map("{:.4f}".format),
-        }
-    )
+    columns = {
+        "temperature (K)": "{temperature_K}",
+        "attenuations": "{attenuations:.0f}",
+        "rms of ln tan δ": "{rms_log_tan_delta:.3f}",
+        "moduli": "{moduli:.0f}",
+        "rms of ln modulus": "{rms_log_modulus:.4f}",
+    }
     return PageTable(
         "left_over",
         "Residuals by temperature",
-        shown,
+        text_table(table, columns),
         table,
         text=Markup(
             "Root mean square of ln(reading) less the median of the model; upper limits do not "
@@ -301,21 +299,14 @@ def read_curve(experiment: AttenuationExperiment) -> ReadCurve:
 def fitted_curve(fit: FittedTest) -> FittedCurve:
     """Gather all readings along their places, measured and as a fit has them."""
     experiment = of_kind(fit.experiment, AttenuationExperiment)
-    return curve_of(
-        fit,
-        "log_reading",
-        ReadCurve(
-            position=experiment.position,
-            data=experiment.response,
-            position_label=PLACE_LABEL,
-            label="ln tan δ, ln(modulus/Pa)",
-            heading=experiment.title,
-        ),
-        grid=positions(fit, "place"),
-        residuals=np.concatenate(left_over(fit)),
-        noise_band=HALF_WIDTH * mean_of(fit, "attenuation_scatter"),
-        residual_label="residual",
+    read = ReadCurve(
+        position=experiment.position,
+        data=experiment.response,
+        position_label=PLACE_LABEL,
+        label="ln tan δ, ln(modulus/Pa)",
+        heading=experiment.title,
     )
+    return curve_of(fit, read, "log_reading", "attenuation_scatter", "residual")
 
 
 def rms_result(fit: FittedTest) -> str:

@@ -5,10 +5,9 @@ from collections.abc import Sequence
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from pyburgers.drawing.fitted import curve_of, mean_of, positions, residuals
+from pyburgers.drawing.fitted import curve_of, positions
 from pyburgers.drawing.page_parts import recipe
 from pyburgers.drawing.panels import (
-    HALF_WIDTH,
     STRAIN_LABEL,
     STRESS_LABEL,
     FittedCurve,
@@ -72,13 +71,12 @@ def fitted_curve(fit: FittedTest) -> FittedCurve:
     experiment = of_kind(fit.experiment, ConstantRateExperiment)
     return curve_of(
         fit,
-        "stress",
         read_curve(experiment),
-        STRESS_FACTOR,
-        grid=positions(fit, "strain") * STRAIN_FACTOR,
-        residuals=residuals(fit, "stress", experiment.stress) * STRESS_FACTOR,
-        noise_band=HALF_WIDTH * mean_of(fit, "stress_noise") * STRESS_FACTOR,
-        residual_label=f"residual ({STRESS_UNIT})",
+        "stress",
+        "stress_noise",
+        f"residual ({STRESS_UNIT})",
+        factor=STRESS_FACTOR,
+        clock_factor=STRAIN_FACTOR,
     )
 
 
@@ -95,7 +93,7 @@ def softening(fit: FittedTest) -> Figure:
     return softening_along(
         fit,
         Along(
-            position=positions(fit, "strain") * STRAIN_FACTOR,
+            position=positions(fit) * STRAIN_FACTOR,
             measured=strains_of(experiment.microstructure) * STRAIN_FACTOR,
             label=STRAIN_LABEL,
             end=experiment.final_strain * STRAIN_FACTOR,

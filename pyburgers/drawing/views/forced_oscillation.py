@@ -1,13 +1,14 @@
 """View of forced oscillations: figures of a fit with their captions, and facts of a test."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from pyburgers.common.draws import central_band
-from pyburgers.drawing.fitted import curve_of, mean_of, positions, predicted, residuals
+from pyburgers.drawing.fitted import curve_of, positions, predicted
 from pyburgers.drawing.page_parts import recipe
 from pyburgers.drawing.panels import (
     HALF_WIDTH,
@@ -92,18 +93,16 @@ def read_curve(experiment: OscillationExperiment) -> ReadCurve:
 def fitted_curve(fit: FittedTest) -> FittedCurve:
     """Gather the stress along time as measured and as a fit has it."""
     experiment = of_kind(fit.experiment, OscillationExperiment)
-    prepared = experiment.prepared
-    noise = mean_of(fit, "stress_noise") * prepared.relative_uncertainty
-    return curve_of(
+    curve = curve_of(
         fit,
-        "stress",
         read_curve(experiment),
-        STRESS_FACTOR,
-        grid=positions(fit, "time"),
-        residuals=residuals(fit, "stress", prepared.stress) / noise,
-        noise_band=HALF_WIDTH,
-        residual_label="residual / noise (–)",
+        "stress",
+        "stress_noise",
+        "residual / noise (–)",
+        factor=STRESS_FACTOR,
     )
+    noise = curve.noise_band / HALF_WIDTH * experiment.prepared.relative_uncertainty
+    return replace(curve, residuals=curve.residuals / noise, noise_band=HALF_WIDTH)
 
 
 @recipe(
@@ -216,7 +215,7 @@ def amplitude_phase(fit: FittedTest) -> Figure:
 def microstructure(fit: FittedTest) -> Figure:
     """Draw grain size and the dashpot's strain rate along time."""
     experiment = of_kind(fit.experiment, OscillationExperiment)
-    time = positions(fit, "time")
+    time = positions(fit)
     rate = shown_quantity(REFERENCE_FLOW_RATE)
     with figure_of(8.0, 5.6, f"{experiment.title}\n{LINES_AND_AREAS}") as figure:
         grains, dashpot = figure.subplots(2, 1, sharex=True)

@@ -106,7 +106,7 @@ def _first_loads(fits: Sequence[FittedTest]) -> list[tuple[FittedTest, CreepInte
 def _strain_after(fit: FittedTest, times: FloatArray) -> FloatArray:
     """Quantiles (low, median, high) of the strain at each of some times (s), shape (times, 3)."""
     # The end of a stage comes twice, the first of the two is before the jump.
-    at, first = np.unique(positions(fit, "time"), return_index=True)
+    at, first = np.unique(positions(fit), return_index=True)
     strain = predicted(fit, "strain")[:, first]
     drawn = np.array([np.interp(times, at, one) for one in strain])
     return np.transpose(central_band(drawn))

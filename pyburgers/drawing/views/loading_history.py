@@ -11,10 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pyburgers.common.draws import FloatArray, central_band
-from pyburgers.drawing.fitted import curve_of, mean_of, positions, predicted, residuals
+from pyburgers.drawing.fitted import curve_of, positions, predicted
 from pyburgers.drawing.page_parts import recipe
 from pyburgers.drawing.panels import (
-    HALF_WIDTH,
     LINES_AND_AREAS,
     STRAIN_LABEL,
     STRESS_LABEL,
@@ -126,7 +125,7 @@ RECOVERY_SHOWN = 1e-3
 def response(fit: FittedTest) -> Figure:
     """Draw stress against strain, the rate against strain, and stages on logarithmic time."""
     experiment = of_kind(fit.experiment, HistoryExperiment)
-    time = positions(fit, "time")
+    time = positions(fit)
     values = {name: predicted(fit, name) for name in ("stress", "strain", "strain_rate")}
     middle = {name: np.nanmedian(draws, axis=0) for name, draws in values.items()}
     stage_of = stage_of_times(experiment, time)
@@ -188,18 +187,17 @@ def _curve(fit: FittedTest, shown: Quantity) -> FittedCurve:
     """Gather a quantity along time as read and as a fit has it, in display units."""
     experiment = of_kind(fit.experiment, HistoryExperiment)
     _, seconds = time_unit(experiment.end_time)
-    time = positions(fit, "time")
+    time = positions(fit)
     imposed = np.array([stage.driven == shown.name for stage in experiment.stages])
-    is_read = experiment.response_is_strain == (shown is _STRAIN)
     curve = curve_of(
         fit,
-        shown.name,
         _read(experiment, shown),
-        shown.display_factor,
-        grid=time / seconds,
-        residuals=residuals(fit, "response", experiment.reading)[is_read] * shown.display_factor,
-        noise_band=HALF_WIDTH * mean_of(fit, f"{shown.name}_noise") * shown.display_factor,
-        residual_label=f"residual ({shown.display_unit})",
+        shown.name,
+        f"{shown.name}_noise",
+        f"residual ({shown.display_unit})",
+        factor=shown.display_factor,
+        clock_factor=1 / seconds,
+        rows=experiment.response_is_strain == (shown is _STRAIN),
     )
     # What is imposed has no reading error.
     is_imposed = imposed[stage_of_times(experiment, time)]
@@ -293,7 +291,7 @@ def softening(fit: FittedTest) -> Figure:
     """Draw how grain size and fabric soften the material along time."""
     experiment = of_kind(fit.experiment, HistoryExperiment)
     unit, seconds = time_unit(experiment.end_time)
-    time = positions(fit, "time")
+    time = positions(fit)
     path_strain = np.nanmedian(predicted(fit, "path_strain"), axis=0)
     sections = experiment.microstructure
     measured = np.where(

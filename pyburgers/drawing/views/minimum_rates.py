@@ -9,7 +9,7 @@ from scipy.stats import linregress
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.units import rounded, span_text
 from pyburgers.drawing.fitted import positions, predicted
-from pyburgers.drawing.page_parts import PageTable
+from pyburgers.drawing.page_parts import PageTable, text_table
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.loading_history.experiment import (
@@ -57,7 +57,7 @@ def minimum_rates(fit: FittedTest) -> pd.DataFrame:
     least_at_end (share of those whose rate is least, or as good as that, at the end).
     """
     experiment = of_kind(fit.experiment, HistoryExperiment)
-    time = positions(fit, "time")
+    time = positions(fit)
     rate, strain = predicted(fit, "strain_rate"), predicted(fit, "strain")
     rows = []
     for interval in creep_intervals(experiment):
@@ -140,35 +140,28 @@ def minimum_rate_table(fit: FittedTest) -> tuple[PageTable, ...]:
     if found.empty:
         return ()
     unit, seconds = time_unit(of_kind(fit.experiment, HistoryExperiment).end_time)
+    spans = found[["start_time_s", "end_time_s"]].to_numpy() / seconds
     strain = STRAIN_FACTOR * found[["strain", "strain_q5", "strain_q95"]].to_numpy()
-    shown = pd.DataFrame(
-        {
-            "stage": found["stage"].astype(str),
-            f"time ({unit})": [
-                span_text(ends / seconds, digits=3)
-                for ends in found[["start_time_s", "end_time_s"]].to_numpy()
-            ],
-            f"stress ({STRESS_UNIT})": [f"{v * STRESS_FACTOR:.4g}" for v in found["stress_Pa"]],
-            "minimum rate (1/s)": [f"{v:.3g}" for v in found["rate_per_s"]],
-            "5 to 95 %": [
-                f"{low:.3g} to {high:.3g}"
-                for low, high in zip(found["rate_q5_per_s"], found["rate_q95_per_s"], strict=True)
-            ],
-            "measured rate (1/s)": [
-                "" if np.isnan(rate) else f"{rate:.3g} ± {sd:.1g}"
-                for rate, sd in found[["measured_rate_per_s", "measured_rate_sd_per_s"]].to_numpy()
-            ],
-            f"strain there ({STRAIN_UNIT})": [
-                "" if np.isnan(middle) else rounded(middle, high - low)
-                for middle, low, high in strain
-            ],
-            "strain, 5 to 95 %": [
-                "" if np.isnan(low) else f"{low:.3g} to {high:.3g}" for _, low, high in strain
-            ],
-            "minimum inside": [f"{v:.0%} of draws" for v in found["minimum_inside"]],
-            "least at the end": [f"{v:.0%} of draws" for v in found["least_at_end"]],
-        }
+    known = found.assign(
+        time=[span_text(ends, digits=3) for ends in spans],
+        stress=found["stress_Pa"] * STRESS_FACTOR,
+        median=["" if np.isnan(mid) else rounded(mid, high - low) for mid, low, high in strain],
+        low=strain[:, 1],
+        high=strain[:, 2],
     )
+    columns = {
+        "stage": "{stage}",
+        f"time ({unit})": "{time}",
+        f"stress ({STRESS_UNIT})": "{stress:.4g}",
+        "minimum rate (1/s)": "{rate_per_s:.3g}",
+        "5 to 95 %": "{rate_q5_per_s:.3g} to {rate_q95_per_s:.3g}",
+        "measured rate (1/s)": "{measured_rate_per_s:.3g} ± {measured_rate_sd_per_s:.1g}",
+        f"strain there ({STRAIN_UNIT})": "{median}",
+        "strain, 5 to 95 %": "{low:.3g} to {high:.3g}",
+        "minimum inside": "{minimum_inside:.0%} of draws",
+        "least at the end": "{least_at_end:.0%} of draws",
+    }
+    shown = text_table(known, columns)
     text = (
         "Of the solutions, for draws from the posterior; noise takes no part. A row is a time over "
         f"which the stress stays within {100 * NEARLY_CONSTANT:g} % of its mean. The measured rate "

@@ -65,6 +65,10 @@ def predicted_response(fit: FittedTest) -> PredictedResponse:
     -------
     PredictedResponse
         Amplitudes (Pa) and lags (rad) of the draws that have a solution, shape (n_draws,).
+
+    Examples
+    --------
+    >>> response = pyburgers.predicted_response(oscillation)
     """
     experiment = of_kind(fit.experiment, OscillationExperiment)
     stress = fit.posterior["predictions"].to_dataset()["stress"]

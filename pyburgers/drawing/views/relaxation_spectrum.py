@@ -11,7 +11,9 @@ from pyburgers.drawing.style import BLUE, VERMILION
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.kind import FittedTest
-from pyburgers.model.relaxation import KelvinPart, kelvin_part
+from pyburgers.model.arrhenius import log_slowdown
+from pyburgers.model.closed_forms import closed_forms
+from pyburgers.model.parameters import STANDARD_VALUES
 
 DRAWS = 1000
 """Draws at most that are drawn from."""
@@ -36,20 +38,21 @@ LEAST = 1e-4
 def relaxation_spectrum(fit: FittedTest) -> Figure:
     """Draw the compliance of relaxation times with its band."""
     experiment = of_kind(fit.experiment, AttenuationExperiment)
-    part = _part(fit, experiment.temperature)
-    elastic = 1 / part.values["maxwell_modulus"]
-    seen = _seen_times(fit, part)
+    values = _draws(fit)
+    seen = _seen_times(experiment, values)
     log_time = np.log(10) * np.linspace(
         np.log10(seen[0]) - DECADES_BEYOND, np.log10(seen[1]) + DECADES_BEYOND, TIMES
     )
-    density = np.log(10) * part.spectrum(log_time) / elastic[:, np.newaxis]
+    part = _kelvin_part(experiment, values, log_time)
+    elastic = 1 / values["maxwell_modulus"]
+    density = np.log(10) * part["time_density"] / elastic[:, np.newaxis]
     with figure_of(8.0, 5.2, f"{experiment.title}\n{LINES_AND_AREAS}") as figure:
         axes = figure.subplots()
         axes.axvspan(*seen, color="#e6e6e6", linewidth=0, label="seen by the periods")
         if density.any():
             draw_band(axes, np.exp(log_time), density, BLUE, "per decade")
         else:
-            _draw_elements(axes, part, elastic)
+            _draw_elements(axes, part["elements"], elastic)
         axes.set(xscale="log", yscale="log")
         least, most = axes.get_ylim()
         axes.set_ylim(min(max(least, LEAST), 0.1), max(most, 1.0))
@@ -59,32 +62,43 @@ def relaxation_spectrum(fit: FittedTest) -> Figure:
     return figure
 
 
-def _part(fit: FittedTest, temperature: float) -> KelvinPart:
-    """Return the Kelvin part of some draws at a temperature (K)."""
+def _draws(fit: FittedTest) -> dict[str, FloatArray]:
+    """Return some draws of the parameters (SI)."""
     draws = fit.posterior["posterior"].to_dataset()
-    values = {
+    return {
         name: evenly_spaced(all_draws(draws[name]).astype(np.float64), DRAWS)
         for name in fit.priors.priors
         if name in draws
     }
-    grain_size = np.full_like(values["kelvin_modulus"], fit.experiment.initial_grain_size)
-    return kelvin_part(values, temperature, grain_size)
 
 
-def _seen_times(fit: FittedTest, part: KelvinPart) -> tuple[float, float]:
-    """Return the range of 1/omega of all rows (s), moved to the temperature of a part."""
-    conditions = of_kind(fit.experiment, AttenuationExperiment).conditions
+def _kelvin_part(
+    experiment: AttenuationExperiment, values: dict[str, FloatArray], log_time: FloatArray
+) -> dict[str, FloatArray]:
+    """Return the Kelvin part at the temperature of the file's head, its density at ln(s)."""
+    grain_size = np.full_like(values["kelvin_modulus"], experiment.initial_grain_size)
+    asked = {"n_times": log_time.size, "log_time": log_time.tolist()}
+    return closed_forms(values, grain_size, temperature=experiment.temperature, asked=asked)
+
+
+def _seen_times(
+    experiment: AttenuationExperiment, values: dict[str, FloatArray]
+) -> tuple[float, float]:
+    """Return the range of 1/omega of all rows (s), moved to the temperature of the file's head."""
+    conditions = experiment.conditions
+    name = "kelvin_activation_enthalpy"
+    enthalpy = values.get(name, np.array(STANDARD_VALUES[name]))
     times = []
     for temperature in np.unique(conditions.temperature):
         period = conditions.period[conditions.temperature == temperature]
-        slower = np.median(part.longest_time / _part(fit, float(temperature)).longest_time)
+        slower = np.exp(np.median(log_slowdown(enthalpy, experiment.temperature, temperature)))
         times += [slower * period.min() / (2 * np.pi), slower * period.max() / (2 * np.pi)]
-    return min(times), max(times)
+    return float(min(times)), float(max(times))
 
 
-def _draw_elements(axes: Axes, part: KelvinPart, elastic: FloatArray) -> None:
-    """Draw elements of one time as dots with bars."""
-    for time, compliance in part.elements():
+def _draw_elements(axes: Axes, elements: FloatArray, elastic: FloatArray) -> None:
+    """Draw elements of one time (s, 1/Pa; shape (n_draws, n, 2)) as dots with bars."""
+    for time, compliance in elements.transpose(1, 2, 0):
         (low, middle, high), (least, strength, most) = (
             central_band(values) for values in (time, compliance / elastic)
         )
@@ -102,8 +116,9 @@ def _draw_elements(axes: Axes, part: KelvinPart, elastic: FloatArray) -> None:
 
 def spectrum_result(fit: FittedTest) -> str:
     """Say how long the longest relaxation time is."""
-    part = _part(fit, fit.experiment.temperature)
+    experiment = of_kind(fit.experiment, AttenuationExperiment)
+    part = _kelvin_part(experiment, _draws(fit), np.empty(0))
     return (
         f"the longest relaxation time at {fit.experiment.temperature:g} K is "
-        f"{band_text(part.longest_time, 's')}."
+        f"{band_text(part['longest_time'], 's')}."
     )

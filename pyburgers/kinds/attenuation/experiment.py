@@ -46,6 +46,12 @@ class AttenuationExperiment(Experiment):
         Readings of each row.
     elasticity : Elasticity
         Whether cycles are axial or of shear, and what relates the two.
+
+    Examples
+    --------
+    >>> table = pyburgers.load_experiment(data / "ice" / "attenuation_twin.toml")
+    >>> type(table).__name__, table.n_points
+    ('AttenuationExperiment', 72)
     """
 
     protocol: ClassVar[str] = "attenuation"
@@ -234,38 +240,28 @@ class AttenuationExperiment(Experiment):
         }
         if readings.tan_delta.size == 0:
             return {"attenuation": attenuation, "spectra": spectra_of(conditions)}
-        columns: dict[str, FloatArray] = {
-            "period_s": conditions.period,
-            "temperature_K": conditions.temperature,
-            "median_stress_Pa": conditions.median_stress,
-            "tan_delta": readings.tan_delta,
-            "tan_delta_uncertainty": readings.tan_delta_error,
-            "limit": readings.limit,
+        columns = {
+            "period": ("period_s", conditions.period),
+            "temperature": ("temperature_K", conditions.temperature),
+            "median_stress": ("median_stress_Pa", conditions.median_stress),
+            "attenuation": ("tan_delta", readings.tan_delta),
+            "attenuation_uncertainty": ("tan_delta_uncertainty", readings.tan_delta_error),
+            "limit": ("limit", readings.limit),
         }
-        data: dict[str, Any] = {
-            "file": columns,
-            "missing": [],
-            "period_column": "period_s",
-            "period_unit": "s",
-            "temperature_column": "temperature_K",
-            "temperature_unit": "K",
-            "stress_unit": "Pa",
-            "median_stress_column": "median_stress_Pa",
-            "attenuation_column": "tan_delta",
-            "attenuation_form": "tan_delta",
-            "attenuation_uncertainty_column": "tan_delta_uncertainty",
-            "limit_column": "limit",
-        }
+        units = {"period_unit": "s", "temperature_unit": "K", "stress_unit": "Pa"}
         if self.amplitude_is_stated:
-            columns["amplitude_Pa"] = conditions.amplitude
-            data["amplitude_column"] = "amplitude_Pa"
+            columns["amplitude"] = ("amplitude_Pa", conditions.amplitude)
         if readings.modulus.size:
-            columns |= {"modulus_Pa": readings.modulus, "uncertainty_Pa": readings.modulus_error}
-            data |= {
-                "modulus_column": "modulus_Pa",
-                "modulus_unit": "Pa",
-                "modulus_uncertainty_column": "uncertainty_Pa",
-            }
+            columns["modulus"] = ("modulus_Pa", readings.modulus)
+            columns["modulus_uncertainty"] = ("uncertainty_Pa", readings.modulus_error)
+            units["modulus_unit"] = "Pa"
+        data = {
+            "file": dict(columns.values()),
+            "missing": [],
+            **{f"{key}_column": name for key, (name, _) in columns.items()},
+            **units,
+            "attenuation_form": "tan_delta",
+        }
         return {"attenuation": attenuation, "data": data}
 
 

@@ -166,8 +166,7 @@ def _measured(
     source = data.source(path)
     periods = _one_of(path, data, "period_column", "frequency_column")
     columns = _columns(path, data, periods)
-    read, notes = read_columns(path, data, columns)
-    found = dict(zip(columns, read, strict=True))
+    found, notes = read_columns(path, data, columns)
     if data.least_temperature is not None:
         found = _from_temperature(path, data, found, data.least_temperature)
     order = found[periods]

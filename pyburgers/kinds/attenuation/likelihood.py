@@ -9,7 +9,7 @@ import numpy as np
 from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
-from pyburgers.kinds.attenuation.table import ATTENUATION, CycleConditions, Elasticity
+from pyburgers.kinds.attenuation.table import ATTENUATION, CycleConditions
 from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited, Likelihood, grid_quantities
 from pyburgers.kinds.stan_data import CHART, Layout, StanData, ends
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
@@ -202,9 +202,8 @@ NO_ERROR = 1e-12
 NO_NODES = np.empty((0, 2))
 
 
-AXIAL = Elasticity("axial")
-"""Of a test that is no table, where it has no effect."""
-
+NO_CONVERSION = (1.0, 0.0, 1.0)
+"""Of a test that is no table, where it has no effect (`Elasticity.conversion`)."""
 
 OF_READINGS = ("reading", "quantity_of_point", "stated_error", "is_limit", "log_limit")
 
@@ -388,7 +387,9 @@ def tables_block(tests: Sequence[AttenuationExperiment | None]) -> StanData:
         "node_end": ends(len(own) for own in nodes),
         "node": np.concatenate([NO_NODES, *nodes]).tolist(),
         "regime": [int(k) + 1 for _, of_rows in regimes for k in of_rows],
-        "conversion": [list((AXIAL if e is None else e.elasticity).conversion) for e in tests],
+        "conversion": [
+            list(NO_CONVERSION if e is None else e.elasticity.conversion) for e in tests
+        ],
         "reading_end": ends(0 if e is None else e.n_points for e in tests),
         **{name: [one for own in points for one in own[name]] for name in OF_READINGS},
         "log_reading_observed": _joined(e.response for e in tables),

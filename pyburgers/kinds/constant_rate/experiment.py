@@ -54,6 +54,12 @@ class ConstantRateExperiment(Experiment):
         Strain at which the protocol ends, not below that of the last datum.
     stress_uncertainty : float or None
         Stated standard deviation of a reading (Pa), for checks of the residuals.
+
+    Examples
+    --------
+    >>> test = pyburgers.load_experiment(data / "ice" / "PIL40.toml")
+    >>> type(test).__name__, test.temperature
+    ('ConstantRateExperiment', 260.0)
     """
 
     protocol: ClassVar[str] = "constant_rate"

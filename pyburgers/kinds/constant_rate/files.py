@@ -344,20 +344,18 @@ def _read_points(
     """Strain (fraction) and stress (Pa) of one file, each of shape (n_rows,), and notes."""
     source = data.source(path)
     read = [name for name in ("strain", "time") if getattr(data, f"{name}_column") is not None]
-    names = (*read, "stress")
-    columns = {f"{name}_column": (f"{name}_unit", name) for name in names}
-    values, notes = read_columns(
+    columns = {f"{name}_column": (f"{name}_unit", name) for name in (*read, "stress")}
+    found, notes = read_columns(
         path,
         data,
         columns,
         named_in=named_in,
         has_own_clock="strain" in read or is_whole or len(segments) == 1,
     )
-    found = dict(zip(names, values, strict=True))
-    stress, time = sign * found["stress"], found.get("time")
-    if "strain" not in found:
-        return _strain_at(found["time"], segments), stress, notes
-    strain = sign * found["strain"]
+    stress, time = sign * found["stress_column"], found.get("time_column")
+    if "strain_column" not in found:
+        return _strain_at(found["time_column"], segments), stress, notes
+    strain = sign * found["strain_column"]
     if np.mean(strain < 0) > 0.5:
         expected, other = ("positive", "negative")[::sign]
         raise InputError(

@@ -107,6 +107,12 @@ class OscillationExperiment(Experiment):
         Cycles of the model ahead of the record, so that no start-up transient is left.
     imposed : ImposedCycles or None
         Driving cycles of a test without a record, which can only be simulated.
+
+    Examples
+    --------
+    >>> test = pyburgers.load_experiment(data / "olivine" / "olivine_twin.toml")
+    >>> test.settings.period
+    300.0
     """
 
     protocol: ClassVar[str] = "forced_oscillation"
@@ -243,7 +249,13 @@ class OscillationExperiment(Experiment):
 def with_background(
     experiment: OscillationExperiment, background: Background
 ) -> OscillationExperiment:
-    """Return the same test with its background removed or kept."""
+    """Return the same test with its background removed or kept.
+
+    Examples
+    --------
+    >>> record = pyburgers.load_experiment(data / "olivine" / "olivine_twin.toml")
+    >>> kept = pyburgers.with_background(record, "kept")
+    """
     settings = replace(experiment.settings, background=background, start_stress=None)
     prepared = prepare(experiment.record, settings, experiment.id)
     others = [one for one in experiment.notices if one not in experiment.prepared.notices]

@@ -206,13 +206,14 @@ def _read_series(
     columns = {f"{name}_time_column": (f"{name}_time_unit", "time"), f"{name}_column": unit}
     if uncertainty is None:
         columns[column] = unit
-    (time, value, *spread), notes = read_columns(
+    table, notes = read_columns(
         path,
         data,
         columns,
         key=f"{name}_file",
         has_own_clock=data.strain_time_column == data.stress_time_column and data.is_one_file,
     )
+    time, value, *spread = table.values()
     if not spread:
         spread = [np.full_like(value, data.in_si(number, *unit, path))]
     return (time, value, *spread), notes

@@ -1,12 +1,8 @@
 """Least squares of a time series on a sinusoid, its harmonics and a polynomial trend.
 
-The series is written as
-
-    value(t) = sum_j a_j P_j(x) + sum_k [ s_k sin(k w t) + c_k cos(k w t) ],
-
-with Legendre polynomials P_j, x running from -1 to 1 over the series, and w = 2 pi / period. The
-harmonics of a nonlinear record do not average out over a few cycles: without them they end up in
-the fundamental and in the trend.
+value(t) = sum_j a_j P_j(x) + sum_k [s_k sin(k w t) + c_k cos(k w t)], with Legendre polynomials
+P_j, x from -1 to 1 over the series, and w = 2 pi / period. Harmonics of a nonlinear record do not
+average out over a few cycles: they would end up in the fundamental and in the trend.
 """
 
 import math

@@ -64,18 +64,13 @@ class OscillationRecord:
 
 @dataclass(frozen=True)
 class OscillationSettings:
-    """How a record is prepared.
+    """How a record is prepared; None leaves the choice to the preparation.
 
-    `period`: seconds; None estimates it from the strain.
-    `strain_trend_degree`, `stress_trend_degree`: degrees of the polynomials; None chooses them by
-        an information criterion.
-    `background`: with "kept" the rate of the strain's trend drives the model too, and the stress
-        keeps its bias and its drift. With "removed" only the oscillating parts are used, as in the
-        paper: the trends of strain and stress, constants included, are subtracted. That is another
-        state of the material, from which the truth is not recovered (docs/model.md): a notice says
-        so.
-    `start_stress`: stress (Pa) at which the model starts, ahead of the record, where the background
-        is kept; None takes the bias of the stress at the start of the record.
+    `period`, `strain_trend_degree`, `stress_trend_degree`: seconds; degrees of the polynomials.
+    `background`: "kept" lets the strain's trend drive the model, too, and leaves the stress its
+        bias. "removed" subtracts both trends, as in the paper: the truth is not recovered
+        (docs/model.md).
+    `start_stress`: stress (Pa) at which the model starts if the background is kept, else the bias.
     """
 
     period: float | None = None
@@ -89,22 +84,15 @@ class OscillationSettings:
 class PreparedOscillation:
     """A record in the form that the model takes, SI units; times are those of the record's clock.
 
-    `period`: seconds.
+    `period`, `start`: seconds; time of the first strain or stress reading that is used.
     `strain_fit`, `stress_fit`: fits of the two series; the first drives the model.
-    `background`: whether trends drive the model and stay in the stress.
-    `start_stress`: stress (Pa) at which the model starts; 0 where the background is removed.
-    `start`: time (s) of the first strain or stress reading that is used.
-    `time` (n_points,): seconds, increasing.
-    `stress`, `uncertainty` (n_points,): stress (Pa) that the model is compared with, and its
-        standard deviation.
-    `strain_sine`, `strain_cosine` (3,): amplitudes of sin(k w t) and cos(k w t), w = 2 pi / period,
-        in the driving strain.
+    `background`, `start_stress`: whether trends count; stress (Pa) at which the model starts.
+    `time`, `stress`, `uncertainty` (n_points,): s; Pa for comparison, and its standard deviation.
+    `strain_sine`, `strain_cosine` (3,): amplitudes of sin(k w t) and cos(k w t), w = 2 pi / period.
     `background_rate` (n_background,): coefficients (1/s) of powers 0, 1, ... of (t -
         t_middle)/t_half in the driving strain rate; zeros where the background is removed.
-    `strain_error` (n_errors, 6 + n_background): what one standard deviation of each of the
-        independent errors of the strain's fit adds to `strain_sine`, `strain_cosine` and
-        `background_rate`. Errors of the harmonics, or of the background, are left out where their
-        share (`strain_shares`) is below `NEGLIGIBLE_SHARE`.
+    `strain_error` (n_errors, 6 + n_background): what one standard deviation of each independent
+        error of the strain's fit adds to the three before, unless its share is `NEGLIGIBLE_SHARE`.
     `t_middle`, `t_half`: middle and half length (s) of the strain record.
     `notices`: what the preparation left out: sentences.
     """

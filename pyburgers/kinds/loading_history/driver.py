@@ -1,16 +1,12 @@
 """Measured drivers as lines: a series of readings becomes legs over which it is linear in time.
 
-The rule: of all lines with corners at readings that pass every reading within `TOLERANCE` times
-the reading error, take one with the fewest corners, and of those the one nearest to the readings;
-then put its corners at the values of the least-squares line with the same times. Ramps and jumps
-stay, since a line that cut their corners would miss readings; what is smaller than the tolerance is
-taken as error of reading or control. The search is by dynamic programming: the slopes of all lines
-from a reading that pass within the tolerance of those after it form an interval that narrows as
-they go on (Imai and Iri 1986, Computer Vision, Graphics, and Image Processing 36, 31-41).
-
-The error of a reading goes by the load: a controller scatters more under a large stress than under
-a small one. So the readings of each leg say anew how far they scatter, and where that is less, the
-line has to pass them closer.
+Of all lines with corners at readings that pass every reading within `TOLERANCE` times the reading
+error, take one with the fewest corners, and of those the nearest to the readings. Its corners then
+get the values of the least-squares line. Ramps and jumps stay, because a line that cut their
+corners would miss readings. The search is by dynamic programming: slopes that pass within the
+tolerance form an interval that narrows (Imai and Iri 1986, Computer Vision, Graphics, and Image
+Processing 36, 31-41). A controller scatters more under a large stress, so each leg has its own
+scatter.
 """
 
 from itertools import pairwise

@@ -11,6 +11,7 @@ from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
 from pyburgers.kinds.experiment import Experiment, Stated
 from pyburgers.kinds.experiment_file import far_reading, microstructure_tables
 from pyburgers.kinds.loading_history.stages import (
+    OWN_KEYS,
     Leg,
     Stage,
     imposed_strains,
@@ -47,6 +48,12 @@ class HistoryExperiment(Experiment):
         Measured strain of the sample at rest; None for zero.
     n_readings_in_file : int
         Before records were thinned.
+
+    Examples
+    --------
+    >>> test = pyburgers.load_experiment(data / "halite" / "halite_z3.toml")
+    >>> len(test.stages)
+    1
     """
 
     protocol: ClassVar[str] = "loading_history"
@@ -289,15 +296,10 @@ def _stage_table(stage: Stage) -> dict[str, Any]:
         "end_time": stage.end_time,
         "temperature_K": stage.temperature,
     }
-    match stage.control:
-        case "strain_rate":
-            table["strain_rate_per_s"] = stage.value
-        case "stress":
-            table["stress"] = stage.value
-        case "stress_rate":
-            table |= {"stress_rate": stage.value, "start_stress": stage.start_stress}
-        case "strain_series" | "stress_series":
-            table["knots"] = [list(knot) for knot in stage.knots]
+    if stage.knots:
+        table["knots"] = [list(knot) for knot in stage.knots]
+    else:
+        table |= zip(OWN_KEYS[stage.control], (stage.value, stage.start_stress), strict=False)
     return table
 
 

@@ -45,7 +45,6 @@ from pyburgers.kinds.loading_history.stage_tables import (
     stage_bounds,
 )
 from pyburgers.kinds.loading_history.stages import (
-    Conventions,
     Leg,
     Measure,
     Stage,
@@ -176,20 +175,14 @@ def load_loading_history(path: Path, tables: Mapping[str, Any] | None = None) ->
 
 def _test(path: Path, file: LoadingHistoryFile) -> tuple[StageSource, Stated | None]:
     """Return what stages are read with, and the zero of strain."""
-    conventions = Conventions(
-        time=factor_to_si(file.stage_time_unit, "time", f"{path}: key 'stage_time_unit'"),
-        stress=factor_to_si(file.stage_stress_unit, "stress", f"{path}: key 'stage_stress_unit'"),
-        time_unit=file.stage_time_unit,
-        sign=sign_of(file.compression),
-        stress_measure=file.stress_measure,
-        strain_measure=file.strain_measure,
-    )
-    bounds = stage_bounds(path, file.stages, conventions.time)
-    offset = _strain_offset(path, file, conventions.sign)
+    second = factor_to_si(file.stage_time_unit, "time", f"{path}: key 'stage_time_unit'")
+    pascal = factor_to_si(file.stage_stress_unit, "stress", f"{path}: key 'stage_stress_unit'")
+    bounds, sign = stage_bounds(path, file.stages, second), sign_of(file.compression)
+    offset = _strain_offset(path, file, sign)
     readings, apparatus = NO_READINGS, _apparatus(file)
     compliance = apparatus.value if apparatus else 0.0
     if file.data is not None:
-        raw = read_readings(path, file.data, bounds, conventions.sign)
+        raw = read_readings(path, file.data, bounds, sign)
         zero = offset.value if offset else 0.0
         readings = true_readings(
             path, raw, file.stress_measure, file.strain_measure, zero, compliance
@@ -197,7 +190,12 @@ def _test(path: Path, file: LoadingHistoryFile) -> tuple[StageSource, Stated | N
     test = StageSource(
         path=path,
         temperature=file.temperature_K,
-        conventions=conventions,
+        time_unit=file.stage_time_unit,
+        second=second,
+        pascal=pascal,
+        sign=sign,
+        stress_measure=file.stress_measure,
+        strain_measure=file.strain_measure,
         bounds=bounds,
         readings=readings,
         stress_error=_uncertainty(path, file.data, "stress"),
@@ -302,10 +300,10 @@ def _sections(
         if time is not None and not start < time <= end:
             raise InputError(
                 f"{where}: key 'time': found {time:g}, expected more than {start:g} and at most "
-                f"{end:g} {test.conventions.time_unit}, where the test starts and ends."
+                f"{end:g} {test.time_unit}, where the test starts and ends."
             )
         if table.strain is not None:
-            _check_strain(where, table.strain, factor, test.conventions, legs, is_rigid=is_rigid)
+            _check_strain(where, table.strain, factor, test, legs, is_rigid=is_rigid)
     check_increasing(test.path, "time", times)
     check_increasing(test.path, "strain", [table.strain for table in tables])
     return tuple(
@@ -314,7 +312,7 @@ def _sections(
             number,
             table,
             strain=None if table.strain is None else table.strain * factor,
-            time=None if time is None else time * test.conventions.time - float(test.bounds[0]),
+            time=None if time is None else time * test.second - float(test.bounds[0]),
         )
         for number, (table, time) in enumerate(zip(tables, times, strict=True), start=1)
     )
@@ -333,13 +331,13 @@ def _check_strain(
     where: str,
     strain: float,
     factor: float,
-    conventions: Conventions,
+    test: StageSource,
     legs: Sequence[Leg],
     *,
     is_rigid: bool,
 ) -> None:
     """Check a path strain, which adds up whatever its sign, and is a true one."""
-    if conventions.strain_measure == "engineering":
+    if test.strain_measure == "engineering":
         raise InputError(
             f"{where}: key 'strain': found {strain:g} with engineering strains, expected the key "
             "'time' because a path strain is a true one."

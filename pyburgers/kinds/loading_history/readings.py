@@ -11,8 +11,7 @@ from pydantic import Field
 from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
 from pyburgers.common.columns import Column, DataFile, TextFilesTable, read_columns
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import factor_to_si
-from pyburgers.common.units import count_points, units_text
+from pyburgers.common.units import UNITS, count_points, units_text
 from pyburgers.kinds.loading_history.driver import kept_readings
 from pyburgers.kinds.loading_history.stages import Stage, legs_of
 
@@ -54,6 +53,14 @@ class HistoryDataTable(TextFilesTable):
     def is_copy(self) -> bool:
         """Whether the test was written out after it was read: what is judged then is judged."""
         return self.readings_in_file is not None
+
+    def time_number(self, time: float) -> str:
+        """Return a time (s) as it stands in the file."""
+        return f"{time / UNITS['time'][self.time_unit]:g}"
+
+    def time_text(self, time: float) -> str:
+        """Return a time (s) as it stands in the file, with its unit."""
+        return f"{self.time_number(time)} {self.time_unit}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,16 +113,13 @@ def read_readings(path: Path, data: HistoryDataTable, bounds: FloatArray, sign: 
     if data.stage_column is not None:
         columns["stage_column"] = None
     source = data.source(path)
-    found, notes = read_columns(
-        path, data, columns, may_be_empty=("stress_column", "strain_column")
-    )
-    table = dict(zip(columns, found, strict=True))
+    may_be_empty = ("stress_column", "strain_column")
+    table, notes = read_columns(path, data, columns, may_be_empty=may_be_empty)
     time = _at_bounds(table["time_column"], bounds)
     nothing = np.full_like(time, np.nan)
-    second = factor_to_si(data.time_unit, "time", f"{path}: key 'time_unit' in [data]")
-    rows = _Rows(f"{source}{data.selection}", data.time_unit, second)
-    stage = _stages(rows, time, bounds, data.stage_column, table.get("stage_column"))
-    _check_order(rows, time, stage)
+    rows = f"{source}{data.selection}"
+    stage = _stages(rows, data, time, bounds, table.get("stage_column"))
+    _check_order(rows, data, time, stage)
     return Readings(
         source=source,
         time=time - bounds[0],
@@ -178,23 +182,6 @@ def _check_pair(path: Path, data: HistoryDataTable, quantity: str) -> None:
         )
 
 
-@dataclass(frozen=True)
-class _Rows:
-    """How messages name the rows of a table: file, unit of its times, and that unit in s."""
-
-    source: str
-    unit: str
-    second: float
-
-    def number(self, time: float) -> str:
-        """Return a time (s) as it stands in the file."""
-        return f"{time / self.second:g}"
-
-    def time(self, time: float) -> str:
-        """Return a time (s) as it stands in the file, with its unit."""
-        return f"{self.number(time)} {self.unit}"
-
-
 def _at_bounds(time: FloatArray, bounds: FloatArray) -> FloatArray:
     """Return times, those of bounds exactly where only rounding tells them apart."""
     for bound in bounds:
@@ -203,19 +190,20 @@ def _at_bounds(time: FloatArray, bounds: FloatArray) -> FloatArray:
 
 
 def _stages(
-    rows: _Rows,
+    rows: str,
+    data: HistoryDataTable,
     time: FloatArray,
     bounds: FloatArray,
-    column: Column | None,
     numbers: FloatArray | None,
 ) -> IntArray:
     """Stage of every row; a row at the time of a change belongs to the later stage."""
+    column = data.stage_column
     outside = np.flatnonzero((time < bounds[0]) | (time > bounds[-1]))
     if outside.size:
         raise InputError(
-            f"{rows.source}: {count_points(outside.size)} outside every stage, the first at "
-            f"{rows.time(time[outside[0]])} (data row {outside[0] + 1}), expected times between "
-            f"{rows.number(bounds[0])} and {rows.time(bounds[-1])}."
+            f"{rows}: {count_points(outside.size)} outside every stage, the first at "
+            f"{data.time_text(time[outside[0]])} (data row {outside[0] + 1}), expected times "
+            f"between {data.time_number(bounds[0])} and {data.time_text(bounds[-1])}."
         )
     if numbers is None:
         return np.clip(np.searchsorted(bounds, time, side="right") - 1, 0, bounds.size - 2)
@@ -224,7 +212,7 @@ def _stages(
     if unknown.size:
         expected = f"a whole number from 1 to {n_stages}" if n_stages > 1 else "1, the only stage"
         raise InputError(
-            f"{rows.source}: stage column {column!r}, data row {unknown[0] + 1}: found "
+            f"{rows}: stage column {column!r}, data row {unknown[0] + 1}: found "
             f"{numbers[unknown[0]]:g}, expected {expected}."
         )
     stage = numbers.astype(np.int64) - 1
@@ -232,21 +220,21 @@ def _stages(
     if wrong.size:
         k = stage[wrong[0]]
         raise InputError(
-            f"{rows.source}: stage column {column!r}, data row {wrong[0] + 1}: found {k + 1} at "
-            f"{rows.time(time[wrong[0]])}, expected times from {rows.number(bounds[k])} to "
-            f"{rows.time(bounds[k + 1])} in that stage."
+            f"{rows}: stage column {column!r}, data row {wrong[0] + 1}: found {k + 1} at "
+            f"{data.time_text(time[wrong[0]])}, expected times from "
+            f"{data.time_number(bounds[k])} to {data.time_text(bounds[k + 1])} in that stage."
         )
     return stage
 
 
-def _check_order(rows: _Rows, time: FloatArray, stage: IntArray) -> None:
+def _check_order(rows: str, data: HistoryDataTable, time: FloatArray, stage: IntArray) -> None:
     """Refuse rows that go back; several readings of one moment go with what is constant."""
     wrong = np.flatnonzero((np.diff(stage) < 0) | (np.diff(time) < 0))
     if wrong.size:
         k = int(wrong[0])
         raise InputError(
-            f"{rows.source}: data row {k + 2}: the time {rows.time(time[k + 1])} comes after "
-            f"{rows.time(time[k])}, expected times that do not go back within a stage."
+            f"{rows}: data row {k + 2}: the time {data.time_text(time[k + 1])} comes after "
+            f"{data.time_text(time[k])}, expected times that do not go back within a stage."
         )
 
 

@@ -31,7 +31,7 @@ from pyburgers.kinds.loading_history.readings import (
 from pyburgers.kinds.loading_history.stages import (
     DRIVEN,
     Control,
-    Conventions,
+    Measure,
     Stage,
     StageTable,
     check_keys,
@@ -46,24 +46,35 @@ true strain follow it to half a percent."""
 
 @dataclass(frozen=True, eq=False)
 class StageSource:
-    """What stages are read with.
+    """What stages are read with: how the numbers of a file are meant, and what was read.
 
     `path`, `temperature`: the file, for messages; K, of stages that name none.
-    `conventions`, `readings`: how numbers are meant; the true readings.
+    `time_unit`, `second`, `pascal`: of times in [[stages]], in s; of stresses there, in Pa.
+    `sign`, `stress_measure`, `strain_measure`: of a compression; true or engineering.
     `bounds` (n_stages + 1,): starts of stages and the last end (s on the clock of the file).
+    `readings`: true ones.
     `stress_error`, `strain_error`: stated standard deviations of readings (Pa, fraction).
     `first_strain`, `compliance`: zero of strain and its error; of the apparatus (1/Pa).
     """
 
     path: Path
     temperature: float
-    conventions: Conventions
+    time_unit: str
+    second: float
+    pascal: float
+    sign: int
+    stress_measure: Measure
+    strain_measure: Measure
     bounds: FloatArray
     readings: Readings
     stress_error: float | None
     strain_error: float | None
     first_strain: tuple[float, float]
     compliance: float
+
+    def time_text(self, time: float) -> str:
+        """Return a time since the start of the test (s) on the clock of the file, in its unit."""
+        return f"{(time + self.bounds[0]) / self.second:g} {self.time_unit}"
 
 
 def stage_bounds(path: Path, tables: Sequence[StageTable], time_factor: float) -> FloatArray:
@@ -179,20 +190,20 @@ class _StageReader:
         return float(self.test.bounds[self.number] - self.test.bounds[0])
 
     def read(self) -> Stage:
-        table, conventions = self.table, self.test.conventions
-        sign, stress = conventions.sign, conventions.sign * conventions.stress
+        table, test = self.table, self.test
+        sign, stress = test.sign, test.sign * test.pascal
         match table.control:
             case "hold_strain":
                 return self._stage("hold_strain")
             case "strain_rate":
                 rate = sign * (table.strain_rate_per_s or 0.0)
-                if conventions.strain_measure == "engineering":
+                if test.strain_measure == "engineering":
                     return self._displacement(rate)
                 return self._stage("strain_rate", value=rate)
             case "stress":
                 return self._load(stress * (table.stress or 0.0), 0.0)
             case "stress_rate":
-                rate = stress * (table.stress_rate or 0.0) / conventions.time
+                rate = stress * (table.stress_rate or 0.0) / test.second
                 return self._load(self._start_stress(stress), rate)
             case _:
                 if table.knots is None:
@@ -218,7 +229,7 @@ class _StageReader:
         """Stress (Pa) at which a rate starts: the key, or where the stage before ends."""
         if self.table.start_stress is not None:
             return factor * self.table.start_stress
-        is_true = self.test.conventions.stress_measure == "true"
+        is_true = self.test.stress_measure == "true"
         if is_true and self.before and self.before[-1].driven == "stress":
             return legs_of(self.before)[-1].end_value
         given = _given_end(self.tables_before)
@@ -231,7 +242,7 @@ class _StageReader:
 
     def _load(self, start: float, rate: float) -> Stage:
         """Stress given by its start (Pa) and rate (Pa/s); as a series where it is a force."""
-        is_force = self.test.conventions.stress_measure == "engineering"
+        is_force = self.test.stress_measure == "engineering"
         if not is_force or self.test.readings.source is None:
             stage = (
                 self._stage("stress", value=start)
@@ -287,10 +298,10 @@ class _StageReader:
 
     def _given_series(self, knots: Sequence[Sequence[float]], stress: float) -> Stage:
         """Corners as they stand in the file."""
-        conventions, control = self.test.conventions, self.table.control
+        test, control = self.test, self.table.control
         strain_driven = control == "strain_series"
         quantity = "strain" if strain_driven else "stress"
-        measure = conventions.strain_measure if strain_driven else conventions.stress_measure
+        measure = test.strain_measure if strain_driven else test.stress_measure
         key = f"{self.where}: key 'knots'"
         if measure == "engineering":
             raise InputError(
@@ -322,8 +333,8 @@ class _StageReader:
                 f"{key}: found the time {repeated:g} after a time that is not earlier, expected "
                 "times that increase."
             )
-        time = given * conventions.time - self.test.bounds[0]
-        value = (conventions.sign if strain_driven else stress) * value
+        time = given * test.second - test.bounds[0]
+        value = (test.sign if strain_driven else stress) * value
         return self._series(control, time, value)
 
     def _measured_series(self) -> Stage:
@@ -337,7 +348,7 @@ class _StageReader:
             error = scatter(time, value) if stated is None else stated
             allowed = max(TOLERANCE * error, TURNED_TOLERANCE * float(np.ptp(value)))
             _check_jump(self.test, self.before, float(value[0]), allowed)
-        factor = 1.0 if strain_driven else self.test.conventions.stress
+        factor = 1.0 if strain_driven else self.test.pascal
         if self.table.tolerance is not None:
             tolerance = np.array([factor * self.table.tolerance])
         elif stated is not None:
@@ -362,7 +373,7 @@ class _StageReader:
         own = one_reading_each(
             test.readings.source,
             *own_readings(test.readings, quantity, number - 1, span, shared),
-            lambda time: test.conventions.time_text(time + test.bounds[0]),
+            test.time_text,
         )
         if own[0].size < 2:
             raise InputError(
@@ -371,10 +382,7 @@ class _StageReader:
                 "change belongs to the later stage, unless a stage column says another one)."
             )
         if too_long_a_gap(own[0], span):
-            first, last, start, end = (
-                test.conventions.time_text(time + test.bounds[0])
-                for time in (own[0][0], own[0][-1], *span)
-            )
+            first, last, start, end = map(test.time_text, (own[0][0], own[0][-1], *span))
             raise InputError(
                 f"{self.where}: found readings of the {quantity} from {first} to {last} only, "
                 f"expected them to hold {purpose} from {start} to {end}; what lies outside may be "

@@ -130,26 +130,6 @@ def _start_and_rate(stage: Stage) -> tuple[float, float]:
     return stage.start_stress or 0.0, stage.value
 
 
-@dataclass(frozen=True)
-class Conventions:
-    """How the numbers of a file are meant.
-
-    `time`, `stress`, `time_unit`: factors to SI in [[stages]], and the unit of its times.
-    `sign`, `stress_measure`, `strain_measure`: of a compression; true or engineering.
-    """
-
-    time: float
-    stress: float
-    time_unit: str
-    sign: int
-    stress_measure: Measure
-    strain_measure: Measure
-
-    def time_text(self, time: float) -> str:
-        """Return a time on the clock of the file (s) in the unit of its stages."""
-        return f"{time / self.time:g} {self.time_unit}"
-
-
 OWN_KEYS: Mapping[Control, tuple[str, ...]] = MappingProxyType(
     {
         "strain_rate": ("strain_rate_per_s",),

@@ -17,7 +17,8 @@ from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Leg
 from pyburgers.kinds.stan_data import StanData, ends
 from pyburgers.model.arrhenius import log_slowdown
-from pyburgers.model.kelvin_elements import andrade_elements, band_elements, peak_elements
+from pyburgers.model.kelvin_elements import element_rows
+from pyburgers.model.laws import RELAXATION_TIMES
 from pyburgers.model.prior_families import Prior, is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of
@@ -281,31 +282,17 @@ MAX_PRIOR_QUANTILE = 0.99
 START_OF_IMAGINED = 1e-3
 """Shortest time that counts of a stage without readings, over its duration."""
 
-_ONLY, _BAND, _PEAK, _ANDRADE, _FASTER, _SLOWER = map(float, range(6))
-"""Parts of a law, as in `stan/physics/relaxation_elements.stan`."""
-
 
 def elements_block(tests: Sequence[tuple[HistoryExperiment | None, PriorSet]]) -> StanData:
     """Return part of the law, place in it and weight of each element; None: a table."""
-    priors = [own for _, own in tests]
-    decades = max(_largest(own["relaxation_time_decades"]) for own in priors)
-    rows = [[_ONLY, 0.0, 1.0]]
-    if decades > 0:
-        rows = _rows(_BAND, *band_elements(decades * np.log(10), ELEMENT_ERROR))
-    if not all(is_fixed_at(own["peak_strength"], 0.0) for own in priors):
-        width = max(_largest(own["peak_width"]) for own in priors)
-        rows += _rows(_PEAK, *peak_elements(width, ELEMENT_ERROR))
-    if not all(is_fixed_at(own["andrade_exponent"], 0.0) for own in priors):
+    names = {name for times in RELAXATION_TIMES for name in (times.switch, times.width) if name}
+    largest = {name: max(_largest(own[name]) for _, own in tests) for name in names}
+    log_times = None
+    if any(largest[times.switch] for times in RELAXATION_TIMES if times.spread == "endless"):
         ends = [_log_times(test, own) for test, own in tests if test is not None]
-        shortest, longest = np.transpose(ends)
-        places = andrade_elements(float(shortest.min()), float(longest.max()), ELEMENT_ERROR)
-        rows = _rows(_ANDRADE, *places)
-        rows[0][0], rows[-1][0] = _FASTER, _SLOWER
+        log_times = min(start for start, _ in ends), max(end for _, end in ends)
+    rows = element_rows(largest, ELEMENT_ERROR, log_times)
     return {"n_elements": len(rows), "element": rows}
-
-
-def _rows(part: float, places: FloatArray, weights: FloatArray) -> list[list[float]]:
-    return [[part, *row] for row in zip(places.tolist(), weights.tolist(), strict=True)]
 
 
 def _log_times(test: HistoryExperiment, priors: PriorSet) -> tuple[float, float]:
@@ -323,7 +310,7 @@ def _log_times(test: HistoryExperiment, priors: PriorSet) -> tuple[float, float]
         for enthalpy in _ends(priors["kelvin_activation_enthalpy"])
         for exponent in _ends(priors["kelvin_grain_size_exponent"])
     ]
-    return np.log(min(shortest)) - max(slower), np.log(test.end_time) - min(slower)
+    return float(np.log(min(shortest))) - max(slower), float(np.log(test.end_time)) - min(slower)
 
 
 def _ends(prior: Prior) -> Iterable[float]:

@@ -1,0 +1,139 @@
+"""Closed forms of a frozen material (`stan/stress_cycles.stan`), of many draws at once.
+
+They are the compliance, creep and relaxation times of a linear Kelvin part, and what the dashpot
+adds under a hold and stress cycles.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.cmdstan.program import load_program
+from pyburgers.cmdstan.toolchain import stan_directory
+from pyburgers.common.draws import FloatArray
+from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.model.kelvin_elements import element_rows
+from pyburgers.model.laws import (
+    NONLINEAR_KELVIN_PARAMETERS,
+    RELAXATION_TIMES,
+    SPECTRUM_PARAMETERS,
+    SPECTRUM_SWITCHES,
+)
+from pyburgers.model.parameters import KELVIN_REFERENCES, PROGRAM_PARAMETERS, STANDARD_VALUES
+
+ELEMENT_ERROR = 1e-8
+"""Of sums of elements, relative to the relaxed compliance."""
+
+DIGITS = 17
+"""Of the numbers that the program writes: a grain size in its steady state stays exactly that."""
+
+N_DELAYS = 300
+"""Frequencies at which a peak of a Kelvin part with many relaxation times is looked for."""
+
+RELAXATION_PARAMETERS = (
+    *SPECTRUM_PARAMETERS,
+    *KELVIN_REFERENCES,
+    *KELVIN_REFERENCES.values(),
+)
+"""Parameters that laws of the Kelvin part have beside modulus and viscosity."""
+
+NOTHING_ASKED: Mapping[str, object] = {
+    **dict.fromkeys(("n_frequencies", "n_regimes", "n_sines", "n_times"), 0),
+    **{
+        name: [] for name in ("frequency", "median_stress", "amplitude", "node", "sine", "log_time")
+    },
+    "node_end": [0],
+    "hold_time": 0.0,
+}
+"""Data of the program without frequencies, stresses and times."""
+
+
+def closed_forms(
+    parameters: Mapping[str, npt.ArrayLike],
+    grain_size: FloatArray,
+    *,
+    temperature: float,
+    fabric_factor: npt.ArrayLike = 1.0,
+    stress: npt.ArrayLike = 0.0,
+    asked: Mapping[str, object],
+) -> dict[str, FloatArray]:
+    """Return generated quantities of `stan/stress_cycles.stan`: shape of `grain_size`, their own.
+
+    `parameters` (SI) and conditions (K, m, 1, Pa) are broadcast to the shape of `grain_size`.
+    Without moduli and viscosity they are 1 (SI): the dashpot needs none. `asked` are data beside
+    `NOTHING_ASKED`. Raises `InputError` if a number is not finite, and `SamplingError` if the
+    program stops.
+    """
+    shape = grain_size.shape
+    given = {name: np.asarray(values, dtype=np.float64) for name, values in parameters.items()}
+    state = [np.asarray(one, dtype=np.float64) for one in (grain_size, fabric_factor, stress)]
+    columns = [*parameter_columns(given, shape), *(np.broadcast_to(one, shape) for one in state)]
+    materials = np.stack(columns, axis=-1)
+    if not np.isfinite(materials).all():
+        raise InputError(
+            "parameters: found draws that are not finite, expected finite numbers (SI)."
+        )
+    names = {name for times in RELAXATION_TIMES for name in (times.switch, times.width) if name}
+    largest = {name: float(np.max(given.get(name, 0.0), initial=0.0)) for name in names}
+    rows = element_rows(largest, ELEMENT_ERROR)
+    data = {
+        **NOTHING_ASKED,
+        "temperature": temperature,
+        "n_elements": len(rows),
+        "element": rows,
+        "n_delays": N_DELAYS if any(largest[name] for name in SPECTRUM_SWITCHES) else 0,
+        **asked,
+    }
+    program = load_program(stan_directory() / "stress_cycles.stan")
+    points = materials.reshape(-1, materials.shape[-1])
+    solved, found = program.generate_at(data, "material", points, digits=DIGITS)
+    if not solved.all():
+        raise SamplingError("The closed form has no value at some draws; check their units (SI).")
+    return {
+        name: np.reshape(found[name][0], (*shape, *variable.dimensions))
+        for name, variable in found.variables.items()
+    }
+
+
+def parameter_columns(
+    parameters: Mapping[str, FloatArray], shape: tuple[int, ...]
+) -> list[FloatArray]:
+    """Return draws in the order of the programs, each of one shape (SI).
+
+    A parameter that is not given has no effect: on a frozen microstructure, or on stresses without
+    noise.
+    """
+    without = {"maxwell_modulus": 1.0, "kelvin_modulus": 1.0, "kelvin_viscosity": 1.0}
+    return [
+        np.broadcast_to(
+            parameters.get(p.name, np.array(p.standard or without.get(p.name, 0.0))), shape
+        )
+        for p in PROGRAM_PARAMETERS
+    ]
+
+
+def require_linear(parameters: Mapping[str, npt.ArrayLike]) -> None:
+    """Raise `InputError` if a Kelvin element has a dashpot that is not linear: no compliance."""
+    for name in NONLINEAR_KELVIN_PARAMETERS:
+        standard = STANDARD_VALUES[name]
+        if np.any(np.asarray(parameters.get(name, standard)) != standard):
+            raise InputError(
+                f"{name}: found values other than {standard:g}, expected a linear "
+                "Kelvin part because the spectrum in closed form needs it; simulate cycles of any "
+                "other as a loading history."
+            )
+
+
+def require_one_relaxation_time(parameters: Mapping[str, npt.ArrayLike]) -> None:
+    """Refuse laws that are not solved in time under imposed stress.
+
+    Raise InputError if the Kelvin part has many relaxation times, or one that depends on grain
+    size.
+    """
+    for name in (*SPECTRUM_SWITCHES, "kelvin_grain_size_exponent"):
+        if np.any(np.asarray(parameters.get(name, 0.0)) != 0):
+            raise InputError(
+                f"{name}: found values other than 0, expected a Kelvin part of one relaxation time "
+                "because a solution in time needs it; the closed form takes any."
+            )

@@ -1,0 +1,75 @@
+"""Whatever shows how the package is used does it by its public names alone."""
+
+import ast
+import json
+import re
+from pathlib import Path
+
+import pytest
+from sentences import documents
+
+import pyburgers
+
+ROOT = Path(__file__).parents[2]
+BLOCK = re.compile(r"^```python\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+
+
+def code_cells(notebook: Path) -> list[str]:
+    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    return ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+
+
+SOURCES = {
+    str(path.relative_to(ROOT)): code
+    for path, code in (
+        *(
+            (path, path.read_text(encoding="utf-8"))
+            for folder in ("examples", "docs/gallery", "reports")
+            for path in sorted((ROOT / folder).rglob("*.py"))
+        ),
+        *((path, "\n".join(code_cells(path))) for path in sorted(ROOT.glob("notebooks/*.ipynb"))),
+        *((path, "\n".join(BLOCK.findall(path.read_text("utf-8")))) for path in documents()),
+    )
+    if "pyburgers" in code
+}
+
+
+def used_of_the_package(source: str) -> set[str]:
+    """Names of the package that a file uses, those of modules with their dots."""
+    used = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "pyburgers":
+            inside = (node.module or "").removeprefix("pyburgers").lstrip(".")
+            used |= {f"{inside}.{alias.name}".lstrip(".") for alias in node.names}
+        elif isinstance(node, ast.Import):
+            modules = {alias.name for alias in node.names}
+            used |= {name for name in modules if name.startswith("pyburgers.")}
+        elif isinstance(node, ast.Attribute) and ast.unparse(node.value) == "pyburgers":
+            used.add(node.attr)
+    return used
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_public_names_suffice(name: str) -> None:
+    assert used_of_the_package(SOURCES[name]) <= {*pyburgers.__all__, "__version__"}
+
+
+def test_code_of_every_sort_is_read() -> None:
+    assert {
+        "README.md",
+        "docs/gallery/prior_curves.py",
+        "docs/tutorials/stan_functions.md",
+        "examples/reuse_stan_functions/flow_stress.py",
+        "notebooks/own_curve.ipynb",
+        "reports/study.py",
+    } <= SOURCES.keys()
+
+
+def test_another_import_is_seen() -> None:
+    for line, name in (
+        ("from pyburgers.fitting.fit import Fit", "fitting.fit.Fit"),
+        ("import pyburgers.fitting.fit as f", "pyburgers.fitting.fit"),
+        ("pyburgers.fitting.fit", "fitting"),
+    ):
+        assert name in used_of_the_package(line)
+        assert name not in pyburgers.__all__

@@ -1,10 +1,10 @@
 """What speaks against the draws that a comparison stands on."""
 
 from pyburgers.checks.fit_checks import CheckKind
-from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.sampled_fit import SampledFit
 
 
-def sampling_doubts(one: Fit, name: str, consequence: str) -> tuple[str, ...]:
+def sampling_doubts(one: SampledFit, name: str, consequence: str) -> tuple[str, ...]:
     """Say which checks of its draws a fit of something failed, and what that means here."""
     failed = [
         result.name

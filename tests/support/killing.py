@@ -71,7 +71,7 @@ class Command:
         return self.out.with_name(f"{self.out.name}_temporary")
 
     def start(self) -> subprocess.Popen[bytes]:
-        """Start it in a session of its own, where Ctrl-C counts even if it does not here."""
+        """Start it in a session of its own, where each signal counts even if it does not here."""
         self.temporary.mkdir(exist_ok=True)
         return subprocess.Popen(
             [sys.executable, *self.arguments],
@@ -79,7 +79,7 @@ class Command:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             start_new_session=True,
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+            preexec_fn=_hear_signals,
         )
 
     def finish(self) -> float:
@@ -111,6 +111,12 @@ class Command:
         now = finished_chains(self.out)
         assert {file: now.get(file) for file in before} == before, self.done
         return hit
+
+
+def _hear_signals() -> None:
+    """Undo what a shell in the background or `nohup` left to its processes."""
+    for one in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(one, signal.SIG_DFL)
 
 
 def make_old(*folders: Path) -> None:

@@ -1,5 +1,6 @@
 """Kill a command again and again, somewhere, and see that it ends where it would have anyway."""
 
+import csv
 import os
 import signal
 import subprocess
@@ -44,7 +45,10 @@ RESULTS = (
     *("draws.csv", "summary.csv", "checks.json", "simulation_*.json", "ranks.csv", "verdicts.csv"),
     *("comparison.csv", "left_out_tests.csv", "tables/*.csv", "table.csv"),
 )
-"""Files that are the same however often a command was killed, but for the times in comments."""
+"""Files that are the same however often a command was killed, but for comments and wall times."""
+
+WALL_TIMES = ("chain_seconds", "wall time (s)")
+"""Columns of tables."""
 
 
 @dataclass
@@ -174,14 +178,22 @@ def results(out: Path) -> dict[Path, list[str]]:
         for file in sorted(out.rglob("posterior.nc"))
     }
     return draws | {
-        file.relative_to(out): [
-            line
-            for line in file.read_text(encoding="utf-8").splitlines()
-            if not line.startswith("#")
-        ]
+        file.relative_to(out): _lines_without_times(file)
         for pattern in RESULTS
         for file in sorted(out.rglob(pattern))
     }
+
+
+def _lines_without_times(file: Path) -> list[str]:
+    """Lines of a file without comments, of a table without columns of wall times."""
+    text = file.read_text(encoding="utf-8")
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    names = next(csv.reader(lines[:1]), [])
+    times = [place for place, name in enumerate(names) if name in WALL_TIMES]
+    if file.suffix != ".csv" or not times:
+        return lines
+    rows = csv.reader(lines)
+    return [repr([cell for place, cell in enumerate(row) if place not in times]) for row in rows]
 
 
 def leftovers(out: Path) -> list[Path]:

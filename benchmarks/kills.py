@@ -18,24 +18,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from conftest import POOL, SMALL_RUN, Problem, pair_of, write_problem
-from killed_commands import KilledCommand, killed_commands
+from killed_commands import KILLS, KilledCommand, killed_commands
 from killing import attempt, command_in, results
 from sampling import markdown
 
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.toml_files import read_json
 from pyburgers.fitting.fit import fit
-
-KILLS = {
-    "fit": 80,
-    "sbc": 40,
-    "campaign": 40,
-    "compare": 30,
-    "report": 30,
-    "predict": 30,
-    "compile": 40,
-    "study": 10,
-}
 
 AT_MOST = 6
 """Kills of one attempt."""

@@ -7,6 +7,7 @@ from pyburgers.cli.shared import command_line, exit_code, writing
 from pyburgers.cli.terminal import print_table
 from pyburgers.cli.workers import add_worker_options, require_no_worker_options, workers_of
 from pyburgers.common.atomic_files import write_text
+from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.paths import shown
 from pyburgers.fitting.campaign import (
     load_campaign,
@@ -52,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
         print(f"{name}: could not be done: {error}")
     with writing(out):
         out.mkdir(parents=True, exist_ok=True)
-        write_text(out / "status.csv", table.to_csv())
+        write_text(out / "status.csv", csv_text(table, index=True))
         print(shown(f"table: {out / 'status.csv'}"))
     if options.part is None and (table["status"] == COMPLETE).any():
         fits, section = shown_fits(campaign, out)

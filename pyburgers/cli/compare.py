@@ -9,6 +9,7 @@ from typing import Any
 from pyburgers.cli.shared import command_line, exit_code, writing
 from pyburgers.cli.workers import add_worker_options, require_no_worker_options, workers_of
 from pyburgers.common.atomic_files import write_json, write_text
+from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
 from pyburgers.comparison.by_points import compare
@@ -123,8 +124,8 @@ def save_comparison(
     comparison: Comparison, fits: Mapping[str, Fit], folder: Path, *, command: str
 ) -> None:
     """Write ``comparison.csv``, ``pointwise.csv`` and ``comparison.json``."""
-    write_text(folder / "comparison.csv", comparison_table(comparison).to_csv())
-    write_text(folder / "pointwise.csv", pointwise_table(comparison).to_csv())
+    write_text(folder / "comparison.csv", csv_text(comparison_table(comparison), index=True))
+    write_text(folder / "pointwise.csv", csv_text(pointwise_table(comparison), index=True))
     write_json(
         folder / "comparison.json",
         {
@@ -141,8 +142,8 @@ def save_comparison_by_test(
     comparison: ComparisonByTest, joints: Mapping[str, Fit], folder: Path, *, command: str
 ) -> None:
     """Write ``comparison.csv``, ``left_out_tests.csv`` and ``comparison.json``."""
-    write_text(folder / "comparison.csv", table_of_fits(comparison).to_csv())
-    write_text(folder / "left_out_tests.csv", table_of_tests(comparison).to_csv())
+    write_text(folder / "comparison.csv", csv_text(table_of_fits(comparison), index=True))
+    write_text(folder / "left_out_tests.csv", csv_text(table_of_tests(comparison), index=True))
     write_json(
         folder / "comparison.json",
         {

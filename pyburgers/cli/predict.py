@@ -8,6 +8,7 @@ from pyburgers.cli import predict_test
 from pyburgers.cli.outputs import check_output
 from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_text
+from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
 from pyburgers.common.units import UNITS
@@ -204,12 +205,12 @@ def _predict(fit: Fit, fitted: Sequence[Ranges], options: argparse.Namespace, ou
     figure = attenuation(spectrum, spectrum.attrs["title"], comparison, measured)
     files = [out.with_suffix(suffix) for suffix in (".csv", ".nc", ".png", ".svg")]
     with writing(out):
-        write_text(out, table.to_csv(index=False))
+        write_text(out, csv_text(table))
         save_spectrum(spectrum, out.with_suffix(".nc"))
         write_images(figure, out)
         if comparison is not None:
             evolved = out.with_name(f"{out.stem}_evolving.csv")
-            write_text(evolved, evolving_table(comparison).to_csv(index=False))
+            write_text(evolved, csv_text(evolving_table(comparison)))
             save_spectrum(comparison, evolved.with_suffix(".nc"))
             files += [evolved, evolved.with_suffix(".nc")]
     print(f"{spectrum.attrs['title']}: tan(delta), median and 90 % of the draws")

@@ -8,6 +8,7 @@ import pandas as pd
 from pyburgers.cli.outputs import check_output
 from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_text
+from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.common.paths import shown
@@ -94,7 +95,7 @@ def _write(prediction: Prediction, scores: pd.DataFrame | None, out: Path) -> li
         tables[out.with_name(f"{out.stem}_scores.csv")] = scores.reset_index()
     with writing(out):
         for file, table in tables.items():
-            write_text(file, table.to_csv(index=False))
+            write_text(file, csv_text(table))
         write_netcdf(out.with_suffix(".nc"), prediction.posterior)
         write_images(prediction_figure(prediction), out)
     return [*files, *(file for file in tables if file != out)]

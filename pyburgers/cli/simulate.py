@@ -7,6 +7,7 @@ from pathlib import Path
 from pyburgers.cli.outputs import check_output
 from pyburgers.cli.shared import add_variant_option, writing
 from pyburgers.common.atomic_files import write_text
+from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
 from pyburgers.fitting.fit import Fit
@@ -64,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
     parameters = with_laws(experiment, parameters, parse_choices(options.variant))
     solution = experiment.solution_table(simulate(experiment, parameters))
     with writing(options.out):
-        write_text(options.out, solution.to_csv(index=False))
+        write_text(options.out, csv_text(solution))
     print(shown(f"{len(solution)} rows in {options.out}"))
     return 0
 

@@ -26,6 +26,7 @@ from pyburgers.cmdstan.compilation import (
 )
 from pyburgers.cmdstan.draw_files import Draws, read_draws, rows_of_draws
 from pyburgers.cmdstan.installation import ensure_cmdstan
+from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import SamplingError
 from pyburgers.common.processes import Running, cores, side_by_side, start
@@ -243,7 +244,8 @@ class Program:
             rows = pd.DataFrame(np.pad(points[some], ((0, 0), (7, 0))), columns=names)
             with scratch_folder() as folder:
                 file = folder / "points.csv"
-                rows.to_csv(file, index=False, float_format=f"%.{ALL_DIGITS}g")
+                text = csv_text(rows, float_format=f"%.{ALL_DIGITS}g")
+                file.write_text(text, encoding="utf-8")
                 try:
                     part = self.generate(data, [file], seed=seed + len(parts), digits=digits)
                 except Unsolved:  # at which of them is not said: halves, until one is alone

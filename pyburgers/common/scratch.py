@@ -2,8 +2,11 @@
 
 import fcntl
 import os
+import re
 import shutil
+import stat
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -12,13 +15,16 @@ from pathlib import Path
 PREFIX = "pyburgers-scratch-"
 """Start of a name that nobody else gives to a folder: it may be removed."""
 
+LEAST_AGE = 60.0
+"""Seconds after the last change of a folder until it may be removed: its process may lock later."""
+
 
 @contextmanager
 def scratch_folder(parent: Path | None = None, prefix: str = PREFIX) -> Iterator[Path]:
     """Give a new folder for as long as the block runs, by default in that of temporary files.
 
-    The process holds a lock on the folder. A folder without a lock was left by a killed process,
-    and the first call of another process in `parent` removes it.
+    The process holds a lock on the folder. A folder without a lock was left by a killed process.
+    If it is older than `LEAST_AGE`, the first call of another process in `parent` removes it.
     """
     parent = parent or Path(tempfile.gettempdir())
     _clear_once(parent, prefix, os.getpid())
@@ -36,15 +42,26 @@ def scratch_folder(parent: Path | None = None, prefix: str = PREFIX) -> Iterator
 
 
 def clear_abandoned(parent: Path, prefix: str = PREFIX) -> None:
-    """Remove folders of this user in `parent` that killed processes left."""
+    """Remove folders of this user in `parent` that killed processes left over `LEAST_AGE` ago."""
     for folder in parent.glob(f"{prefix}*"):
         with suppress(OSError):
-            if folder.is_symlink() or not folder.is_dir() or folder.stat().st_uid != os.getuid():
+            if not _is_abandoned(folder, prefix):
                 continue
             held = _lock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if held is not None:
                 shutil.rmtree(folder, ignore_errors=True)
                 _release(held)
+
+
+def _is_abandoned(folder: Path, prefix: str) -> bool:
+    """Tell whether `mkdtemp` named a folder of this user that has not changed for `LEAST_AGE`."""
+    state = folder.lstat()
+    return (
+        re.fullmatch(rf"{re.escape(prefix)}[a-z0-9_]{{8}}", folder.name) is not None
+        and stat.S_ISDIR(state.st_mode)
+        and state.st_uid == os.getuid()
+        and time.time() - state.st_mtime > LEAST_AGE
+    )
 
 
 @cache

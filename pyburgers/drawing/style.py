@@ -17,6 +17,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
 from pyburgers.common.atomic_files import write_bytes, write_text
+from pyburgers.common.csv_tables import csv_text
 from pyburgers.drawing.figure_data import (
     SERIES_ID,
     figure_data,
@@ -131,7 +132,7 @@ def write_page_images(figure: Figure, path: Path) -> str:
     vector = write_images(figure, path)
     data = figure_data(figure)
     if len(data):
-        write_text(path.with_suffix(".csv"), data.to_csv(index=False, float_format="%.7g"))
+        write_text(path.with_suffix(".csv"), csv_text(data, float_format="%.7g"))
     return vector
 
 

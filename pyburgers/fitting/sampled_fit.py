@@ -29,6 +29,7 @@ from pyburgers.checks.prior_sentences import conflict_sentence, decision_columns
 from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.verdicts import Verdict, verdicts, verdicts_record
 from pyburgers.common.atomic_files import json_text, write_text
+from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
@@ -360,6 +361,6 @@ def _tables(result: SampledFit) -> dict[Path, str]:
     """Return what is saved of a run for its readers, by file."""
     run = result.directory
     return {
-        run.summary_file: result.summary("SI").to_csv(),
+        run.summary_file: csv_text(result.summary("SI"), index=True),
         run.checks_file: json_text(result.checks_record()),
     }

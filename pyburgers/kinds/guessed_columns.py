@@ -301,7 +301,8 @@ def _named(table: TextTable) -> dict[str | int, str]:
     columns = table.columns
     if table.names is None and table.hidden_names is None:
         order = {2: ["strain", "stress"], 3: ["time", "strain", "stress"]}
-        return dict(zip(columns, order.get(len(columns), ()), strict=False))
+        in_order = zip(columns, order.get(len(columns), ()), strict=False)
+        return {column: quantity for column, quantity in in_order if table.numbers(column)}
     found: dict[str | int, str] = {}
     for column in columns:
         name = _plain(table.described(column))

@@ -11,6 +11,7 @@ from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
 from pyburgers.checks.prior_influence import Origin
 from pyburgers.checks.prior_sentences import influence_numbers
 from pyburgers.common.atomic_files import write_text
+from pyburgers.common.csv_tables import csv_text
 from pyburgers.comparison.neighbours import shift_sentences, what_a_yes_leaves_open
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.drawing.page_parts import PageTable
@@ -152,7 +153,7 @@ def write_section(key: str, name: str, fit: Fit, out: Path) -> Section:
     more_tables = view_of(fit.experiment).tables(fit)
     files |= {table.name: table.saved for table in more_tables}
     for table_name, table in files.items():
-        write_text(out / "tables" / f"{key}_{table_name}.csv", table.to_csv(index=False))
+        write_text(out / "tables" / f"{key}_{table_name}.csv", csv_text(table))
     return Section(
         key=key,
         name=name,

@@ -14,6 +14,7 @@ import pandas as pd
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.checks.prior_sentences import CONFLICT_MEANING, SHARE_TEXT
 from pyburgers.common.atomic_files import write_json, write_text
+from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import read_json
@@ -394,5 +395,5 @@ def _write_extra(extra: PageSection, out: Path) -> tuple[Illustration, ...]:
     """Write the tables of an extra section and draw its figures."""
     for table in extra.tables:
         name = f"{extra.key}_{file_key(table.name)}.csv"
-        write_text(out / "tables" / name, table.saved.to_csv(index=False))
+        write_text(out / "tables" / name, csv_text(table.saved))
     return illustrate(extra.figures, out, extra.key)

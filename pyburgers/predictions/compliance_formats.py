@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from pyburgers.common.csv_tables import comment_lines, csv_text
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
@@ -51,7 +52,7 @@ class ComplianceFormat:
     ) -> str:
         """Return the table of one draw or of the mean, with notes as comments above it."""
         table = pd.DataFrame(self.columns(frequency, storage, loss))
-        return "".join(f"# {note}\n" for note in notes) + table.to_csv(index=False)
+        return comment_lines(notes) + csv_text(table)
 
 
 def shear_compliances(fit: SampledFit, stated: Stated, code: str) -> ShearCompliances:

@@ -1,6 +1,5 @@
 """Flow law and elements of a fit as mean with covariance, for use in other codes."""
 
-import io
 import json
 import re
 from collections.abc import Mapping, Sequence
@@ -14,6 +13,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from pyburgers.checks.prior_sentences import decision_columns, decision_text, symbol_of
+from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.units import rounded
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
@@ -251,9 +251,7 @@ def as_csv(one: Exported) -> str:
         }
     )
     covariance = pd.DataFrame(one.covariance, columns=[f"cov_{name}" for name in one.names])
-    buffer = io.StringIO()
-    table.join(covariance).to_csv(buffer, index=False)
-    return buffer.getvalue()
+    return csv_text(table.join(covariance))
 
 
 def as_latex(one: Exported) -> str:

@@ -15,7 +15,26 @@ COMPLETE = "complete"
 
 
 SEAL = "seal"
-"""Entry of a manifest: the hash of all others. Runs of versions without it have none."""
+"""Entry of a manifest: the hash of all others. Only manifests without a `FORMAT` may lack it."""
+
+FORMAT = "format"
+"""Entry of a manifest: the number of its format, which manifests of earlier versions lack."""
+
+SEALED_FORMAT = 2
+"""Format of the manifests that are written: with a seal."""
+
+
+def sealed(manifest: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the entries of a manifest with its format and its seal."""
+    content = {**manifest, FORMAT: SEALED_FORMAT}
+    return {**content, SEAL: seal_of(content)}
+
+
+def fits_its_seal(manifest: Mapping[str, Any]) -> bool:
+    """Tell whether a manifest is as it was written, as far as its seal or a missing one tells."""
+    if SEAL not in manifest:
+        return FORMAT not in manifest
+    return bool(manifest[SEAL] == seal_of(manifest))
 
 
 def seal_of(manifest: Mapping[str, Any]) -> str:

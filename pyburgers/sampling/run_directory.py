@@ -28,7 +28,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.locks import process_lock
 from pyburgers.common.scratch import scratch_folder
 from pyburgers.common.toml_files import TableT, checked, read_json, read_json_table
-from pyburgers.sampling.manifest import SEAL, ChainRecord, RecordedHashes, seal_of
+from pyburgers.sampling.manifest import SEAL, ChainRecord, RecordedHashes, fits_its_seal, sealed
 
 PATIENCE = 120.0
 """How long a process that shares a directory waits for the others (s)."""
@@ -175,10 +175,11 @@ class RunDirectory:
                 f"{self.path}: not a run directory, expected a folder that holds manifest.json."
             )
         manifest = read_json(self.manifest_file)
-        if manifest.get(SEAL, (seal := seal_of(manifest))) != seal:
+        if not fits_its_seal(manifest):
+            seal = "seal" if SEAL in manifest else "missing seal"
             raise InputError(
-                f"{self.manifest_file} has changed since the run, as its seal says; put back what "
-                "the run wrote, or remove the directory and fit again."
+                f"{self.manifest_file} has changed since the run, as its {seal} says; put back "
+                "what the run wrote, or remove the directory and fit again."
             )
         if structure is not None:
             checked(self.manifest_file, manifest, structure)
@@ -190,8 +191,8 @@ class RunDirectory:
         self.write_manifest({**current, **changes})
 
     def write_manifest(self, content: Mapping[str, Any]) -> None:
-        """Write the whole manifest with its seal."""
-        write_json(self.manifest_file, {**content, SEAL: seal_of(content)})
+        """Write the whole manifest with its format and its seal."""
+        write_json(self.manifest_file, sealed(content))
 
     def read_stan_data(self) -> dict[str, Any]:
         """Read the data that every chain read; raise `InputError` if the file was damaged."""

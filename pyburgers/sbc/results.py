@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pyburgers.common.atomic_files import write_text
+from pyburgers.common.csv_tables import csv_text
 from pyburgers.drawing.panels import figure_of
 from pyburgers.drawing.style import BLACK, BLUE, GREY, SKY_BLUE, VERMILION, few_ticks
 from pyburgers.model.display import (
@@ -130,9 +131,9 @@ def calibration_text(calibration: Calibration) -> str:
 
 def save_calibration(calibration: Calibration, folder: Path) -> None:
     """Write ``verdicts.csv``, ``ranks.csv`` and ``calibration.md``."""
-    write_text(folder / "verdicts.csv", verdict_table(calibration).to_csv(index=False))
+    write_text(folder / "verdicts.csv", csv_text(verdict_table(calibration)))
     table = replication_table(calibration.replications, list(calibration.ranks))
-    write_text(folder / RANKS, table.to_csv(index=False))
+    write_text(folder / RANKS, csv_text(table))
     write_text(folder / "calibration.md", calibration_text(calibration))
 
 

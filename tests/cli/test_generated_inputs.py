@@ -10,7 +10,8 @@ import tempfile
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -18,15 +19,18 @@ import tomli_w
 from hypothesis import HealthCheck, assume, given, seed, settings
 from hypothesis import strategies as st
 from mutations import NAMES as ODD_NAMES
-from mutations import NUMBERS, TEXT, changed_bytes, changed_tables
+from mutations import NUMBERS, TEXT, changed_bytes, changed_tables, text_tables
 
 from pyburgers.cli.check_file import check as check_file
 from pyburgers.cli.main import COMMANDS, main
 from pyburgers.common.errors import PyburgersError
+from pyburgers.common.text_tables import look_at
 from pyburgers.fitting.campaign import load_campaign
+from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.inputs import load_peak_stress, load_peak_stress_priors
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import load_parameters
+from pyburgers.kinds.guessed_columns import guess_columns
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.likelihood import NAMES
 from pyburgers.kinds.problem import problem_of
@@ -34,6 +38,10 @@ from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.priors import default_priors, load_priors
 from pyburgers.predictions.measured_attenuation import load_measured_attenuation
+from pyburgers.sampling.manifest import FitManifest, missing_chains, recorded_modes, sealed
+from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.run_directory import RunDirectory
+from pyburgers.sbc.replication import read_replication_table
 
 DATA = Path(__file__).parents[2] / "data"
 LIMIT_S = 10.0
@@ -92,6 +100,27 @@ priors.own = "{DATA / "priors" / "ice.toml"}"
 pool.stress_noise = "separate"
 sampler.draws = 500
 """
+MANIFEST = {
+    "fingerprint": "0" * 64,
+    "status": "complete",
+    "experiment": "PIL40",
+    "experiments": ["PIL40"],
+    "data_kind": "synthetic",
+    "command": "pyburgers fit PIL40.toml",
+    "started": "2024-03-01T09:00:00+00:00",
+    "versions": {"pyburgers": "0.1.0", "cmdstan": None},
+    "hashes": {"stan_data.json": "0" * 64},
+    "chains": {"1": {"wall_seconds": 2.5, "sha256": "0" * 64, "extension": 0}},
+    "sampler": asdict(SamplerOptions()),
+    "use_likelihood": True,
+    "failures": [{"chain": 2, "reason": "the system ended it"}],
+    "pooling": {"kinds": {"beta": "shared"}, "spread_scales": {}},
+    "variant": {"kelvin": "linear"},
+    "solver": {"tolerance": 1e-5, "max_num_steps": 20000},
+    "refits": [],
+    "coordinates": {"system": "plain", "reason": "nothing is free"},
+    "other_modes": [{"log_weight": -3.0, "values": {"PIL40": {"beta": -0.1}}}],
+}
 POINTS = b"# somebody\nfrequency_Hz,tan_delta,tan_delta_sd,series\n0.001,0.41,0.03,a\n0.01,0.3,,b\n"
 
 
@@ -197,6 +226,75 @@ def changed_columns(number: int) -> None:
     run()
 
 
+def _read_table(path: Path) -> None:
+    """Look at a table as a command does that is to describe it, and take its numbers."""
+    table = look_at(path)
+    guess_columns(table)
+    assert all(isinstance(note, str) for note in table.notes)
+    for column in table.columns:
+        cells = table.cleaned(table.columns.index(column))
+        assert len(table.numbers(column)) <= len(cells) == len(table.rows)
+        assert isinstance(table.described(column), str)
+
+
+def tables(number: int) -> None:
+    """Tables of any layout, read by themselves and as the columns that a test names."""
+    alone: dict[str, Callable[[Path], object]] = {
+        "table.csv": _read_table,
+        "points.csv": load_measured_attenuation,
+        "ranks.csv": partial(read_replication_table, n_draws=19),
+    }
+    tests = {
+        reader.file.name: reader
+        for reader in READERS
+        if "file" in tomllib.loads(reader.file.read_text(encoding="utf-8")).get("data", {})
+    }
+
+    @examples(number)
+    def run(data: st.DataObject) -> None:
+        columns, content = data.draw(text_tables())
+        name = data.draw(st.sampled_from([*alone, *tests]))
+        if name in alone:
+            with folder_with([]) as folder:
+                check(alone[name], folder, name, content)
+            return
+        reader = tests[name]
+        table = tomllib.loads(reader.file.read_text(encoding="utf-8"))
+        described = {
+            key: data.draw(st.sampled_from(columns)) for key in table["data"] if "_column" in key
+        }
+        table["data"] |= {"file": "table.csv", **described}
+        for key in data.draw(st.sets(st.sampled_from(["separator", "header"]))):
+            table["data"].pop(key, None)
+        with folder_with(reader.beside) as folder:
+            (folder / "table.csv").write_bytes(content)
+            read = data.draw(st.sampled_from([reader.read, check_file]))
+            check(read, folder, name, tomli_w.dumps(table).encode())
+
+    run()
+
+
+def manifests(number: int) -> None:
+    """Manifests of runs that were damaged, and strange ones that fit their seals."""
+
+    def read(path: Path) -> None:
+        manifest = RunDirectory(path.parent).read_manifest(FitManifest)
+        assert missing_chains([], manifest)
+        recorded_modes(manifest, None)
+        Fit.load(path.parent)
+
+    @examples(number)
+    def run(data: st.DataObject) -> None:
+        changed = data.draw(changed_tables(MANIFEST))
+        shown = json.dumps(sealed(json.loads(json.dumps(changed, default=str)))).encode()
+        if data.draw(st.booleans()):
+            shown = data.draw(changed_bytes(shown))
+        with folder_with([]) as folder:
+            check(read, folder, "manifest.json", shown)
+
+    run()
+
+
 def other_files(number: int) -> None:
     files = {
         "parameters.json": (load_parameters, json.dumps(PARAMETERS, indent=1).encode()),
@@ -276,9 +374,11 @@ def options(number: int) -> None:
 
 
 SHARES = [
-    pytest.param(changed_keys, 4000, id="keys"),
-    pytest.param(changed_files, 2000, id="files"),
+    pytest.param(changed_keys, 2500, id="keys"),
+    pytest.param(changed_files, 1500, id="files"),
     pytest.param(changed_columns, 1500, id="columns"),
+    pytest.param(tables, 1700, id="tables"),
+    pytest.param(manifests, 300, id="manifests"),
     pytest.param(other_files, 500, id="others"),
 ]
 

@@ -5,23 +5,12 @@ from pathlib import Path
 
 import pytest
 from conftest import Problem
-from killed_commands import fit_command, killed_commands
+from killed_commands import KILLS, fit_command, killed_commands
 from killing import assert_survives, command_in, results
 
 from pyburgers.fitting.fit import Fit
 
 pytestmark = pytest.mark.slow
-
-KILLS = {
-    "fit": 80,
-    "sbc": 40,
-    "campaign": 40,
-    "compare": 30,
-    "report": 30,
-    "predict": 30,
-    "compile": 40,
-    "study": 10,
-}
 
 
 @pytest.mark.parametrize("name", KILLS)

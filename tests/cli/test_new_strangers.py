@@ -155,6 +155,15 @@ def test_a_column_that_an_option_names_has_to_be_there(
     assert main([*command, "stress"]) == 0
 
 
+@pytest.mark.parametrize("text", ["Test: 1\n\n", "a 1\nb 2\nc 3\n", "a,b,1\nc,d,2\n"])
+def test_columns_of_text_without_names_hold_no_quantity(
+    text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "readings.csv"
+    path.write_text(text)
+    assert_refused(["new", str(path), *KNOWN, *RATE], capsys, "found no column that looks like")
+
+
 @pytest.mark.parametrize("stress", ["sigma1 (MPa)", "Axial stress (MPa)", "Stress (MPa)"])
 def test_the_total_stress_along_the_axis_is_no_differential_stress(
     stress: str, table: Table, capsys: pytest.CaptureFixture[str]

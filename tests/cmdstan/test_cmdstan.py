@@ -6,7 +6,6 @@ import json
 import logging
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -21,6 +20,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fake_cmdstan import BUILD, release_archive
+from killing import make_old
 
 from pyburgers.cmdstan import installation as cmdstan_installation
 from pyburgers.cmdstan.compilation import cache_directory, program_key
@@ -49,21 +50,6 @@ from pyburgers.common.errors import (
 from pyburgers.sampling.run import software_versions
 
 MATH = "stan/lib/stan_math/"
-TOOLS = ("stansummary", "diagnose")
-"""Built by `make build`, and needed by no program."""
-
-BUILD = "\n".join(
-    [
-        "CMDSTAN_VERSION := 2.27.0",
-        "build:",
-        "\techo $(TBB_BIN_ABSOLUTE_PATH) > library_folder",
-        "\tcp bin/linux-stanc bin/stanc && chmod +x bin/stanc",
-        "\ttouch src/cmdstan/main.o",
-        f"build: {' '.join(f'bin/{tool}' for tool in TOOLS)}",
-        *(f"bin/{tool}:\n\ttouch bin/{tool}" for tool in TOOLS),
-        "",
-    ]
-)
 FAILING_BUILD = "CMDSTAN_VERSION := 2.27.0\nbuild:\n\t@echo the compiler fell over; exit 1\n"
 
 
@@ -216,15 +202,7 @@ def github(home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Calla
     monkeypatch.setattr("platform.machine", lambda: "x86_64")
 
     def fill(version: str, makefile: str = BUILD) -> str:
-        tree = tmp_path / "release" / f"cmdstan-{version}"
-        for name, text in {
-            "makefile": makefile.replace("2.27.0", version),
-            "bin/linux-stanc": "#!/bin/sh\n",
-            "src/cmdstan/main.cpp": "int main() {}",
-        }.items():
-            (tree / name).parent.mkdir(parents=True, exist_ok=True)
-            (tree / name).write_text(text)
-        archive = Path(shutil.make_archive(str(tmp_path / "cmdstan"), "gztar", tree.parent))
+        archive = release_archive(tmp_path, version, makefile)
 
         def answer(address: str, **_: object) -> io.BytesIO:
             if address == cmdstan_installation.GITHUB_RELEASE:
@@ -249,7 +227,8 @@ class TestInstallFromIndex:
         """Neither a dry run of a calling make nor a killed installation gets in the way."""
         index(BUILD)
         monkeypatch.setenv("MAKEFLAGS", "n")
-        make_cmdstan(home / ".cmdstan" / ".building-killed" / "cmdstan-2.27.0")
+        killed = make_cmdstan(home / ".cmdstan" / ".building-killed_1" / "cmdstan-2.27.0")
+        make_old(killed.parent)
         installed = install_cmdstan("pypi")
         assert installed == home / ".cmdstan" / "cmdstan-2.27.0" == find_cmdstan()
         assert leftovers(home) == [installed.name]

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import psutil
 import pytest
+from killing import make_old
 
 from pyburgers.common.processes import side_by_side, start
-from pyburgers.common.scratch import clear_abandoned, scratch_folder
+from pyburgers.common.scratch import PREFIX, clear_abandoned, scratch_folder
 
 
 def hear_interrupts() -> None:
@@ -76,6 +77,7 @@ def test_a_whole_tree_ends_when_the_process_that_started_it_does(
     process.wait()
     _, alive = psutil.wait_procs(begun, timeout=10)
     assert not [one for one in alive if one.status() != psutil.STATUS_ZOMBIE]
+    make_old(*tmp_path.iterdir())
     subprocess.run([sys.executable, "-c", STARTING, "true"], check=True)
     assert not list(tmp_path.iterdir())
 
@@ -91,15 +93,23 @@ def test_a_program_that_ends_leaves_nothing_running(tmp_path: Path) -> None:
         time.sleep(0.02)
 
 
-def test_folders_of_others_and_of_living_processes_are_not_cleared(tmp_path: Path) -> None:
-    """Nor links, nor files."""
-    names = ("pyburgers-results", "pyburgers-scratch-notes", "mine", "pyburgers-scratch-link")
-    (tmp_path / "pyburgers-results").mkdir()
-    (tmp_path / "pyburgers-scratch-notes").touch()
-    (tmp_path / "mine").mkdir()
-    (tmp_path / "pyburgers-scratch-link").symlink_to(tmp_path / "mine")
-    (tmp_path / "pyburgers-scratch-abandoned" / "below").mkdir(parents=True)
+def test_only_old_folders_of_killed_processes_are_cleared(tmp_path: Path) -> None:
+    """Not those of others, of living processes, or of the last minute; nor links, nor files."""
+    abandoned, young = (tmp_path / f"{PREFIX}{name}" for name in ("abcdefg_", "01234567"))
+    others = [tmp_path / "pyburgers-results", tmp_path / f"{PREFIX}link_abc"]
+    others += [tmp_path / f"{PREFIX}{name}" for name in ("abandoned", "abcdefg", "ABCDEFGH", "")]
+    others.append(tmp_path / f"x{PREFIX}abcdefgh")
+    for folder in (*others, tmp_path / "mine", abandoned / "below", young):
+        if folder.name != f"{PREFIX}link_abc":
+            folder.mkdir(parents=True)
+    (tmp_path / f"{PREFIX}link_abc").symlink_to(tmp_path / "mine")
+    (tmp_path / f"{PREFIX}12345678").touch()
     with scratch_folder(tmp_path) as folder:
+        here = set(tmp_path.iterdir())
+        make_old(*here - {young})
         clear_abandoned(tmp_path)
-        left = {file.name for file in tmp_path.iterdir()}
-        assert left == {*names, folder.name}
+        assert set(tmp_path.iterdir()) == here - {abandoned}
+        assert folder in here
+    make_old(young)
+    clear_abandoned(tmp_path)
+    assert set(tmp_path.iterdir()) == here - {abandoned, young, folder}

@@ -22,7 +22,7 @@ from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError
 from pyburgers.common.netcdf_files import read_netcdf, write_netcdf
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.sampling.manifest import SEAL, FitManifest
+from pyburgers.sampling.manifest import FORMAT, SEAL, FitManifest
 from pyburgers.sampling.run_directory import RunDirectory
 
 Damage = Callable[[Path], None]
@@ -317,10 +317,26 @@ def test_every_edit_of_a_manifest_is_noticed_and_nothing_is_written(
     assert contents(copy) == before
 
 
+@pytest.mark.parametrize(
+    ("missing", "said"), [(SEAL, "as its missing seal says"), (FORMAT, "as its seal says")]
+)
+def test_a_manifest_that_lost_its_seal_is_refused(
+    missing: str, said: str, copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = RunDirectory(copy)
+    manifest = run.read_manifest()
+    write_json(run.manifest_file, {name: manifest[name] for name in manifest.keys() - {missing}})
+    before = contents(copy)
+    assert_refused(main(["check", str(copy)]), capsys, said)
+    assert contents(copy) == before
+
+
 def test_a_run_of_a_version_without_a_seal_is_read_and_sealed_when_it_goes_on(copy: Path) -> None:
     run = RunDirectory(copy)
     manifest = run.read_manifest()
-    write_json(run.manifest_file, {name: manifest[name] for name in manifest if name != SEAL})
+    write_json(
+        run.manifest_file, {name: manifest[name] for name in manifest.keys() - {SEAL, FORMAT}}
+    )
     assert Fit.load(copy).manifest["status"] == "complete"
     run.update_manifest({})
     assert run.read_manifest() == manifest

@@ -6,6 +6,23 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from fake_cmdstan import BUILD, release_archive
+
+from pyburgers.cmdstan.installation import GITHUB_VERSION
+
+KILLS = {
+    "fit": 80,
+    "sbc": 40,
+    "campaign": 40,
+    "compare": 30,
+    "report": 30,
+    "predict": 30,
+    "compile": 40,
+    "study": 10,
+    "install": 40,
+}
+"""How often each command is killed."""
+
 MAIN = ("-m", "pyburgers")
 SAMPLER = ("--chains", "2", "--warmup", "150", "--draws", "200")
 
@@ -34,6 +51,34 @@ source.write_text("transformed data { real x = 2; } generated quantities { real 
 (out / "summary.csv").write_text(repr(load_program(source).evaluate({})))
 """
 """A program that is compiled into a new cache and runs."""
+
+SLOW_BUILD = BUILD.replace("\tcp ", "\tsleep 1\n\tcp ")
+
+INSTALLATION = """
+import hashlib, io, os, sys, time, urllib.request
+from pathlib import Path
+out, archive = map(Path, sys.argv[1:])
+os.environ["HOME"] = str(out)
+os.environ.pop("CMDSTAN", None)
+from pyburgers.cli.main import main
+from pyburgers.cmdstan import installation
+
+class SlowAnswer(io.BytesIO):
+    def read(self, size=-1):
+        time.sleep(0.1)
+        return super().read(100)
+
+digest = hashlib.sha256(archive.read_bytes()).hexdigest()
+installation.GITHUB_SHA256 = dict.fromkeys(installation.GITHUB_SHA256, digest)
+urllib.request.urlopen = lambda *_, **__: SlowAnswer(archive.read_bytes())
+code = main(["install-cmdstan", "--source", "github"])
+if code == 0:
+    files = [file for file in (out / ".cmdstan").glob("*-*/**/*") if file.is_file()]
+    texts = {file.relative_to(out): file.read_text().replace(str(out), "HOME") for file in files}
+    (out / "summary.csv").write_text("\\n".join(f"{f} {texts[f]!r}" for f in sorted(texts)))
+sys.exit(code)
+"""
+"""An installation of an archive, by the command but without GitHub."""
 
 PLAN = """
 id = "killed"
@@ -82,6 +127,7 @@ def killed_commands(
     """
     plan = inputs / "plan.toml"
     plan.write_text(PLAN.format(experiment=experiment, priors=priors), encoding="utf-8")
+    archive = release_archive(inputs, GITHUB_VERSION, SLOW_BUILD)
     numbers = ("--simulations", "4", "--warmup", "60", "--draws", "40", "--ranked-draws", "19")
     files = (str(experiment), "--priors", str(priors))
     left_out = ("OUT/joint", "--leave-out", "tests", "--out", "OUT/compared")
@@ -95,6 +141,7 @@ def killed_commands(
             (*MAIN, "predict", "attenuation", str(joint), *PREDICTED, "--out", "OUT/table.csv")
         ),
         "compile": KilledCommand(("-c", TINY_PROGRAM, "OUT")),
+        "install": KilledCommand(("-c", INSTALLATION, "OUT", str(archive))),
         "study": KilledCommand(("-c", TINY_STUDY, "OUT")),
     }
 

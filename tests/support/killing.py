@@ -1,5 +1,6 @@
 """Kill a command again and again, somewhere, and see that it ends where it would have anyway."""
 
+import csv
 import os
 import signal
 import subprocess
@@ -13,9 +14,10 @@ from pathlib import Path
 import numpy as np
 import psutil
 
+from pyburgers.cmdstan.installation import BUILDING
 from pyburgers.common.atomic_files import UNFINISHED
 from pyburgers.common.netcdf_files import read_netcdf
-from pyburgers.common.scratch import PREFIX
+from pyburgers.common.scratch import LEAST_AGE, PREFIX
 
 ORPHANS_END_WITHIN = 10.0
 """Seconds."""
@@ -43,7 +45,10 @@ RESULTS = (
     *("draws.csv", "summary.csv", "checks.json", "simulation_*.json", "ranks.csv", "verdicts.csv"),
     *("comparison.csv", "left_out_tests.csv", "tables/*.csv", "table.csv"),
 )
-"""Files that are the same however often a command was killed, but for the times in comments."""
+"""Files that are the same however often a command was killed, but for comments and wall times."""
+
+WALL_TIMES = ("chain_seconds", "wall time (s)")
+"""Columns of tables."""
 
 
 @dataclass
@@ -70,7 +75,7 @@ class Command:
         return self.out.with_name(f"{self.out.name}_temporary")
 
     def start(self) -> subprocess.Popen[bytes]:
-        """Start it in a session of its own, where Ctrl-C counts even if it does not here."""
+        """Start it in a session of its own, where each signal counts even if it does not here."""
         self.temporary.mkdir(exist_ok=True)
         return subprocess.Popen(
             [sys.executable, *self.arguments],
@@ -78,7 +83,7 @@ class Command:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             start_new_session=True,
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+            preexec_fn=_hear_signals,
         )
 
     def finish(self) -> float:
@@ -110,6 +115,19 @@ class Command:
         now = finished_chains(self.out)
         assert {file: now.get(file) for file in before} == before, self.done
         return hit
+
+
+def _hear_signals() -> None:
+    """Undo what a shell in the background or `nohup` left to its processes."""
+    for one in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(one, signal.SIG_DFL)
+
+
+def make_old(*folders: Path) -> None:
+    """Have folders look as if nothing had changed in them for longer than `LEAST_AGE`."""
+    long_ago = time.time() - 2 * LEAST_AGE
+    for folder in folders:
+        os.utime(folder, (long_ago, long_ago))
 
 
 def _kill(process: subprocess.Popen[bytes], how: str, rng: np.random.Generator) -> None:
@@ -160,14 +178,22 @@ def results(out: Path) -> dict[Path, list[str]]:
         for file in sorted(out.rglob("posterior.nc"))
     }
     return draws | {
-        file.relative_to(out): [
-            line
-            for line in file.read_text(encoding="utf-8").splitlines()
-            if not line.startswith("#")
-        ]
+        file.relative_to(out): _lines_without_times(file)
         for pattern in RESULTS
         for file in sorted(out.rglob(pattern))
     }
+
+
+def _lines_without_times(file: Path) -> list[str]:
+    """Lines of a file without comments, of a table without columns of wall times."""
+    text = file.read_text(encoding="utf-8")
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    names = next(csv.reader(lines[:1]), [])
+    times = [place for place, name in enumerate(names) if name in WALL_TIMES]
+    if file.suffix != ".csv" or not times:
+        return lines
+    rows = csv.reader(lines)
+    return [repr([cell for place, cell in enumerate(row) if place not in times]) for row in rows]
 
 
 def leftovers(out: Path) -> list[Path]:
@@ -175,7 +201,7 @@ def leftovers(out: Path) -> list[Path]:
     return [
         file
         for file in out.rglob("*")
-        if file.name.startswith((".scratch", ".simulation", UNFINISHED))
+        if file.name.startswith((".scratch", ".simulation", BUILDING, UNFINISHED))
         or file.name.endswith(".partial")
     ]
 
@@ -212,6 +238,7 @@ def attempt(
     while hit and len(one.done) < at_most:
         how = HOW[int(rng.integers(len(HOW)))]
         hit = one.killed(float(rng.uniform(0.0, seconds)), how, rng)
+    make_old(*one.temporary.glob(f"{PREFIX}*"), *one.out.rglob(f"{BUILDING}*"))
     one.finish()
     assert results(one.out) == expected, one.done
     assert leftovers(one.out) == [], one.done

@@ -1,4 +1,4 @@
-"""Strategies of Hypothesis for input files and options: good ones with something changed."""
+"""Strategies of Hypothesis for input files and options: good ones that were changed; tables."""
 
 import copy
 from collections.abc import Mapping
@@ -93,3 +93,95 @@ def changed_bytes(draw: st.DrawFn, content: bytes) -> bytes:
         case "long":
             lines[line] += b"0" * 200_000
     return b"\n".join(lines)
+
+
+WRITTEN = st.sampled_from(
+    [
+        *("{:.6g}", "{:.17g}", "{:.3e}", "{:,.2f}", "{:+.4f}", "{:.0f}", "{:.2f} %", "{:.3f} MPa"),
+        *(
+            "{:.3E}",
+            "0{:.1f}",
+            "2024-03-01 09:00:{:02.0f}",
+            "01.03.2024 09:{:02.0f}",
+            "9:{:.0f} PM",
+        ),
+        *(
+            "12/31/1999 {:.1f}",
+            "={:g}",
+            "{:x}",
+            "{:>12.3f}",
+            "\u2212{:.2f}",
+            "\u0661{:.0f}",
+            "{:g}d3",
+        ),
+    ]
+)
+"""How a number stands in a cell."""
+
+COLUMN_NAMES = st.one_of(
+    TEXT,
+    st.sampled_from(
+        [
+            *(
+                "time_s",
+                "strain",
+                "stress_MPa",
+                "frequency_Hz",
+                "tan_delta",
+                "tan_delta_sd",
+                "seed",
+            ),
+            *(
+                "Zeit [s]",
+                "Dehnung (%)",
+                "Spannung / MPa",
+                "time",
+                "time",
+                "=1+1",
+                "1.5",
+                "#",
+                "a;b",
+            ),
+        ]
+    ),
+)
+
+
+@st.composite
+def text_tables(draw: st.DrawFn) -> tuple[list[str | int], bytes]:
+    """Columns, by name or number, and content of a table of any length, layout and language."""
+    width = draw(st.integers(1, 5))
+    names = draw(st.lists(COLUMN_NAMES, min_size=width, max_size=width))
+    ways = list(enumerate((draw(WRITTEN) for _ in range(width)), 1))
+    length = draw(st.sampled_from([0, 1, 2, 3, 8, 30, 3000]))
+    rows = [
+        [_written(way, 0.25 * number * place) for place, way in ways] for number in range(length)
+    ]
+    above = [draw(st.sampled_from([names, [f"[{name}]" for name in names]]))]
+    above += draw(st.sampled_from([[], [["s", "%", "MPa", "", "-"][:width]], [[]]]))
+    rows = [*draw(st.sampled_from([[], above])), *rows]
+    for _ in range(draw(st.integers(0, 3)) if rows else 0):
+        row = draw(st.sampled_from(rows))
+        match draw(st.sampled_from(["cell", "short", "wide", "long"])):
+            case "short":
+                del row[-1:]
+            case "wide":
+                row.append(draw(CELLS))
+            case "long":
+                row.append("7" * 100_000)
+            case _ if row:
+                row[draw(st.integers(0, len(row) - 1))] = draw(CELLS | TEXT)
+    separator = draw(st.sampled_from([",", ";", "\t", "|", " ", "  ", ", "]))
+    quote = draw(st.sampled_from(["", "", '"', "'", '"""']))
+    lines = [separator.join(f"{quote}{cell}{quote}" for cell in row) for row in rows]
+    head = draw(st.sampled_from([[], ["# somebody"], ["Test: 1", ""], ["sep=;"], ['"', "%"]]))
+    end = draw(st.sampled_from(["\n", "\n", "\r\n", "\r", "\n\n"]))
+    text = end.join([*head, *lines, draw(st.sampled_from(["", "", "# end", '"', "\x1a"]))])
+    if draw(st.booleans()):  # a decimal comma
+        text = text.replace(".", ",")
+    encoding = draw(st.sampled_from(["utf-8", "utf-8", "utf-8-sig", "utf-16", "utf-32", "cp1252"]))
+    return [*names, *range(width + 2)], text.encode(encoding, errors="replace")
+
+
+def _written(way: str, number: float) -> str:
+    return way.format(round(number) if way.endswith("x}") else number)

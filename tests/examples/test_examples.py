@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 from conftest import SMALL_RUN, Problem
+from matplotlib import pyplot as plt
 
 import pyburgers
 from pyburgers.fitting.fit import Fit, fit
@@ -35,6 +36,7 @@ def script(
     def run(name: str, *arguments: object) -> str:
         monkeypatch.setattr(sys, "argv", [name, *map(str, arguments)])
         runpy.run_path(str(EXAMPLES / name), run_name="__main__")
+        plt.close("all")  # a script ends with its process, and its figures with it
         return capsys.readouterr().out
 
     return run

@@ -34,7 +34,6 @@ from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.priors import default_priors
 from pyburgers.sampling import chains
-from pyburgers.sampling import options as options_module
 from pyburgers.sampling.chains import (
     ConsoleFile,
     _Chain,
@@ -152,7 +151,7 @@ def test_chains_leave_cores_to_the_threads_of_others(
         seen.append(at_once)
         yield ()
 
-    monkeypatch.setattr(options_module, "cores", lambda: 8)
+    monkeypatch.setattr(chains, "cores", lambda: 8)
     monkeypatch.setattr(chains, "closing", lambda looks: looks)
     monkeypatch.setattr(chains, "side_by_side", no_looks)
     for threads in (1, 3, 9):

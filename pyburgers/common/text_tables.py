@@ -105,7 +105,8 @@ class TextTable:
         """Return the name of a column, followed by the unit under it: ``Time [min]``."""
         index = self.columns.index(column)
         names = self.names or self.hidden_names
-        name = str(column) if names is None else names[index]
+        # Names in a comment do not reach the cells of a row that is too long.
+        name = str(column) if names is None or index >= len(names) else names[index]
         unit = "" if self.units is None or index >= len(self.units) else self.units[index]
         if not unit:
             return name

@@ -258,3 +258,11 @@ def test_a_workbook_without_its_reader(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setitem(sys.modules, "openpyxl", None)
     with pytest.raises(InputError, match=r"needs openpyxl: install pyburgers\[excel\], or save"):
         looked_at(tmp_path, b"PK\x03\x04")
+
+
+def test_a_row_that_is_longer_than_the_names_in_a_comment_has_numbered_cells(
+    tmp_path: Path,
+) -> None:
+    table = looked_at(tmp_path, "# strain\n\n0.25\n0.5\t0\n0.75\n1\n1.25\n1.5\n1.75\n")
+    assert table.hidden_names == ("strain",)
+    assert [table.described(column) for column in table.columns] == ["strain", "2"]

@@ -392,8 +392,8 @@ def fit(
         How parameters of several tests are pooled, if not by default
         (`pyburgers.kinds.together.pooling_for`).
     options : SamplerOptions, optional
-        Chains, iterations, seed. If a few trajectories diverge, all chains go on with shorter steps
-        (`pyburgers.fitting.continuation.put_aside_where_few_diverged`).
+        Chains, iterations, seed, time. Chains continue until their draws are enough, or with
+        shorter steps if a number depends on a few divergences (`docs/verdicts.md`).
     solver : SolverOptions, optional
         Tolerance of the ODE solver while sampling. All draws are solved again at the reference
         tolerance. If their Pareto k shows that the tolerance was too loose, all chains run again

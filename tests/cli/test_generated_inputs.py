@@ -374,7 +374,7 @@ def options(number: int) -> None:
 
 
 SHARES = [
-    pytest.param(changed_keys, 2500, id="keys"),
+    pytest.param(changed_keys, 4000, id="keys"),
     pytest.param(changed_files, 1500, id="files"),
     pytest.param(changed_columns, 1500, id="columns"),
     pytest.param(tables, 1700, id="tables"),

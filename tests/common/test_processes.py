@@ -74,7 +74,7 @@ def test_a_whole_tree_ends_when_the_process_that_started_it_does(
     begun = psutil.Process(process.pid).children(recursive=True)
     assert begun
     process.send_signal(how)
-    process.wait()
+    process.wait(timeout=60)
     _, alive = psutil.wait_procs(begun, timeout=10)
     assert not [one for one in alive if one.status() != psutil.STATUS_ZOMBIE]
     make_old(*tmp_path.iterdir())

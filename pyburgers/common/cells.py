@@ -36,6 +36,9 @@ SENTINELS = frozenset((-999.0, -999.25, -9999.0, -99999.0, -999999.0))
 MIN_SENTINEL_DISTANCE = 3.0
 """Ranges of the other numbers that a sentinel lies below them."""
 
+LONGEST_NUMBER = 200
+"""Letters of a cell that can hold a number or a time stamp."""
+
 _KNOWN_UNITS = "|".join(re.escape(unit) for units in UNIT_TABLE.values() for unit in units)
 _OTHER_UNITS = (
     r"sec(?:onds?)?|minutes?|hrs?|hours?|d|days?|[mµμu]s|%|°?c|°?f|deg(?: ?c)?|°|kpa|psi|ksi|bar"
@@ -50,6 +53,8 @@ _IN_BRACKETS = re.compile(r"[(\[][^)\]]*[)\]]")
 
 def kind_of(cell: str) -> CellKind:
     """Return whether a cell holds a number or a time stamp, text, or nothing."""
+    if len(cell) > LONGEST_NUMBER:
+        return "text"
     if NUMBER.fullmatch(cell):  # most cells
         return "number"
     if not cell or NOTHING.fullmatch(cell):

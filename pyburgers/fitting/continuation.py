@@ -129,10 +129,15 @@ def _more_draws(result: Sampled, options: SamplerOptions) -> int | None:
     and at least half as many again. If they do not fit into the time, none are added.
     """
     minutes = options.minutes_of_sampling
+    if not minutes:
+        return None
     asked = [one for one in result.asked_checks() if one.kind is CheckKind.SAMPLING]
     failed = [one for one in run_checks(result.checked_draws, asked) if not one.passed]
-    curable = all(one.name in MENDED_BY_DRAWS and not one.unusable for one in failed)
-    if not minutes or not failed or not curable:
+    curable = all(
+        one.name in MENDED_BY_DRAWS and one.outcome is Outcome.NO and not one.unusable
+        for one in failed
+    )
+    if not failed or not curable:
         return None
     n_draws = int(result.posterior["posterior"].sizes["draw"])
     effective = convergence_table(result.posterior)[["ess_bulk", "ess_tail"]].to_numpy().min()

@@ -102,3 +102,11 @@ def test_a_fit_goes_on_until_its_draws_are_enough(
     xr.testing.assert_equal(draws, once.posterior["posterior"].to_dataset())
     again = done("once", 100.0)
     xr.testing.assert_identical(again.posterior["posterior"], found.posterior["posterior"])
+
+
+def test_more_draws_of_a_single_chain_would_not_tell_whether_chains_agree(
+    programs: None, in_this_process: None, tasks: dict[str, Task], tmp_path: Path
+) -> None:
+    alone = replace(tasks["first"].options, chains=1, draws=120, max_minutes=100.0)
+    task = replace(tasks["first"], options=alone)
+    assert "more_draws" not in fit_side_by_side({"a": task}, tmp_path, command="x")["a"].manifest

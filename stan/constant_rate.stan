@@ -13,6 +13,7 @@ functions {
 #include physics/kelvin_laws.stan
 #include physics/relaxation.stan
 #include physics/microstructure.stan
+#include solvers/radau_leg.stan
 #include kinds/constant_rate_dynamics.stan
 #include statistics/priors.stan
 #include statistics/priors_of_test.stan
@@ -36,6 +37,7 @@ data {
 #include data/coordinates.stan
 #include data/valley.stan
 #include data/solver.stan
+  int<lower=0, upper=1> solver; // 0: ode_bdf_tol, 1: radau_leg() (solvers/radau_leg.stan)
   // Strains at which generated quantities report the solution, apart from the observed ones.
   array[n_tests + 1] int<lower=0> grid_end;
   array[grid_end[n_tests + 1]] real<lower=0> grid_strain;
@@ -85,7 +87,7 @@ model {
     centre_position, centre_reference, pooled_reference, pooled_data_precision,
     knot_end, knot, pin_end, pin, guide, noise_parameter, conditions,
     reference_end, reference, element,
-    tolerance, max_num_steps);
+    solver, tolerance, max_num_steps);
 }
 generated quantities {
 #include charts/parameters_of_tests.stan
@@ -132,7 +134,7 @@ generated quantities {
                                n_strains_in_segment[part(segment_end, e)],
                                segment_start[part(segment_end, e)],
                                segment_rate[part(segment_end, e)], initial_grain_size[e],
-                               temperature[e], kelvin_law, tolerance, max_num_steps);
+                               temperature[e], kelvin_law, solver, tolerance, max_num_steps);
     stress_model[points] = stress_reading_factor(parameter[e])
                            * to_vector(solution[strain_of_point[points], 1]);
     stress_replicated[points] = stress_model[points]

@@ -18,6 +18,7 @@ functions {
 #include physics/relaxation.stan
 #include physics/stress_cycles.stan
 #include physics/microstructure.stan
+#include solvers/radau_leg.stan
 #include kinds/loading_history_rates.stan
 #include kinds/loading_history_legs.stan
 #include kinds/loading_history_dynamics.stan
@@ -45,6 +46,7 @@ data {
 #include data/coordinates.stan
 #include data/valley.stan
 #include data/solver.stan
+  int<lower=0, upper=1> solver; // 0: ode_bdf_tol, 1: radau_leg() (solvers/radau_leg.stan)
   // Where generated quantities report the solution, apart from the readings.
   array[n_tests + 1] int<lower=0> grid_end;
   array[grid_end[n_tests + 1]] real<lower=0, upper=1> grid_time_in_leg;

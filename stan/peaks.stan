@@ -13,6 +13,7 @@ functions {
 #include physics/dashpot_laws.stan
 #include physics/kelvin_laws.stan
 #include physics/microstructure.stan
+#include solvers/radau_leg.stan
 #include kinds/constant_rate_dynamics.stan
 
   /**
@@ -30,7 +31,7 @@ functions {
     int n = size(strain);
     vector[n] stress = to_vector(constant_rate_solution(parameter, constant, strain, {n}, {0.0},
                                                         {strain_rate}, initial_grain_size,
-                                                        temperature, kelvin_law,
+                                                        temperature, kelvin_law, 0,
                                                         tolerance, max_num_steps)[ : , 1]);
     int i = sort_indices_desc(stress)[1];
     real rise;

@@ -6,6 +6,7 @@ functions {
 #include physics/dashpot_laws.stan
 #include physics/kelvin_laws.stan
 #include physics/microstructure.stan
+#include solvers/radau_leg.stan
 #include kinds/constant_rate_dynamics.stan
 }
 data {
@@ -26,7 +27,7 @@ generated quantities {
   for (i in 1 : n_candidates) {
     array[n_strains] vector[2] state
       = constant_rate_solution(parameter[i]', to_vector(parameter[i]), strain, {n_strains}, {0.0},
-                               {strain_rate}, initial_grain_size, temperature, 0, tolerance,
+                               {strain_rate}, initial_grain_size, temperature, 0, 0, tolerance,
                                100000);
     int top = 1;
     for (k in 2 : n_strains) {

@@ -1,6 +1,7 @@
 """`pyburgers fit`: one test, or several in a joint fit."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,12 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
 from pyburgers.comparison.neighbours import what_a_yes_leaves_open
 from pyburgers.fitting.fit import fit
+from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import of_one_program
 from pyburgers.kinds.program_data import fixed_in_effect
-from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.kinds.stan_data import FAST, SOLVERS, SolverOptions
 from pyburgers.kinds.together import priors_for
 from pyburgers.model.flow_law_prior import (
     FLOW_LAW_PRIOR_FILE,
@@ -70,6 +73,9 @@ def add_options(command: argparse.ArgumentParser) -> None:
         help=f"tolerance of the ODE solver{by_protocol(lambda one: one.solver.tolerance)}",
     )
     command.add_argument(
+        "--solver", choices=SOLVERS, default=FAST, help="how the equations are solved"
+    )
+    command.add_argument(
         "--prior-only", action="store_true", help="switch the likelihood off: sample the prior"
     )
 
@@ -88,7 +94,7 @@ def run(options: argparse.Namespace) -> int:
     settings: dict[str, Any] = {
         "out": options.out or Path("runs") / "+".join(experiment.id for experiment in experiments),
         "options": sampler_options(options),
-        "solver": None if options.tolerance is None else SolverOptions(tolerance=options.tolerance),
+        "solver": _solver_of(options, experiments[0]),
         "use_likelihood": not options.prior_only,
         "command": command_line(),
         "more_draws": options.more_draws,
@@ -105,6 +111,13 @@ def run(options: argparse.Namespace) -> int:
     code = print_checks(result.checks(), result.prior_conflicts(), result.prior_decisions())
     print_lines(what_a_yes_leaves_open(result))
     return code
+
+
+def _solver_of(options: argparse.Namespace, experiment: Experiment) -> SolverOptions:
+    """Return the options of the solver; the tolerance is that of the protocol unless stated."""
+    usual = likelihood_of(experiment).solver
+    tolerance = usual.tolerance if options.tolerance is None else options.tolerance
+    return replace(usual, tolerance=tolerance, method=options.solver)
 
 
 def _flow_law_of(source: Path) -> FlowLawPrior:

@@ -13,8 +13,8 @@ import platform
 import re
 import shutil
 import tempfile
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import platformdirs
@@ -47,19 +47,36 @@ logger = logging.getLogger(__name__)
 MAIN_PROGRAM = Path("src") / "cmdstan" / "main.cpp"
 """Of CmdStan, below its folder."""
 
+WITH_CPP = "with_cpp"
+"""Folder below the Stan files: files that declare functions, beside headers with their bodies.
+
+A function has the name of its file and of its header, and an argument that is not data. The file of
+the same name outside the folder has a body in Stan.
+"""
+
 SHARED_SUM = "reduce_sum"
 """Function of Stan whose terms threads share."""
 
 _INCLUDE = re.compile(r"""^[ \t]*\#include[ \t]+["<]?([^"<>\s]+)""", re.MULTILINE)
+_NAMESPACE = re.compile(r"^namespace \w+_model_namespace \{\n", re.MULTILINE)
 
 
 @dataclass(frozen=True)
 class _Sources:
-    """A Stan program with all it includes; read once, so that key and compiler see the same."""
+    """A Stan program with all it includes; read once, so that key and compiler see the same.
+
+    `declared` has the files that take the places of included ones if the compiler takes `headers`.
+    """
 
     name: str
     text: str
     included: Mapping[str, str]
+    declared: Mapping[str, str]
+    headers: Mapping[str, str]
+
+    def without_cpp(self) -> "_Sources":
+        """Return the sources whose functions all have bodies in Stan."""
+        return replace(self, declared={}, headers={})
 
 
 def cache_directory() -> Path:
@@ -102,6 +119,8 @@ def shares_work(program: Path) -> bool:
 def _read_sources(program: Path, include_directory: Path) -> _Sources:
     text = _read(program)
     included: dict[str, str] = {}
+    declared: dict[str, str] = {}
+    headers: dict[str, str] = {}
     pending = [(program.name, text)]
     while pending:
         includer, including_text = pending.pop()
@@ -115,7 +134,14 @@ def _read_sources(program: Path, include_directory: Path) -> _Sources:
                 )
             included[name] = _read(path)
             pending.append((name, included[name]))
-    return _Sources(name=program.name, text=text, included=included)
+            declaration = include_directory / WITH_CPP / name
+            if declaration.is_file():
+                declared[name] = _read(declaration)
+                headers |= {
+                    header.relative_to(include_directory / WITH_CPP).as_posix(): _read(header)
+                    for header in sorted(declaration.parent.glob("*.hpp"))
+                }
+    return _Sources(program.name, text, included, declared, headers)
 
 
 def _read(path: Path) -> str:
@@ -125,11 +151,6 @@ def _read(path: Path) -> str:
         raise ToolchainError(f"The Stan file {path} cannot be read: {error.strerror}.") from error
 
 
-def recorded_recipe(executable: Path) -> str:
-    """Return the hash of what decides the results of a compiled program, wherever CmdStan lies."""
-    return _record(executable).recipe
-
-
 def _key(sources: _Sources, tools: Toolchain) -> str:
     return sha256_of_json([_recipe(sources, tools), str(tools.cmdstan_path)])
 
@@ -137,8 +158,7 @@ def _key(sources: _Sources, tools: Toolchain) -> str:
 def _recipe(sources: _Sources, tools: Toolchain) -> str:
     return sha256_of_json(
         {
-            "program": [sources.name, sources.text],
-            "included": dict(sources.included),
+            "sources": asdict(sources),
             "cmdstan": tools.cmdstan_version,
             "compiler": tools.compiler,
             "compile_flags": tools.compile_flags,
@@ -175,21 +195,22 @@ def compile_with(cmdstan: Path, program: Path, *, threads: bool = False) -> Path
     return executable
 
 
-class _Record(Table):
+class Record(Table):
     """Hashes that are noted beside an executable: `sha256` is its own."""
 
     sha256: str
     sources: str  # of all that decides it, but for the compiler
     recipe: str  # of all that decides its results: what decides it, but for the folder of CmdStan
+    has_cpp: bool  # whether functions have their bodies in C++
 
 
 def _record_file(executable: Path) -> Path:
     return executable.with_name(f".{executable.name}.json")
 
 
-def _record(executable: Path) -> _Record:
+def recorded(executable: Path) -> Record:
     """Read what is noted beside an executable; raise ValueError or OSError if it was damaged."""
-    return _Record.model_validate_json(_record_file(executable).read_bytes())
+    return Record.model_validate_json(_record_file(executable).read_bytes())
 
 
 def _is_whole(executable: Path, sources: str | None = None) -> bool:
@@ -198,7 +219,7 @@ def _is_whole(executable: Path, sources: str | None = None) -> bool:
     A full disk or a copy of the cache can leave one that does not run.
     """
     try:
-        record = _record(executable)
+        record = recorded(executable)
         return (
             sources in (None, record.sources)
             and os.access(executable, os.X_OK)
@@ -218,7 +239,7 @@ def _compiled_before(sources: _Sources, cmdstan: Path, *, threads: bool) -> Path
 def _sources_key(sources: _Sources, cmdstan: Path, *, threads: bool) -> str:
     return sha256_of_json(
         [
-            *([sources.name, sources.text], dict(sources.included)),
+            asdict(sources),
             *(str(cmdstan), cmdstan_version(cmdstan)),
             list(compile_flags(cmdstan, threads=threads)),
             *(platform.system(), platform.machine()),
@@ -227,38 +248,62 @@ def _sources_key(sources: _Sources, cmdstan: Path, *, threads: bool) -> str:
 
 
 def _build(sources: _Sources, tools: Toolchain, executable: Path, *, threads: bool) -> None:
-    """Compile a program in a temporary folder, then put the executable in place in one step."""
+    """Compile a program in a temporary folder, then put the executable in place in one step.
+
+    If the compiler refuses the headers, functions have their bodies in Stan.
+    """
     logger.info(
         f"Compiling {sources.name}, once (seconds for a small program, minutes for a large one)."
     )
     own_key = _sources_key(sources, tools.cmdstan_path, threads=threads)
-    recipe = _recipe(sources, tools)
     # Not in the cache folder, whose path may hold spaces, which make cannot handle.
     with scratch_folder(_folder_for_make()) as scratch:
-        program = scratch / sources.name
-        for name, text in {**sources.included, sources.name: sources.text}.items():
-            path = scratch / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8")
-        _translate(program, tools)
-        flags: tuple[str, ...] = ()
-        if threads:  # CmdStan's own main program is compiled for those without
-            main = shutil.copy2(tools.cmdstan_path / MAIN_PROGRAM, scratch)
-            flags = (*THREAD_FLAGS, f"CMDSTAN_MAIN={main}")
-        make = run_tool(["make", *flags, program.with_suffix("")], cwd=tools.cmdstan_path)
-        if make.returncode != 0:
-            raise ToolchainError(
-                f"{sources.name} could not be compiled with CmdStan {tools.cmdstan_version} and "
-                f"{tools.compiler}; make's last lines:\n{last_lines(make.stdout)}"
+        try:
+            program = _compile(sources, tools, scratch / "program", threads=threads)
+        except ToolchainError as error:
+            if not sources.headers:
+                raise
+            logger.info(
+                f"{sources.name} was compiled without {', '.join(sources.headers)}, so a fit takes "
+                f"longer: {error}"
             )
+            sources = sources.without_cpp()
+            program = _compile(sources, tools, scratch / "without_cpp", threads=threads)
         partial = executable.with_name(f".{executable.name}.partial")
         try:
-            shutil.copy2(program.with_suffix(""), partial)
-            record = _Record(sha256=sha256_of_file(partial), sources=own_key, recipe=recipe)
+            shutil.copy2(program, partial)
+            record = Record(
+                sha256=sha256_of_file(partial),
+                sources=own_key,
+                recipe=_recipe(sources, tools),
+                has_cpp=bool(sources.headers),
+            )
             write_json(_record_file(executable), record.model_dump())
             partial.replace(executable)
         finally:
             partial.unlink(missing_ok=True)
+
+
+def _compile(sources: _Sources, tools: Toolchain, folder: Path, *, threads: bool) -> Path:
+    """Compile a program in a new folder and return the executable there."""
+    program = folder / sources.name
+    texts = {**sources.included, **sources.declared, **sources.headers, sources.name: sources.text}
+    for name, text in texts.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    _translate(program, tools, sources.declared)
+    flags: tuple[str, ...] = ()
+    if threads:  # CmdStan's own main program is compiled for those without
+        main = shutil.copy2(tools.cmdstan_path / MAIN_PROGRAM, folder)
+        flags = (*THREAD_FLAGS, f"CMDSTAN_MAIN={main}")
+    make = run_tool(["make", *flags, program.with_suffix("")], cwd=tools.cmdstan_path)
+    if make.returncode != 0:
+        raise ToolchainError(
+            f"{sources.name} could not be compiled with CmdStan {tools.cmdstan_version} and "
+            f"{tools.compiler}; make's last lines:\n{last_lines(make.stdout)}"
+        )
+    return program.with_suffix("")
 
 
 def _folder_for_make() -> Path:
@@ -276,15 +321,17 @@ def _folder_for_make() -> Path:
     )
 
 
-def _translate(program: Path, tools: Toolchain) -> None:
-    """Translate a Stan program to C++, beside it.
+def _translate(program: Path, tools: Toolchain, declared: Iterable[str]) -> None:
+    """Translate a Stan program to C++, beside it, with the headers of declared functions.
 
     Neither make nor cmdstanpy does this: their messages would name temporary paths, and
     cmdstanpy changes the working directory, so it cannot compile in several threads.
     """
+    headers = [Path(name).with_suffix(".hpp") for name in declared]
     stanc = run_tool(
         [
             *(tools.cmdstan_path / "bin" / "stanc", "--include-paths=."),
+            *(["--allow-undefined"] if headers else []),
             *(f"--o={program.stem}.hpp", program.name),
         ],
         cwd=program.parent,
@@ -296,3 +343,17 @@ def _translate(program: Path, tools: Toolchain) -> None:
         )
     if said:
         logger.info(f"stanc on {program.name}: {said}")
+    if headers:
+        _with_headers(program.with_suffix(".hpp"), headers)
+
+
+def _with_headers(translated: Path, headers: Sequence[Path]) -> None:
+    """Have a translated program include headers, and find their functions in its namespace.
+
+    CmdStan's USER_HEADER would come ahead of its precompiled header, which is of no use then.
+    """
+    text = translated.read_text(encoding="utf-8")
+    included = "".join(f'#include "{translated.parent / header}"\n' for header in headers)
+    found = "".join(f"using burgers::{header.stem};\n" for header in headers)
+    text = _NAMESPACE.sub(lambda line: f"{included}{line[0]}{found}", text, count=1)
+    translated.write_text(text, encoding="utf-8")

@@ -21,7 +21,7 @@ from cmdstanpy import write_stan_json
 from pyburgers.cmdstan.compilation import (
     compile_with,
     executable_path,
-    recorded_recipe,
+    recorded,
     shares_work,
 )
 from pyburgers.cmdstan.draw_files import Draws, read_draws, rows_of_draws
@@ -130,7 +130,12 @@ class Program:
     @property
     def recipe(self) -> str:
         """Hash of the program, its compiler and its flags, wherever CmdStan lies."""
-        return recorded_recipe(self.executable)
+        return recorded(self.executable).recipe
+
+    @property
+    def has_cpp(self) -> bool:
+        """Whether the functions that have bodies in C++ are compiled from these."""
+        return recorded(self.executable).has_cpp
 
     def start(
         self,

@@ -175,7 +175,7 @@ def _without_point(one: Fit, point: int, out: Path) -> Fit:
         problem_of([left], one.priors),
         out=out,
         options=SamplerOptions(**one.manifest["sampler"]),
-        solver=SolverOptions(solver["tolerance"], solver["max_num_steps"]),
+        solver=SolverOptions(**solver),
         command=f"pyburgers compare (point {point + 1} left out)",
     )
 

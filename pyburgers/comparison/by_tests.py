@@ -93,7 +93,7 @@ def _without(joint: Fit, test: str) -> Task:
     return Task(
         joint.problem.without(test),
         SamplerOptions(**joint.manifest["sampler"]),
-        SolverOptions(solver["tolerance"], solver["max_num_steps"]),
+        SolverOptions(**solver),
         remark=f"({test} left out)",
     )
 

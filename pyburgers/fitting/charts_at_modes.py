@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited, likelihood_of
 from pyburgers.kinds.problem import Problem
 from pyburgers.kinds.program_data import chart_block, program_data, solve, values_of_test
-from pyburgers.kinds.stan_data import Mode, SolverOptions, StanData, solver_block
+from pyburgers.kinds.stan_data import Mode, SolverOptions, StanData, solver_block, solver_in
 from pyburgers.sampling.manifest import OtherMode
 from pyburgers.sampling.modes import START_ATTEMPTS, draw_around, modes_beside_the_highest
 
@@ -165,9 +165,9 @@ def _chart_at(
     not the mode, and its curvature can be far from that of the posterior.
     """
     alone, layout = problem.alone(), problem.layout
-    solver = solver_of(density)
+    solver = solver_in(density.data)
     if chart.curvature_tolerance is not None:
-        solver = SolverOptions(chart.curvature_tolerance)
+        solver = replace(solver, tolerance=chart.curvature_tolerance)
         density = density.with_data(solver_block(solver))
     # Tables beside histories have plain coordinates.
     tests = [
@@ -208,11 +208,6 @@ def _chart_at(
     return ChosenChart(chart.name, why, block, centre, covariance, mode.others)
 
 
-def solver_of(density: Density) -> SolverOptions:
-    """Return the settings of the solver in the data of a density."""
-    return SolverOptions(density.data["tolerance"], density.data["max_num_steps"])
-
-
 _POOLED = {"shared": "shared", "partial": "partially pooled"}
 
 
@@ -245,7 +240,7 @@ def find_mode(problem: Problem, density: Density, *, seed: int) -> ProblemMode:
 
 def _ends(problem: Problem, density: Density, *, seed: int) -> tuple[Density, list[Ending]]:
     """Return the ends of all climbs, the best first, and the density that they are of."""
-    solver = solver_of(density)
+    solver = solver_in(density.data)
     starts = _best_prior_draws(problem, density, seed=seed)
     if not problem.is_single:
         single: list[Mode] = []

@@ -24,13 +24,19 @@ from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import experiment_files
 from pyburgers.kinds.problem import Problem
 from pyburgers.kinds.program_data import program_data
-from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions, solver_block
+from pyburgers.kinds.stan_data import (
+    BDF,
+    REFERENCE_SOLVER,
+    SolverOptions,
+    solver_block,
+    solver_in,
+)
 from pyburgers.model.priors import PriorSet, priors_text
 from pyburgers.model.variants import variant_of
 from pyburgers.sampling.manifest import ChainFailure, FitManifest, NoisyTolerance
 from pyburgers.sampling.modes import noisy_tolerances
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
-from pyburgers.sampling.repetitions import TIGHTENING, shortened, tolerance_in
+from pyburgers.sampling.repetitions import TIGHTENING, shortened
 from pyburgers.sampling.run import complete_chains, fingerprint, run_record
 from pyburgers.sampling.run_directory import RunDirectory
 
@@ -60,11 +66,13 @@ def run_chains(
     `KeyboardInterrupt` the chains are stopped; the same call continues the run.
     """
     settled = settled_options(problem, options)
-    wanted = wanted_record(problem, settled, solver, use_likelihood=use_likelihood)
-    data = program_data(problem, solver=solver, use_likelihood=use_likelihood)
     source, threads = problem.likelihood.program, settled.threads_per_chain
     # Climbs are the same whatever the threads of the chains.
     climber = load_program(source)
+    if not climber.has_cpp:
+        solver = replace(solver, method=BDF)
+    data = program_data(problem, solver=solver, use_likelihood=use_likelihood)
+    wanted = wanted_record(problem, settled, solver_in(data), use_likelihood=use_likelihood)
     model = load_program(source, threads=threads) if threads > 1 else climber
     run, identity = RunDirectory(directory), fingerprint(data, settled, model.recipe)
     # As given: priors are resolved for each test by itself.
@@ -92,7 +100,7 @@ def run_chains(
                 ),
                 "refits": known.get("refits", []),
                 "shortened": shortened(known),
-                "solver": {**asdict(solver), "tolerance": tolerance_in(run)},
+                "solver": asdict(solver_in(run.read_stan_data())),
             }
         )
         density = Density(model, run.read_stan_data())
@@ -280,6 +288,7 @@ def _decisive(record: Mapping[str, Any], free: Sequence[str]) -> dict[str, Any]:
         **{name: value for name, value in sampler.items() if name not in INDECISIVE},
         "draws of": "data and prior" if record["use_likelihood"] else "the prior alone",
         "tolerance": f"{tightened[0]['tolerance']:g}",
+        "solver": record["solver"].get("method"),
         **record.get("variant", {}),
     }
     if len(tests) > 1:

@@ -131,7 +131,7 @@ class Likelihood(ABC, Generic[E]):
     `grid_quantities`: variables of the program along the clock: name and SI unit in labelled draws.
     `warmup`, `target_acceptance`: defaults of the sampler: as little as leaves (almost) no
         divergences.
-    `solver`: default of the solver while sampling.
+    `solver`: default of the solver while sampling; `has_fast_solver`: whether it can be fast.
     `chart`: coordinates other than the plain ones.
     """
 
@@ -144,6 +144,7 @@ class Likelihood(ABC, Generic[E]):
     warmup: ClassVar[int]
     target_acceptance: ClassVar[float]
     solver: ClassVar[SolverOptions] = SolverOptions()
+    has_fast_solver: ClassVar[bool] = False
     chart: ClassVar[Chart[Any]]
 
     @property

@@ -18,6 +18,7 @@ from pyburgers.kinds.kind import FittedTest, kind_of
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import Problem, one_test
 from pyburgers.kinds.stan_data import (
+    BDF,
     CHART,
     PLAIN,
     Layout,
@@ -57,14 +58,17 @@ def program_data(
 ) -> StanData:
     """Return all data of the program in plain coordinates, with solutions at `grids` (SI)."""
     layout = problem.layout
+    tests = tests_block(problem, use_likelihood=use_likelihood)
+    # The sum of many elements of a Kelvin part is left to Stan's solver.
+    is_fast = problem.likelihood.has_fast_solver and tests.get("n_elements", 1) == 1
     return {
         **with_grids({}, problem.experiments, grids),
         **_prior_block(problem, layout),
         **flow_law_block(problem.priors[0].flow_law),
         **_coordinate_block(problem, layout),
         **chart_block(problem),
-        **solver_block(solver),
-        **tests_block(problem, use_likelihood=use_likelihood),
+        **solver_block(solver if is_fast else replace(solver, method=BDF)),
+        **tests,
     }
 
 

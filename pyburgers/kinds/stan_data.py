@@ -29,10 +29,14 @@ StanData = dict[str, Any]
 PLAIN, CHART = 1, 2
 """Codes of the coordinate systems: each program has plain ones and the chart of its protocol."""
 
+BDF, FAST = "bdf", "fast"
+SOLVERS = (BDF, FAST)
+"""Solvers by their codes in the data of programs."""
+
 
 @dataclass(frozen=True)
 class SolverOptions:
-    """Options of Stan's `ode_bdf_tol`.
+    """Options of the solver of the differential equations.
 
     Attributes
     ----------
@@ -42,15 +46,19 @@ class SolverOptions:
         neighbouring points. At 3e-5 it varies by 0.3.
     max_num_steps : int
         Steps between two output strains before the solver gives up, which rejects the draw.
+    method : str
+        ``"fast"``: an implicit Runge-Kutta method in C++ for the kinds of test that have it, and
+        Stan's `ode_bdf_tol` elsewhere; ``"bdf"``: `ode_bdf_tol` everywhere.
 
     Examples
     --------
     >>> pyburgers.SolverOptions(tolerance=1e-8)
-    SolverOptions(tolerance=1e-08, max_num_steps=20000)
+    SolverOptions(tolerance=1e-08, max_num_steps=20000, method='fast')
     """
 
     tolerance: float = 1e-5
     max_num_steps: int = 20_000
+    method: str = FAST
 
     def __post_init__(self) -> None:
         """Check the values.
@@ -67,15 +75,28 @@ class SolverOptions:
             )
         if self.max_num_steps < 1:
             raise InputError(f"max_num_steps is {self.max_num_steps}, expected at least 1.")
+        if self.method not in SOLVERS:
+            raise InputError(
+                f"method is {self.method!r}, expected {' or '.join(SOLVERS)} (option --solver)."
+            )
 
 
-REFERENCE_SOLVER = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
+REFERENCE_SOLVER = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000, method=BDF)
 """Tolerance at which a solution is taken as exact."""
 
 
 def solver_block(solver: SolverOptions) -> StanData:
-    """Return the block `stan/data/solver.stan`."""
-    return {"tolerance": solver.tolerance, "max_num_steps": solver.max_num_steps}
+    """Return the block `stan/data/solver.stan`, and which solver it is."""
+    return {
+        "tolerance": solver.tolerance,
+        "max_num_steps": solver.max_num_steps,
+        "solver": SOLVERS.index(solver.method),
+    }
+
+
+def solver_in(data: Mapping[str, Any]) -> SolverOptions:
+    """Return the options of the solver in the data of a program."""
+    return SolverOptions(data["tolerance"], data["max_num_steps"], SOLVERS[data["solver"]])
 
 
 def ends(sizes: Iterable[int]) -> list[int]:

@@ -8,6 +8,7 @@ from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
 from pyburgers.checks.verdicts import Verdict
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
+from pyburgers.kinds.stan_data import BDF, FAST
 
 _ESCAPED = str.maketrans({letter: f"\\{letter}" for letter in "&%$#_"} | dict.fromkeys("{}\\~^"))
 """Letters that LaTeX reads as commands: escaped, or left out."""
@@ -66,6 +67,9 @@ def _pooling(manifest: dict[str, Any]) -> str:
     return "; ".join(f"{kind}: {names}" for kind, names in named.items()).replace("_", " ")
 
 
+_SOLVERS = {FAST: "Radau IIA of order 5", BDF: "Stan's ode_bdf_tol"}
+
+
 def _sampling(manifest: dict[str, Any], n_chains: int) -> list[str]:
     """State the settings of the sampler, and what had to be done again."""
     sampler = manifest["sampler"]
@@ -77,6 +81,11 @@ def _sampling(manifest: dict[str, Any], n_chains: int) -> list[str]:
         f"{sampler['seed']}, target acceptance {sampler['adapt_delta']:g} and a tree depth of at "
         f"most {sampler['max_treedepth']}."
     ]
+    solver = manifest["solver"]
+    said.append(
+        f"{_SOLVERS[solver.get('method', BDF)]} solved the equations at a tolerance of "
+        f"{solver['tolerance']:.0e}."
+    )
     said += [
         f"At tolerance {loose['tolerance']:.0e} of the solver the log density jumped by "
         f"{loose['noise']:.2g} from point to point, too much to sample with."

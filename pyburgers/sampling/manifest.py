@@ -74,6 +74,7 @@ else:
 class _Solver(Entries):
     tolerance: float = Field(gt=0, description="of the solver")
     max_num_steps: int = Field(ge=1, description="of the solver")
+    method: str = Field("bdf", description="which solver: fast, or Stan's ode_bdf_tol")
 
 
 class ChainFailure(Table):

@@ -50,7 +50,7 @@ real constant_rate_log_density(
     data array[] vector conditions, data array[] int reference_end, data vector reference,
     data matrix element,
     // data/solver.stan
-    data real tolerance, data int max_num_steps) {
+    data int solver, data real tolerance, data int max_num_steps) {
   real log_density = 0;
   for (e in test) {
     vector[n_parameters()] value = parameter[e];
@@ -72,7 +72,7 @@ real constant_rate_log_density(
                                           segment_start[part(segment_end, e)],
                                           segment_rate[part(segment_end, e)],
                                           initial_grain_size[e], temperature[e],
-                                          kelvin_law, tolerance, max_num_steps);
+                                          kelvin_law, solver, tolerance, max_num_steps);
       log_density += stress_log_density(stress_observed[points],
                                         stress_reading_factor(value)
                                         * to_vector(solution[strain_of_point[points], 1]),

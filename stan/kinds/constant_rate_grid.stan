@@ -16,7 +16,7 @@
                                n_grid_in_segment[part(segment_end, e)],
                                segment_start[part(segment_end, e)],
                                segment_rate[part(segment_end, e)], initial_grain_size[e],
-                               temperature[e], kelvin_law, tolerance, max_num_steps);
+                               temperature[e], kelvin_law, solver, tolerance, max_num_steps);
     matrix[size(here), 2] microstructure
       = microstructure_along(solution, grid_strain[here], parameter[e], initial_grain_size[e]);
     for (j in 1 : size(here)) {

@@ -36,13 +36,15 @@ array[] vector fixed_rates(data vector parameter, data matrix leg, data real ini
  * @param time of each output since the start of its leg over its duration, from 0 to 1
  * @param n_in_leg number of outputs in each leg, one leg after the other
  * @param initial_grain_size d_0, m
+ * @param solver 0: ode_bdf_tol; 1: radau_leg() (solvers/radau_leg.stan), and ode_bdf_tol where that
+ *   does not converge
  * @return a row of states for each output (loading_history_legs.stan)
  */
 matrix history_states(vector parameter, data vector constant, data array[] int varying,
                       data matrix leg, data array[] vector fixed, data vector test,
                       data matrix element, data array[] real time, data array[] int n_in_leg,
-                      data real initial_grain_size, data real tolerance,
-                      data int max_num_steps) {
+                      data real initial_grain_size, data int solver,
+                      data real tolerance, data int max_num_steps) {
   array[n_history_rates()] int place = place_among(varying);
   int n_states = 5 + n_summed(element);
   matrix[size(time), n_states] solution;
@@ -75,21 +77,21 @@ matrix history_states(vector parameter, data vector constant, data array[] int v
         states = force_driven_leg(state, time[before + 1 : before + n],
                                   leg[k, l_start_stress()] / test[c_stress_scale()],
                                   leg[k, l_rate()] * leg[k, l_duration()] / test[c_stress_scale()],
-                                  every[varying], place, fixed[k], test, element, tolerance,
+                                  every[varying], place, fixed[k], test, element, solver, tolerance,
                                   max_num_steps);
       } else {
         states = stress_driven_leg(state, k == 1, time[before + 1 : before + n],
                                    leg[k, l_start_stress()] / test[c_stress_scale()],
                                    leg[k, l_rate()] * leg[k, l_duration()]
                                    / test[c_stress_scale()],
-                                   every[varying], place, fixed[k], test, element, tolerance,
+                                   every[varying], place, fixed[k], test, element, solver, tolerance,
                                    max_num_steps);
       }
     } else {
       states = strain_driven_leg(state, k == 1, time[before + 1 : before + n],
                                  leg[k, l_rate()] * leg[k, l_duration()]
                                  / test[c_strain_scale()],
-                                 every[varying], place, fixed[k], test, element, tolerance,
+                                 every[varying], place, fixed[k], test, element, solver, tolerance,
                                  max_num_steps);
     }
     for (i in 1 : n) {

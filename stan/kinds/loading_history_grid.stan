@@ -6,7 +6,7 @@
                                         leg[part(leg_end, e)], fixed[part(leg_end, e)], test[e],
                                         element, grid_time_in_leg[here],
                                         n_grid_in_leg[part(leg_end, e)], initial_grain_size[e],
-                                        tolerance, max_num_steps),
+                                        solver, tolerance, max_num_steps),
                          parameter[e], prior_location[e], varying, leg[part(leg_end, e)],
                          fixed[part(leg_end, e)], test[e], element,
                          n_grid_in_leg[part(leg_end, e)], initial_grain_size[e]);

@@ -196,7 +196,7 @@ int strain_only_grows(vector start_kelvin, data real y_0, data real rate) {
 matrix strain_driven_leg(row_vector start, data int at_rest, data array[] real time,
                          data real rate, vector varying, data array[] int place,
                          data vector fixed, data vector test, data matrix element,
-                         data real tolerance, data int max_num_steps) {
+                         data int solver, data real tolerance, data int max_num_steps) {
   int has_grains = test[c_piezometer()] > 0;
   int compliant = in_use(h_apparatus_compliance(), place, fixed, 0);
   int n_kelvin = rows(element);
@@ -208,23 +208,28 @@ matrix strain_driven_leg(row_vector start, data int at_rest, data array[] real t
   int n_at_start = first_after(time, 0) - 1;
   int n = size(time) + 1 - n_at_start;
   array[n] real after_start = append_array(time[n_at_start + 1 : ], {1.0});
-  array[n] vector[n_states] solved;
+  vector[n_states] from = append_row(append_row(start[1], kelvin_states(start, element)),
+                                     append_row(to_vector(segment(start, 5, has_grains)),
+                                                to_vector(segment(start, 4, compliant))));
+  array[n] vector[n_states] solved
+    = fast_history_leg(0, {1, compliant ? n_states - 1 : -1, has_grains ? 2 : -1},
+                       append_array(time[n_at_start + 1 : ], {1.0}), 0, rate,
+                       from, compliant ? 0 : start[4], 0, varying, place, fixed, test,
+                       element, solver, tolerance);
   matrix[size(time) + 1, num_elements(start)] states;
-  if (at_rest) {
-    // The initial state is literal: constant to the solver, no sensitivities to it.
-    solved = ode_bdf_tol(strain_driven_rhs,
-                         append_row(rep_vector(0, 1 + n_kelvin),
-                                    append_row(rep_vector(1, has_grains),
-                                               rep_vector(0, compliant))),
-                         0, after_start, tolerance, tolerance, max_num_steps, 0.0, varying, rate,
-                         place, fixed, test, element);
-  } else {
-    solved = ode_bdf_tol(strain_driven_rhs,
-                         append_row(append_row(start[1], kelvin_states(start, element)),
-                                    append_row(to_vector(segment(start, 5, has_grains)),
-                                               to_vector(segment(start, 4, compliant)))),
-                         0, after_start, tolerance, tolerance, max_num_steps, start[4], varying,
-                         rate, place, fixed, test, element);
+  if (is_nan(solved[1][1])) {
+    if (at_rest) {
+      // The initial state is literal: constant to the solver, no sensitivities to it.
+      solved = ode_bdf_tol(strain_driven_rhs,
+                           append_row(rep_vector(0, 1 + n_kelvin),
+                                      append_row(rep_vector(1, has_grains),
+                                                 rep_vector(0, compliant))),
+                           0, after_start, tolerance, tolerance, max_num_steps, 0.0, varying,
+                           rate, place, fixed, test, element);
+    } else {
+      solved = ode_bdf_tol(strain_driven_rhs, from, 0, after_start, tolerance, tolerance,
+                           max_num_steps, start[4], varying, rate, place, fixed, test, element);
+    }
   }
   for (i in 1 : n_at_start) {
     states[i] = start;
@@ -256,7 +261,7 @@ matrix strain_driven_leg(row_vector start, data int at_rest, data array[] real t
 matrix stress_driven_leg(row_vector start, data int at_rest, data array[] real time,
                          data real y_0, data real rate, vector varying, data array[] int place,
                          data vector fixed, data vector test, data matrix element,
-                         data real tolerance, data int max_num_steps) {
+                         data int solver, data real tolerance, data int max_num_steps) {
   int has_grains = test[c_piezometer()] > 0;
   int solves_kelvin = test[c_kelvin_law()] > 0;
   int n_kelvin = rows(element);
@@ -270,33 +275,39 @@ matrix stress_driven_leg(row_vector start, data int at_rest, data array[] real t
   int n_at_start = first_after(time, 0) - 1;
   int n = size(time) + 1 - n_at_start;
   array[n] real after_start = append_array(time[n_at_start + 1 : ], {1.0});
-  array[n] vector[n_states] solved;
+  vector[n_states] from
+    = grows ? rep_vector(0, 1)
+            : append_row(rep_vector(0, 2),
+                         append_row(segment(start, 2, solves_kelvin)',
+                                    to_vector(segment(start, 5, has_grains))));
+  array[n] vector[n_states] solved
+    = fast_history_leg(1, {solves_kelvin ? 2 : -1, grows ? -1 : 1, has_grains ? n_states - 1 : -1},
+                       append_array(time[n_at_start + 1 : ], {1.0}), y_0, rate, from, grows ? before : start[4], start[2], varying,
+                       place, fixed, test, element, solver, tolerance);
   matrix[size(time) + 1, num_elements(start)] states;
-  // What is known is literal: constant to the solver, no sensitivities to it. A jump of the stress
-  // at the start moves the grain size of a piezometer.
-  if (grows && at_rest) {
-    solved = ode_bdf_tol(growing_strain_rhs, rep_vector(0, 1), 0, after_start, tolerance,
-                         tolerance, max_num_steps, 0.0, rep_vector(0, n_kelvin), varying, y_0,
-                         rate, place, fixed, test, element);
-  } else if (grows) {
-    solved = ode_bdf_tol(growing_strain_rhs, rep_vector(0, 1), 0, after_start, tolerance,
-                         tolerance, max_num_steps, before, start_kelvin, varying, y_0, rate, place,
-                         fixed, test, element);
-  } else if (!has_grains && at_rest) {
-    solved = ode_bdf_tol(stress_driven_rhs, rep_vector(0, 2 + solves_kelvin), 0, after_start,
-                         tolerance, tolerance, max_num_steps, start[4], rep_vector(0, n_kelvin),
-                         varying, y_0, rate, place, fixed, test, element);
-  } else if (!has_grains && !solves_kelvin) {
-    solved = ode_bdf_tol(stress_driven_rhs, rep_vector(0, 2), 0, after_start, tolerance,
-                         tolerance, max_num_steps, start[4], start_kelvin, varying, y_0, rate,
-                         place, fixed, test, element);
-  } else {
-    solved = ode_bdf_tol(stress_driven_rhs,
-                         append_row(rep_vector(0, 2),
-                                    append_row(segment(start, 2, solves_kelvin)',
-                                               to_vector(segment(start, 5, has_grains)))),
-                         0, after_start, tolerance, tolerance, max_num_steps, start[4],
-                         start_kelvin, varying, y_0, rate, place, fixed, test, element);
+  // In what is left to ode_bdf_tol, all that is known is literal: constant to that solver, no
+  // sensitivities to it. A jump of the stress at the start moves the grain size of a piezometer.
+  if (is_nan(solved[1][1])) {
+    if (grows && at_rest) {
+      solved = ode_bdf_tol(growing_strain_rhs, rep_vector(0, 1), 0, after_start, tolerance,
+                           tolerance, max_num_steps, 0.0, rep_vector(0, n_kelvin), varying, y_0,
+                           rate, place, fixed, test, element);
+    } else if (grows) {
+      solved = ode_bdf_tol(growing_strain_rhs, rep_vector(0, 1), 0, after_start, tolerance,
+                           tolerance, max_num_steps, before, start_kelvin, varying, y_0, rate, place,
+                           fixed, test, element);
+    } else if (!has_grains && at_rest) {
+      solved = ode_bdf_tol(stress_driven_rhs, rep_vector(0, 2 + solves_kelvin), 0, after_start,
+                           tolerance, tolerance, max_num_steps, start[4], rep_vector(0, n_kelvin),
+                           varying, y_0, rate, place, fixed, test, element);
+    } else if (!has_grains && !solves_kelvin) {
+      solved = ode_bdf_tol(stress_driven_rhs, rep_vector(0, 2), 0, after_start, tolerance,
+                           tolerance, max_num_steps, start[4], start_kelvin, varying, y_0, rate,
+                           place, fixed, test, element);
+    } else {
+      solved = ode_bdf_tol(stress_driven_rhs, from, 0, after_start, tolerance, tolerance,
+                           max_num_steps, start[4], start_kelvin, varying, y_0, rate, place, fixed, test, element);
+    }
   }
   for (i in 1 : n_at_start) {
     states[i] = start;
@@ -384,22 +395,27 @@ vector force_driven_rhs(real t, vector state, vector varying, data real force, d
  */
 matrix force_driven_leg(row_vector start, data array[] real time, data real force, data real rate,
                         vector varying, data array[] int place, data vector fixed,
-                        data vector test, data matrix element, data real tolerance,
-                        data int max_num_steps) {
+                        data vector test, data matrix element, data int solver,
+                        data real tolerance, data int max_num_steps) {
   int has_grains = test[c_piezometer()] > 0;
   int n_kelvin = rows(element);
   vector[n_kelvin] weight = history_elements(element, varying, place, fixed)[ : , 2];
   int n_at_start = first_after(time, 0) - 1;
   int n = size(time) + 1 - n_at_start;
   array[n] real after_start = append_array(time[n_at_start + 1 : ], {1.0});
-  array[n] vector[n_kelvin + 2 + has_grains] solved
-    = ode_bdf_tol(force_driven_rhs,
-                  append_row(append_row(specimen_strain(start, varying, place, fixed),
-                                        kelvin_states(start, element)),
-                             to_vector(segment(start, 4, 1 + has_grains))),
-                  0, after_start, tolerance, tolerance, max_num_steps, varying, force, rate, place,
-                  fixed, test, element);
+  int n_states = n_kelvin + 2 + has_grains;
+  vector[n_states] from = append_row(append_row(specimen_strain(start, varying, place, fixed),
+                                                kelvin_states(start, element)),
+                                     to_vector(segment(start, 4, 1 + has_grains)));
+  array[n] vector[n_states] solved
+    = fast_history_leg(2, {1, 2, has_grains ? 3 : -1},
+                       append_array(time[n_at_start + 1 : ], {1.0}), force, rate, from, 0, 0,
+                       varying, place, fixed, test, element, solver, tolerance);
   matrix[size(time) + 1, num_elements(start)] states;
+  if (is_nan(solved[1][1])) {
+    solved = ode_bdf_tol(force_driven_rhs, from, 0, after_start, tolerance, tolerance,
+                         max_num_steps, varying, force, rate, place, fixed, test, element);
+  }
   for (i in 1 : n_at_start) {
     states[i] = start;
   }

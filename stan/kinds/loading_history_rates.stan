@@ -272,3 +272,38 @@ real history_grain_growth(real y, real u, real path_rate, vector varying,
 real magnitude(real x) {
   return x < 0 ? -x : (x > 0 ? x : 0);
 }
+
+/**
+ * States along a leg by radau_leg(); NaN if another solver is wanted, the Kelvin part is a sum of
+ * elements, or the method does not converge.
+ *
+ * @param driven by strain 0, by stress 1, by force 2
+ * @param state places of z, g and u among the states, from 0; -1: no state
+ * @param y_0, rate y or f at the start, and r
+ * @param start_path, start_kelvin g and z at the start (solvers/radau_leg.stan)
+ */
+array[] vector fast_history_leg(data int driven, data array[] int state, data array[] real time,
+                                data real y_0, data real rate, vector start, real start_path,
+                                real start_kelvin, vector varying, data array[] int place,
+                                data vector fixed, data vector test, data matrix element,
+                                data int solver, data real tolerance) {
+  array[size(time)] vector[num_elements(start)] states;
+  if (solver == 1 && rows(element) == 1) {
+    vector[num_elements(start)] from = start;
+    vector[17] argument;
+    for (k in 1 : 13) {
+      argument[k] = history_rate(k, varying, place, fixed);
+    }
+    argument[14 : 17] = [test[c_log_kelvin_unit()], test[c_stress_scale()], start_path,
+                         start_kelvin]';
+    return radau_leg({driven, place_of_dashpot_law(test[c_dashpot_law()]),
+                      place_of_kelvin_law(test[c_kelvin_law()]), state[1], state[2], state[3]},
+                     {y_0, rate, test[c_strain_scale()], test[c_piezometer()],
+                      test[c_piezometer_exponent()], test[c_piezometer_stress_floor()]},
+                     time, tolerance, from, argument);
+  }
+  for (i in 1 : size(time)) {
+    states[i] = rep_vector(not_a_number(), num_elements(start));
+  }
+  return states;
+}

@@ -3,7 +3,7 @@
           = history_states(parameter[e], prior_location[e], varying, leg[part(leg_end, e)],
                            fixed[part(leg_end, e)], test[e], element,
                            output_time_in_leg[part(output_end, e)],
-                           n_outputs_in_leg[part(leg_end, e)], initial_grain_size[e], tolerance,
+                           n_outputs_in_leg[part(leg_end, e)], initial_grain_size[e], solver, tolerance,
                            max_num_steps);
         vector[size(points)] response
           = history_readings(history_response(states[output_of_point[points]], parameter[e],

@@ -40,6 +40,16 @@ int dashpot_law(vector parameter) {
   return 0;
 }
 
+/** Place of a law among dashpot_stresses(); 0: the power law. */
+int place_of_dashpot_law(real law) {
+  for (place in 1 : size(dashpot_stresses())) {
+    if (dashpot_stresses()[place] == law) {
+      return place;
+    }
+  }
+  return 0;
+}
+
 /** Stress of the law's own, Pa; 0 of the power law. */
 real dashpot_stress(vector parameter, data int law) { return law > 0 ? parameter[law] : 0; }
 

@@ -28,6 +28,16 @@ int kelvin_law_at(vector parameter) {
   return 0;
 }
 
+/** Place of a law among kelvin_law_parameters(); 0: the linear law. */
+int place_of_kelvin_law(real law) {
+  for (place in 1 : size(kelvin_law_parameters())) {
+    if (kelvin_law_parameters()[place] == law) {
+      return place;
+    }
+  }
+  return 0;
+}
+
 /** Value of the law's parameter; 0 of the linear law. */
 real kelvin_law_number(vector parameter, data real law) {
   for (place in kelvin_law_parameters()) {

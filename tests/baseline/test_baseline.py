@@ -205,7 +205,7 @@ def problem_and_data(case: Case, tolerance: float) -> tuple[Problem, StanData]:
     tests = [load_experiment(REPOSITORY / name) for name in case.files]
     priors = with_variant(load_priors(REPOSITORY / case.priors), tests[0], case.variant)
     problem = problem_of(tests, priors, pooling_for(tests, case.pool))
-    return problem, program_data(problem, solver=SolverOptions(tolerance, max_num_steps=1_000_000))
+    return problem, program_data(problem, solver=SolverOptions(tolerance, 1_000_000, method="bdf"))
 
 
 def points_of(data: StanData) -> FloatArray:

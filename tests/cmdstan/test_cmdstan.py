@@ -378,6 +378,10 @@ def program(tmp_path: Path) -> Path:
     (functions / "outer.stan").write_text('#include "functions/inner.stan"\n')
     (functions / "inner.stan").write_text("real twice(real x) { return 2 * x; }\n")
     (functions / "unused.stan").write_text("real thrice(real x) { return 3 * x; }\n")
+    declared = tmp_path / "stan" / "with_cpp" / "functions"
+    declared.mkdir(parents=True)
+    (declared / "inner.stan").write_text("real twice(real x);\n")
+    (declared / "inner.hpp").write_text("")
     path = tmp_path / "stan" / "program.stan"
     path.write_text("functions {\n#include functions/outer.stan\n}\n// #include nothing.stan\n")
     return path
@@ -397,6 +401,7 @@ class TestProgramKey:
         cmdstan, compiler = make_cmdstan(home / "cmdstan"), home / "my-g++"
         monkeypatch.setenv("CXX", str(executable_file(compiler, "echo my-g++ 12.2")))
         sources = [program, *(program.parent / "functions").glob("[io]*.stan")]
+        sources += (program.parent / "with_cpp" / "functions").glob("inner.*")
         changes: list[Callable[[], object]] = [
             *(partial(path.write_text, path.read_text() + "// more\n") for path in sources),
             lambda: (cmdstan / "makefile").write_text("CMDSTAN_VERSION := 2.28.0\n"),
@@ -409,7 +414,7 @@ class TestProgramKey:
             change()
             keys.add(program_key(program, program.parent, cmdstan))
         keys.add(program_key(program, program.parent, make_cmdstan(home / "other")))
-        assert len(sources) == 3
+        assert len(sources) == 5
         assert len(keys) == 2 + len(changes)
 
     def test_missing_include_is_named(self, home: Path, program: Path) -> None:
@@ -425,6 +430,38 @@ class TestProgramKey:
 
 def test_the_programs_are_found() -> None:
     assert (stan_directory() / "constant_rate.stan").is_file()
+
+
+@pytest.mark.slow
+def test_functions_have_bodies_in_stan_if_the_compiler_refuses_a_header(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    solvers = tmp_path / "with_cpp" / "solvers"
+    solvers.mkdir(parents=True)
+    (tmp_path / "solvers").mkdir()
+    (tmp_path / "solvers" / "body.stan").write_text("real body(vector x) { return x[1]; }\n")
+    (solvers / "body.stan").write_text("real body(vector x);\n")
+    header = solvers / "body.hpp"
+    program = tmp_path / "which_body.stan"
+    program.write_text(
+        "functions {\n#include solvers/body.stan\n}\n"
+        "generated quantities { vector[1] one = [1]'; real x = body(one); }\n"
+    )
+    monkeypatch.setenv("PYBURGERS_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr("pyburgers.cmdstan.compilation.stan_directory", lambda: tmp_path)
+    header.write_text(
+        "namespace burgers { template <typename T> T body(const Eigen::Matrix<T, -1, 1> &x, "
+        "std::ostream *) { return x[0] + 1; } }\n"
+    )
+    in_cpp = load_program(program)
+    assert in_cpp.has_cpp
+    assert in_cpp.evaluate({})["x"] == 2
+    header.write_text("#error not for this compiler\n")
+    with caplog.at_level(logging.INFO):
+        in_stan = load_program(program)
+    assert not in_stan.has_cpp
+    assert in_stan.evaluate({})["x"] == 1
+    assert "was compiled without solvers/body.hpp" in caplog.text
 
 
 TINY = """

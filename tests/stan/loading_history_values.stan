@@ -6,6 +6,7 @@ functions {
 #include physics/kelvin_laws.stan
 #include physics/relaxation.stan
 #include physics/microstructure.stan
+#include solvers/radau_leg.stan
 #include kinds/loading_history_rates.stan
 #include kinds/loading_history_legs.stan
 #include kinds/loading_history_dynamics.stan
@@ -34,7 +35,7 @@ transformed data {
 generated quantities {
   matrix[n_times, 7] solution
     = history_solution(history_states(parameter, parameter, rep_array(0, 0), leg, fixed, test,
-                                      element, time, n_in_leg, initial_grain_size, tolerance,
+                                      element, time, n_in_leg, initial_grain_size, 0, tolerance,
                                       1000000),
                        parameter, parameter, rep_array(0, 0), leg, fixed, test, element, n_in_leg,
                        initial_grain_size);

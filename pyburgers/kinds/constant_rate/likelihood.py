@@ -100,6 +100,7 @@ class ConstantRateLikelihood(Likelihood[ConstantRateExperiment]):
     )
     warmup = 300
     target_acceptance = 0.98
+    has_fast_solver = True
     chart = ConstantRateValley()
 
     def reference_origin(self, experiment: ConstantRateExperiment) -> tuple[float, float]:

@@ -302,6 +302,7 @@ class HistoryLikelihood(Likelihood[HistoryExperiment]):
     # One chain in some has steps half as long again as the others, and at 0.98 loses trajectories
     # where grains shrink to the bound of their prior (docs/coordinates_trials.md).
     target_acceptance = 0.99
+    has_fast_solver = True
     chart = LoadingHistoryValley()
     reference_origin = staticmethod(reference_origin)
     tests_block = staticmethod(tests_block)

@@ -1,0 +1,29 @@
+/**
+ * States along a leg of a Burgers model with one Kelvin element, by Radau IIA of order 5.
+ *
+ * This file stands for a build without C++: the method never converges, so ode_bdf_tol solves all.
+ * A build with the include path with_cpp/ ahead of this one takes solvers/radau_leg.stan there,
+ * which declares the function alone; its body is with_cpp/solvers/radau_leg.hpp.
+ *
+ * Symbols, units and the order of states are those of kinds/loading_history_legs.stan.
+ *
+ * @param law what drives the leg (0 strain, 1 stress, 2 force), place of the dashpot's law among
+ *   dashpot_stresses(), that of the Kelvin element's among kelvin_law_parameters(), and the places of
+ *   z, g and u among the states, from 0; -1: no state
+ * @param known y or f at the start, r, e, and of the piezometer d_1/d_0, m and its floor (Pa)
+ * @param time since the start, not decreasing
+ * @param tolerance relative and absolute
+ * @param start states at the start
+ * @param argument the first 13 numbers of kinds/loading_history_rates.stan, ln(S/q_0), S (Pa), g at
+ *   the start (where strain only grows, less what the load has stretched), and z at the start where
+ *   it is no state
+ * @return array over time of the states; NaN where the method does not converge
+ */
+array[] vector radau_leg(data array[] int law, data array[] real known, data array[] real time,
+                         data real tolerance, vector start, vector argument) {
+  array[size(time)] vector[num_elements(start)] states;
+  for (i in 1 : size(time)) {
+    states[i] = rep_vector(not_a_number(), num_elements(start));
+  }
+  return states;
+}

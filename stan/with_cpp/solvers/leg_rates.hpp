@@ -1,0 +1,380 @@
+#ifndef BURGERS_LEG_RATES_HPP
+#define BURGERS_LEG_RATES_HPP
+/**
+ * Rates of the Burgers model along a leg, and their derivatives, for radau.hpp.
+ *
+ * The equations are those of kinds/loading_history_rates.stan and kinds/loading_history_legs.stan,
+ * whose symbols and units are used here, with one Kelvin element; a test compares both. Those of
+ * kinds/constant_rate_dynamics.stan are the same with S = S_0, e = 1 and D = 1/rate.
+ *
+ * Every part of the rates is a structure of its value and its partial derivatives. pull_back() of
+ * the rates applies them in reverse.
+ */
+#include <stan/math.hpp>
+#include <cmath>
+#include <vector>
+
+namespace burgers {
+
+/** Places of the arguments that have derivatives; the first are the h_NAME() of Stan, from 0. */
+enum Argument {
+  log_dashpot_rate,
+  stress_exponent,
+  grain_size_exponent,
+  kelvin_decay,
+  kelvin_compliance,
+  spring_compliance,
+  apparatus_compliance,
+  grain_size_deficit,
+  grain_size_decay,
+  fabric_deficit,
+  fabric_decay,
+  kelvin_exponent,  // n_K of a power-law Kelvin element
+  dashpot_stress,   // of another law than the power law, over S
+  log_kelvin_unit,  // ln(S/q_0)
+  stress_scale,     // S, Pa
+  start_path,       // g at the start; where strain only grows, less what the load has stretched
+  start_kelvin,     // z at the start, where it is not a state
+  n_arguments
+};
+
+/** What drives a leg: the first entry of its laws. */
+enum Driven { by_strain, by_stress, by_force };
+
+/** Laws of the dashpot and of the Kelvin element. */
+enum DashpotLaw { power_law, breakdown, threshold };
+enum KelvinLaw { linear, kelvin_power_law };
+
+/** The laws and states of a leg, and the numbers that are data. */
+struct Leg {
+  int driven;
+  int dashpot_law, kelvin_law;
+  int z, g, u; // places among the states, -1: not solved for
+  double y_0;  // y or f at the start
+  double rate; // r
+  double strain_scale;
+  double piezometer, piezometer_exponent, piezometer_floor; // d_1/d_0, m, Pa
+
+  /** The entries are in the order above. */
+  Leg(const std::vector<int> &law, const std::vector<double> &known)
+      : driven(law[0]), dashpot_law(law[1]), kelvin_law(law[2]), z(law[3]), g(law[4]), u(law[5]), y_0(known[0]), rate(known[1]), strain_scale(known[2]), piezometer(known[3]),
+        piezometer_exponent(known[4]), piezometer_floor(known[5]) {}
+
+  /** Whether these laws are known here. */
+  bool is_known() const { return dashpot_law <= threshold && kelvin_law <= kelvin_power_law; }
+
+  /** Whether g is known from the time. */
+  bool path_is_known() const { return driven == by_strain && g < 0; }
+
+  /** Whether g follows from the strains, which only grow. */
+  bool strain_grows() const { return driven == by_stress && g < 0; }
+};
+
+/** ln of a microstructural variable relative to its initial value. */
+struct Relative {
+  double log, by_path, by_deficit, by_decay;
+
+  void set(double path, double deficit, double decay) {
+    if (path < 0) {
+      log = by_path = by_deficit = by_decay = 0;
+      return;
+    }
+    const double gone = std::expm1(-path * decay);
+    const double value = 1 + deficit * gone;
+    const double slope = -deficit * (1 + gone) / value;
+    log = std::log1p(deficit * gone);
+    by_path = slope * decay;
+    by_decay = slope * path;
+    by_deficit = gone / value;
+  }
+};
+
+/** Rate of the dashpot, v_d. */
+struct Flow {
+  double rate;
+  double log_strength; // ln(|equivalent stress|/F)
+  double by_stress, by_log_fabric, by_law_stress;
+
+  void set(double y, double log_fabric, double log_grain_size, int law, const double *x) {
+    const double n = x[stress_exponent];
+    double strength_by_stress, strength_by_fabric = -1, strength_by_law_stress = 0;
+    double s = y;
+    if (law == threshold) {
+      s = y > x[dashpot_stress] ? y - x[dashpot_stress]
+                                : (y < -x[dashpot_stress] ? y + x[dashpot_stress] : 0);
+    }
+    rate = log_strength = by_stress = by_log_fabric = by_law_stress = 0;
+    if (s == 0) {
+      return;
+    }
+    if (law == breakdown) {
+      const double unit = std::exp(log_fabric) * x[dashpot_stress];
+      const double largest = 650 / std::max(n, 1.0);
+      const double over = std::min(std::fabs(y) / unit, largest);
+      log_strength = std::log(x[dashpot_stress] * std::sinh(over));
+      const double cotangent = over < largest ? 1 / std::tanh(over) : 0;
+      strength_by_stress = (y < 0 ? -cotangent : cotangent) / unit;
+      strength_by_fabric = -over * cotangent;
+      strength_by_law_stress = (1 - over * cotangent) / x[dashpot_stress];
+    } else {
+      log_strength = std::log(std::fabs(s)) - log_fabric;
+      strength_by_stress = 1 / s;
+      strength_by_law_stress = law == threshold ? -1 / std::fabs(s) : 0;
+    }
+    rate = std::exp(n * log_strength + x[log_dashpot_rate]
+                    - x[grain_size_exponent] * log_grain_size);
+    rate = s < 0 ? -rate : rate;
+    by_stress = rate * n * strength_by_stress;
+    by_log_fabric = rate * n * strength_by_fabric;
+    by_law_stress = rate * n * strength_by_law_stress;
+  }
+};
+
+/** dz/dt of the Kelvin element under the driving stress q. */
+struct Kelvin {
+  double rate, by_stress, by_decay, by_exponent, by_log_unit;
+
+  void set(double q, int law, const double *x) {
+    const double decay = x[kelvin_decay];
+    by_decay = q;
+    by_stress = decay;
+    by_exponent = by_log_unit = 0;
+    if (law == kelvin_power_law && q != 0) {
+      const double exponent = x[kelvin_exponent];
+      const double log_ratio = std::log(std::fabs(q)) + x[log_kelvin_unit];
+      by_decay = q * std::exp((exponent - 1) * log_ratio);
+      by_stress = decay * by_decay / q * exponent;
+      by_exponent = decay * by_decay * log_ratio;
+      by_log_unit = decay * by_decay * (exponent - 1);
+    }
+    rate = decay * by_decay;
+  }
+};
+
+/** Grain size that the piezometer wants, over d_0. */
+struct Piezometer {
+  double value, by_stress, by_scale;
+
+  void set(double y, double scale, const Leg &leg) {
+    const double stress = 1e-6 * scale * y;
+    const double floor = 1e-6 * leg.piezometer_floor;
+    const double square = stress * stress + floor * floor;
+    value = leg.piezometer * std::exp(-0.5 * leg.piezometer_exponent * std::log(square));
+    const double by_megapascals = -leg.piezometer_exponent * value * stress / square;
+    by_stress = by_megapascals * 1e-6 * scale;
+    by_scale = by_megapascals * 1e-6 * y;
+  }
+};
+
+/**
+ * Rates of a leg with N states, in the order of kinds/loading_history_legs.stan: y, z, u, g where
+ * strain is imposed; x, g, z, u under a stress; s, z, g, u under a force.
+ */
+template <int N>
+class LegRates {
+ public:
+  static constexpr int n_states = N;
+
+  struct Point {
+    double t, state[N], rate[N];
+    double y, z, path, u, area;
+    double z_by_decay, z_by_start; // where it is not a state
+    double path_rate, sign, denominator;
+    Relative fabric, grains;
+    Flow flow;
+    Kelvin kelvin;
+    Piezometer wanted;
+  };
+
+  LegRates(const Leg &leg, const double *arguments) : leg_(leg) {
+    std::copy_n(arguments, static_cast<int>(n_arguments), x_);
+  }
+
+  void prepare(Point &p) const {
+    p.u = 1;
+    p.area = 1;
+    p.z_by_decay = p.z_by_start = 0;
+    if (leg_.driven == by_stress) {
+      p.y = leg_.y_0 + leg_.rate * p.t;
+    }
+    if (leg_.z < 0) {
+      set_linear_kelvin_strain(p);
+    }
+    if (leg_.path_is_known()) {
+      p.path = x_[start_path] + std::fabs(leg_.rate) * p.t;
+      set_microstructure(p);
+    }
+  }
+
+  void evaluate(Point &p) const {
+    if (leg_.driven == by_strain) {
+      p.y = p.state[0];
+    } else if (leg_.driven == by_force) {
+      p.area = std::exp(-leg_.strain_scale * p.state[0]);
+      p.y = (leg_.y_0 + leg_.rate * p.t) * p.area;
+    }
+    if (leg_.z >= 0) {
+      p.z = p.state[leg_.z];
+    }
+    if (leg_.u >= 0) {
+      p.u = p.state[leg_.u];
+      p.wanted.set(p.y, x_[stress_scale], leg_);
+    }
+    if (!leg_.path_is_known()) {
+      p.path = x_[start_path];
+      p.path += leg_.strain_grows() ? x_[spring_compliance] * p.y + x_[kelvin_compliance] * p.z
+                                          + p.state[0]
+                                    : p.state[leg_.g];
+      set_microstructure(p);
+    }
+    p.kelvin.set(p.y - p.z, leg_.kelvin_law, x_);
+    p.flow.set(p.y, p.fabric.log, leg_.u >= 0 ? std::log(p.u) : p.grains.log, leg_.dashpot_law,
+               x_);
+    const double inelastic = x_[kelvin_compliance] * p.kelvin.rate + p.flow.rate;
+    double strain_rate;
+    if (leg_.driven == by_strain) {
+      p.denominator = x_[spring_compliance] + x_[apparatus_compliance];
+      p.rate[0] = (leg_.rate - inelastic) / p.denominator;
+      strain_rate = leg_.rate - x_[apparatus_compliance] * p.rate[0];
+    } else if (leg_.driven == by_stress) {
+      p.rate[0] = p.flow.rate;
+      strain_rate = x_[spring_compliance] * leg_.rate + inelastic;
+    } else {
+      p.denominator = 1 + leg_.strain_scale * x_[spring_compliance] * p.y;
+      p.rate[0] = (x_[spring_compliance] * leg_.rate * p.area + inelastic) / p.denominator;
+      strain_rate = p.rate[0];
+    }
+    p.sign = strain_rate < 0 ? -1 : (strain_rate > 0 ? 1 : 0);
+    p.path_rate = p.sign * strain_rate;
+    if (leg_.z >= 0) {
+      p.rate[leg_.z] = p.kelvin.rate;
+    }
+    if (leg_.g >= 0) {
+      p.rate[leg_.g] = p.path_rate;
+    }
+    if (leg_.u >= 0) {
+      p.rate[leg_.u] = p.path_rate * x_[grain_size_decay] * (p.wanted.value - p.u);
+    }
+  }
+
+  template <bool args>
+  void pull_back(const Point &p, const double *by_rate, double *by_state, double *by_x) const {
+    double y = 0, u = 0, z = 0, area = 0; // adjoints
+    double kelvin_rate = leg_.z >= 0 ? by_rate[leg_.z] : 0;
+    double path_rate = leg_.g >= 0 ? by_rate[leg_.g] : 0;
+    if (leg_.u >= 0) {
+      const double growth = by_rate[leg_.u] * x_[grain_size_decay];
+      path_rate += growth * (p.wanted.value - p.u);
+      y += growth * p.path_rate * p.wanted.by_stress;
+      u -= growth * p.path_rate;
+      if (args) {
+        by_x[grain_size_decay] += by_rate[leg_.u] * p.path_rate * (p.wanted.value - p.u);
+        by_x[stress_scale] += growth * p.path_rate * p.wanted.by_scale;
+      }
+    }
+    double inelastic, flow_rate; // of kelvin_compliance * kelvin_rate + flow rate
+    const double strain_rate = p.sign * path_rate;
+    if (leg_.driven == by_strain) {
+      const double scaled
+          = (by_rate[0] - strain_rate * x_[apparatus_compliance]) / p.denominator;
+      inelastic = flow_rate = -scaled;
+      if (args) {
+        by_x[spring_compliance] -= scaled * p.rate[0];
+        by_x[apparatus_compliance] -= (scaled + strain_rate) * p.rate[0];
+      }
+    } else if (leg_.driven == by_stress) {
+      inelastic = strain_rate;
+      flow_rate = strain_rate + by_rate[0];
+      if (args) {
+        by_x[spring_compliance] += strain_rate * leg_.rate;
+      }
+    } else {
+      const double scaled = (by_rate[0] + strain_rate) / p.denominator;
+      inelastic = flow_rate = scaled;
+      y -= scaled * leg_.strain_scale * x_[spring_compliance] * p.rate[0];
+      area += scaled * x_[spring_compliance] * leg_.rate;
+      if (args) {
+        by_x[spring_compliance]
+            += scaled * (leg_.rate * p.area - leg_.strain_scale * p.y * p.rate[0]);
+      }
+    }
+    kelvin_rate += inelastic * x_[kelvin_compliance];
+    const double log_fabric = flow_rate * p.flow.by_log_fabric;
+    const double log_grain_size = -flow_rate * p.flow.rate * x_[grain_size_exponent];
+    double path = log_fabric * p.fabric.by_path;
+    y += flow_rate * p.flow.by_stress + kelvin_rate * p.kelvin.by_stress;
+    z -= kelvin_rate * p.kelvin.by_stress;
+    if (leg_.u >= 0) {
+      u += log_grain_size / p.u;
+    } else {
+      path += log_grain_size * p.grains.by_path;
+    }
+    if (args) {
+      by_x[kelvin_compliance] += inelastic * p.kelvin.rate;
+      by_x[kelvin_decay] += kelvin_rate * p.kelvin.by_decay;
+      by_x[kelvin_exponent] += kelvin_rate * p.kelvin.by_exponent;
+      by_x[log_kelvin_unit] += kelvin_rate * p.kelvin.by_log_unit;
+      by_x[log_dashpot_rate] += flow_rate * p.flow.rate;
+      by_x[stress_exponent] += flow_rate * p.flow.rate * p.flow.log_strength;
+      by_x[grain_size_exponent]
+          -= flow_rate * p.flow.rate * (leg_.u >= 0 ? std::log(p.u) : p.grains.log);
+      by_x[dashpot_stress] += flow_rate * p.flow.by_law_stress;
+      by_x[fabric_deficit] += log_fabric * p.fabric.by_deficit;
+      by_x[fabric_decay] += log_fabric * p.fabric.by_decay;
+      if (leg_.u < 0) {
+        by_x[grain_size_deficit] += log_grain_size * p.grains.by_deficit;
+        by_x[grain_size_decay] += log_grain_size * p.grains.by_decay;
+      }
+      by_x[start_path] += path;
+    }
+    if (leg_.strain_grows()) {
+      by_state[0] += path;
+      z += path * x_[kelvin_compliance];
+      if (args) {
+        by_x[spring_compliance] += path * p.y;
+        by_x[kelvin_compliance] += path * p.z;
+      }
+    } else if (leg_.g >= 0) {
+      by_state[leg_.g] += path;
+    }
+    if (leg_.z >= 0) {
+      by_state[leg_.z] += z;
+    } else if (args) {
+      by_x[kelvin_decay] += z * p.z_by_decay;
+      by_x[start_kelvin] += z * p.z_by_start;
+    }
+    if (leg_.u >= 0) {
+      by_state[leg_.u] += u;
+    }
+    if (leg_.driven == by_strain) {
+      by_state[0] += y;
+    } else if (leg_.driven == by_force) {
+      by_state[0] -= leg_.strain_scale * (y * p.y + area * p.area);
+    }
+  }
+
+ private:
+  Leg leg_;
+  double x_[n_arguments];
+
+  void set_microstructure(Point &p) const {
+    p.fabric.set(p.path, x_[fabric_deficit], x_[fabric_decay]);
+    if (leg_.u < 0) {
+      p.grains.set(p.path, x_[grain_size_deficit], x_[grain_size_decay]);
+    }
+  }
+
+  /** z of a linear element under y = y_0 + r t: linear_kelvin_strain(). */
+  void set_linear_kelvin_strain(Point &p) const {
+    const double decay = x_[kelvin_decay], r = leg_.rate;
+    const double gone = -std::expm1(-decay * p.t);
+    const double gone_by_decay = p.t * (1 - gone);
+    p.z = x_[start_kelvin] + (leg_.y_0 - x_[start_kelvin]) * gone + r * (p.t - gone / decay);
+    p.z_by_start = 1 - gone;
+    p.z_by_decay = (leg_.y_0 - x_[start_kelvin]) * gone_by_decay
+                   + r * (gone / decay - gone_by_decay) / decay;
+  }
+};
+
+}  // namespace burgers
+#endif

@@ -1,0 +1,233 @@
+"""The fast solver beside Stan's at random parameters of the priors, for every kind and law.
+
+Flow rates are drawn about those of the tests: priors of Q_M and beta that do not know of each other
+also have specimens that never flow. Readings are those of the parameters themselves, with noise.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from pyburgers import SolverOptions, load_experiment, load_priors, with_variant
+from pyburgers.cmdstan.program import Density, Program, load_program
+from pyburgers.common.errors import SamplingError
+from pyburgers.fitting.charts_at_modes import draw_priors
+from pyburgers.kinds.problem import Problem, problem_of
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import REFERENCE_SOLVER, StanData, solver_block
+from pyburgers.model.arrhenius import GAS_CONSTANT
+from pyburgers.model.parameters import PROGRAM_PARAMETERS
+
+FloatArray = npt.NDArray[np.float64]
+
+VALUES = Path(__file__).parent / "solver_values.stan"
+REPOSITORY = Path(__file__).parents[2]
+NAMES = [parameter.name for parameter in PROGRAM_PARAMETERS]
+
+MAX_ERROR = 1e-3
+"""Of a log density, and of a gradient over its norm."""
+
+MAX_ABOVE = 0.02
+"""Share of parameter sets with a larger error: thresholds that are reached, transients of 1e-9."""
+
+MAX_HANDED_OVER = 0.01
+"""Share of parameter sets that the fast solver leaves to Stan's."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A test and the laws that it is solved with."""
+
+    test: str
+    priors: str
+    variant: Mapping[str, str] = field(default_factory=dict)
+    constants: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """Test, laws, and what is constant beside them."""
+        return " ".join([Path(self.test).stem, *self.variant.values(), *self.constants])
+
+
+ICE, DUNITE, HALITE = (f"data/priors/{name}.toml" for name in ("ice", "dunite", "halite"))
+LAWS: tuple[Mapping[str, str], ...] = (
+    {},
+    {"kelvin": "power_law"},
+    {"maxwell": "hyperbolic_sine"},
+    {"maxwell": "threshold_stress"},
+)
+# The first also says that there is a piezometer: at 5 MPa grains of 60 micrometres are wanted.
+PIEZOMETER = {
+    "piezometer_reference_grain_size": 5e-4,
+    "piezometer_exponent": 1.3,
+    "piezometer_stress_floor": 1e5,
+}
+COMPLIANT = {"apparatus_compliance": 5e-11}
+CASES = (
+    *(Case("data/ice/PIL40.toml", ICE, laws) for laws in LAWS),
+    *(Case("data/dunite/dunite_4581.toml", DUNITE, laws) for laws in LAWS),
+    *(Case("data/calibration/ice_creep.toml", ICE, laws) for laws in LAWS),
+    *(Case("data/calibration/ice_mixed.toml", ICE, laws) for laws in LAWS),
+    Case("data/halite/halite_z3.toml", HALITE),
+    Case("data/ice/PIL40.toml", ICE, constants=PIEZOMETER),
+    Case("data/calibration/ice_mixed.toml", ICE, constants=COMPLIANT),
+    Case("data/calibration/ice_mixed.toml", ICE, {"kelvin": "power_law"}, PIEZOMETER | COMPLIANT),
+    Case("data/halite/halite_z3.toml", HALITE, {"kelvin": "power_law"}, PIEZOMETER),
+)
+
+
+def values_data(case: Case, n_sets: int) -> StanData:
+    """Return data of `solver_values.stan` without readings: a test, parameters drawn for it."""
+    experiment = load_experiment(REPOSITORY / case.test)
+    priors = with_variant(load_priors(REPOSITORY / case.priors), experiment, case.variant)
+    problem = problem_of([experiment], priors)
+    data = program_data(problem, solver=REFERENCE_SOLVER)
+    drawn = parameters_about(problem, case.constants, n_sets)
+    free = [k for k, name in enumerate(NAMES) if np.ptp(drawn[:, k]) > 0 and "noise" not in name]
+    is_history = "leg" in data
+    time = data["output_time_in_leg"] if is_history else data["strain"]
+    counts = data["n_outputs_in_leg"] if is_history else [len(time)]
+    is_strain = np.repeat([leg[0] > 0 for leg in data.get("leg", [[0.0]])], counts)
+    noise = [drawn[:, [NAMES.index(f"{name}_noise")]] for name in ("strain", "stress")]
+    return {
+        "n_sets": n_sets,
+        "parameter": drawn,
+        "n_free": len(free),
+        "free": [k + 1 for k in free],
+        # About a tenth of the priors' widths; Q_M has a coordinate of its own.
+        "unit": [
+            0.0 if NAMES[k] == "activation_enthalpy" else 0.1 * np.std(drawn[:, k]) for k in free
+        ],
+        "temperature": experiment.temperature,
+        "initial_grain_size": experiment.initial_grain_size,
+        "kelvin_law": data["kelvin_law"],
+        "n_outputs": len(time),
+        "observed": np.zeros((n_sets, len(time))),
+        "noise": np.where(is_strain, *noise),
+        "is_strain": is_strain.astype(int).tolist(),
+        "stress_scale": data["stress_scale"][0] if is_history else experiment.largest_stress,
+        "strain_scale": data["strain_scale"][0] if is_history else 1.0,
+        "time": time,
+        "n_segments": len(data.get("segment_start", [])),
+        "segment_start": data.get("segment_start", []),
+        "segment_rate": data.get("segment_rate", []),
+        "n_in_segment": data.get("n_strains_in_segment", []),
+        "n_legs": len(data.get("leg", [])),
+        "leg": data.get("leg", []),
+        "n_in_leg": data.get("n_outputs_in_leg", []),
+    }
+
+
+def parameters_about(problem: Problem, constants: Mapping[str, float], n_sets: int) -> FloatArray:
+    """Draw parameters from the priors, flow rates about that of the test; (n_sets, n)."""
+    (experiment,), rng = problem.experiments, np.random.default_rng(1)
+    data = program_data(problem, solver=REFERENCE_SOLVER)
+    constant = dict(zip(NAMES, data["prior_location"][0], strict=True))
+    origin, size = problem.likelihood.reference_origin(experiment)
+    found = []
+    for _ in range(n_sets):
+        own = {**constant, **draw_priors(problem, rng)[0], **constants}
+        # ln S_0 at the first rate, or ln of the flow rate at the stress of the test
+        reference = origin + size * rng.standard_normal()
+        if "segment_rate" in data:
+            log_stress, log_rate = reference, np.log(data["segment_rate"][0])
+        else:
+            log_stress, log_rate = np.log(data["stress_scale"][0]), reference
+        log_grains = own["grain_size_exponent"] * np.log(experiment.initial_grain_size)
+        flow = log_rate + log_grains - own["stress_exponent"] * log_stress
+        inverse = 1 / (GAS_CONSTANT * experiment.temperature)
+        own["activation_enthalpy"] = flow / (own["beta"] - inverse)
+        found.append([own[name] for name in NAMES])
+    return np.array(found)
+
+
+@dataclass(frozen=True)
+class Sets:
+    """Parameter sets of a case that Stan's solver can solve, with readings of their own."""
+
+    program: Program
+    data: StanData
+
+    def with_solver(self, solver: SolverOptions) -> Density:
+        """Log density with a solver; its points have all coordinates of all sets."""
+        return Density(self.program, {**self.data, **solver_block(solver)})
+
+    @property
+    def origin(self) -> FloatArray:
+        """Coordinates of the parameters, (n_sets * n_free,)."""
+        return np.zeros(self.data["n_sets"] * self.data["n_free"])
+
+    def log_densities(self, solver: SolverOptions) -> FloatArray:
+        """Log density of each set, (n_sets,)."""
+        found: FloatArray = self.with_solver(solver).variables_at(self.origin)["log_density"]
+        return found
+
+    def gradients(self, solver: SolverOptions) -> FloatArray:
+        """Gradient of each set, (n_sets, n_free)."""
+        (found,) = self.with_solver(solver).gradients(self.origin[np.newaxis])
+        return np.reshape(found, (self.data["n_sets"], -1))
+
+    def part(self, places: npt.NDArray[np.int64]) -> "Sets":
+        """Some of the sets."""
+        own = {name: self.data[name][places] for name in ("parameter", "observed", "noise")}
+        return Sets(self.program, {**self.data, **own, "n_sets": len(places)})
+
+    def solved(self, solver: SolverOptions) -> npt.NDArray[np.int64]:
+        """Places of the sets that a solver can solve: halves, until one is alone."""
+        places = np.arange(self.data["n_sets"])
+        try:
+            self.log_densities(solver)
+        except SamplingError:
+            if len(places) == 1:
+                return places[:0]
+            halves = np.array_split(places, 2)
+            return np.concatenate([half[self.part(half).solved(solver)] for half in halves])
+        return places
+
+
+def sets_of(case: Case, n_sets: int) -> Sets:
+    """Return parameter sets of a case with readings: the solution and noise.
+
+    Solutions whose strain grows beyond 1 are left out.
+    """
+    sets = Sets(load_program(VALUES), values_data(case, n_sets))
+    sets = sets.part(sets.solved(REFERENCE_SOLVER))
+    response = sets.with_solver(REFERENCE_SOLVER).variables_at(sets.origin)["response"]
+    strain = np.abs(response[:, np.array(sets.data["is_strain"]) == 1]).max(axis=1, initial=0.0)
+    sets.data["observed"] = response + sets.data["noise"] * np.random.default_rng(
+        2
+    ).standard_normal(response.shape)
+    return sets.part(np.flatnonzero(strain < 1.0))
+
+
+@pytest.fixture(params=[15, pytest.param(1000, marks=pytest.mark.slow)])
+def n_sets(request: pytest.FixtureRequest) -> int:
+    """Number of parameter sets: few, and many in the slow suite."""
+    number: int = request.param
+    return number
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_densities_and_gradients_are_those_of_a_tight_solver(
+    case: Case, n_sets: int, record_property: Any
+) -> None:
+    sets = sets_of(case, n_sets)
+    error = np.abs(sets.log_densities(SolverOptions()) - sets.log_densities(REFERENCE_SOLVER))
+    exact = sets.gradients(REFERENCE_SOLVER)
+    away = np.linalg.norm(sets.gradients(SolverOptions()) - exact, axis=1)
+    relative = away / np.linalg.norm(exact, axis=1)
+    # Stan's solver may take no step: sets that need it have no solution.
+    handed_over = 1 - len(sets.solved(SolverOptions(max_num_steps=1))) / len(error)
+    record_property("largest error of a log density", error.max())
+    record_property("largest error of a gradient", relative.max())
+    record_property("share handed over", handed_over)
+    assert len(error) > 0.2 * n_sets
+    assert handed_over <= MAX_HANDED_OVER
+    for one in (error, relative):
+        assert np.sum(one > MAX_ERROR) <= max(1, MAX_ABOVE * len(error))
+    assert max(error.max(), relative.max()) < 30 * MAX_ERROR

@@ -237,10 +237,13 @@ CONDITION_PARAMETERS: tuple[Parameter, ...] = (
 )
 """Errors of the conditions of a test; their priors come from its file, not from the material's."""
 
+CORRELATED_SHARE = "residual_correlated_share"
+"""Share w of the variance of residuals that correlates."""
+
 RESIDUAL_CORRELATION = (
     "residual_correlation_strain",
     "residual_correlation_time",
-    "residual_correlated_share",
+    CORRELATED_SHARE,
 )
 """Parameters of how residuals hang together."""
 

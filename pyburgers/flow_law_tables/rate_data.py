@@ -162,3 +162,22 @@ def start_of_chain(
         "scatter_coordinate": (0.1 * rng.standard_normal(n_biases)).tolist(),
         "softening_coordinate": softening.tolist(),
     }
+
+
+def first_metric(stan_data: StanData) -> list[list[float]]:
+    """Guess the covariance of the sampler's vector, diagonal; the more rows, the smaller."""
+    n_rows = np.bincount(
+        np.array(stan_data["source"]) - 1,
+        weights=stan_data["is_used"],
+        minlength=stan_data["n_sources"],
+    )
+    if stan_data["n_sources"] == 1:
+        n_rows = np.empty(0)
+    variances = [
+        np.full(stan_data["n_coordinates"], 1 / (1 + sum(stan_data["is_used"]) / 20)),
+        0.02 + 0.2 / (1 + n_rows),
+        np.ones(n_rows.size),
+        1 / (1 + n_rows / 8),
+        np.ones(N_SOFTENING * stan_data["is_softened"]),
+    ]
+    return np.diag(np.concatenate(variances)).tolist()

@@ -8,15 +8,13 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 
 from pyburgers.checks.fit_checks import CHAIN_CHECKS, Check
 from pyburgers.checks.prior_influence import Influence, prior_influence
-from pyburgers.cmdstan.draw_files import Draws, read_draws
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.atomic_files import write_json
@@ -28,14 +26,12 @@ from pyburgers.fitting.continuation import sample_until_good
 from pyburgers.fitting.sampled_fit import SampledFit, data_words, write_tables
 from pyburgers.flow_law_tables.inputs import PeakStressData
 from pyburgers.flow_law_tables.rate_data import (
-    GRID_STRESSES,
-    Line,
-    lines,
     rate_data,
     start_of_chain,
 )
-from pyburgers.flow_law_tables.rate_description import LOG_READ, RATE_CHECKS
+from pyburgers.flow_law_tables.rate_description import RATE_CHECKS
 from pyburgers.flow_law_tables.rate_laws import RateLaw, load_rate_law, rate_law, save_rate_law
+from pyburgers.flow_law_tables.rate_posterior import FLOW_RATE_OF_TEST, build_posterior
 from pyburgers.flow_law_tables.rate_tables import (
     RateTable,
     joined,
@@ -47,15 +43,10 @@ from pyburgers.kinds.experiment import Provenance
 from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, PRIOR_QUANTITIES, FlowLawPrior
-from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.priors import PriorSet, note_other_material
 from pyburgers.posterior.labelled_draws import (
-    DRIVING_ERRORS,
-    keep_posterior,
-    label_draws,
     load_posterior,
     own_name,
-    sample_stats,
     summary_table,
 )
 from pyburgers.sampling.manifest import RunManifest
@@ -66,11 +57,8 @@ from pyburgers.sampling.run_directory import RunDirectory
 TABLE_FILE, LAW_FILE, SOFTENING_FILE = "rates.toml", "law.toml", "softening.json"
 """Names of the inputs in a run directory."""
 
-WARMUP, TARGET_ACCEPTANCE = 1000, 0.95
+WARMUP, TARGET_ACCEPTANCE = 600, 0.9
 """Defaults where the options leave them open."""
-
-FLOW_RATE_OF_TEST = "log_flow_rate_of_test"
-"""ln(flow rate s) of another test at the mean conditions, among the predictions."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -234,7 +222,7 @@ class RateFit(SampledFit):
         law = _law_for(data, law, manifest["held_out"])
         posterior = load_posterior(run, manifest)
         if posterior is None or "model_response" not in posterior.children:
-            posterior = _build_posterior(run, data, law, manifest)
+            posterior = build_posterior(run, data, law, manifest)
         return cls(run, posterior, {**manifest, "chains": run.chain_records()}, data, law)
 
 
@@ -317,6 +305,7 @@ def fit_rates(
             if softening is not None:
                 softening.save(run.inputs / SOFTENING_FILE)
             write_json(run.stan_data_file, stan_data)
+            write_json(run.metric_file, {"inv_metric": first_metric(stan_data)})
             run.update_manifest(
                 run_record(
                     run,
@@ -421,110 +410,3 @@ def _softening(
         provenance=data.provenance,
     )
     return softening_prior(peaks, curve, seed=(options or SamplerOptions()).seed)
-
-
-def _build_posterior(
-    run: RunDirectory, data: RateTable, law: RateLaw, manifest: Mapping[str, Any]
-) -> xr.DataTree:
-    """Gather the finished chains into labelled draws and save them."""
-    with run.unchanged_copy(manifest, with_draws=True) as copy:
-        chains = read_draws(copy.draws_files())
-    identifiers = {"chain": list(run.finished_chains())}
-    contents = {
-        name: dataset.assign_coords(identifiers)
-        for name, dataset in _drawn_groups(chains, data, law, manifest["held_out"]).items()
-    }
-    used = data.rows(~np.isin(data.source, manifest["held_out"]))
-    point = {"point": np.arange(used.n_rows)}
-    contents["observed_data"] = xr.Dataset({LOG_READ: ("point", used.log_read)}, coords=point)
-    contents["constant_data"] = xr.Dataset(
-        {
-            **{
-                name: ("point", getattr(used, name))
-                for name in ("temperature", "stress", "strain_rate", "grain_size")
-            },
-            "stress_is_imposed": ("point", used.stress_is_imposed.astype(np.int64)),
-            "source": ("point", np.array([used.sources.index(one) for one in used.source])),
-            "source_name": ("source_number", np.array(used.sources)),
-        },
-        coords=point,
-    )
-    return keep_posterior(run, contents, experiment=data.id, data_kind=data.provenance.kind)
-
-
-def _drawn_groups(
-    chains: Draws, data: RateTable, law: RateLaw, held_out: Collection[str]
-) -> dict[str, xr.Dataset]:
-    """Return the groups with dimensions chain and draw."""
-    dims = ("chain", "draw")
-    parameters = chains["parameter"]
-    draws = xr.Dataset(
-        {p.name: (dims, parameters[..., k]) for k, p in enumerate(law.parameters)},
-        coords=chains.dataset([]).coords,
-    )
-    draws[REFERENCE_FLOW_RATE] = (dims, np.exp(chains["mean_flow_log_rate"]))
-    idle = [p.name for p in law.parameters if p.name.startswith("premelting")]
-    draws = draws.drop_vars([name for name in idle if law.priors[name].is_fixed])
-    shown = [p for p in (*law.parameters, REFERENCE_FLOW_RATE_QUANTITY) if p.name in draws]
-    label_draws(draws, shown, law.priors)
-    is_held_out = np.isin(data.source, list(held_out))
-    used, others = np.flatnonzero(~is_held_out), np.flatnonzero(is_held_out)
-
-    def at_rows(name: str, rows: Any, dim: str = "point") -> xr.DataArray:
-        return xr.DataArray(
-            chains[name][..., rows],
-            dims=(*dims, dim),
-            coords={**draws.coords, dim: np.arange(len(rows))},
-        )
-
-    groups = {
-        "posterior": draws,
-        "sample_stats": sample_stats(chains),
-        "log_prior": chains.dataset(["lprior"]),
-        "log_likelihood": xr.Dataset({LOG_READ: at_rows("log_lik", used)}),
-        "model_response": xr.Dataset({LOG_READ: at_rows("log_read_model", used)}),
-        "posterior_predictive": xr.Dataset({LOG_READ: at_rows("log_read_replicated", used)}),
-        "residuals": xr.Dataset(
-            {name: at_rows(name, used) for name in ("residual", "residual_replicated", "deviation")}
-        ),
-        "predictions": _predictions(chains, lines(data)),
-    }
-    if len(data.sources) > 1:
-        groups[DRIVING_ERRORS] = xr.Dataset(
-            {
-                own_name(name, one): (dims, chains[name][..., k])
-                for name in ("source_rate", "source_temperature", "source_scatter")
-                for k, one in enumerate(data.sources)
-            },
-            coords=draws.coords,
-        )
-    if others.size:
-        of_draws = {
-            "model": "log_read_model",
-            "replicated": "log_read_replicated",
-            "log_likelihood": "log_lik",
-        }
-        groups["held_out"] = xr.Dataset(
-            {
-                **{key: at_rows(name, others, "row") for key, name in of_draws.items()},
-                "read": ("row", data.log_read[others]),
-                "source": ("row", data.source[others]),
-            }
-        )
-    return groups
-
-
-def _predictions(chains: Draws, drawn: Sequence[Line]) -> xr.Dataset:
-    """Return the rates of the drawn lines (1/s) and the flow rate of another test."""
-    dims = ("chain", "draw")
-    rates = chains["grid_log_rate"].reshape(
-        *chains["grid_log_rate"].shape[:2], len(drawn), GRID_STRESSES
-    )
-    return xr.Dataset(
-        {
-            "log_strain_rate": ((*dims, "line", "position"), rates),
-            "stress": (("line", "position"), np.array([line.stress for line in drawn])),
-            FLOW_RATE_OF_TEST: (dims, chains["mean_flow_log_rate_of_test"]),
-            "peak_softening": (dims, chains["peak_softening"]),
-        }
-    )

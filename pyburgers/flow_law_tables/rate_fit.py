@@ -26,6 +26,7 @@ from pyburgers.fitting.continuation import sample_until_good
 from pyburgers.fitting.sampled_fit import SampledFit, data_words, write_tables
 from pyburgers.flow_law_tables.inputs import PeakStressData
 from pyburgers.flow_law_tables.rate_data import (
+    first_metric,
     rate_data,
     start_of_chain,
 )

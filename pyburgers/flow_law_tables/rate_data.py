@@ -166,13 +166,11 @@ def start_of_chain(
 
 def first_metric(stan_data: StanData) -> list[list[float]]:
     """Guess the covariance of the sampler's vector, diagonal; the more rows, the smaller."""
-    n_rows = np.bincount(
-        np.array(stan_data["source"]) - 1,
-        weights=stan_data["is_used"],
-        minlength=stan_data["n_sources"],
+    n_sources = stan_data["n_sources"]
+    counted = np.bincount(
+        np.array(stan_data["source"]) - 1, weights=stan_data["is_used"], minlength=n_sources
     )
-    if stan_data["n_sources"] == 1:
-        n_rows = np.empty(0)
+    n_rows = counted if n_sources > 1 else counted[:0]
     variances = [
         np.full(stan_data["n_coordinates"], 1 / (1 + sum(stan_data["is_used"]) / 20)),
         0.02 + 0.2 / (1 + n_rows),
@@ -180,4 +178,5 @@ def first_metric(stan_data: StanData) -> list[list[float]]:
         1 / (1 + n_rows / 8),
         np.ones(N_SOFTENING * stan_data["is_softened"]),
     ]
-    return np.diag(np.concatenate(variances)).tolist()
+    metric: list[list[float]] = np.diag(np.concatenate(variances)).tolist()
+    return metric

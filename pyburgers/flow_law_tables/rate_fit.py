@@ -35,6 +35,7 @@ from pyburgers.flow_law_tables.rate_laws import RateLaw, load_rate_law, rate_law
 from pyburgers.flow_law_tables.rate_posterior import FLOW_RATE_OF_TEST, build_posterior
 from pyburgers.flow_law_tables.rate_tables import (
     RateTable,
+    in_order_of_tests,
     joined,
     load_rate_table,
     save_rate_table,
@@ -282,7 +283,7 @@ def fit_rates(
             f"{data.id}: found {', '.join(sorted(held_out))} to be held out, expected some but not "
             f"all of {', '.join(data.sources)}."
         )
-    data = _usable_rows(data, law)
+    data = in_order_of_tests(_usable_rows(data, law))
     softening = None if curve is None else _softening(data, law, curve, options)
     options = options or SamplerOptions()
     options = replace(

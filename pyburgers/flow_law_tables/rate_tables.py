@@ -297,15 +297,25 @@ def load_rate_table(source: str | Path | Mapping[str, Any]) -> RateTable:
     )
 
 
+def _alike(data: RateTable) -> tuple[list[tuple[Any, ...]], npt.NDArray[np.int64]]:
+    """Return what rows have in common, each once, and which of these each row has."""
+    errors = [data.temperature_error, data.grain_size_error]
+    columns = [getattr(data, name).tolist() for name in LABELS] + [one.tolist() for one in errors]
+    rows = list(zip(*columns, strict=True))
+    kinds = list(dict.fromkeys(rows))
+    return kinds, np.array([kinds.index(row) for row in rows])
+
+
+def in_order_of_tests(data: RateTable) -> RateTable:
+    """Return the rows in the order in which a saved table is read back, by their [[tests]]."""
+    return data.rows(np.argsort(_alike(data)[1], kind="stable"))
+
+
 def save_rate_table(data: RateTable, directory: Path) -> Path:
     """Write ``rates.toml``, which is returned, and ``rates.csv``, in axial equivalents."""
-    labels = np.column_stack([getattr(data, name) for name in LABELS])
-    errors = np.column_stack([data.temperature_error, data.grain_size_error])
-    alike = [(*row, *errors[k].tolist()) for k, row in enumerate(labels.tolist())]
-    kinds = list(dict.fromkeys(alike))
+    kinds, number = _alike(data)
     columns = {name: getattr(data, name) for name in SI_COLUMNS}
-    number = np.array([float(kinds.index(one)) for one in alike])
-    write_columns(directory / "rates.csv", {**columns, "tests": number})
+    write_columns(directory / "rates.csv", {**columns, "tests": number.astype(np.float64)})
     table = {
         "id": data.id,
         "material": data.material,

@@ -155,13 +155,16 @@ def start_of_chain(
             there = np.array(slopes) @ (np.array(stan_data["mean_conditions"]) * SIGNS)
             start[k] += stan_data["mean_log_rate"] - np.log(rate) - there
     softening = rng.standard_normal(N_SOFTENING * stan_data["is_softened"])
-    return {
-        "coordinate": start.tolist(),
-        "rate_coordinate": (0.1 * rng.standard_normal(n_biases)).tolist(),
-        "temperature_coordinate": (0.1 * rng.standard_normal(n_biases)).tolist(),
-        "scatter_coordinate": (0.1 * rng.standard_normal(n_biases)).tolist(),
-        "softening_coordinate": softening.tolist(),
+    vectors = {
+        "coordinate": start,
+        **{
+            f"{name}_coordinate": 0.1 * rng.standard_normal(n_biases)
+            for name in ("rate", "temperature", "scatter")
+        },
+        "softening_coordinate": softening,
     }
+    # A vector without elements has no column from which a chain could go on.
+    return {name: vector.tolist() for name, vector in vectors.items() if vector.size}
 
 
 def first_metric(stan_data: StanData) -> list[list[float]]:

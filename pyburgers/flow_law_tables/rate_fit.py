@@ -31,7 +31,13 @@ from pyburgers.flow_law_tables.rate_data import (
     start_of_chain,
 )
 from pyburgers.flow_law_tables.rate_description import RATE_CHECKS
-from pyburgers.flow_law_tables.rate_laws import RateLaw, load_rate_law, rate_law, save_rate_law
+from pyburgers.flow_law_tables.rate_laws import (
+    RateLaw,
+    load_rate_law,
+    rate_law,
+    save_rate_law,
+    without_idle,
+)
 from pyburgers.flow_law_tables.rate_posterior import FLOW_RATE_OF_TEST, build_posterior
 from pyburgers.flow_law_tables.rate_tables import (
     RateTable,
@@ -390,7 +396,7 @@ def _law_for(data: RateTable, law: RateLaw, held_out: Collection[str]) -> RateLa
     """Return the law with what these rows cannot tell fixed."""
     used = data.rows(~np.isin(data.source, list(held_out)))
     steady = sorted({*used.enhancement_place.tolist()} - {0})
-    return law.without(sources=len(data.sources) > 1, steady=steady)
+    return without_idle(law, sources=len(data.sources) > 1, steady=steady)
 
 
 def _softening(

@@ -109,24 +109,30 @@ class RateLaw:
             raise InputError(f"unknown parameter {unknown[0]!r}, {nearest(unknown[0], fixed)}")
         return replace(self, priors=replace(self.priors, priors=MappingProxyType(fixed)))
 
-    def without(self, *, sources: bool, steady: Sequence[int]) -> "RateLaw":
-        """Return the law with what no row can tell fixed: sources, enhancements by place."""
-        idle = [] if sources else list(SOURCE_SPREADS)
-        priors = dict(self.priors.priors)
-        for name in idle:
-            priors[name] = fixed_prior(_BY_NAME[name], 0.0, "one source")
-        for place, name in enumerate(ENHANCEMENTS, start=1):
-            if place not in steady:
-                priors[name] = fixed_prior(_BY_NAME["tertiary_enhancement"], 1.0, "no steady rate")
-        return replace(self, priors=replace(self.priors, priors=MappingProxyType(priors)))
-
     @property
     def needs_grain_size(self) -> bool:
-        """Whether a rate depends on grain size."""
+        """Whether a rate depends on grain size.
+
+        Examples
+        --------
+        >>> law.needs_grain_size
+        True
+        """
         exponents = (
             self.priors[own_name("grain_size_exponent", one.name)] for one in self.mechanisms
         )
         return any(not prior.is_fixed or prior.location != 0 for prior in exponents)
+
+
+def without_idle(law: RateLaw, *, sources: bool, steady: Sequence[int]) -> RateLaw:
+    """Return a law with what no row can tell fixed: sources, enhancements by place."""
+    priors = dict(law.priors.priors)
+    for name in () if sources else SOURCE_SPREADS:
+        priors[name] = fixed_prior(_BY_NAME[name], 0.0, "one source")
+    for place, name in enumerate(ENHANCEMENTS, start=1):
+        if place not in steady:
+            priors[name] = fixed_prior(_BY_NAME["tertiary_enhancement"], 1.0, "no steady rate")
+    return replace(law, priors=replace(law.priors, priors=MappingProxyType(priors)))
 
 
 class _ReferenceTable(Table):

@@ -15,6 +15,7 @@ from pyburgers.flow_law_tables.rate_laws import (
     load_rate_law,
     rate_law,
     save_rate_law,
+    without_idle,
 )
 from pyburgers.flow_law_tables.rate_tables import (
     LABELS,
@@ -293,7 +294,7 @@ def test_every_corruption_of_a_law_is_refused(
 
 
 def test_parameters_that_no_row_can_tell_are_fixed() -> None:
-    law = rate_law("ice_composite").without(sources=False, steady=[1])
+    law = without_idle(rate_law("ice_composite"), sources=False, steady=[1])
     free = law.priors.free
     assert ENHANCEMENTS[0] in free
     assert ENHANCEMENTS[1] not in free

@@ -5,6 +5,7 @@ that are fitted as the data were (`pyburgers.checks.discrepancies`). In the plac
 the sources. Along temperature, stress and grain size residuals may hold neither slope nor bend.
 """
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -67,7 +68,7 @@ class RateLeftover:
     """What a fit of rates leaves over of ln(rate); arrays have the shape (n,).
 
     Residuals are means over the draws, and weights make all uncertain alike. A stress that was
-    read counts by the rate of the law under it.
+    read counts by the rate of the law under it; conditions have the stress of the law there.
     """
 
     residual: FloatArray
@@ -117,13 +118,17 @@ def rate_leftover(draws: CheckedDraws) -> RateLeftover:
     source = along["source"].to_numpy()
     names = ["stress", "strain_rate", "temperature", "grain_size"]
     conditions = pd.DataFrame({name: along[name].to_numpy() for name in names})
+    # A stress that was read has the residual in itself: in its place stands that of the law.
+    expected = np.exp(all_draws(draws.posterior["model_response"].to_dataset()[LOG_READ]).mean(0))
+    was_read = along["stress_is_imposed"].to_numpy() == 0
+    conditions["stress"] = np.where(was_read, expected, conditions["stress"])
     numbers = partial(_numbers, shapes=_shapes(conditions), source=source, conditions=conditions)
     pairs = data_and_refits(observed, replicated, band, numbers, correlated=False)
     return RateLeftover(
         residual=observed.mean(axis=0),
         weight=weight,
         source=source,
-        sources=tuple(along["source_name"].to_numpy().tolist()),
+        sources=tuple(json.loads(along["source"].attrs["names"])),
         conditions=conditions,
         judged=beside_replicates({(name, "the tables"): pair for name, pair in pairs.items()}),
     )

@@ -4,6 +4,7 @@ A run has the files of a fit of a curve (`pyburgers.sampling.run_directory`), wi
 the law in ``inputs/``; a law of one mechanism leaves `FLOW_LAW_PRIOR_FILE` beside the draws.
 """
 
+import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -173,10 +174,11 @@ class RateFit(SampledFit):
         held_out = self.manifest["held_out"]
         if held_out:
             group = self.posterior["held_out"].to_dataset()
-            source = group["source"].to_numpy()
+            names = np.array(json.loads(group["source"].attrs["names"]))
+            source = names[group["source"].to_numpy()]
             read, model, replicated, density = (
                 all_draws(group[name]) if "chain" in group[name].dims else group[name].to_numpy()
-                for name in ("read", "model", "replicated", "log_likelihood")
+                for name in ("read", "model", "replicated", "log_density")
             )
             low, high = np.quantile(replicated, (TAIL, 1 - TAIL), axis=0)
             inside = (read >= low) & (read <= high)

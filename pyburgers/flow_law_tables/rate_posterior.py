@@ -1,9 +1,11 @@
 """Chains of a fit of tables of rates -> labelled draws."""
 
+import json
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import xarray as xr
 
 from pyburgers.cmdstan.draw_files import Draws, read_draws
@@ -47,8 +49,7 @@ def build_posterior(
                 for name in ("temperature", "stress", "strain_rate", "grain_size")
             },
             "stress_is_imposed": ("point", used.stress_is_imposed.astype(np.int64)),
-            "source": ("point", np.array([used.sources.index(one) for one in used.source])),
-            "source_name": ("source_number", np.array(used.sources)),
+            "source": ("point", *_numbered(used)),
         },
         coords=point,
     )
@@ -105,16 +106,22 @@ def _drawn_groups(
         of_draws = {
             "model": "log_read_model",
             "replicated": "log_read_replicated",
-            "log_likelihood": "log_lik",
+            "log_density": "log_lik",
         }
         groups["held_out"] = xr.Dataset(
             {
                 **{key: at_rows(name, others, "row") for key, name in of_draws.items()},
                 "read": ("row", data.log_read[others]),
-                "source": ("row", data.source[others]),
+                "source": ("row", *_numbered(data.rows(others))),
             }
         )
     return groups
+
+
+def _numbered(data: RateTable) -> tuple[npt.NDArray[np.int64], dict[str, str]]:
+    """Return the number of the source of each row, and the names as the attribute ``names``."""
+    numbers = np.array([data.sources.index(one) for one in data.source], dtype=np.int64)
+    return numbers, {"names": json.dumps(data.sources)}
 
 
 def _predictions(chains: Draws, drawn: Sequence[Line]) -> xr.Dataset:

@@ -12,12 +12,16 @@ from pyburgers.flow_law_tables.softening import N_SOFTENING, SofteningPrior
 from pyburgers.kinds.program_data import prior_block
 from pyburgers.kinds.stan_data import StanData
 from pyburgers.model.arrhenius import GAS_CONSTANT
+from pyburgers.model.prior_families import FAMILIES
 
 ROWS_TO_CENTRE = 3.0
 """Rows of a source of which the bias is sampled half as it is, half over its standard deviation."""
 
 TYPICAL_ENTHALPY = 70e3
 """J/mol, for coordinates in which an error of temperature is not mistaken for one of rates."""
+
+LEAST_NARROWING = 0.3
+"""Least width of a posterior over that of its prior in the guess of the first metric."""
 
 MOST_LINES = 6
 """Temperatures at which a law is drawn."""
@@ -140,14 +144,13 @@ def _coordinate_block(law: RateLaw) -> StanData:
     }
 
 
-def start_of_chain(
-    stan_data: StanData, law: RateLaw, seed: int, chain: int
-) -> dict[str, list[float]]:
+def start_of_chain(stan_data: StanData, seed: int, chain: int) -> dict[str, list[float]]:
     """Draw a start of one chain near the middle of the priors, and no bias of any source."""
     rng = np.random.default_rng([seed, chain])
     n_biases = stan_data["n_sources"] if stan_data["n_sources"] > 1 else 0
-    n_law = len(law.mechanisms) * len(MECHANISM_PARAMETERS)
-    start = np.asarray(0.5 * rng.standard_normal(stan_data["n_coordinates"]))
+    n_law = stan_data["n_mechanisms"] * len(MECHANISM_PARAMETERS)
+    centre, width = _prior_coordinates(stan_data)
+    start = centre + 0.5 * width * rng.standard_normal(centre.size)
     for k, place in enumerate(stan_data["own_parameter"]):
         if place <= n_law and place % len(MECHANISM_PARAMETERS) == 1:
             # At the mean conditions of the table the rate of the law is that of its rows.
@@ -167,6 +170,21 @@ def start_of_chain(
     return {name: vector.tolist() for name, vector in vectors.items() if vector.size}
 
 
+def _prior_coordinates(stan_data: StanData) -> tuple[FloatArray, FloatArray]:
+    """Return about the middle and the width of each coordinate under its prior."""
+    places = np.array(stan_data["own_parameter"], dtype=np.int64) - 1
+    family, location, scale = (
+        np.array(stan_data[f"prior_{name}"])[places] for name in ("family", "location", "scale")
+    )
+    _, unit, lower, upper = np.array(stan_data["quantity"]).reshape(places.size, 4).T
+    is_positive = np.isfinite(lower) & np.isinf(upper) & (family == FAMILIES["normal"].code)
+    # Of a half-normal prior the middle is about two thirds of its scale.
+    ratio = np.where(is_positive, np.maximum((location - lower) / unit, 2 / 3), 1.0)
+    width = np.where(is_positive, np.minimum(1.0, 1 / ratio), 1.0)
+    width = np.where(family == FAMILIES["lognormal"].code, scale, width)
+    return np.where(is_positive, np.log(ratio), 0.0), width
+
+
 def first_metric(stan_data: StanData) -> list[list[float]]:
     """Guess the covariance of the sampler's vector, diagonal; the more rows, the smaller."""
     n_sources = stan_data["n_sources"]
@@ -174,8 +192,9 @@ def first_metric(stan_data: StanData) -> list[list[float]]:
         np.array(stan_data["source"]) - 1, weights=stan_data["is_used"], minlength=n_sources
     )
     n_rows = counted if n_sources > 1 else counted[:0]
+    _, width = _prior_coordinates(stan_data)
     variances = [
-        np.full(stan_data["n_coordinates"], 1 / (1 + sum(stan_data["is_used"]) / 20)),
+        (width * max(LEAST_NARROWING, (1 + sum(stan_data["is_used"]) / 20) ** -0.5)) ** 2,
         0.02 + 0.2 / (1 + n_rows),
         np.ones(n_rows.size),
         1 / (1 + n_rows / 8),

@@ -66,7 +66,7 @@ from pyburgers.sampling.run_directory import RunDirectory
 TABLE_FILE, LAW_FILE, SOFTENING_FILE = "rates.toml", "law.toml", "softening.json"
 """Names of the inputs in a run directory."""
 
-WARMUP, TARGET_ACCEPTANCE = 600, 0.9
+WARMUP, TARGET_ACCEPTANCE = 1000, 0.95
 """Defaults where the options leave them open."""
 
 
@@ -334,7 +334,7 @@ def fit_rates(
                 model,
                 run,
                 options,
-                lambda chain: start_of_chain(stan_data, known, options.seed, chain),
+                lambda chain: start_of_chain(stan_data, options.seed, chain),
                 more_draws=more_draws,
             )
         return RateFit.load(run.path)

@@ -262,7 +262,7 @@ def oracle_log_likelihood(data: RateTable, values: Mapping[str, Any]) -> FloatAr
 def test_the_likelihood_is_that_of_an_independent_law(program: Program) -> None:
     data, law = conditions(30, 5), rate_law("ice_composite")
     stan_data = rate_data(data, law)
-    found = program.evaluate(stan_data, start_of_chain(stan_data, law, seed=2, chain=1))
+    found = program.evaluate(stan_data, start_of_chain(stan_data, seed=2, chain=1))
     values: dict[str, Any] = dict(
         zip([p.name for p in law.parameters], found["parameter"], strict=True)
     )
@@ -280,7 +280,7 @@ def test_the_likelihood_is_that_of_an_independent_law(program: Program) -> None:
 def test_the_jacobian_is_that_of_the_coordinates(program: Program) -> None:
     data, law = conditions(12, 3), rate_law("ice_power_law")
     stan_data = rate_data(data, law)
-    start = start_of_chain(stan_data, law, seed=2, chain=1)
+    start = start_of_chain(stan_data, seed=2, chain=1)
     free = [k - 1 for k in stan_data["own_parameter"]]
 
     def parameters(shift: FloatArray) -> FloatArray:

@@ -69,6 +69,10 @@ TABLE_FILE, LAW_FILE, SOFTENING_FILE = "rates.toml", "law.toml", "softening.json
 WARMUP, TARGET_ACCEPTANCE = 1000, 0.95
 """Defaults where the options leave them open."""
 
+FIRST_WINDOW = 150
+"""Draws to which the metric first adapts: fewer than twice the coordinates of sixteen sources make
+a metric that is far too narrow across most of them."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RateFit(SampledFit):
@@ -323,6 +327,7 @@ def fit_rates(
                         "sampler": asdict(options),
                         "use_likelihood": use_likelihood,
                         "held_out": sorted(held_out),
+                        "first_window": FIRST_WINDOW,
                     },
                     name=data.id,
                     data_kind=data.provenance.kind,

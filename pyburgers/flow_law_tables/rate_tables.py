@@ -394,7 +394,7 @@ def _check_parts(
             "every row in exactly one of them; check their keys 'rows'."
         )
     for k, part in enumerate(parts, start=1):
-        imposed, regime = part["imposed"][0], part["regime"][0]
+        imposed, regime = str(part["imposed"][0]), str(part["regime"][0])
         if (imposed, regime) in (("stress", "peak"), ("strain_rate", "minimum")):
             expected = "minimum or steady" if imposed == "stress" else "peak or steady"
             raise InputError(

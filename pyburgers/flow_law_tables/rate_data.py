@@ -26,6 +26,9 @@ LEAST_NARROWING = 0.3
 MOST_LINES = 6
 """Temperatures at which a law is drawn."""
 
+LEAST_RANGE = 2.0
+"""Range of temperatures (K) below which all rows belong to one line."""
+
 GRID_STRESSES = 30
 """Stresses of each line."""
 
@@ -47,12 +50,15 @@ class Line:
 
 
 def lines(data: RateTable) -> tuple[Line, ...]:
-    """Split a table at its widest gaps of temperature into at most `MOST_LINES` lines."""
-    order = np.argsort(data.temperature, kind="stable")
-    gaps = np.diff(data.temperature[order])
-    cuts = np.sort(np.argsort(gaps, kind="stable")[::-1][: MOST_LINES - 1])
+    """Split a table by temperature into at most `MOST_LINES` equal ranges, each with a line."""
+    low, width = data.temperature.min(), max(np.ptp(data.temperature), LEAST_RANGE)
+    # The largest temperature counts to the last range.
+    place = np.minimum((data.temperature - low) / width * MOST_LINES, MOST_LINES - 1).astype(int)
+    if np.ptp(data.temperature) < LEAST_RANGE:
+        place[:] = 0
     found = []
-    for rows in np.split(order, cuts[gaps[cuts] > 1.0] + 1):
+    for one in np.unique(place):
+        rows = np.flatnonzero(place == one)
         at, stress = data.rows(rows).mean_conditions, data.stress[rows]
         grid = np.geomspace(stress.min() / GRID_MARGIN, stress.max() * GRID_MARGIN, GRID_STRESSES)
         found.append(Line(rows, at.temperature, at.grain_size, grid))

@@ -23,11 +23,11 @@ RATE_KEY = "rates"
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, "black")
 
 LAW_CAPTION = (
-    "Strain rate against stress in axial equivalents, one point for each test. Rows are split at "
-    "the widest gaps of temperature. Each band holds 90 % of the draws of the law at "
-    "the mean temperature and grain size of its rows, for no bias of a source and without the "
-    "scatter of specimens. Rows whose grain size differs from the mean lie off their band; the "
-    "residuals below tell whether the law has them."
+    "Strain rate against stress in axial equivalents. Each band holds 90 % of the draws of the law "
+    "at the mean temperature and grain size of the rows of a range of temperatures. Points are "
+    "tests, one each, brought to that temperature and grain size by the law, without the bias of "
+    "their source: the distance from the line is the residual. Sources that were held out are not "
+    "shown."
 )
 
 RESIDUAL_CAPTION = (
@@ -147,8 +147,10 @@ def held_out_shown(fit: RateFit) -> pd.DataFrame:
 
 def law_figure(fit: RateFit) -> Figure:
     """Draw rates against stress with the 90 % band of the law, by temperature."""
-    data = fit.data
-    rates = np.exp(all_draws(fit.posterior["predictions"].to_dataset()["log_strain_rate"]))
+    data, used = fit.data, ~np.isin(fit.data.source, fit.manifest["held_out"])
+    log_rates = all_draws(fit.posterior["predictions"].to_dataset()["log_strain_rate"])
+    residual = np.full(data.n_rows, np.nan)
+    residual[used] = all_draws(fit.posterior["residuals"].to_dataset()["residual"]).mean(axis=0)
     with figure_of(6.4, 5.2) as figure:
         axes = figure.subplots()
         for k, line in enumerate(lines(data)):
@@ -161,17 +163,21 @@ def law_figure(fit: RateFit) -> Figure:
             draw_band(
                 axes,
                 line.stress * STRESS_FACTOR,
-                rates[:, k],
+                np.exp(log_rates[:, k]),
                 colour,
                 f"{line.temperature:.0f} K{grains}",
             )
+            stress = data.stress[line.rows]
+            middle = np.interp(
+                np.log(stress), np.log(line.stress), np.median(log_rates[:, k], axis=0)
+            )
             draw_dots(
                 axes,
-                data.stress[line.rows] * STRESS_FACTOR,
-                data.strain_rate[line.rows],
+                stress * STRESS_FACTOR,
+                np.exp(middle + residual[line.rows]),
                 colour=colour,
                 face=colour,
-                size=3.5,
+                size=3.0,
                 marker=MARKERS[k % len(MARKERS)],
                 label=counted(line.rows.size, "test"),
             )

@@ -82,9 +82,9 @@ class RateFit(SampledFit):
     ----------
     directory, posterior, manifest
         As of every `SampledFit`. The groups log_likelihood, model_response and
-        posterior_predictive are of what was read in the rows that were used, in ln(1/s) or ln(Pa);
-        the group held_out has the same of the others. The group predictions has rates by
-        temperature, grain size and stress; driving_errors has the biases of the sources.
+        posterior_predictive are about the readings of fitted rows, in ln(1/s) or ln(Pa). The group
+        held_out has the same of the other rows. The group predictions has the drawn lines, and
+        driving_errors the biases of the sources.
     data : RateTable
         All rows, those of held-out sources among them.
     law : RateLaw
@@ -264,9 +264,9 @@ def fit_rates(
     held_out : collection of str
         Sources that are predicted in place of being fitted.
     curve : PriorSet, optional
-        Priors of every parameter of a curve. The tests are then softened as those have it at their
-        peaks (`pyburgers.flow_law_tables.softening`), and the law is that of undeformed material,
-        which curves can take as their prior. Only for laws of one mechanism.
+        Priors of every parameter of a curve. They soften the tests
+        (`pyburgers.flow_law_tables.softening`). The law is then that of undeformed material, a
+        prior for curves. Only a law of one mechanism can have them.
     options : SamplerOptions, optional
         Chains, iterations, seed; the coordinates are always the plain ones.
     use_likelihood : bool

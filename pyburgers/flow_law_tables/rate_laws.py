@@ -61,7 +61,7 @@ class RateLaw:
     reference : Conditions
         Conditions (SI) at which the rates of the mechanisms are given.
     mechanisms : tuple of Mechanism
-        What adds up, or acts in series.
+        Mechanisms that add up, or act in series.
     priors : PriorSet
         Priors by ``PARAMETER[MECHANISM]``, and of scatter, sources and enhancement; SI.
 

@@ -264,8 +264,8 @@ def load_rate_table(source: str | Path | Mapping[str, Any]) -> RateTable:
     Raises
     ------
     InputError
-        If a file, key, unit or number is not what it has to be, a row belongs to none or several
-        of the tables ``[[tests]]``, or there are fewer than three rows.
+        If a file, key, unit or number is wrong, or there are fewer than three rows. Every row
+        belongs to exactly one of the tables ``[[tests]]``.
 
     Examples
     --------

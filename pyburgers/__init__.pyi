@@ -37,6 +37,13 @@ from .flow_law_tables.inputs import load_peak_stress as load_peak_stress
 from .flow_law_tables.inputs import load_peak_stress_priors as load_peak_stress_priors
 from .flow_law_tables.inputs import with_curve_flow_law as with_curve_flow_law
 from .flow_law_tables.inputs import without_test as without_test
+from .flow_law_tables.rate_fit import RateFit as RateFit
+from .flow_law_tables.rate_fit import fit_rates as fit_rates
+from .flow_law_tables.rate_laws import RateLaw as RateLaw
+from .flow_law_tables.rate_laws import load_rate_law as load_rate_law
+from .flow_law_tables.rate_laws import rate_law as rate_law
+from .flow_law_tables.rate_tables import RateTable as RateTable
+from .flow_law_tables.rate_tables import load_rate_table as load_rate_table
 from .kinds.arrays import AttenuationTable as AttenuationTable
 from .kinds.arrays import ConstantRateTest as ConstantRateTest
 from .kinds.arrays import CreepTest as CreepTest
@@ -76,6 +83,7 @@ from .page.page import report as report
 from .page.page import write_report as write_report
 from .page.peak_stress_section import peak_stress_section as peak_stress_section
 from .page.posterior_figures import page_figure as page_figure
+from .page.rate_section import rate_section as rate_section
 from .predictions.attenuation import attenuation_spectrum as attenuation_spectrum
 from .predictions.attenuation import predict_attenuation as predict_attenuation
 from .predictions.closed_forms import flow_rate as flow_rate

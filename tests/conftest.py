@@ -37,6 +37,8 @@ from pyburgers.comparison.by_tests import fit_without_tests
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress
 from pyburgers.flow_law_tables.inputs import default_peak_stress_priors, load_peak_stress
+from pyburgers.flow_law_tables.rate_fit import RateFit, fit_rates
+from pyburgers.flow_law_tables.rate_tables import load_rate_table
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import ConstantRateValley
@@ -96,6 +98,7 @@ LONGEST_FILES = (
     "test_calibration.py",
     "test_hand_over.py",
     "test_peak_stress_fit.py",
+    "test_rates.py",
 )
 """Those that take more than 15 s of processor time; a file runs in one process. Neighbours do not
 wait for each other's fits."""
@@ -221,7 +224,7 @@ def programs() -> None:
         *(likelihood.program for likelihood in likelihoods().values()),
         *(
             stan_directory() / f"{name}.stan"
-            for name in ("imposed_stress", "stress_cycles", "peak_stress", "peaks")
+            for name in ("imposed_stress", "stress_cycles", "peak_stress", "peaks", "rates")
         ),
         *sorted((TESTS / "stan").glob("*.stan")),
     ]
@@ -333,6 +336,17 @@ def long_fit(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
         return fit(small_problem.experiment, small_problem.priors, out=out, options=LONG_RUN)
 
     return shared_runs.finished("long_fit", make)
+
+
+@pytest.fixture(scope="session")
+def creep(shared_runs: SharedRuns) -> RateFit:
+    """Fit the measured rates of Fan and others by a power law."""
+
+    def make(out: Path) -> RateFit:
+        table = load_rate_table(ICE / "rates" / "fan_2020.toml")
+        return fit_rates(table, out=out, options=PEAK_STRESS_RUN)
+
+    return RateFit.load(shared_runs.once("creep", make))
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,7 @@ from pyburgers.cli.terminal import print_checks, print_lines
 from pyburgers.comparison.neighbours import what_a_yes_leaves_open
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import renew_tables
-from pyburgers.flow_law_tables.fit import PeakStressFit, is_peak_stress_run
+from pyburgers.flow_law_tables.runs import fit_of_run
 
 logger = logging.getLogger(__name__)
 
@@ -16,14 +16,16 @@ logger = logging.getLogger(__name__)
 def add_options(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     command.add_argument(
-        "directory", type=Path, metavar="RUN", help="run directory of fit or fit-peak-stress"
+        "directory",
+        type=Path,
+        metavar="RUN",
+        help="run directory of fit, fit-rates or fit-peak-stress",
     )
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    kind = PeakStressFit if is_peak_stress_run(options.directory) else Fit
-    fit = kind.load(options.directory)
+    fit = fit_of_run(options.directory)
     if renewed := renew_tables(fit):
         logger.info(
             f"{fit.directory.path}: {' and '.join(renewed)} did not agree with the draws; the "

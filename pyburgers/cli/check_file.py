@@ -20,6 +20,9 @@ from pyburgers.flow_law_tables.inputs import (
     load_peak_stress,
     load_peak_stress_priors,
 )
+from pyburgers.flow_law_tables.rate_laws import load_rate_law
+from pyburgers.flow_law_tables.rate_tables import KIND as RATES
+from pyburgers.flow_law_tables.rate_tables import RateTable, load_rate_table
 from pyburgers.kinds.conditions import doubts
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import load_experiment
@@ -68,7 +71,7 @@ def check(path: Path) -> int:
     else:
         errors, loaded = all_errors(path, content)
     notes = {note for look in looks(path, content) for note in look.notes}
-    notices = loaded.notices if isinstance(loaded, Experiment | PeakStressData) else ()
+    notices = loaded.notices if isinstance(loaded, Experiment | PeakStressData | RateTable) else ()
     lines = [f"error: {sentence}" for sentence in errors]
     lines += [f"note: {note}" for note in sorted(notes) if errors]
     lines += [f"hint: {sentence}" for sentence in hints(path, content)]
@@ -107,6 +110,8 @@ def all_errors(path: Path, content: Mapping[str, Any]) -> tuple[list[str], objec
 
 def _reader(content: Mapping[str, Any]) -> Callable[[Path], object]:
     """Return what reads a file of its kind."""
+    if "mechanisms" in content:
+        return load_rate_law
     if "parameters" in content and "protocol" not in content:
         parameters = content["parameters"]
         # No other priors have a scatter of peak stresses.
@@ -119,7 +124,8 @@ def _reader(content: Mapping[str, Any]) -> Callable[[Path], object]:
             "pyburgers.fitting.campaign"
         ).load_campaign
         return read_plan
-    return load_peak_stress if content.get("protocol") == PEAK_STRESS else load_experiment
+    of_tables = {PEAK_STRESS: load_peak_stress, RATES: load_rate_table}
+    return of_tables.get(str(content.get("protocol")), load_experiment)
 
 
 def _is_plan(content: Mapping[str, Any]) -> bool:

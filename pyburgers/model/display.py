@@ -5,6 +5,7 @@ import math
 from pyburgers.common.units import UNITS, number
 from pyburgers.model.parameters import (
     PARAMETER_BY_NAME,
+    RATE_PARAMETERS,
     REFERENCE_QUANTITIES,
     STRESS_SCATTER,
     Parameter,
@@ -50,8 +51,8 @@ def shown_quantity(name: str) -> Parameter:
     Parameters
     ----------
     name : str
-        A parameter, a point of the flow law such as the reference stress, or the scatter of a
-        table's peak stresses.
+        A parameter, a point of the flow law such as the reference stress, or a quantity of tables
+        of rates or peak stresses.
 
     Raises
     ------
@@ -63,7 +64,7 @@ def shown_quantity(name: str) -> Parameter:
     >>> pyburgers.shown_quantity("maxwell_modulus").label
     'Maxwell modulus'
     """
-    beside = {**REFERENCE_QUANTITIES, STRESS_SCATTER.name: STRESS_SCATTER}
+    beside = {**REFERENCE_QUANTITIES, **{p.name: p for p in (STRESS_SCATTER, *RATE_PARAMETERS)}}
     return beside.get(name) or PARAMETER_BY_NAME[name]
 
 

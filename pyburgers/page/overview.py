@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import pandas as pd
+import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome, coverage
 from pyburgers.checks.prior_influence import Influence, Origin
@@ -20,7 +21,6 @@ from pyburgers.checks.verdicts import ANSWERS, Verdict, verdicts
 from pyburgers.common.units import number, with_error
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
-from pyburgers.model.display import shown_quantity, symbol_text
 
 ANSWER_COLUMNS = {
     CheckKind.SAMPLING: "sampled well?",
@@ -204,10 +204,7 @@ def _answers_text(
 
 def _conflicts_text(influences: Mapping[str, Influence]) -> str:
     names = conflicts(influences)
-    shown = [
-        conflict_text(symbol_text(shown_quantity(name)), influences[name])
-        for name in names[:SHOWN_CONFLICTS]
-    ]
+    shown = [conflict_text(symbol_of(name), influences[name]) for name in names[:SHOWN_CONFLICTS]]
     more = len(names) - len(shown)
     told = ", ".join(shown) + (f" and {more} more" if more else "")
     at_bound = [symbol_of(name) for name, one in influences.items() if one.origin is Origin.BOUND]
@@ -217,8 +214,14 @@ def _conflicts_text(influences: Mapping[str, Influence]) -> str:
 
 def _stress_exponent(fit: SampledFit, influences: Mapping[str, Influence]) -> str:
     """Mean, standard deviation and who decides it, or the value that was not inferred."""
-    name = "stress_exponent"
-    draws = fit.posterior["posterior"].to_dataset()[name]
+    there = fit.posterior["posterior"].to_dataset()
+    names = [str(name) for name in there if str(name).split("[")[0] == "stress_exponent"]
+    return "; ".join(_exponent_text(there[name], influences) for name in names)
+
+
+def _exponent_text(draws: xr.DataArray, influences: Mapping[str, Influence]) -> str:
+    """Say what one exponent is; a mechanism's is followed by the name of the mechanism."""
+    name = str(draws.name)
     if draws.attrs["fixed"]:
         return f"{number(float(draws[0, 0]))} (fixed)"
     value = with_error(float(draws.mean()), float(draws.std(ddof=1)))

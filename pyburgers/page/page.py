@@ -24,6 +24,7 @@ from pyburgers.drawing.view import view_of
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.flow_law_tables.fit import PeakStressFit
+from pyburgers.flow_law_tables.rate_fit import RateFit
 from pyburgers.model.display import symbol_text
 from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES
 from pyburgers.page import tables
@@ -46,6 +47,7 @@ from pyburgers.page.overview import (
     remedies,
 )
 from pyburgers.page.peak_stress_section import peak_stress_section
+from pyburgers.page.rate_section import rate_section
 from pyburgers.page.run_records import REPORT_KIND, report_manifest, runs_table
 
 logger = logging.getLogger(__name__)
@@ -170,7 +172,7 @@ def report(
     *,
     title: str | None = None,
     command: str = "pyburgers.report(...)",
-    tables: Mapping[str, PeakStressFit] = MappingProxyType({}),
+    tables: Mapping[str, PeakStressFit | RateFit] = MappingProxyType({}),
 ) -> Path:
     """Write a page about fits of one test or of several.
 
@@ -185,8 +187,8 @@ def report(
         Heading of the page.
     command : str
         Command that makes the page again, as the page tells it.
-    tables : mapping of str to PeakStressFit
-        Fits of tables of peak stresses by their key on the page.
+    tables : mapping of str to PeakStressFit or RateFit
+        Fits of tables by their key on the page.
 
     Returns
     -------
@@ -225,7 +227,7 @@ def page_about(
     title: str,
     command: str,
     first: Sequence[PageSection] = (),
-    tables: Mapping[str, PeakStressFit] = MappingProxyType({}),
+    tables: Mapping[str, PeakStressFit | RateFit] = MappingProxyType({}),
     jobs: int | None = 1,
 ) -> Path:
     """Write a page about fits of one test or of several, some parts first, as `write_report` does.
@@ -245,7 +247,12 @@ def page_about(
             *first,
             *joint_sections(joints, alone),
             *comparison_sections([*joints, *tests]),
-            *(peak_stress_section(table, key) for key, table in tables.items()),
+            *(
+                rate_section(table, key)
+                if isinstance(table, RateFit)
+                else peak_stress_section(table, key)
+                for key, table in tables.items()
+            ),
         ),
         told={key: [table] for key, table in tables.items()},
         jobs=jobs,

@@ -311,7 +311,11 @@ def _arguments_of_warmup(run: RunDirectory, options: SamplerOptions) -> list[str
     )
     last = int(STEP_SIZE_SHARE * warmup)
     phases = {"init_buffer": int(FIRST_PHASE_SHARE * warmup), "term_buffer": last}
-    if run.read_manifest().get("coordinates", {}).get("system") == "valley":
+    manifest = run.read_manifest()
+    if "first_window" in manifest:
+        first = int(FIRST_PHASE_SHARE_OF_VALLEY * warmup)
+        phases |= {"init_buffer": first, "window": min(manifest["first_window"], warmup // 2)}
+    if manifest.get("coordinates", {}).get("system") == "valley":
         first = int(FIRST_PHASE_SHARE_OF_VALLEY * warmup)
         phases |= {"init_buffer": first, "window": warmup - first - last}
     return [

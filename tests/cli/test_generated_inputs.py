@@ -28,6 +28,8 @@ from pyburgers.common.text_tables import look_at
 from pyburgers.fitting.campaign import load_campaign
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.inputs import load_peak_stress, load_peak_stress_priors
+from pyburgers.flow_law_tables.rate_laws import load_rate_law
+from pyburgers.flow_law_tables.rate_tables import load_rate_table
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import load_parameters
 from pyburgers.kinds.guessed_columns import guess_columns
@@ -75,6 +77,10 @@ def _readers() -> Iterator[Reader]:
             yield Reader(path, _experiment_for_a_fit)
         elif content.get("protocol") == "peak_stress":
             yield Reader(path, load_peak_stress)
+        elif content.get("protocol") == "rates":
+            yield Reader(path, load_rate_table)
+        elif "mechanisms" in content:
+            yield Reader(path, load_rate_law)
         elif path.parent.name == "peak_stress":
             yield Reader(path, load_peak_stress_priors)
         elif path.parent.name in ("priors", "calibration"):
@@ -326,6 +332,7 @@ OPTIONS = {
     ),
     "new": ("--protocol", "--material", "--temperature-K", "--grain-size-m", "--strain-rate-per-s"),
     "simulate": ("--parameters", "--out"),
+    "fit-rates": ("--law", "--hold-out", "--curve-priors", "--out", "--chains", "--seed"),
     "fit-peak-stress": ("--priors", "--curve-priors", "--without", "--out", "--chains", "--seed"),
     "compare": ("--out", "--leave-out", "--no-refit"),
     "sbc": (

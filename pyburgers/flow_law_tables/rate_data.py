@@ -1,0 +1,210 @@
+"""Data and starts of `stan/rates.stan`, and the lines that are drawn of a law."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from pyburgers.common.array_types import FloatArray, IntArray
+from pyburgers.flow_law_tables.rate_laws import MECHANISM_PARAMETERS, RateLaw
+from pyburgers.flow_law_tables.rate_tables import RateTable
+from pyburgers.flow_law_tables.softening import N_SOFTENING, SofteningPrior
+from pyburgers.kinds.program_data import prior_block
+from pyburgers.kinds.stan_data import StanData
+from pyburgers.model.arrhenius import GAS_CONSTANT
+from pyburgers.model.prior_families import FAMILIES
+
+ROWS_TO_CENTRE = 3.0
+"""Rows of a source of which the bias is sampled half as it is, half over its standard deviation."""
+
+TYPICAL_ENTHALPY = 70e3
+"""J/mol, for coordinates in which an error of temperature is not mistaken for one of rates."""
+
+LEAST_NARROWING = 0.3
+"""Least width of a posterior over that of its prior in the guess of the first metric."""
+
+MOST_LINES = 6
+"""Temperatures at which a law is drawn."""
+
+LEAST_RANGE = 2.0
+"""Range of temperatures (K) below which all rows belong to one line."""
+
+GRID_STRESSES = 30
+"""Stresses of each line."""
+
+SIGNS = np.array([1.0, -1.0, -1.0 / GAS_CONSTANT])
+"""Change of ln(rate) with ln(stress), ln(grain size) and 1/T, over n, p and Q."""
+
+GRID_MARGIN = 1.3
+"""Factor by which a line reaches beyond the stresses of its rows."""
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """Rows of about one temperature on one drawn line at their mean conditions (K, m, Pa)."""
+
+    rows: IntArray
+    temperature: float
+    grain_size: float
+    stress: FloatArray
+
+
+def lines(data: RateTable) -> tuple[Line, ...]:
+    """Split a table by temperature into at most `MOST_LINES` equal ranges, each with a line."""
+    low, width = data.temperature.min(), max(np.ptp(data.temperature), LEAST_RANGE)
+    # The largest temperature counts to the last range.
+    place = np.minimum((data.temperature - low) / width * MOST_LINES, MOST_LINES - 1).astype(int)
+    if np.ptp(data.temperature) < LEAST_RANGE:
+        place[:] = 0
+    found = []
+    for one in np.unique(place):
+        rows = np.flatnonzero(place == one)
+        at, stress = data.rows(rows).mean_conditions, data.stress[rows]
+        grid = np.geomspace(stress.min() / GRID_MARGIN, stress.max() * GRID_MARGIN, GRID_STRESSES)
+        found.append(Line(rows, at.temperature, at.grain_size, grid))
+    return tuple(found)
+
+
+def rate_data(
+    data: RateTable,
+    law: RateLaw,
+    *,
+    held_out: Collection[str] = (),
+    softening: SofteningPrior | None = None,
+    use_likelihood: bool = True,
+) -> StanData:
+    """Return all data of `stan/rates.stan`, priors in SI; without likelihood, the prior's."""
+    reference, sources = law.reference, data.sources
+    is_used = ~np.isin(data.source, list(held_out))
+    grain_size = np.where(np.isnan(data.grain_size), reference.grain_size, data.grain_size)
+    source = np.array([sources.index(one) for one in data.source])
+    n_used = np.bincount(source[is_used], minlength=len(sources))
+    distances = [
+        np.log(data.stress / reference.stress),
+        np.log(grain_size / reference.grain_size),
+        1 / data.temperature - 1 / reference.temperature,
+    ]
+    drawn = lines(data)
+    no_softening = {
+        "softening_coefficients": np.zeros((N_SOFTENING, 3)).tolist(),
+        "softening_centre": [0.0, 0.0],
+        "softening_factor": np.eye(N_SOFTENING).tolist(),
+    }
+    return {
+        "n_rows": data.n_rows,
+        **{
+            name: getattr(data, name).tolist()
+            for name in (
+                *("stress", "strain_rate", "temperature"),
+                *("reading_error", "temperature_error", "grain_size_error"),
+            )
+        },
+        "grain_size": grain_size.tolist(),
+        "stress_is_imposed": data.stress_is_imposed.astype(int).tolist(),
+        "is_used": is_used.astype(int).tolist(),
+        "enhancement_place": data.enhancement_place.tolist(),
+        "n_sources": len(sources),
+        "source": (source + 1).tolist(),
+        "centring": (n_used / (n_used + ROWS_TO_CENTRE)).tolist(),
+        "typical_slope": [
+            TYPICAL_ENTHALPY / GAS_CONSTANT * float(np.mean(data.temperature[source == k] ** -2))
+            for k in range(len(sources))
+        ],
+        "n_mechanisms": len(law.mechanisms),
+        "process": [one.process for one in law.mechanisms],
+        "premelting_temperature": [one.premelting_temperature for one in law.mechanisms],
+        "reference_stress": reference.stress,
+        "reference_grain_size": reference.grain_size,
+        "reference_temperature": reference.temperature,
+        **prior_block(law.priors, law.parameters),
+        **_coordinate_block(law),
+        "mean_conditions": [float(np.mean(one[is_used])) for one in distances],
+        "mean_log_rate": float(np.mean(np.log(data.strain_rate[is_used]))),
+        "is_softened": int(softening is not None),
+        **(no_softening if softening is None else softening.block),
+        "use_likelihood": int(use_likelihood),
+        "n_grid": len(drawn) * GRID_STRESSES,
+        "grid_stress": np.concatenate([one.stress for one in drawn]).tolist(),
+        "grid_grain_size": np.repeat(
+            [reference.grain_size if np.isnan(one.grain_size) else one.grain_size for one in drawn],
+            GRID_STRESSES,
+        ).tolist(),
+        "grid_temperature": np.repeat([one.temperature for one in drawn], GRID_STRESSES).tolist(),
+    }
+
+
+def _coordinate_block(law: RateLaw) -> StanData:
+    """Return the plain coordinates of the free parameters."""
+    place = {p.name: k for k, p in enumerate(law.parameters, start=1)}
+    free = [name for name in place if not law.priors[name].is_fixed]
+    rows = [
+        (0.0, prior.location, prior.lower, prior.upper)
+        if prior.family == "lognormal"
+        else (prior.location, prior.scale, prior.lower, prior.upper)
+        for prior in (law.priors[name] for name in free)
+    ]
+    return {
+        "n_coordinates": len(free),
+        "own_parameter": [place[name] for name in free],
+        "quantity": np.array(rows).reshape(len(free), 4).tolist(),
+    }
+
+
+def start_of_chain(stan_data: StanData, seed: int, chain: int) -> dict[str, list[float]]:
+    """Draw a start of one chain near the middle of the priors, and no bias of any source."""
+    rng = np.random.default_rng([seed, chain])
+    n_biases = stan_data["n_sources"] if stan_data["n_sources"] > 1 else 0
+    n_law = stan_data["n_mechanisms"] * len(MECHANISM_PARAMETERS)
+    centre, width = _prior_coordinates(stan_data)
+    start = centre + 0.5 * width * rng.standard_normal(centre.size)
+    for k, place in enumerate(stan_data["own_parameter"]):
+        if place <= n_law and place % len(MECHANISM_PARAMETERS) == 1:
+            # At the mean conditions of the table the rate of the law is that of its rows.
+            rate, *slopes = stan_data["prior_location"][place - 1 : place + 3]
+            there = np.array(slopes) @ (np.array(stan_data["mean_conditions"]) * SIGNS)
+            start[k] += stan_data["mean_log_rate"] - np.log(rate) - there
+    softening = rng.standard_normal(N_SOFTENING * stan_data["is_softened"])
+    vectors = {
+        "coordinate": start,
+        **{
+            f"{name}_coordinate": 0.1 * rng.standard_normal(n_biases)
+            for name in ("rate", "temperature", "scatter")
+        },
+        "softening_coordinate": softening,
+    }
+    # A vector without elements has no column from which a chain could go on.
+    return {name: vector.tolist() for name, vector in vectors.items() if vector.size}
+
+
+def _prior_coordinates(stan_data: StanData) -> tuple[FloatArray, FloatArray]:
+    """Return about the middle and the width of each coordinate under its prior."""
+    places = np.array(stan_data["own_parameter"], dtype=np.int64) - 1
+    family, location, scale = (
+        np.array(stan_data[f"prior_{name}"])[places] for name in ("family", "location", "scale")
+    )
+    _, unit, lower, upper = np.array(stan_data["quantity"]).reshape(places.size, 4).T
+    is_positive = np.isfinite(lower) & np.isinf(upper) & (family == FAMILIES["normal"].code)
+    # Of a half-normal prior the middle is about two thirds of its scale.
+    ratio = np.where(is_positive, np.maximum((location - lower) / unit, 2 / 3), 1.0)
+    width = np.where(is_positive, np.minimum(1.0, 1 / ratio), 1.0)
+    width = np.where(family == FAMILIES["lognormal"].code, scale, width)
+    return np.where(is_positive, np.log(ratio), 0.0), width
+
+
+def first_metric(stan_data: StanData) -> list[list[float]]:
+    """Guess the covariance of the sampler's vector, diagonal; the more rows, the smaller."""
+    n_sources = stan_data["n_sources"]
+    counted = np.bincount(
+        np.array(stan_data["source"]) - 1, weights=stan_data["is_used"], minlength=n_sources
+    )
+    n_rows = counted if n_sources > 1 else counted[:0]
+    _, width = _prior_coordinates(stan_data)
+    variances = [
+        (width * max(LEAST_NARROWING, (1 + sum(stan_data["is_used"]) / 20) ** -0.5)) ** 2,
+        0.02 + 0.2 / (1 + n_rows),
+        np.ones(n_rows.size),
+        1 / (1 + n_rows / 8),
+        np.ones(N_SOFTENING * stan_data["is_softened"]),
+    ]
+    metric: list[list[float]] = np.diag(np.concatenate(variances)).tolist()
+    return metric

@@ -1,0 +1,288 @@
+"""Checks of whether one flow law describes tables of rates: what is missed, and where.
+
+Residuals of what was read, ln(rate) or ln(stress), are compared with those of replicated tables
+that are fitted as the data were (`pyburgers.checks.discrepancies`). In the place of segments stand
+the sources. Along temperature, stress and grain size residuals may hold neither slope nor bend.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from typing import Any, TypeAlias
+
+import numpy as np
+import pandas as pd
+
+from pyburgers.checks.discrepancies import (
+    ENOUGH,
+    ENOUGH_FOR_SHARES,
+    LARGEST,
+    OUTSIDE,
+    SEGMENT_SPREAD,
+    SEGMENT_TREND,
+    Judged,
+    beside_replicates,
+    data_and_refits,
+    inside_text,
+)
+from pyburgers.checks.fit_checks import (
+    LEAST_DRAWS,
+    Check,
+    CheckedDraws,
+    CheckKind,
+    Finding,
+    Outcome,
+    check,
+)
+from pyburgers.checks.residual_numbers import (
+    TINY,
+    largest_residual,
+    segment_parts,
+    straight_line,
+)
+from pyburgers.common.array_types import FloatArray, IntArray
+from pyburgers.common.draws import TAIL, all_draws
+from pyburgers.common.units import counted, number
+from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_FACTOR, STRESS_UNIT
+
+Row: TypeAlias = "pd.Series[Any]"
+
+LOG_READ = "log_read"
+"""ln(rate s) or ln(stress/Pa), the one that was read, in the groups of draws."""
+
+ALONG = ("temperature", "stress", "grain size")
+"""Conditions along which residuals are looked at for a slope and a bend."""
+
+NARROW = "the widths are then too narrow"
+
+OTHER_LAW = (
+    "take a law with another mechanism or a premelting temperature, or fit a part of the rows"
+)
+
+DESCRIPTION = CheckKind.DESCRIPTION
+
+
+@dataclass(frozen=True, eq=False)
+class RateLeftover:
+    """What a fit of rates leaves over of ln(rate); arrays have the shape (n,).
+
+    Residuals are means over the draws, and weights make all uncertain alike. A stress that was
+    read counts by the rate of the law under it; conditions have the stress of the law there.
+    """
+
+    residual: FloatArray
+    weight: FloatArray
+    source: IntArray
+    sources: tuple[str, ...]
+    conditions: pd.DataFrame
+    judged: Judged
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The numbers by discrepancy."""
+        return self.judged.table.droplevel("test")
+
+    def row(self, discrepancy: str) -> Row:
+        """Return the row of a discrepancy."""
+        return self.table.loc[[discrepancy]].iloc[0]
+
+    def row_text(self, k: int) -> str:
+        """Return which row it is."""
+        stress, rate, temperature, size = self.conditions.iloc[k]
+        grains = "" if np.isnan(size) else f", {number(size * LENGTH_FACTOR)} {LENGTH_UNIT}"
+        return (
+            f"a row of {self.sources[self.source[k]]} ({stress * STRESS_FACTOR:.3g} {STRESS_UNIT}, "
+            f"{rate:.2g} 1/s, {temperature:.1f} K{grains})"
+        )
+
+
+def beside(residual: float) -> str:
+    """Return how far a rate lies from the law, such as ``at 1.4 times the rate of the law``."""
+    return f"at {np.exp(residual):.2g} times the rate of the law"
+
+
+@lru_cache(maxsize=1)
+def rate_leftover(draws: CheckedDraws) -> RateLeftover:
+    """Compare what the fit leaves over with what fits of replicated tables do."""
+    along = draws.posterior["constant_data"].to_dataset()
+    left = draws.posterior["residuals"].to_dataset()
+    residual, noise, deviation = (
+        all_draws(left[name]) for name in ("residual", "residual_replicated", "deviation")
+    )
+    error = np.sqrt((deviation**2).mean(axis=0))
+    weight = error.mean() / error
+    observed, replicated = residual * weight, noise * weight
+    model = residual.mean(axis=0) - residual  # of ln(rate), less its mean
+    band = np.quantile(model + noise, (TAIL, 1.0 - TAIL), axis=0) * weight
+    source = along["source"].to_numpy()
+    names = ["stress", "strain_rate", "temperature", "grain_size"]
+    conditions = pd.DataFrame({name: along[name].to_numpy() for name in names})
+    # A stress that was read has the residual in itself: in its place stands that of the law.
+    expected = np.exp(all_draws(draws.posterior["model_response"].to_dataset()[LOG_READ]).mean(0))
+    was_read = along["stress_is_imposed"].to_numpy() == 0
+    conditions["stress"] = np.where(was_read, expected, conditions["stress"])
+    numbers = partial(_numbers, shapes=_shapes(conditions), source=source, conditions=conditions)
+    pairs = data_and_refits(observed, replicated, band, numbers, correlated=False)
+    return RateLeftover(
+        residual=observed.mean(axis=0),
+        weight=weight,
+        source=source,
+        sources=tuple(json.loads(along["source"].attrs["names"])),
+        conditions=conditions,
+        judged=beside_replicates({(name, "the tables"): pair for name, pair in pairs.items()}),
+    )
+
+
+@check("coverage", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH_FOR_SHARES)
+def check_rate_coverage(draws: CheckedDraws) -> Finding:
+    """Predictive band of 90 % holds about 90 % of the readings."""
+    left = rate_leftover(draws)
+    share = inside_text(left.row(OUTSIDE), "readings")
+    remedy = "look at the residuals before using the law"
+    return _finding(left, OUTSIDE, f"{share}.", f"Only {share}", remedy)
+
+
+@check("largest residual", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
+def check_rate_outlier(draws: CheckedDraws) -> Finding:
+    """No reading is too far off beside the others."""
+    left = rate_leftover(draws)
+    row, worst = left.row(LARGEST), int(np.abs(left.residual).argmax())
+    far = (
+        f"{left.row_text(worst)} lies {beside(left.residual[worst] / left.weight[worst])}, "
+        f"{row['found']:.1f} times the root mean square of the others (at most "
+        f"{row['at_most']:.1f} expected of a correct model)"
+    )
+    bad = f"A reading is an outlier: {far}; it alone makes the scatter larger and pulls the law"
+    remedy = "look it up, and leave the row out if it was a mistake"
+    return _finding(left, LARGEST, f"No outlier: {far}.", bad, remedy)
+
+
+def _check_along(condition: str) -> Check:
+    """Return the check that residuals have neither slope nor bend along a condition."""
+
+    @check(f"along {condition}", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
+    def check_along(draws: CheckedDraws) -> Finding:
+        """Residuals have neither slope nor bend along the condition."""
+        left, name = rate_leftover(draws), _along(condition)
+        if name not in left.table.index:
+            values = left.conditions[condition.replace(" ", "_")]
+            few = (
+                f"{counted(values.dropna().nunique(), 'value')} of the {condition} cannot show "
+                "whether the law holds along it"
+            )
+            return Finding(Outcome.CANNOT_TELL, left.table.iloc[:0], few, "add tests at others")
+        shape = _shapes(left.conditions)[condition]
+        curve = np.exp(shape @ (shape.T @ left.residual))
+        order = np.argsort(left.conditions[condition.replace(" ", "_")].to_numpy(), kind="stable")
+        first, middle, last = (curve[order[k]] for k in (0, order.size // 2, -1))
+        how = (
+            f"from the least to the largest {condition} residuals go from {first:.2g} over "
+            f"{middle:.2g} to {last:.2g} times the rate of the law, as much as "
+            f"{_per_cent(left.row(name))} of fits of a correct model leave"
+        )
+        bad = f"The law misses how rates change with {condition}: {how}, and {NARROW}"
+        return _finding(left, name, f"The law holds along {condition}: {how}.", bad, OTHER_LAW)
+
+    return check_along
+
+
+@check("sources", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
+def check_rate_sources(draws: CheckedDraws) -> Finding:
+    """No source is off, or tilts along stress, as a whole."""
+    left = rate_leftover(draws)
+    log_stress = np.log(left.conditions["stress"].to_numpy())
+    trend, _ = segment_parts(left.residual[None], left.source, log_stress)
+    worst = int(trend[:, 0].argmax())
+    here = left.source == worst
+    x = log_stress[here]
+    line = straight_line(x, left.residual[here])
+    far = (
+        f"the rows of {left.sources[worst]} lie {beside(line[x.argmin()])} where the stress is "
+        f"least and {beside(line[x.argmax()])} where it is largest, as much as "
+        f"{_per_cent(left.row(SEGMENT_TREND))} of fits of a correct model leave"
+    )
+    bad = f"A source is off as a whole: {far}: one law does not hold for it, and {NARROW}"
+    return _finding(left, SEGMENT_TREND, f"No source is off as a whole: {far}.", bad, OTHER_LAW)
+
+
+@check("size of residuals", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
+def check_rate_scatter(draws: CheckedDraws) -> Finding:
+    """No source scatters more than its own scatter says."""
+    left = rate_leftover(draws)
+    size = np.sqrt(np.mean((left.residual / left.weight) ** 2))
+    whole = f"Rates scatter about the law by a factor of {np.exp(size):.2g}"
+    if SEGMENT_SPREAD not in left.table.index:
+        return Finding(Outcome.YES, left.table.iloc[:0], f"{whole}; there is one source only.")
+    log_stress = np.log(left.conditions["stress"].to_numpy())
+    _, spread = segment_parts(left.residual[None], left.source, log_stress)
+    worst, row = int(spread[:, 0].argmax()), left.row(SEGMENT_SPREAD)
+    found = (
+        f"residuals of {left.sources[worst]}, over their scatter, are {row['found']:.2f} times "
+        f"those of all (at most {row['at_most']:.2f} expected of a correct model)"
+    )
+    bad = f"One source scatters more than the model allows: {found}, and {NARROW}"
+    remedy = "state the reading errors of its rows, or fit it as a table of its own"
+    return _finding(left, SEGMENT_SPREAD, f"{whole}; {found}.", bad, remedy)
+
+
+RATE_CHECKS = (
+    check_rate_coverage,
+    check_rate_outlier,
+    *(_check_along(condition) for condition in ALONG),
+    check_rate_sources,
+    check_rate_scatter,
+)
+"""What tables of rates are held against."""
+
+
+def _finding(left: RateLeftover, name: str, good: str, bad: str, remedy: str) -> Finding:
+    """Judge a discrepancy."""
+    table = left.table.loc[[name]].reset_index()
+    return left.judged.finding(left.row(name), table, good, bad, remedy)
+
+
+def _per_cent(row: Row) -> str:
+    """Return the probability of a discrepancy."""
+    return f"{100 * row['probability']:.2g} %"
+
+
+def _along(condition: str) -> str:
+    """Name of the discrepancy of slope and bend along a condition."""
+    return f"trend along {condition}"
+
+
+def _numbers(
+    residuals: FloatArray,
+    *,
+    shapes: Mapping[str, FloatArray],
+    source: IntArray,
+    conditions: pd.DataFrame,
+) -> dict[str, FloatArray]:
+    """Discrepancies that residuals alone say, each of shape (draws,)."""
+    trend, spread = segment_parts(residuals, source, np.log(conditions["stress"].to_numpy()))
+    mean_square = np.maximum((residuals**2).mean(axis=1), TINY)
+    found = {LARGEST: largest_residual(residuals), SEGMENT_TREND: trend.max(axis=0)}
+    for condition, shape in shapes.items():
+        found[_along(condition)] = ((residuals @ shape) ** 2).sum(axis=1) / mean_square
+    if len(spread) > 1:
+        found[SEGMENT_SPREAD] = np.sqrt(spread.max(axis=0))
+    return found
+
+
+def _shapes(conditions: pd.DataFrame) -> dict[str, FloatArray]:
+    """Return orthonormal slope and bend (n, 2) by condition with three values or more.
+
+    They have no level; rows without a grain size have no part in those along it.
+    """
+    found = {}
+    for name in ALONG:
+        values = conditions[name.replace(" ", "_")].to_numpy()
+        here = np.isfinite(values)
+        if np.unique(values[here]).size >= 3:
+            x = np.log(values[here])
+            powers = ((x - x.mean()) / x.std())[:, None] ** np.arange(3)
+            shape = np.zeros((values.size, 2))
+            shape[here] = np.linalg.qr(powers)[0][:, 1:]
+            found[name] = shape
+    return found

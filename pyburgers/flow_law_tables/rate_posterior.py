@@ -1,0 +1,140 @@
+"""Chains of a fit of tables of rates -> labelled draws."""
+
+import json
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from pyburgers.cmdstan.draw_files import Draws, read_draws
+from pyburgers.flow_law_tables.rate_data import GRID_STRESSES, Line, lines
+from pyburgers.flow_law_tables.rate_description import LOG_READ
+from pyburgers.flow_law_tables.rate_laws import RateLaw
+from pyburgers.flow_law_tables.rate_tables import RateTable
+from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE
+from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
+from pyburgers.posterior.labelled_draws import (
+    DRIVING_ERRORS,
+    keep_posterior,
+    label_draws,
+    own_name,
+    sample_stats,
+)
+from pyburgers.sampling.run_directory import RunDirectory
+
+FLOW_RATE_OF_TEST = "log_flow_rate_of_test"
+"""ln(flow rate s) of another test at the mean conditions, among the predictions."""
+
+
+def build_posterior(
+    run: RunDirectory, data: RateTable, law: RateLaw, manifest: Mapping[str, Any]
+) -> xr.DataTree:
+    """Gather the finished chains into labelled draws and save them."""
+    with run.unchanged_copy(manifest, with_draws=True) as copy:
+        chains = read_draws(copy.draws_files())
+    identifiers = {"chain": list(run.finished_chains())}
+    contents = {
+        name: dataset.assign_coords(identifiers)
+        for name, dataset in _drawn_groups(chains, data, law, manifest["held_out"]).items()
+    }
+    used = data.rows(~np.isin(data.source, manifest["held_out"]))
+    point = {"point": np.arange(used.n_rows)}
+    contents["observed_data"] = xr.Dataset({LOG_READ: ("point", used.log_read)}, coords=point)
+    contents["constant_data"] = xr.Dataset(
+        {
+            **{
+                name: ("point", getattr(used, name))
+                for name in ("temperature", "stress", "strain_rate", "grain_size")
+            },
+            "stress_is_imposed": ("point", used.stress_is_imposed.astype(np.int64)),
+            "source": ("point", *_numbered(used)),
+        },
+        coords=point,
+    )
+    return keep_posterior(run, contents, experiment=data.id, data_kind=data.provenance.kind)
+
+
+def _drawn_groups(
+    chains: Draws, data: RateTable, law: RateLaw, held_out: Collection[str]
+) -> dict[str, xr.Dataset]:
+    """Return the groups with dimensions chain and draw."""
+    dims = ("chain", "draw")
+    parameters = chains["parameter"]
+    draws = xr.Dataset(
+        {p.name: (dims, parameters[..., k]) for k, p in enumerate(law.parameters)},
+        coords=chains.dataset([]).coords,
+    )
+    draws[REFERENCE_FLOW_RATE] = (dims, np.exp(chains["mean_flow_log_rate"]))
+    idle = [p.name for p in law.parameters if p.name.startswith("premelting")]
+    draws = draws.drop_vars([name for name in idle if law.priors[name].is_fixed])
+    shown = [p for p in (*law.parameters, REFERENCE_FLOW_RATE_QUANTITY) if p.name in draws]
+    label_draws(draws, shown, law.priors)
+    is_held_out = np.isin(data.source, list(held_out))
+    used, others = np.flatnonzero(~is_held_out), np.flatnonzero(is_held_out)
+
+    def at_rows(name: str, rows: Any, dim: str = "point") -> xr.DataArray:
+        return xr.DataArray(
+            chains[name][..., rows],
+            dims=(*dims, dim),
+            coords={**draws.coords, dim: np.arange(len(rows))},
+        )
+
+    groups = {
+        "posterior": draws,
+        "sample_stats": sample_stats(chains),
+        "log_prior": chains.dataset(["lprior"]),
+        "log_likelihood": xr.Dataset({LOG_READ: at_rows("log_lik", used)}),
+        "model_response": xr.Dataset({LOG_READ: at_rows("log_read_model", used)}),
+        "posterior_predictive": xr.Dataset({LOG_READ: at_rows("log_read_replicated", used)}),
+        "residuals": xr.Dataset(
+            {name: at_rows(name, used) for name in ("residual", "residual_replicated", "deviation")}
+        ),
+        "predictions": _predictions(chains, lines(data)),
+    }
+    if len(data.sources) > 1:
+        groups[DRIVING_ERRORS] = xr.Dataset(
+            {
+                own_name(name, one): (dims, chains[name][..., k])
+                for name in ("source_rate", "source_temperature", "source_scatter")
+                for k, one in enumerate(data.sources)
+            },
+            coords=draws.coords,
+        )
+    if others.size:
+        of_draws = {
+            "model": "log_read_model",
+            "replicated": "log_read_replicated",
+            "log_density": "log_lik",
+        }
+        groups["held_out"] = xr.Dataset(
+            {
+                **{key: at_rows(name, others, "row") for key, name in of_draws.items()},
+                "read": ("row", data.log_read[others]),
+                "source": ("row", *_numbered(data.rows(others))),
+            }
+        )
+    return groups
+
+
+def _numbered(data: RateTable) -> tuple[npt.NDArray[np.int64], dict[str, str]]:
+    """Return the number of the source of each row, and the names as the attribute ``names``."""
+    numbers = np.array([data.sources.index(one) for one in data.source], dtype=np.int64)
+    return numbers, {"names": json.dumps(data.sources)}
+
+
+def _predictions(chains: Draws, drawn: Sequence[Line]) -> xr.Dataset:
+    """Return the rates of the drawn lines (1/s) and the flow rate of another test."""
+    dims = ("chain", "draw")
+    rates = chains["grid_log_rate"].reshape(
+        *chains["grid_log_rate"].shape[:2], len(drawn), GRID_STRESSES
+    )
+    return xr.Dataset(
+        {
+            "log_strain_rate": ((*dims, "line", "position"), rates),
+            "stress": (("line", "position"), np.array([line.stress for line in drawn])),
+            FLOW_RATE_OF_TEST: (dims, chains["mean_flow_log_rate_of_test"]),
+            "peak_softening": (dims, chains["peak_softening"]),
+        }
+    )

@@ -1,0 +1,60 @@
+"""`pyburgers fit-rates`: files, exit codes, the page, refusals."""
+
+import json
+from pathlib import Path
+
+import pytest
+from conftest import ICE
+from refusals import assert_refused
+
+from pyburgers.cli.main import main
+
+RATES = ICE / "rates"
+SHORT = ("--chains", "2", "--warmup", "150", "--draws", "100", "--seed", "1")
+
+
+def test_tables_are_fitted_held_out_checked_and_shown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    tables = [str(RATES / f"{name}.toml") for name in ("fan_2020", "qi_2017", "qi_goldsby_2021")]
+    code = main(["fit-rates", *tables, "--hold-out", "qi_2017", "--out", str(out), *SHORT])
+    printed = capsys.readouterr().out
+    checks = json.loads((out / "checks.json").read_text(encoding="utf-8"))["checks"]
+    failed = {check["kind"] for check in checks if not check["passed"]}
+    assert code == (3 if "sampling" in failed else 4 if failed else 0)
+    assert "stress exponent, creep" in printed
+    assert "inside the 90 % band" in printed
+    manifest = json.loads((out / "manifest.json").read_text(encoding="utf-8"))
+    assert manifest["held_out"] == ["qi_2017"]
+    assert manifest["status"] == "complete"
+    for name in ("posterior.nc", "summary.csv", "flow_law.png", "flow_law.svg"):
+        assert (out / name).is_file()
+    assert not (out / "flow_law_prior.json").exists()
+    assert main(["check", str(out)]) == code
+    assert "along temperature" in capsys.readouterr().out
+    assert main(["report", str(out), "--out", str(tmp_path / "page")]) == 0
+    page = (tmp_path / "page" / "index.html").read_text(encoding="utf-8")
+    assert "Flow law of ice from steady rates" in page
+    assert "Sources that were predicted" in page
+    assert "SYNTHETIC" not in page
+
+
+def test_wrong_tables_laws_and_sources_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fan = str(RATES / "fan_2020.toml")
+
+    def run(*arguments: str) -> int:
+        return main(["fit-rates", *arguments, "--out", str(tmp_path / "run")])
+
+    assert_refused(run(str(ICE / "PIL40.toml")), capsys, "PIL40.toml")
+    assert_refused(run(fan, "--law", "ice_glen"), capsys, "ice_glen", "ice_power_law")
+    assert_refused(run(fan, "--hold-out", "glen_1955"), capsys, "glen_1955", "fan_2020")
+    assert_refused(run(fan, fan), capsys, "once")
+    prior = str(ICE.parent / "priors" / "ice.toml")
+    assert_refused(
+        run(fan, "--law", "ice_composite", "--curve-priors", prior), capsys, "no power law"
+    )
+    assert main(["check-file", fan]) == 0
+    assert main(["check-file", str(ICE.parent / "priors" / "rates" / "ice_composite.toml")]) == 0

@@ -20,19 +20,23 @@ data {
   vector<lower=0>[n_conditions] stress; // Pa
   vector<lower=0>[n_conditions] grain_size; // m
   vector<lower=0>[n_conditions] temperature; // K
+  int<lower=0, upper=1> keeps_draws; // 1: report each draw too
 }
 generated quantities {
   matrix[n_conditions, n_mechanisms] probability = rep_matrix(0, n_conditions, n_mechanisms);
   vector[n_conditions] mean_log_rate = rep_vector(0, n_conditions); // ln(1/s)
   vector[n_conditions] sd_log_rate = rep_vector(0, n_conditions);
+  matrix[keeps_draws * n_draws, n_conditions] log_rate; // ln(1/s)
+  matrix[keeps_draws * n_draws, n_conditions] stress_exponent; // d ln(rate)/d ln(stress)
   {
     vector[n_conditions] x = log(stress / reference_stress);
     vector[n_conditions] y = log(grain_size / reference_grain_size);
     vector[n_conditions] coldness = inv(temperature) - 1 / reference_temperature;
     for (i in 1 : n_draws) {
-      vector[n_conditions] total
+      matrix[n_conditions, 4] at
         = composite_law(law[i], process, premelting_temperature, reference_temperature, x, y,
-                        coldness)[ : , 1];
+                        coldness);
+      vector[n_conditions] total = at[ : , 1];
       matrix[n_conditions, n_mechanisms] rate;
       for (m in 1 : n_mechanisms) {
         rate[ : , m] = log_mechanism_rate(law[i, m], x, y, coldness,
@@ -54,6 +58,10 @@ generated quantities {
           }
         }
         probability[c, leading] += 1.0 / n_draws;
+      }
+      if (keeps_draws) {
+        log_rate[i] = total';
+        stress_exponent[i] = at[ : , 2]';
       }
       mean_log_rate += total / n_draws;
       sd_log_rate += square(total) / n_draws;

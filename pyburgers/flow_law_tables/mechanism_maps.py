@@ -137,30 +137,10 @@ def mechanism_map(
     )
     if warmth.size > 1 and size.size > 1:
         raise InputError("temperature and grain_size: found arrays of both, expected one number.")
-    for name, values in (("temperature", warmth), ("grain_size", size), ("stress", load)):
-        if not (np.isfinite(values) & (values > 0)).all():
-            raise InputError(f"{name}: found {values.min():g}, expected numbers above 0.")
     shape = (load.size, max(warmth.size, size.size))
     every_load = np.broadcast_to(load[:, np.newaxis], shape).ravel()
     every_warmth, every_size = (np.broadcast_to(one, shape).ravel() for one in (warmth, size))
-    drawn = _law_draws(law, posterior)
-    reference = law.reference
-    found = load_program(stan_directory() / "mechanism_map.stan").evaluate(
-        {
-            "n_draws": len(drawn),
-            "n_mechanisms": drawn.shape[1],
-            "law": drawn.tolist(),
-            "process": [one.process for one in law.mechanisms],
-            "premelting_temperature": [one.premelting_temperature for one in law.mechanisms],
-            "reference_stress": reference.stress,
-            "reference_grain_size": reference.grain_size,
-            "reference_temperature": reference.temperature,
-            "n_conditions": every_load.size,
-            "stress": every_load.tolist(),
-            "grain_size": every_size.tolist(),
-            "temperature": every_warmth.tolist(),
-        }
-    )
+    found = _evaluated(law, posterior, every_load, every_size, every_warmth, keeps_draws=False)
     near = (
         (np.abs(every_warmth[:, np.newaxis] - used.temperature) <= NEAR_KELVIN)
         & _within_factor(every_load, used.stress)
@@ -175,6 +155,62 @@ def mechanism_map(
         log_rate=found["mean_log_rate"].reshape(shape),
         log_rate_sd=found["sd_log_rate"].reshape(shape),
         is_supported=near.any(axis=1).reshape(shape),
+    )
+
+
+def local_power_law(
+    law: RateLaw,
+    posterior: xr.DataTree,
+    temperature: FloatArray,
+    stress: FloatArray,
+    grain_size: FloatArray,
+) -> xr.Dataset:
+    """Solve a law for each draw under conditions (K, Pa, m), each (n,), see `RateFit.rates_at`."""
+    found = _evaluated(law, posterior, stress, grain_size, temperature, keeps_draws=True)
+    at = {"temperature": temperature, "stress": stress, "grain_size": grain_size}
+    return xr.Dataset(
+        {
+            "log_strain_rate": (("draw", "condition"), found["log_rate"]),
+            "stress_exponent": (("draw", "condition"), found["stress_exponent"]),
+        },
+        {name: ("condition", values) for name, values in at.items()},
+    )
+
+
+def _evaluated(
+    law: RateLaw,
+    posterior: xr.DataTree,
+    stress: FloatArray,
+    grain_size: FloatArray,
+    temperature: FloatArray,
+    *,
+    keeps_draws: bool,
+) -> Mapping[str, FloatArray]:
+    """Run `stan/mechanism_map.stan` for conditions (Pa, m, K), each (n,)."""
+    for name, values in (
+        ("temperature", temperature),
+        ("grain_size", grain_size),
+        ("stress", stress),
+    ):
+        if not (np.isfinite(values) & (values > 0)).all():
+            raise InputError(f"{name}: found {values.min():g}, expected numbers above 0.")
+    drawn = _law_draws(law, posterior)
+    return load_program(stan_directory() / "mechanism_map.stan").evaluate(
+        {
+            "n_draws": len(drawn),
+            "n_mechanisms": drawn.shape[1],
+            "law": drawn.tolist(),
+            "process": [one.process for one in law.mechanisms],
+            "premelting_temperature": [one.premelting_temperature for one in law.mechanisms],
+            "reference_stress": law.reference.stress,
+            "reference_grain_size": law.reference.grain_size,
+            "reference_temperature": law.reference.temperature,
+            "n_conditions": stress.size,
+            "stress": stress.tolist(),
+            "grain_size": grain_size.tolist(),
+            "temperature": temperature.tolist(),
+            "keeps_draws": int(keeps_draws),
+        }
     )
 
 

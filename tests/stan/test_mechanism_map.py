@@ -45,6 +45,7 @@ def mapped(draws: list[list[list[float]]], *at: FloatArray) -> dict[str, Any]:
                 "stress": at[0].tolist(),
                 "grain_size": at[1].tolist(),
                 "temperature": at[2].tolist(),
+                "keeps_draws": 1,
             }
         )
     )
@@ -71,6 +72,13 @@ def test_the_leading_mechanism_of_a_published_law() -> None:
     total = composite_rate(GOLDSBY_KOHLSTEDT_2001, [("sliding", "basal_slip")], *at)
     np.testing.assert_allclose(found["mean_log_rate"], np.log(total), rtol=1e-12)
     np.testing.assert_allclose(found["sd_log_rate"], 0.0, atol=1e-5)
+    np.testing.assert_allclose(found["log_rate"][0], np.log(total), rtol=1e-12)
+    step = 1e-4
+    up, down = (
+        np.log(composite_rate(GOLDSBY_KOHLSTEDT_2001, [("sliding", "basal_slip")], load, *at[1:]))
+        for load in (at[0] * np.exp(step), at[0] * np.exp(-step))
+    )
+    np.testing.assert_allclose(found["stress_exponent"][0], (up - down) / (2 * step), rtol=1e-6)
 
 
 def test_draws_count_alike() -> None:
@@ -108,6 +116,16 @@ def test_maps_of_a_fit(short_fit: RateFit) -> None:
         grain_size=np.array([1e-5, 1e-3]), temperature=240.0, stress=np.array([1e6])
     )
     assert over.over_grain_size
+
+
+def test_rates_of_a_fit_are_those_of_its_map(short_fit: RateFit) -> None:
+    rates = short_fit.rates_at([230.0, 250.0], 1e5, 1e-3)
+    found = short_fit.mechanism_map(
+        temperature=np.array([230.0, 250.0]), stress=np.array([1e5]), grain_size=1e-3
+    )
+    mean = rates["log_strain_rate"].mean("draw").to_numpy()
+    np.testing.assert_allclose(mean, found.log_rate[0], rtol=1e-12)
+    assert ((rates["stress_exponent"] > 1) & (rates["stress_exponent"] < 6)).all()
 
 
 def test_a_map_is_drawn(short_fit: RateFit) -> None:

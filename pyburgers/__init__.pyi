@@ -37,6 +37,7 @@ from .flow_law_tables.inputs import load_peak_stress as load_peak_stress
 from .flow_law_tables.inputs import load_peak_stress_priors as load_peak_stress_priors
 from .flow_law_tables.inputs import with_curve_flow_law as with_curve_flow_law
 from .flow_law_tables.inputs import without_test as without_test
+from .flow_law_tables.mechanism_maps import MechanismMap as MechanismMap
 from .flow_law_tables.rate_fit import RateFit as RateFit
 from .flow_law_tables.rate_fit import fit_rates as fit_rates
 from .flow_law_tables.rate_laws import RateLaw as RateLaw

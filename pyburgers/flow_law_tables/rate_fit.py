@@ -12,7 +12,9 @@ from types import MappingProxyType
 from typing import Self
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
+import xarray as xr
 
 from pyburgers.checks.fit_checks import CHAIN_CHECKS, Check
 from pyburgers.checks.prior_influence import Influence, prior_influence
@@ -26,6 +28,7 @@ from pyburgers.common.units import counted
 from pyburgers.fitting.continuation import sample_until_good
 from pyburgers.fitting.sampled_fit import SampledFit, data_words, write_tables
 from pyburgers.flow_law_tables.inputs import PeakStressData
+from pyburgers.flow_law_tables.mechanism_maps import MechanismMap, local_power_law, mechanism_map
 from pyburgers.flow_law_tables.rate_data import (
     first_metric,
     rate_data,
@@ -139,6 +142,84 @@ class RateFit(SampledFit):
         read_off = priors.read_off([data_words(self.data.id, self.provenance)])
         found = prior_influence(self.posterior, priors, derived=derived, read_off=read_off)
         return {self.data.id: self._usable(found)}
+
+    def rates_at(
+        self,
+        temperature: npt.ArrayLike,
+        stress: npt.ArrayLike,
+        grain_size: npt.ArrayLike,
+    ) -> xr.Dataset:
+        """Solve the law for its draws under given conditions.
+
+        Parameters
+        ----------
+        temperature, stress, grain_size : array, shape (n,), or float
+            K, axial equivalent in Pa, m; broadcast against each other.
+
+        Returns
+        -------
+        Dataset
+            ``log_strain_rate``, ln(1/s), and ``stress_exponent``, its slope by ln(stress), by draw
+            and condition. They are of no source and of no specimen: neither bias nor scatter.
+
+        Raises
+        ------
+        InputError
+            If a value is not positive.
+
+        Examples
+        --------
+        >>> rates = creep.rates_at([250.0, 260.0], 1e6, 1e-3)
+        >>> rates.sizes["condition"]
+        2
+        """
+        given = (np.asarray(one, dtype=np.float64) for one in (temperature, stress, grain_size))
+        conditions = (np.atleast_1d(one) for one in np.broadcast_arrays(*given))
+        return local_power_law(self.law, self.posterior, *conditions)
+
+    def mechanism_map(
+        self,
+        *,
+        temperature: FloatArray | float | None = None,
+        stress: FloatArray | None = None,
+        grain_size: FloatArray | float | None = None,
+    ) -> MechanismMap:
+        """Count in which draws of the law each mechanism leads.
+
+        Parameters
+        ----------
+        temperature : float or array, shape (n,), optional
+            K; default from 30 K below the coldest test to the warmest. A number if `grain_size` is
+            an array.
+        stress : array, shape (m,), optional
+            Axial equivalent, Pa; default from a hundredth of the least stress of a test to the
+            largest.
+        grain_size : float or array, shape (n,), optional
+            m; default the geometric mean of the tests.
+
+        Returns
+        -------
+        MechanismMap
+
+        Raises
+        ------
+        InputError
+            If both temperature and grain size are arrays, or a value is not positive.
+
+        Examples
+        --------
+        >>> found = creep.mechanism_map(temperature=np.array([250.0, 260.0]))
+        >>> found.probability.shape[1]
+        2
+        """
+        return mechanism_map(
+            self.law,
+            self.posterior,
+            self.used,
+            temperature=temperature,
+            stress=stress,
+            grain_size=grain_size,
+        )
 
     def si_summary(self) -> pd.DataFrame:
         """Posterior table in SI units (`pyburgers.posterior.labelled_draws.summary_table`).

@@ -16,6 +16,7 @@ from pyburgers.flow_law_tables.rate_data import lines
 from pyburgers.flow_law_tables.rate_fit import RateFit
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_FACTOR, STRESS_UNIT
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
+from pyburgers.page.mechanism_figures import map_caption, mechanism_figure
 from pyburgers.page.tables import checks_page_table, fixed_row, posterior_row
 
 RATE_KEY = "rates"
@@ -87,6 +88,7 @@ def rate_section(fit: RateFit, key: str = RATE_KEY) -> PageSection:
             checks_page_table("Checks of this fit", fit.checks()),
         ),
         figures=(
+            *mechanism_figures(fit),
             PageFigure("flow_law", "Flow law", LAW_CAPTION, partial(law_figure, fit), ""),
             PageFigure(
                 "residuals", "Residuals", RESIDUAL_CAPTION, partial(residual_figure, fit), ""
@@ -94,6 +96,24 @@ def rate_section(fit: RateFit, key: str = RATE_KEY) -> PageSection:
         ),
         after_fits=True,
     )
+
+
+def mechanism_figures(fit: RateFit) -> tuple[PageFigure, ...]:
+    """Return maps of the leading mechanism over temperature and over grain size, of several."""
+    if len(fit.law.mechanisms) == 1:
+        return ()
+
+    def drawn() -> Figure:
+        sizes = fit.used.grain_size[np.isfinite(fit.used.grain_size)]
+        maps = [fit.mechanism_map()]
+        if sizes.size and sizes.max() > 3.0 * sizes.min():
+            across = np.geomspace(sizes.min() / 3.0, sizes.max() * 3.0, 45)
+            at = float(np.median(fit.used.temperature))
+            maps.append(fit.mechanism_map(grain_size=across, temperature=at))
+        return mechanism_figure(fit.used, maps)
+
+    caption = map_caption(fit.data.material)
+    return (PageFigure("mechanisms", "Leading mechanism", caption, drawn, ""),)
 
 
 def _law_text(fit: RateFit) -> str:

@@ -1,11 +1,10 @@
-"""The study of Europa's shell: moduli of draws of a law, and the page, without the tide's solver."""
+"""The study of Europa's shell: moduli of draws of a law, without the solver of tides."""
 
+import europa
 import numpy as np
 import numpy.typing as npt
 import pytest
 import xarray as xr
-
-import europa
 
 
 def rates_of(viscosity: npt.NDArray[np.float64], stress: float) -> xr.Dataset:

@@ -5,15 +5,15 @@
  * six states of the paper reduce exactly to stress and Kelvin strain. Strain is the independent
  * variable and both states are O(1):
  *
- *   y = stress/S_0,  z = E_K kelvin_strain/S_0,
- *   dy/d(strain) = (E_M/S_0) (1 - v_K - v_d),  dz/d(strain) = (E_K/(eta_K rate)) q,
- *   v_K = (S_0/(eta_K rate)) q,  q = y - z,  v_d = (rate_0/rate) (y/F)^n (d/d_0)^-p.
+ *   y = stress/S_0,  z = E_K kelvin_strain/(eta_K rate),
+ *   dy/d(strain) = (E_M/S_0) (1 - v_K - v_d),  dz/d(strain) = (E_K/(eta_K rate)) v_K,
+ *   v_K = S_0 y/(eta_K rate) - z,  v_d = (rate_0/rate) (y/F)^n (d/d_0)^-p.
  *
  * v_K and v_d are the rates of the Kelvin element and of the dashpot over the imposed rate; S_0
  * is the reference stress (physics/flow_law.stan) at the rate of the first segment, rate_0.
- * Where the Kelvin element is a power law (physics/kelvin_laws.stan), its linear driving stress
- * stands for q. With another law of the dashpot (physics/dashpot_laws.stan) the equivalent stress
- * stands for y in v_d.
+ * Where the Kelvin element is a power law (physics/kelvin_laws.stan), v_K as given is its
+ * driving stress in the unit eta_K rate, and the rate follows from that. With another law of the
+ * dashpot (physics/dashpot_laws.stan) the equivalent stress stands for y in v_d.
  *
  * Where the grain size follows a piezometer, which needs the stress, it is a third state:
  *
@@ -39,7 +39,7 @@ int n_constant_rate_states(data vector constant) {
  * @param fabric_deficit 1 - F_ss
  * @param inverse_critical_strain 1/epsilon_c1, 1/epsilon_c2
  * @param grains 1 - d_ss/d_0, or where the grain size is a state S_0 (Pa)
- * @param kelvin of a Kelvin element that is not linear: the number of its law, ln(S_0/q_0)
+ * @param kelvin of a Kelvin element that is not linear: the number of its law, ln(eta_K rate/q_0)
  * @param dashpot of another law than the power law: its stress over S_0
  * @param law, kelvin_law of dashpot_law() and kelvin_law_at()
  * @param start_strain, log_rate_ratio of the segment: its start and ln(rate_0/rate)
@@ -52,7 +52,7 @@ vector constant_rate_rhs(real run, vector state, real stiffness, real kelvin_flu
                          data real start_strain, data real log_rate_ratio,
                          data vector piezometer) {
   int n_states = num_elements(state);
-  real driving_stress = state[1] - state[2];
+  real kelvin_rate = kelvin_fluidity * state[1] - state[2];
   real log_fabric = log_relative_microstructure(start_strain + run, fabric_deficit,
                                                 inverse_critical_strain[2]);
   real log_grain_size = n_states > 2
@@ -63,7 +63,7 @@ vector constant_rate_rhs(real run, vector state, real stiffness, real kelvin_flu
   real dashpot_rate;
   vector[n_states] slope;
   if (kelvin_law > 0) {
-    driving_stress = linear_driving_stress(driving_stress, kelvin_law, kelvin[1], kelvin[2]);
+    kelvin_rate = linear_driving_stress(kelvin_rate, kelvin_law, kelvin[1], kelvin[2]);
   }
   if (law > 0) {
     flow_stress = equivalent_stress(flow_stress, law, dashpot[1], exp(log_fabric),
@@ -71,8 +71,8 @@ vector constant_rate_rhs(real run, vector state, real stiffness, real kelvin_flu
   }
   dashpot_rate = signed_power(flow_stress, log_fabric, stress_exponent,
                               log_rate_ratio - grain_size_exponent * log_grain_size);
-  slope[1] = stiffness * (1 - kelvin_fluidity * driving_stress - dashpot_rate);
-  slope[2] = kelvin_decay * driving_stress;
+  slope[1] = stiffness * (1 - kelvin_rate - dashpot_rate);
+  slope[2] = kelvin_decay * kelvin_rate;
   if (n_states > 2) {
     slope[3] = (piezometer_grain_size(grains[1] * state[1], piezometer[1], piezometer[2],
                                       piezometer[3])
@@ -80,6 +80,53 @@ vector constant_rate_rhs(real run, vector state, real stiffness, real kelvin_flu
                * inverse_critical_strain[1];
   }
   return slope;
+}
+
+/**
+ * As constant_rate_segment(), by radau_leg(); NaN if the method does not converge.
+ *
+ * Its unit of stresses, S, is the stress at which undeformed material flows at the first rate.
+ */
+array[] vector fast_constant_rate_segment(vector initial_state, data real start_strain,
+                                          data array[] real strain, data real strain_rate,
+                                          data real log_rate_ratio, real reference_stress,
+                                          real kelvin_viscosity, vector parameter,
+                                          data vector constant, data real initial_grain_size,
+                                          data int kelvin_law, data real tolerance) {
+  int law = dashpot_law(constant);
+  int has_grains = num_elements(initial_state) > 2;
+  real unit = stress_of_equivalent(reference_stress, law, dashpot_stress(parameter, law));
+  real kelvin_unit = unit / (kelvin_viscosity * strain_rate);
+  vector[num_elements(initial_state)] start = initial_state;
+  array[size(strain)] vector[num_elements(initial_state)] states;
+  vector[17] argument
+    = [log_rate_ratio + parameter[i_stress_exponent()] * log(unit / reference_stress),
+       parameter[i_stress_exponent()], parameter[i_grain_size_exponent()],
+       parameter[i_kelvin_modulus()] / (kelvin_viscosity * strain_rate),
+       unit / parameter[i_kelvin_modulus()], unit / parameter[i_maxwell_modulus()], 0,
+       1 - parameter[i_steady_state_grain_size()] / initial_grain_size,
+       1 / parameter[i_critical_strain_grain_size()],
+       1 - parameter[i_steady_state_fabric_factor()],
+       1 / parameter[i_critical_strain_fabric()], kelvin_law_number(parameter, kelvin_law),
+       dashpot_stress(parameter, law) / unit,
+       log(unit / constant[i_kelvin_reference_stress()]), unit, start_strain, 0]';
+  start[1] *= reference_stress / unit;
+  start[2] /= kelvin_unit;
+  states = radau_leg({0, place_of_dashpot_law(law), place_of_kelvin_law(kelvin_law), 1, -1,
+                      has_grains ? 2 : -1},
+                     {0, 1, 1, constant[i_piezometer_reference_grain_size()] / initial_grain_size,
+                      constant[i_piezometer_exponent()], constant[i_piezometer_stress_floor()]},
+                     to_array_1d(to_vector(strain) - start_strain), tolerance, start, argument);
+  if (is_nan(states[1][1])) {
+    return states; // untouched: products of NaN would have derivatives
+  }
+  for (i in 1 : size(strain)) {
+    states[i][2] *= kelvin_unit;
+    if (law > 0) {
+      states[i][1] *= unit / reference_stress;
+    }
+  }
+  return states;
 }
 
 /**
@@ -112,32 +159,17 @@ array[] vector constant_rate_segment(vector initial_state, data real start_strai
   vector[kelvin_law > 0 ? 2 : 0] kelvin;
   vector[law > 0] dashpot;
   if (solver == 1) {
-    vector[n_states] start = initial_state;
-    vector[17] argument
-      = [log_rate_ratio, parameter[i_stress_exponent()], parameter[i_grain_size_exponent()],
-         parameter[i_kelvin_modulus()] / (kelvin_viscosity * strain_rate),
-         reference_stress / parameter[i_kelvin_modulus()],
-         reference_stress / parameter[i_maxwell_modulus()], 0,
-         1 - parameter[i_steady_state_grain_size()] / initial_grain_size,
-         1 / parameter[i_critical_strain_grain_size()],
-         1 - parameter[i_steady_state_fabric_factor()],
-         1 / parameter[i_critical_strain_fabric()], kelvin_law_number(parameter, kelvin_law),
-         dashpot_stress(parameter, law) / reference_stress,
-         log(reference_stress / constant[i_kelvin_reference_stress()]), reference_stress,
-         start_strain, 0]';
     array[size(strain)] vector[n_states] states
-      = radau_leg({0, place_of_dashpot_law(law), place_of_kelvin_law(kelvin_law), 1, -1,
-                   has_grains ? 2 : -1},
-                  {0, 1, 1, constant[i_piezometer_reference_grain_size()] / initial_grain_size,
-                   constant[i_piezometer_exponent()], constant[i_piezometer_stress_floor()]},
-                  to_array_1d(to_vector(strain) - start_strain), tolerance, start, argument);
+      = fast_constant_rate_segment(initial_state, start_strain, strain, strain_rate,
+                                   log_rate_ratio, reference_stress, kelvin_viscosity, parameter,
+                                   constant, initial_grain_size, kelvin_law, tolerance);
     if (!is_nan(states[1][1])) {
       return states;
     }
   }
   if (kelvin_law > 0) {
     kelvin = [parameter[kelvin_law],
-              log(reference_stress / constant[i_kelvin_reference_stress()])]';
+              log(kelvin_viscosity * strain_rate / constant[i_kelvin_reference_stress()])]';
   }
   if (law > 0) {
     dashpot = [parameter[law] / reference_stress]';
@@ -209,6 +241,7 @@ array[] vector constant_rate_solution(vector parameter, data vector constant,
                                        initial_grain_size, kelvin_law, solver, tolerance,
                                        max_num_steps);
       } else {
+        state[2] *= segment_rate[k - 1] / segment_rate[k];
         scaled = constant_rate_segment(state, segment_start[k], strain[before + 1 : before + n],
                                        segment_rate[k], log(segment_rate[1] / segment_rate[k]),
                                        reference_stress, kelvin_viscosity, parameter, constant,
@@ -217,7 +250,7 @@ array[] vector constant_rate_solution(vector parameter, data vector constant,
       }
       for (i in 1 : n) {
         solution[before + i][1] = reference_stress * scaled[i][1];
-        solution[before + i][2] = reference_stress * scaled[i][2]
+        solution[before + i][2] = scaled[i][2] * kelvin_viscosity * segment_rate[k]
                                   / parameter[i_kelvin_modulus()];
         if (n_states > 2) {
           solution[before + i][3] = scaled[i][3] * initial_grain_size;

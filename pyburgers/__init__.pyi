@@ -79,6 +79,11 @@ from .page.posterior_figures import page_figure as page_figure
 from .predictions.attenuation import attenuation_spectrum as attenuation_spectrum
 from .predictions.attenuation import predict_attenuation as predict_attenuation
 from .predictions.closed_forms import flow_rate as flow_rate
+from .predictions.designs import Candidate as Candidate
+from .predictions.designs import Design as Design
+from .predictions.designs import DesignPlan as DesignPlan
+from .predictions.designs import design as design
+from .predictions.designs import load_design_plan as load_design_plan
 from .predictions.exports import export as export
 from .predictions.measured_attenuation import MeasuredAttenuation as MeasuredAttenuation
 from .predictions.measured_attenuation import load_measured_attenuation as load_measured_attenuation

@@ -37,6 +37,7 @@ COMMANDS = {
     "check": "the checks of a run again",
     "simulate": "forward solution at given parameters",
     "predict": "what a fit says about other experiments",
+    "design": "which test would decide a parameter, or between two laws",
     "fit-peak-stress": "fit a flow law to a table of peak stresses",
     "compare": "which of several fits, or joint fits, of the same data predicts best",
     "campaign": "many fits: tests by laws, priors and seeds, and one page about them",

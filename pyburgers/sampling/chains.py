@@ -270,8 +270,15 @@ def _start_chain(
         start, warmup = scratch / "start.json", 0
         steps = _arguments_to_go_on(before, scratch / "metric.json")
         last = read_draws([before.draws_file])
-        names = read_json(run.initial_values_file(chain))
-        write_json(start, {name: last[name][0, -1].tolist() for name in names})
+        # The file of draws has no column of a vector without elements.
+        first = read_json(run.initial_values_file(chain))
+        write_json(
+            start,
+            {
+                name: last[name][0, -1].tolist() if name in last else value
+                for name, value in first.items()
+            },
+        )
         # Extensions and repetitions with shorter steps have random numbers of their own.
         number = [before.number] if extension else [0, before.number]
         seed = int(np.random.SeedSequence([seed, *number]).generate_state(1)[0] >> 1)

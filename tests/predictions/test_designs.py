@@ -1,0 +1,151 @@
+"""Which test would decide a quantity: expected widths against exact ones, and what is refused."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from conftest import ICE
+from scipy import stats
+
+import pyburgers
+from pyburgers.cli.main import main
+from pyburgers.common.errors import InputError
+from pyburgers.fitting.fit import Fit
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.experiment import of_kind
+from pyburgers.predictions.designs import (
+    Candidate,
+    DesignPlan,
+    design,
+    expected_width,
+    load_design_plan,
+    share_told_apart,
+    telling_combinations,
+)
+
+FloatArray = npt.NDArray[np.float64]
+
+PLAN = ICE.parent / "designs" / "ice.toml"
+
+
+def linear_tests(n: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Truths (n, 2), slopes (2, 9), covariance of correlated noise, solutions and readings."""
+    rng = np.random.default_rng(3)
+    truths = rng.multivariate_normal([0.0, 1.0], [[1.0, 0.7], [0.7, 2.0]], n)
+    slopes = rng.normal(size=(2, 9))
+    distance = np.abs(np.subtract.outer(np.arange(9), np.arange(9)))
+    noise = 4.0 * np.exp(-distance / 3.0)
+    solutions = truths @ slopes
+    readings = solutions + rng.multivariate_normal(np.zeros(9), noise, n)
+    return truths, slopes, noise, solutions, readings
+
+
+def test_widths_of_a_linear_test_are_those_of_its_posterior() -> None:
+    truths, slopes, noise, solutions, readings = linear_tests(20_000)
+    prior = np.cov(truths.T)
+    posterior = np.linalg.inv(np.linalg.inv(prior) + slopes @ np.linalg.inv(noise) @ slopes.T)
+    features = telling_combinations("linear", solutions, readings, solutions)
+    for k in range(2):
+        expected = np.sqrt(posterior[k, k] / prior[k, k])
+        assert expected_width(truths[:, k], features) == pytest.approx(expected, rel=0.03)
+
+
+def test_readings_of_noise_alone_narrow_nothing() -> None:
+    rng = np.random.default_rng(1)
+    assert expected_width(rng.normal(size=1000), rng.normal(size=(1000, 12))) == 1.0
+
+
+def test_laws_are_told_apart_as_often_as_their_distance_allows() -> None:
+    rng = np.random.default_rng(2)
+    apart = 1.5
+    first, second = rng.normal(size=(2, 5000, 3))
+    second[:, 1] += apart
+    share = share_told_apart(np.vstack([first, second]), 5000)
+    assert share == pytest.approx(stats.norm.cdf(apart / 2), abs=0.015)
+    assert share_told_apart(rng.normal(size=(4000, 3)), 2000) == pytest.approx(0.5, abs=0.03)
+
+
+def plan_for(fit: Fit) -> DesignPlan:
+    """Return a plan with the fitted test again, twice, and a colder one that takes too long."""
+    first = of_kind(fit.experiment, ConstantRateExperiment)
+    again = replace(first, id="again", strain=np.empty(0), stress=np.empty(0))
+    colder = replace(again, id="colder", temperature=again.temperature - 15.0)
+    return DesignPlan(
+        ("maxwell_modulus", "activation_enthalpy"),
+        {
+            "again": Candidate(again, fit.experiment.n_points, hours=1.0),
+            "twice": Candidate(again, fit.experiment.n_points, hours=1.0),
+            "colder": Candidate(colder, hours=30.0),
+        },
+        most_hours=10.0,
+    )
+
+
+def test_candidates_of_a_fit(small_fit: Fit) -> None:
+    found = design(small_fit, plan_for(small_fit), draws=200, choose=2)
+    widths = found.table[["maxwell_modulus_width", "activation_enthalpy_width"]]
+    assert ((widths > 0) & (widths <= 1)).to_numpy().all()
+    # The fitted test once more halves the variance, and its noise is not that of the first time.
+    assert widths.loc["again"].to_numpy() == pytest.approx(np.sqrt(1 / 2), abs=0.15)
+    assert found.together["maxwell_modulus_width"].iloc[1] == pytest.approx(
+        np.sqrt(1 / 3), abs=0.12
+    )
+    assert found.table.loc["colder", "beyond_limits"] == "longer than 10 h"
+    assert set(found.together["candidate"]) == {"again", "twice"}
+    assert any("temperature 245 K" in caution for caution in found.cautions)
+
+
+def test_a_law_is_not_told_from_itself(small_fit: Fit) -> None:
+    found = design(small_fit, plan_for(small_fit), against=small_fit, draws=200)
+    assert found.table["told_apart"].to_numpy() == pytest.approx(0.5, abs=0.12)
+
+
+def test_designs_that_cannot_be_judged_are_refused(small_fit: Fit, separate_joint: Fit) -> None:
+    plan = plan_for(small_fit)
+    with pytest.raises(InputError, match="stress_exponent: is fixed in the fit"):
+        design(small_fit, replace(plan, about=("stress_exponent",)))
+    with pytest.raises(InputError, match="differs between the tests"):
+        design(separate_joint, plan)
+    with pytest.raises(InputError, match="found 20, expected at least 200"):
+        design(small_fit, plan, draws=20)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (('"kelvin_modulus"', '"stiffness"'), "about: found 'stiffness'"),
+        (("hours = 48.0", "hours = -1"), "hours"),
+        (('"again.toml"', '"nothing.toml"'), "nothing.toml does not exist"),
+        (("[candidates.again]", "[candidates.again]\nreading = 3"), "reading"),
+    ],
+)
+def test_wrong_plans_are_refused(change: tuple[str, str], message: str, tmp_path: Path) -> None:
+    for file in PLAN.parent.glob("*.toml"):
+        text = file.read_text(encoding="utf-8")
+        (tmp_path / file.name).write_text(text.replace(*change), encoding="utf-8")
+    with pytest.raises(InputError, match=message):
+        load_design_plan(tmp_path / PLAN.name)
+
+
+def test_command(small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plan = tmp_path / "plan.toml"
+    again = PLAN.parent / "again.toml"
+    plan.write_text(
+        f'about = ["maxwell_modulus"]\n[candidates.again]\nfile = "{again}"\n', encoding="utf-8"
+    )
+    out = tmp_path / "design.csv"
+    run = str(small_fit.directory.path)
+    arguments = ["design", run, "--candidates", str(plan), "--draws", "200", "--out", str(out)]
+    assert main(arguments) == 0
+    assert "over its width now" in capsys.readouterr().out
+    assert out.is_file()
+    assert (tmp_path / "design_together.csv").is_file()
+    assert main([*arguments[:-1], str(tmp_path / "design.txt")]) == 2
+
+
+def test_the_shipped_plan_is_read() -> None:
+    plan = pyburgers.load_design_plan(PLAN)
+    assert plan.largest_stress == 30e6
+    assert len(plan.candidates) == 6

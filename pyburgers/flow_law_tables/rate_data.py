@@ -172,8 +172,7 @@ def start_of_chain(stan_data: StanData, seed: int, chain: int) -> dict[str, list
         },
         "softening_coordinate": softening,
     }
-    # A vector without elements has no column from which a chain could go on.
-    return {name: vector.tolist() for name, vector in vectors.items() if vector.size}
+    return {name: vector.tolist() for name, vector in vectors.items()}
 
 
 def _prior_coordinates(stan_data: StanData) -> tuple[FloatArray, FloatArray]:

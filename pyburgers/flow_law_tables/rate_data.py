@@ -1,12 +1,14 @@
 """Data and starts of `stan/rates.stan`, and the lines that are drawn of a law."""
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pyburgers.common.array_types import FloatArray, IntArray
-from pyburgers.flow_law_tables.rate_laws import MECHANISM_PARAMETERS, RateLaw
+from pyburgers.common.errors import InputError
+from pyburgers.common.units import counted
+from pyburgers.flow_law_tables.rate_laws import MECHANISM_PARAMETERS, RateLaw, without_idle
 from pyburgers.flow_law_tables.rate_tables import RateTable
 from pyburgers.flow_law_tables.softening import N_SOFTENING, SofteningPrior
 from pyburgers.kinds.program_data import prior_block
@@ -63,6 +65,27 @@ def lines(data: RateTable) -> tuple[Line, ...]:
         grid = np.geomspace(stress.min() / GRID_MARGIN, stress.max() * GRID_MARGIN, GRID_STRESSES)
         found.append(Line(rows, at.temperature, at.grain_size, grid))
     return tuple(found)
+
+
+def usable_rows(data: RateTable, law: RateLaw) -> RateTable:
+    """Leave out rows without a grain size that the law needs, with a notice."""
+    unknown = np.isnan(data.grain_size)
+    if not law.needs_grain_size or not unknown.any():
+        return data
+    if unknown.all():
+        raise InputError(
+            f"{data.id}: no row has a grain size, expected one because {law.priors.title!r} "
+            "depends on it; take a law whose grain size exponents are fixed at 0."
+        )
+    notice = f"{data.id}: {counted(int(unknown.sum()), 'row')} without grain size left out."
+    return replace(data.rows(~unknown), notices=(*data.notices, notice))
+
+
+def law_for(data: RateTable, law: RateLaw, held_out: Collection[str]) -> RateLaw:
+    """Return the law with what these rows cannot tell fixed."""
+    used = data.rows(~np.isin(data.source, list(held_out)))
+    steady = sorted({*used.enhancement_place.tolist()} - {0})
+    return without_idle(law, sources=len(data.sources) > 1, steady=steady)
 
 
 def rate_data(

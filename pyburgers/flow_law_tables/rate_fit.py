@@ -24,15 +24,16 @@ from pyburgers.common.atomic_files import write_json
 from pyburgers.common.draws import TAIL, FloatArray, all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
-from pyburgers.common.units import counted
 from pyburgers.fitting.continuation import sample_until_good
 from pyburgers.fitting.sampled_fit import SampledFit, data_words, write_tables
 from pyburgers.flow_law_tables.inputs import PeakStressData
 from pyburgers.flow_law_tables.mechanism_maps import MechanismMap, local_power_law, mechanism_map
 from pyburgers.flow_law_tables.rate_data import (
     first_metric,
+    law_for,
     rate_data,
     start_of_chain,
+    usable_rows,
 )
 from pyburgers.flow_law_tables.rate_description import RATE_CHECKS
 from pyburgers.flow_law_tables.rate_laws import (
@@ -40,7 +41,6 @@ from pyburgers.flow_law_tables.rate_laws import (
     load_rate_law,
     rate_law,
     save_rate_law,
-    without_idle,
 )
 from pyburgers.flow_law_tables.rate_posterior import FLOW_RATE_OF_TEST, build_posterior
 from pyburgers.flow_law_tables.rate_tables import (
@@ -314,7 +314,7 @@ class RateFit(SampledFit):
         with run.unchanged_copy(manifest) as copy:
             data = load_rate_table(copy.inputs / TABLE_FILE)
             law = load_rate_law(copy.inputs / LAW_FILE)
-        law = _law_for(data, law, manifest["held_out"])
+        law = law_for(data, law, manifest["held_out"])
         posterior = load_posterior(run, manifest)
         if posterior is None or "model_response" not in posterior.children:
             posterior = build_posterior(run, data, law, manifest)
@@ -376,7 +376,7 @@ def fit_rates(
             f"{data.id}: found {', '.join(sorted(held_out))} to be held out, expected some but not "
             f"all of {', '.join(data.sources)}."
         )
-    data = in_order_of_tests(_usable_rows(data, law))
+    data = in_order_of_tests(usable_rows(data, law))
     softening = None if curve is None else _softening(data, law, curve, options)
     options = options or SamplerOptions()
     options = replace(
@@ -386,7 +386,7 @@ def fit_rates(
         coordinates="plain",
         threads_per_chain=1,
     )
-    known = _law_for(data, law, held_out)
+    known = law_for(data, law, held_out)
     stan_data = rate_data(
         data, known, held_out=held_out, softening=softening, use_likelihood=use_likelihood
     )
@@ -464,27 +464,6 @@ def flow_law_of_rates(fit: RateFit) -> FlowLawPrior:
         source=f"{fit.data.id}: {fit.provenance.source}; its law: {fit.law.priors.title}",
         tests=fit.used.tests,
     )
-
-
-def _usable_rows(data: RateTable, law: RateLaw) -> RateTable:
-    """Leave out rows without a grain size that the law needs, with a notice."""
-    unknown = np.isnan(data.grain_size)
-    if not law.needs_grain_size or not unknown.any():
-        return data
-    if unknown.all():
-        raise InputError(
-            f"{data.id}: no row has a grain size, expected one because {law.priors.title!r} "
-            "depends on it; take a law whose grain size exponents are fixed at 0."
-        )
-    notice = f"{data.id}: {counted(int(unknown.sum()), 'row')} without grain size left out."
-    return replace(data.rows(~unknown), notices=(*data.notices, notice))
-
-
-def _law_for(data: RateTable, law: RateLaw, held_out: Collection[str]) -> RateLaw:
-    """Return the law with what these rows cannot tell fixed."""
-    used = data.rows(~np.isin(data.source, list(held_out)))
-    steady = sorted({*used.enhancement_place.tolist()} - {0})
-    return without_idle(law, sources=len(data.sources) > 1, steady=steady)
 
 
 def _softening(

@@ -20,7 +20,7 @@ from types import MappingProxyType
 import numpy as np
 import pandas as pd
 from measures import measure
-from sampling import ROOT, markdown
+from tables import ROOT, markdown
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.common.atomic_files import write_text

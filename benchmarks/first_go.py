@@ -20,7 +20,7 @@ from types import MappingProxyType
 import numpy as np
 import pandas as pd
 from measures import measure
-from sampling import ROOT, markdown
+from tables import ROOT, markdown
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.common.atomic_files import write_text
@@ -112,7 +112,8 @@ class FirstGo:
         Divergences among the draws of the end and among those put aside; how often chains went on
         with shorter steps; draws of a chain in the end.
     core_seconds, leapfrogs_per_draw, gradients : float
-        Of all chains with warm-up; gradients of the warm-up are estimated by its time.
+        Of all chains with warm-up. Seconds are those of the processes, so each needs a core of its
+        own; gradients of the warm-up are estimated by its time.
     rhat, least_ess, ess_per_core_second : float
         The worst bulk or tail number over the sampled quantities.
     """

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 from gradients import ms_per_gradient
-from sampling import ICE, RESULTS, markdown
+from tables import ICE, RESULTS, markdown
 
 from pyburgers.cmdstan.draw_files import read_draws
 from pyburgers.cmdstan.program import Program, load_program

@@ -20,7 +20,7 @@ import pandas as pd
 from conftest import POOL, SMALL_RUN, Problem, pair_of, write_problem
 from killed_commands import KILLS, KilledCommand, killed_commands
 from killing import attempt, command_in, results
-from sampling import markdown
+from tables import markdown
 
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.toml_files import read_json

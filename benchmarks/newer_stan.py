@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from sampling import ROOT, markdown
+from tables import ROOT, markdown
 
 from pyburgers.cmdstan.program import Density, load_program
 from pyburgers.kinds.kind import load_experiment

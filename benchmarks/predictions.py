@@ -15,8 +15,8 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from sampling import RESULTS, ROOT, markdown
 from scipy import stats
+from tables import RESULTS, ROOT, markdown
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.fitting.fit import Fit, fit

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 from measures import measure
-from sampling import RESULTS, ROOT, markdown
+from tables import RESULTS, ROOT, markdown
 
 from pyburgers.fitting.fit import fit
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment

@@ -10,7 +10,6 @@ description of the machine:
 
 import argparse
 import json
-import math
 import platform
 import sys
 import tempfile
@@ -27,6 +26,7 @@ from measures import grain_size_share, measure
 from nutpie_chains import coordinate_ess_per_1000_gradients, run_nutpie
 from processes import run_together
 from six_state import N_CHAINS, USUAL_LENGTH, WARMUP, WARMUP_SECONDS, Baseline, run_baseline
+from tables import ICE, RESULTS, ROOT, markdown
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import find_cmdstan, toolchain
@@ -38,9 +38,7 @@ from pyburgers.kinds.forced_oscillation.preparation import Background
 from pyburgers.kinds.kind import load_experiment, save_experiment
 from pyburgers.kinds.likelihood import likelihood_of
 
-ROOT = Path(__file__).parents[1]
-RESULTS = ROOT / "benchmarks" / "results"
-ICE, DUNITE = ROOT / "data" / "ice", ROOT / "data" / "dunite"
+DUNITE = ROOT / "data" / "dunite"
 OLIVINE = ROOT / "data" / "olivine" / "olivine_twin.toml"
 TESTS = {
     "PIL40": ICE / "PIL40.toml",
@@ -291,21 +289,6 @@ def _page(table: pd.DataFrame, machine: dict[str, Any]) -> str:
         table=markdown(shown.reset_index()),
         machine="\n".join(f"- {key}: {value}" for key, value in machine.items()),
     )
-
-
-def markdown(table: pd.DataFrame) -> str:
-    """Table of Markdown, numbers in three digits, what is missing left blank."""
-    rows = [table.columns.tolist(), ["---"] * table.shape[1]]
-    rows += [[_cell(value) for value in row] for row in table.itertuples(index=False)]
-    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
-
-
-def _cell(value: float | str) -> str:
-    if isinstance(value, str):
-        return value
-    if math.isnan(value):
-        return ""
-    return f"{value:.0f}" if value >= 1000 else f"{value:.4g}" if value > 1 else f"{value:.3g}"
 
 
 def _figure(table: pd.DataFrame) -> Figure:

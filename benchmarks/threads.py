@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 from gradients import leapfrogs, ms_per_gradient
-from sampling import ICE, markdown
+from tables import ICE, markdown
 
 from pyburgers.cmdstan.draw_files import read_draws
 from pyburgers.cmdstan.program import load_program

@@ -85,6 +85,9 @@ class Pins:
     `flow_stress`: stress (Pa) at which the flow rate is the plain coordinate; 0 where S_0 is.
     `loading_time`: time (s) of the elastic rise, in which spring and Kelvin element give together.
     `noise`: parameter that widths follow.
+    `seen_flow`, `replaced_deviation`: if ln S_0 is solved from times, the flow strain that data can
+        just tell from none, over that at the mode, and the prior standard deviation (SI) of the
+        parameter that ln S_0 replaces; else 0.
     """
 
     knot_time: FloatArray
@@ -101,6 +104,8 @@ class Pins:
     flow_stress: float
     loading_time: float
     noise: str
+    seen_flow: float = 0.0
+    replaced_deviation: float = 0.0
 
     @property
     def since_start(self) -> FloatArray:
@@ -111,6 +116,10 @@ class Pins:
     def strain_is_read(self) -> bool:
         """Whether most of the readings where the dashpot flows are of the strain."""
         return self.noise == "strain_noise"
+
+
+PINS_NUMBERS = ("reference_rate", "flow_stress", "loading_time", "seen_flow", "replaced_deviation")
+"""Of `Pins`, one of each test in the Stan data."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +239,7 @@ class ValleyChart(Chart[E]):
             ],
             **{
                 name: [0.0 if own is None else getattr(own.pins, name) for own in references]
-                for name in ("reference_rate", "flow_stress", "loading_time")
+                for name in PINS_NUMBERS
             },
             "noise_parameter": [1 if own is None else PLACE[own.pins.noise] for own in references],
         }

@@ -77,6 +77,22 @@ real log_slope_of_bounded(real u, data row_vector quantity) {
 }
 
 /**
+ * ln(x) at x + ln(x)/width: of an x that data fix where it is well above 1, while below they leave
+ * its logarithm as wide as `width`.
+ *
+ * Newton's method for u + exp(u) = width stretched + ln(width) with u = ln(width x), from a
+ * start that is above the root and off by less than 1.
+ */
+real log_from_stretched(real stretched, data real width) {
+  real total = width * stretched + log(width);
+  real u = total > 1 ? log(total) : total;
+  for (i in 1 : 6) {
+    u -= (u + exp(u) - total) / (1 + exp(u));
+  }
+  return u - log(width);
+}
+
+/**
  * Put Q_M or beta in the place of the point of the flow law.
  *
  * @param parameter vector whose entry `replaced_parameter` holds ln(stress / Pa) or ln(rate s)

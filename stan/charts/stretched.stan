@@ -28,21 +28,6 @@ int i_log_width() { return 3; } // of ln(rate) where the dashpot is not seen
 int i_log_middle_time() { return 4; } // ln of a time (s) in the middle of what the periods see
 
 /**
- * ln(rate) at rate + ln(rate)/width.
- *
- * Newton's method for u + exp(u) = width stretched + ln(width) with u = ln(width rate), from a
- * start that is above the root and off by less than 1.
- */
-real log_rate_from_stretched(real stretched, data real width) {
-  real total = width * stretched + log(width);
-  real u = total > 1 ? log(total) : total;
-  for (i in 1 : 6) {
-    u -= (u + exp(u) - total) / (1 + exp(u));
-  }
-  return u - log(width);
-}
-
-/**
  * ln of E_K times the density of a band of relaxation times, by ln(time).
  *
  * @param exponent alpha, between 0 and 1
@@ -97,7 +82,7 @@ vector plain_from_stretched(vector stretched, vector given, data array[] int pla
   int modulus = place[i_kelvin_modulus()];
   int viscosity = place[i_kelvin_viscosity()];
   if (flow > 0) {
-    real log_rate = log_rate_from_stretched(stretched[flow], reference[i_log_width()]);
+    real log_rate = log_from_stretched(stretched[flow], reference[i_log_width()]);
     plain += slope * (exp(log_rate) - reference[i_rate_at_mode()]);
     plain[flow] = (reference[i_log_seen_rate()] + log_rate - quantity[flow, i_shift()])
                   / quantity[flow, i_scale()];

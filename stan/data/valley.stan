@@ -11,4 +11,8 @@ array[coordinate_system == 2 ? n_tests : 0] real<lower=0> reference_rate; // of 
 // Of the flow rate that the plain coordinate is of, Pa; 0: it is that of S_0.
 array[coordinate_system == 2 ? n_tests : 0] real<lower=0> flow_stress;
 array[coordinate_system == 2 ? n_tests : 0] real<lower=0> loading_time; // of the elastic rise, s
+// Where ln S_0 is solved from times (0 elsewhere): flow strain that data can just tell from none, over
+// that of the reference curve, and prior standard deviation of the parameter that ln S_0 replaces.
+array[coordinate_system == 2 ? n_tests : 0] real<lower=0> seen_flow;
+array[coordinate_system == 2 ? n_tests : 0] real<lower=0> replaced_deviation;
 array[coordinate_system == 2 ? n_tests : 0] int<lower=1> noise_parameter; // that widths follow

@@ -91,6 +91,16 @@ def test_under_one_load_pins_stand_for_all_the_time_that_flow_takes() -> None:
     assert pins.unit[0] < pins.unit[1]
 
 
+def test_under_one_load_data_tell_how_little_flow_they_show() -> None:
+    twin = history_twin("creep", 40)
+    pins, values = valley_of(twin).pins, at_truth(twin, ICE, SolverOptions()).mode.values
+    # A part of the noise, since some readings are independent of others.
+    assert 0.2 < pins.seen_flow * (pins.unit @ pins.time_spent) / values["strain_noise"] < 1.0
+    assert pins.replaced_deviation == ICE["activation_enthalpy"].scale
+    other = valley_of(history_twin("load and unload", 40)).pins
+    assert other.seen_flow == other.replaced_deviation == 0.0
+
+
 def test_readings_whose_residuals_drift_count_as_fewer() -> None:
     creep, relaxation = (history_twin(name, 40) for name in ("creep", "relaxation"))
     pins = valley_of(creep).pins

@@ -46,6 +46,9 @@ data {
   row_vector[4] grain_size_prior; // row of d_ss (charts/plain.stan)
   vector[n_pins] strength;
   vector<lower=0>[n_pins] time_spent;
+  vector[n_pins] dashpot_rate; // over that of the reference curve
+  real expected_stress; // ln S_0
+  vector<lower=0>[2] seen; // see stress_from_flow()
   int<lower=0> n_values;
   vector[n_values] value; // of a parameter, within its bounds or beyond them
   row_vector[4] quantity; // row of that parameter (charts/plain.stan)
@@ -63,7 +66,9 @@ data {
 transformed data {
   vector[n_record() + n_solutions] record = append_row(rep_vector(0, n_record()),
                                                        log_dashpot_compliance);
+  matrix[n_pins, 9] timed = rep_matrix(1, n_pins, 9);
   record[r_log_rate_step()] = 0.5;
+  timed[ : , 8] = time_spent;
 }
 generated quantities {
   vector[n_rates] dashpot_loss;
@@ -73,6 +78,8 @@ generated quantities {
   vector[n] quantile_log_slope;
   vector[n] bounded;
   vector[n] bounded_log_slope;
+  vector[n] stress_of_flow;
+  vector[n] stress_of_flow_log_slope;
   vector[n] at_edge;
   vector[n] at_edge_log_slope;
   matrix[n_pins, 2] grain = grain_softening(u[1], exponent_ratio, log_grain_size_ratio, strain,
@@ -82,7 +89,9 @@ generated quantities {
                                                           initial_grain_size);
   real rise_compliance = loading_compliance(element_of_test, rise_time);
   vector[n_at_knots] strength_at_pins
-    = log_strength_at_pins(knot, pin, parameter[i_maxwell_modulus()], element_of_test,
+    = log_strength_at_pins(knot, pin,
+                           dashpot_rate_at_pins(knot, pin, parameter[i_maxwell_modulus()],
+                                                element_of_test, 1),
                            parameter[i_stress_exponent()], 1);
   matrix[n_pins, 3] fabric = fabric_softening(u[2], fabric_amplitude, strain, bounds);
   for (i in 1 : n_values) {
@@ -96,6 +105,10 @@ generated quantities {
     vector[2] from_remainder = bounded_from_remainder(place, deviation, remainder[i]);
     vector[2] stretched = grain_size_at_edge(log_odds[i], exponent_ratio, softening,
                                              initial_grain_size, grain_size_prior);
+    vector[2] of_flow = stress_from_flow(remainder[i], strength, dashpot_rate, expected_stress,
+                                         timed, 1, stress_exponent, seen);
+    stress_of_flow[i] = of_flow[1];
+    stress_of_flow_log_slope[i] = of_flow[2];
     at_edge[i] = stretched[1];
     at_edge_log_slope[i] = stretched[2];
     quantile_place[i] = quantile[1];

@@ -108,6 +108,34 @@ def test_a_reference_stress_takes_as_long_as_the_curve(function_values: Function
     assert taken == pytest.approx(time.sum(), rel=1e-9)
 
 
+@pytest.mark.parametrize("asked", [1.0, 0.1, 0.0, -1.0, -100.0])
+def test_reference_stresses_follow_the_strain_of_the_flow_down_to_what_data_can_tell(
+    asked: float, function_values: FunctionValues
+) -> None:
+    remainder = np.linspace(-2, 2, LOG_ODDS.size)
+    data = valley_data(remainder=remainder, dashpot_rate=[asked] * 3)
+    values = function_values("chart_values", data)
+    stress, slope = values["stress_of_flow"], np.exp(values["stress_of_flow_log_slope"])
+    np.testing.assert_allclose(np.gradient(stress, remainder)[1:-1], slope[1:-1], rtol=1e-4)
+    n, (seen, width) = data["stress_exponent"], data["seen"]
+    floor = 0.15 + np.log1p(np.exp(20 * (asked - 0.15))) / 20
+    flow = floor * np.exp(-n * (stress - values["stress_of_time"]))
+    if asked == 1.0:
+        # A strain that data show: about as asked for, and as wide as they leave it.
+        np.testing.assert_allclose(flow, 1 - seen * remainder, atol=1.1 * seen)
+        np.testing.assert_allclose(np.gradient(flow, remainder), -seen, rtol=0.05)
+    if asked < -0.5:
+        # None: what the other parameters suggest, in the widths of its logarithm without data.
+        expected = floor * np.exp(n * (values["stress_of_time"] - data["expected_stress"]))
+        assert expected < seen
+        np.testing.assert_allclose(
+            np.log(flow[remainder > 0] / expected), -width * remainder[remainder > 0], atol=0.3
+        )
+    # In none of them a step of one is a large change of the strain and of its logarithm.
+    change = np.gradient(np.log(flow), remainder)
+    assert np.all(np.minimum(-change / width, -change * flow / seen) <= 1.0 + 1e-3)
+
+
 def test_grain_sizes_are_stretched_where_they_do_all_the_softening(
     function_values: FunctionValues,
 ) -> None:

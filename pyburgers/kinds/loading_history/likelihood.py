@@ -84,6 +84,8 @@ class LoadingHistoryValley(ValleyChart[HistoryExperiment]):
             SLOPE_NOISE * values["strain_noise"] / flowed / values["stress_exponent"],
             values["stress_noise"] / curve.stress[at],
         )
+        time_spent = _time_spent(curve, before, places)
+        readings = _independent_readings(curve.time[at_readings], values)
         # Where stress is imposed, it is exactly linear between the ends of a leg.
         shows = np.where(curve.driven_by_stress, curve.is_end, curve.is_knot)
         kept = shows | np.isin(np.arange(curve.leg.size), at)
@@ -102,12 +104,13 @@ class LoadingHistoryValley(ValleyChart[HistoryExperiment]):
             strain_rate=strain_rate / unit,
             stress_rate=_rate_or_average(curve.stress_rate, curve.stress, at, since_start) / unit,
             relative_noise=np.where(since_start > 0, np.inf, noise),
-            time_spent=_time_spent(curve, before, places),
-            readings=_independent_readings(curve.time[at_readings], values) / places.size,
+            time_spent=time_spent,
+            readings=readings / places.size,
             reference_rate=float(np.median(unit[before.size :])),
             flow_stress=stress_scale(experiment),
             loading_time=_loading_time(experiment, curve, values),
             noise="strain_noise" if strain_is_read[flowing].mean() > 0.5 else "stress_noise",
+            **_flow_without_data(test, float(unit @ time_spent), readings),
         )
 
 
@@ -219,6 +222,23 @@ def _time_spent(curve: _Curve, before: IntArray, places: IntArray) -> FloatArray
     middle = (flowed[1:] + flowed[:-1]) / 2
     edges = np.concatenate([curve.dashpot_strain[before], middle, [2 * flowed[-1] - middle[-1]]])
     return np.concatenate([curve.time[before], np.diff(edges) / curve.dashpot_rate[places]])
+
+
+def _flow_without_data(
+    test: AtMode[HistoryExperiment], flow_strain: float, readings: float
+) -> dict[str, float]:
+    """Return `seen_flow` and `replaced_deviation` of `Pins`, if there is a flow strain.
+
+    Readings fix a strain that grows in proportion to time to the square root of 3 over their
+    number, in units of their noise.
+    """
+    replaced = test.coordinates.replaced_parameter
+    if not flow_strain or replaced is None:
+        return {}
+    return {
+        "seen_flow": float(np.sqrt(3 / readings)) * test.mode.values["strain_noise"] / flow_strain,
+        "replaced_deviation": float(test.priors[replaced].distribution().std()),
+    }
 
 
 def _independent_readings(time: FloatArray, values: Mapping[str, float]) -> float:

@@ -38,8 +38,14 @@ int i_log_noise() { return 5; }
 int i_rise_compliance() { return 6; }
 int i_whole_softening() { return 7; }
 
+/** Value of the parameter that ln S_0 replaces, Q_M or beta. */
+int i_replaced_value() { return 8; }
+
+/** Width of ln(flow rate) by the prior of this parameter, where no other one of the flow law moves. */
+int i_hidden_width() { return 9; }
+
 /** Elements of `reference` beside the strength at the pins: those above, p/n and ln(d_ss/d_0). */
-int n_reference() { return 9; }
+int n_reference() { return 11; }
 
 /** What is asked for at a part of the way from the reference point. */
 vector asked_along_path(real part_of_way, vector asked, data vector reference) {

@@ -19,22 +19,20 @@
  */
 
 /**
- * ln of the strength that the reference curve implies at the pins: the left-hand side of (*) in
- * charts/valley/valley.stan.
+ * Rate that spring and Kelvin part leave to the dashpot at the pins, over the unit of rates.
  *
  * The Kelvin rate is the exact response of the Kelvin part to the piecewise linear reference curve;
  * with q = modulus times kelvin_strain an element obeys dq/dt = (stress - q) modulus/viscosity. The
- * curve is that of the readings; stress and q are in proportion to it.
+ * curve is that of the readings; stress and q are in proportion to it. Far from the reference the
+ * others may ask for a rate below 0.
  *
  * @param stiffness stress over elastic strain, that of the apparatus included (Pa)
  * @param kelvin modulus (Pa) and viscosity (Pa s) of each element of the Kelvin part
  * @param reading_factor of the load cell, over the stress
  */
-vector log_strength_at_pins(data matrix knot, data matrix pin, real stiffness, matrix kelvin,
-                            real stress_exponent, real reading_factor) {
+vector dashpot_rate_at_pins(data matrix knot, data matrix pin, real stiffness, matrix kelvin,
+                            real reading_factor) {
   vector[rows(pin)] kelvin_rate = rep_vector(0, rows(pin)); // 1/s
-  vector[rows(pin)] log_strength;
-  int at_pin = 0;
   for (j in 1 : rows(kelvin)) {
     vector[rows(knot)] x = col(knot, 1) * (kelvin[j, 1] / kelvin[j, 2]);
     vector[rows(knot)] decay = exp(-x);
@@ -56,16 +54,31 @@ vector log_strength_at_pins(data matrix knot, data matrix pin, real stiffness, m
       }
     }
   }
+  return col(pin, 7)
+         - (kelvin_rate ./ col(pin, 3) + col(pin, 2) / stiffness) / reading_factor;
+}
+
+/** Rates of the dashpot at the pins, kept above 0 by a smooth floor. */
+vector floored_rate(vector dashpot_rate) {
+  return 0.15 + log1p_exp(20 * (dashpot_rate - 0.15)) / 20;
+}
+
+/**
+ * ln of the strength that the reference curve implies at the pins: the left-hand side of (*) in
+ * charts/valley/valley.stan.
+ *
+ * @param dashpot_rate dashpot_rate_at_pins()
+ */
+vector log_strength_at_pins(data matrix knot, data matrix pin, vector dashpot_rate,
+                            real stress_exponent, real reading_factor) {
+  vector[rows(pin)] log_rate = log(floored_rate(dashpot_rate));
+  vector[rows(pin)] log_strength;
+  int at_pin = 0;
   for (k in 1 : rows(knot)) {
     if (knot[k, 3] > 0) {
-      real dashpot_share;
       at_pin += 1;
-      dashpot_share = pin[at_pin, 7] - kelvin_rate[at_pin] / pin[at_pin, 3] / reading_factor
-                      - pin[at_pin, 2] / stiffness / reading_factor;
-      // A smooth floor: far from the reference the others may ask for a share below 0.
-      dashpot_share = 0.15 + log1p_exp(20 * (dashpot_share - 0.15)) / 20;
       log_strength[at_pin] = log(knot[k, 2] / reading_factor)
-                             - (log(dashpot_share) - pin[at_pin, 4]) / stress_exponent;
+                             - (log_rate[at_pin] - pin[at_pin, 4]) / stress_exponent;
     }
   }
   return log_strength;

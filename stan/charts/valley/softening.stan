@@ -152,13 +152,44 @@ real amplitude_of(real u, data matrix bounds) {
  *
  * @return ln S_0, then ln |d(ln S_0)/d(remainder)|
  */
-vector stress_from_remainder(real remainder, vector strength, vector weight, data matrix pin,
-                             real stress_exponent, data real reference_log_stress) {
+vector stress_from_remainder(real remainder, vector strength, vector weight,
+                             data real reference_log_stress) {
   vector[2] stress = solve_reference_stress(strength, weight, reference_log_stress);
-  if (max(col(pin, 8)) > 0) {
-    stress[1] = reference_stress_of_time(strength, col(pin, 8), stress_exponent);
-  }
   return [stress[1] + remainder / sqrt(stress[2]), -0.5 * log(stress[2])]';
+}
+
+/** Whether ln S_0 is solved from times. */
+int is_solved_from_times(data matrix pin) { return max(col(pin, 8)) > 0; }
+
+/**
+ * The same where ln S_0 is solved from times, from the strain of the flow over what data can tell
+ * from none.
+ *
+ * With soft springs the flow is next to nothing. Data then fix its strain, down to what they can tell
+ * from none, and below that the priors its logarithm: so it is stretched (log_from_stretched()).
+ *
+ * @param dashpot_rate dashpot_rate_at_pins()
+ * @param expected ln S_0 that the other parameters suggest, without data
+ * @param precision of the noise here over that at the reference point
+ * @param seen flow strain that data can just tell from none, over that of the reference curve, and
+ *   width of the logarithm of the flow strain without data
+ */
+vector stress_from_flow(real remainder, vector strength, vector dashpot_rate, real expected,
+                        data matrix pin, real precision, real stress_exponent,
+                        data vector seen) {
+  vector[rows(pin)] strain = col(pin, 3) .* col(pin, 8) / dot_product(col(pin, 3), col(pin, 8));
+  real log_seen = log(seen[1]) - 0.5 * log(precision);
+  // At the floored rates.
+  real log_strain = log(dot_product(strain, floored_rate(dashpot_rate))) - log_seen;
+  real log_stress = reference_stress_of_time(strength, col(pin, 8), stress_exponent);
+  real asked = dot_product(strain, dashpot_rate) / exp(log_seen);
+  // What data ask for, or where that is next to nothing what priors suggest.
+  real middle = log_sum_exp(log(log1p_exp(asked) + 1e-300),
+                            log_inv_logit(log_strain
+                                          + stress_exponent * (log_stress - expected)));
+  real log_flow = log_from_stretched(exp(middle) + middle / seen[2] - remainder, seen[2]);
+  return [log_stress + (log_strain - log_flow) / stress_exponent,
+          -log(stress_exponent) - log(exp(log_flow) + 1 / seen[2])]';
 }
 
 /**
@@ -166,15 +197,15 @@ vector stress_from_remainder(real remainder, vector strength, vector weight, dat
  *
  * @param coordinate in this order: remainders of ln S_0 and F_ss, log odds of the quantiles of u_1
  *   and u_2
- * @param precision of the noise here over that at the reference point
+ * @param dashpot_rate, expected, precision, seen see stress_from_flow()
  * @param stress_exponent n
  * @param stress_given 1: ln S_0 is given, its remainder and the one returned have no effect
  * @return (ln S_0, u_F, u_1, u_2), then ln |d(these)/d(coordinate)|
  */
 vector softening_from_coordinates(vector coordinate, vector asked, data vector reference,
-                                  data matrix pin, real precision, real stress_exponent,
-                                  data int stress_given,
-                                  data matrix bounds) {
+                                  data matrix pin, vector dashpot_rate, real expected,
+                                  real precision, real stress_exponent, data vector seen,
+                                  data int stress_given, data matrix bounds) {
   vector[rows(pin)] weight = precision * col(pin, 5);
   vector[rows(pin)] fine_weight = precision * col(pin, 6);
   vector[2] middle = middle_grain_strain(asked, reference,
@@ -187,9 +218,12 @@ vector softening_from_coordinates(vector coordinate, vector asked, data vector r
                                   stress_given, bounds);
   vector[rows(pin)] strength
     = rest - col(fabric_softening(last[2], amplitude_of(last[1], bounds), col(pin, 1), bounds), 1);
-  vector[2] stress = stress_given ? rep_vector(0, 2)
-                     : stress_from_remainder(coordinate[1], strength, fine_weight, pin,
-                                             stress_exponent, reference[i_log_stress()]);
+  vector[2] stress
+    = stress_given ? rep_vector(0, 2)
+      : is_solved_from_times(pin)
+      ? stress_from_flow(coordinate[1], strength, dashpot_rate, expected, pin, precision,
+                         stress_exponent, seen)
+      : stress_from_remainder(coordinate[1], strength, fine_weight, reference[i_log_stress()]);
   return [stress[1], last[1], grain[1], last[2], grain[2] + last[3] + last[4] + stress[2]]';
 }
 
@@ -203,8 +237,9 @@ vector softening_from_coordinates(vector coordinate, vector asked, data vector r
  * @param is_grain_size 1: grain size evolves, 0: fabric
  */
 vector softening_of_one(vector coordinate, vector asked, data vector reference,
-                        data matrix pin, real precision, real stress_exponent,
-                        data int is_grain_size, data int stress_given, data matrix bounds) {
+                        data matrix pin, vector dashpot_rate, real expected, real precision,
+                        real stress_exponent, data vector seen, data int is_grain_size,
+                        data int stress_given, data matrix bounds) {
   real power = is_grain_size ? asked[1] : 1;
   vector[rows(pin)] fine_weight = precision * col(pin, 6);
   vector[rows(pin)] root = tail(asked, rows(pin)) / power; // ln strength, as one of a fabric
@@ -225,8 +260,11 @@ vector softening_of_one(vector coordinate, vector asked, data vector reference,
     vector[rows(pin)] strength
       = power * (root - col(fabric_softening(last[2], amplitude_of(last[1], bounds), col(pin, 1),
                                              bounds), 1));
-    stress = stress_from_remainder(coordinate[1], strength, fine_weight, pin, stress_exponent,
-                                   reference[i_log_stress()]);
+    stress = is_solved_from_times(pin)
+             ? stress_from_flow(coordinate[1], strength, dashpot_rate, expected, pin, precision,
+                                stress_exponent, seen)
+             : stress_from_remainder(coordinate[1], strength, fine_weight,
+                                     reference[i_log_stress()]);
   }
   return [stress[1], last[1], 0, last[2], last[3] + last[4] + stress[2]]';
 }

@@ -45,14 +45,18 @@ int i_noise() { return 2; }
 
 /**
  * Places in `conditions`: rate that S_0 belongs to (1/s), d_0 (m), temperature (K), time of the
- * elastic rise, in which both springs give together (s), and the stress of the flow rate where the
- * plain coordinate is of that and not of S_0 (Pa; else 0).
+ * elastic rise, in which both springs give together (s), the stress of the flow rate where the
+ * plain coordinate is of that and not of S_0 (Pa; else 0); where ln S_0 is solved from times the flow
+ * strain that data can just tell from none, over that of the reference curve, and the prior standard
+ * deviation of what ln S_0 replaces.
  */
 int c_rate() { return 1; }
 int c_grain_size() { return 2; }
 int c_temperature() { return 3; }
 int c_loading_time() { return 4; }
 int c_flow_stress() { return 5; }
+int c_seen_flow() { return 6; }
+int c_replaced_deviation() { return 7; }
 
 /**
  * Modulus (Pa) and viscosity (Pa s) of each element of the Kelvin part, (n, 2).
@@ -73,15 +77,22 @@ matrix kelvin_elements(vector parameter, data matrix element, data real temperat
                     ./ (decay_and_compliance[ : , 1] .* decay_and_compliance[ : , 2]));
 }
 
+/** dashpot_rate_at_pins() at parameters. */
+vector dashpot_rate_of(vector parameter, matrix kelvin, data matrix knot, data matrix pin) {
+  return dashpot_rate_at_pins(knot, pin,
+                              parameter[i_maxwell_modulus()]
+                              / (1
+                                 + parameter[i_apparatus_compliance()]
+                                   * parameter[i_maxwell_modulus()]),
+                              kelvin, stress_reading_factor(parameter));
+}
+
 /** What parameters ask for at the pins: `asked` of charts/valley/least_squares.stan. */
-vector asked_of_pins(vector parameter, matrix kelvin, data int stress_given, real log_stress,
-                     data real initial_grain_size, data matrix knot, data matrix pin) {
-  vector[rows(pin)] log_strength = log_strength_at_pins(knot, pin,
-                                                        parameter[i_maxwell_modulus()]
-                                                        / (1
-                                                           + parameter[i_apparatus_compliance()]
-                                                             * parameter[i_maxwell_modulus()]),
-                                                        kelvin, parameter[i_stress_exponent()],
+vector asked_of_pins(vector parameter, vector dashpot_rate, data int stress_given,
+                     real log_stress, data real initial_grain_size, data matrix knot,
+                     data matrix pin) {
+  vector[rows(pin)] log_strength = log_strength_at_pins(knot, pin, dashpot_rate,
+                                                        parameter[i_stress_exponent()],
                                                         stress_reading_factor(parameter));
   return append_row([parameter[i_grain_size_exponent()] / parameter[i_stress_exponent()],
                      log(parameter[i_steady_state_grain_size()] / initial_grain_size)]',
@@ -142,11 +153,22 @@ vector valley_reference(data vector parameter, data vector coordinate, data arra
   real steady_state = solved[3] == place[i_steady_state_grain_size()]
                       ? parameter[i_steady_state_grain_size()] / conditions[c_grain_size()]
                       : parameter[i_steady_state_fabric_factor()];
+  int replaced = max(named[i_replaced()], 1);
+  vector[num_elements(parameter)] beside = parameter;
+  real width; // of ln(flow rate)
+  beside[replaced] += conditions[c_replaced_deviation()];
+  width = parameter[i_stress_exponent()]
+          * (log_reference_stress_at(beside, conditions[c_rate()], conditions[c_grain_size()],
+                                     conditions[c_temperature()])
+             - log_stress);
   return append_row([solved[1] > 0 ? coordinate[solved[1]] : 0, coordinate[solved[2]],
                      1 - steady_state, log_stress, log(parameter[named[i_noise()]]),
                      loading_compliance(kelvin, conditions[c_loading_time()]),
-                     softening_after(pin[rows(pin), 1], parameter, conditions[c_grain_size()])]',
-                    asked_of_pins(parameter, kelvin, named[i_replaced()] == 0, log_stress,
+                     softening_after(pin[rows(pin), 1], parameter, conditions[c_grain_size()]),
+                     parameter[replaced],
+                     fmax(width, -width)]',
+                    asked_of_pins(parameter, dashpot_rate_of(parameter, kelvin, knot, pin),
+                                  named[i_replaced()] == 0, log_stress,
                                   conditions[c_grain_size()], knot, pin));
 }
 
@@ -180,8 +202,9 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
   vector[num_elements(given)] parameter = given;
   matrix[rows(element), 2] kelvin;
   real log_noise_ratio; // ln(s/s of the reference point)
-  real log_stress = 0;
+  real log_stress; // given, or what the other parameters suggest
   real log_jacobian = 0;
+  vector[rows(pin)] dashpot_rate;
   vector[rows(pin) + 2] asked;
   vector[2] remainder; // of ln S_0, and of F_ss or d_ss
   vector[5] softening;
@@ -250,25 +273,29 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
     parameter[i_steady_state_grain_size()] = bounded_from_real(plain[grain_size],
                                                                quantity[grain_size]);
   }
-  if (stress_given) {
-    log_stress = log_reference_stress_at(parameter, conditions[c_rate()],
-                                         conditions[c_grain_size()], conditions[c_temperature()]);
+  if (!stress_given) {
+    parameter[named[i_replaced()]] = reference[i_replaced_value()];
   }
+  log_stress = log_reference_stress_at(parameter, conditions[c_rate()],
+                                       conditions[c_grain_size()], conditions[c_temperature()]);
   kelvin = kelvin_elements(parameter, element, conditions[c_temperature()],
                            conditions[c_grain_size()]);
-  asked = asked_of_pins(parameter, kelvin, stress_given, log_stress, conditions[c_grain_size()],
-                        knot, pin);
+  dashpot_rate = dashpot_rate_of(parameter, kelvin, knot, pin);
+  asked = asked_of_pins(parameter, dashpot_rate, stress_given, log_stress,
+                        conditions[c_grain_size()], knot, pin);
   remainder = [stress_given ? 0 : coordinate[flow], coordinate[solved[3]]]';
   if (solved[1] > 0) {
     softening = softening_from_coordinates(
-      append_row(remainder, coordinate[solved[1 : 2]]), asked, reference, pin,
-      exp(-2 * log_noise_ratio), parameter[i_stress_exponent()], stress_given,
+      append_row(remainder, coordinate[solved[1 : 2]]), asked, reference, pin, dashpot_rate,
+      log_stress, exp(-2 * log_noise_ratio), parameter[i_stress_exponent()],
+      [conditions[c_seen_flow()], reference[i_hidden_width()]]', stress_given,
       solved_bounds(place, quantity, conditions[c_grain_size()]));
     plain[solved[1]] = softening[3];
   } else {
     softening = softening_of_one(
-      append_row(remainder, coordinate[solved[2]]), asked, reference, pin,
-      exp(-2 * log_noise_ratio), parameter[i_stress_exponent()], solved[3] == grain_size,
+      append_row(remainder, coordinate[solved[2]]), asked, reference, pin, dashpot_rate,
+      log_stress, exp(-2 * log_noise_ratio), parameter[i_stress_exponent()],
+      [conditions[c_seen_flow()], reference[i_hidden_width()]]', solved[3] == grain_size,
       stress_given, solved_bounds(place, quantity, conditions[c_grain_size()]));
   }
   plain[solved[2 : 3]] = softening[{4, 2}];

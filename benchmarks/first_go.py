@@ -1,0 +1,311 @@
+"""How often a default fit is sampled well at first go, and at which cost.
+
+    python benchmarks/first_go.py OUT                      # 40 data sets of each kind: hours
+    python benchmarks/first_go.py OUT --kinds creep joint --seeds 0 1 2 --jobs 1
+    python benchmarks/first_go.py OUT --chains 2 --draws 500    # a quick look
+
+For each data set parameters are drawn from the priors of a calibration. The test is simulated with
+them and fitted as `pyburgers fit` does without options, with the default priors. Each fit is one
+row of OUT/fits.csv. The same command goes on where it stopped; with other settings take another
+folder.
+"""
+
+import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import pandas as pd
+from measures import measure
+from sampling import ROOT, markdown
+
+from pyburgers.checks.fit_checks import CheckKind, Outcome
+from pyburgers.common.atomic_files import write_text
+from pyburgers.common.errors import SamplingError
+from pyburgers.common.tasks import Workers, run_tasks
+from pyburgers.fitting.fit import Fit, fit_problem
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
+from pyburgers.kinds.loading_history.stages import Stage
+from pyburgers.kinds.problem import Problem, problem_of
+from pyburgers.kinds.together import pooling_for
+from pyburgers.model.priors import default_priors, load_priors
+from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.repetitions import shortened
+from pyburgers.sbc.data_sets import Range, calibration_priors, simulate_from_prior
+
+DATA = ROOT / "data"
+TEMPLATES = DATA / "calibration"
+
+
+@dataclass(frozen=True)
+class DataSets:
+    """Where data sets of a kind come from.
+
+    Attributes
+    ----------
+    templates : tuple of Path
+        Files of the tests whose conditions they have.
+    priors : Path or None
+        Priors of their truths; None takes those of calibrations.
+    stress_range, strain_range : tuple of float, or None
+        Least and largest stress (Pa) and strain of data like those of a laboratory.
+    """
+
+    templates: tuple[Path, ...]
+    priors: Path | None = None
+    stress_range: Range | None = (2e6, 60e6)
+    strain_range: Range | None = None
+
+
+STRAIN_RANGE = (0.01, 0.3)
+CREEP = DataSets(
+    (TEMPLATES / "ice_creep.toml",), TEMPLATES / "priors" / "ice_creep.toml", None, STRAIN_RANGE
+)
+MIXED = DataSets(
+    (TEMPLATES / "ice_mixed.toml",),
+    TEMPLATES / "priors" / "ice_mixed.toml",
+    strain_range=(0.05, 0.4),
+)
+CURVE = DATA / "ice" / "PIL40.toml"
+
+KINDS: Mapping[str, DataSets] = MappingProxyType(
+    {
+        "constant_rate": DataSets((CURVE,)),
+        "rate_steps": DataSets((TEMPLATES / "ice_rate_steps.toml",)),
+        "creep": CREEP,
+        "load_unload": CREEP,
+        "relaxation": replace(MIXED, strain_range=None),
+        "three_stages": MIXED,
+        "joint": DataSets((CURVE, DATA / "ice" / "PIL72.toml")),
+        "oscillation_kept": DataSets((TEMPLATES / "olivine_kept.toml",), stress_range=None),
+        "oscillation_removed": DataSets((TEMPLATES / "olivine_removed.toml",), stress_range=None),
+    }
+)
+
+N_DATA_SETS = 40
+"""Of each kind."""
+
+LOADS = ((1500.0, 5e6), (1000.0, 5e5), (1500.0, 6e6))
+"""Duration (s) and stress (Pa) of the stages of load and unload."""
+
+
+@dataclass(frozen=True)
+class FirstGo:
+    """One fit: a row of the table.
+
+    Attributes
+    ----------
+    kind, seed
+        Of the data set.
+    sampled_well : str
+        Verdict in the end: yes, no or cannot tell.
+    failed_checks : str
+        Names of the sampling checks without a yes.
+    coordinates : str
+        Of the sampler.
+    divergences, shortened, draws : int
+        Divergences among the draws of the end and among those put aside; how often chains went on
+        with shorter steps; draws of a chain in the end.
+    core_seconds, leapfrogs_per_draw, gradients : float
+        Of all chains with warm-up; gradients of the warm-up are estimated by its time.
+    rhat, least_ess, ess_per_core_second : float
+        The worst bulk or tail number over the sampled quantities.
+    """
+
+    kind: str
+    seed: int
+    sampled_well: str
+    failed_checks: str
+    coordinates: str = ""
+    divergences: int = 0
+    shortened: int = 0
+    draws: int = 0
+    core_seconds: float = np.nan
+    leapfrogs_per_draw: float = np.nan
+    gradients: float = np.nan
+    rhat: float = np.nan
+    least_ess: float = np.nan
+    ess_per_core_second: float = np.nan
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Fit what is missing, and write the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS))
+    parser.add_argument("--seeds", nargs="+", type=int, default=range(N_DATA_SETS))
+    parser.add_argument("--chains", type=int, default=SamplerOptions.chains)
+    parser.add_argument("--draws", type=int, default=SamplerOptions.draws)
+    parser.add_argument("--jobs", type=int, help="fits side by side; default one for each core")
+    options = parser.parse_args(arguments)
+    # Each fit is one process: its chains take turns.
+    sampler = SamplerOptions(chains=options.chains, draws=options.draws, parallel_chains=1)
+    options.out.mkdir(parents=True, exist_ok=True)
+    missing = {
+        (kind, seed): (options.out, kind, seed, sampler)
+        for seed in options.seeds
+        for kind in options.kinds
+        if not _row_file(options.out, kind, seed).is_file()
+    }
+    for (kind, seed), outcome in run_tasks(
+        fit_one, missing, workers=Workers(jobs=options.jobs), out=options.out
+    ):
+        print(f"{kind}, data set {seed}: {outcome}.", flush=True)
+        write_tables(options.out)
+    write_tables(options.out)
+
+
+def fit_one(out: Path, kind: str, seed: int, options: SamplerOptions) -> str:
+    """Simulate and fit one data set, write its row, and say how it ended."""
+    folder = out / kind / f"{seed:06d}"
+    try:
+        result = fit_problem(
+            data_set(kind, seed),
+            out=folder,
+            options=replace(options, seed=seed),
+            command=f"benchmarks/first_go.py, {kind}, data set {seed}",
+        )
+        row = _row(kind, seed, result)
+    except SamplingError as error:
+        row = FirstGo(kind, seed, Outcome.NO.value, str(error))
+    pd.DataFrame([asdict(row)]).to_csv(_row_file(out, kind, seed), index=False)
+    return f"sampled well: {row.sampled_well} {row.failed_checks}".strip()
+
+
+def data_set(kind: str, seed: int) -> Problem:
+    """Simulate the tests of a data set, with the default priors for their fit."""
+    source = KINDS[kind]
+    tests = [_template(kind, load_experiment(file)) for file in source.templates]
+    first = tests[0]
+    priors = (
+        calibration_priors(first.material, first.protocol)
+        if source.priors is None
+        else load_priors(source.priors)
+    )
+    pooling = pooling_for(tests, None)
+    simulated = simulate_from_prior(
+        problem_of(tests, priors, pooling),
+        seed=seed,
+        stress_range=source.stress_range,
+        strain_range=source.strain_range,
+    ).problem
+    return problem_of(
+        simulated.experiments, default_priors(first.material, first.protocol), pooling
+    )
+
+
+def _template(kind: str, test: Experiment) -> Experiment:
+    """Return the test of a file, or what is made of its clock where the kind has no file."""
+    if kind == "relaxation":
+        assert isinstance(test, HistoryExperiment)
+        kept = test.reading_stage < 2
+        return replace(
+            test,
+            id=kind,
+            stages=test.stages[:2],
+            time=test.time[kept],
+            reading_stage=test.reading_stage[kept],
+            reading=test.reading[kept],
+        )
+    if kind == "load_unload":
+        assert isinstance(test, HistoryExperiment)
+        edges = np.cumsum([0.0, *(duration for duration, _ in LOADS)])
+        share = test.time / test.end_time
+        return replace(
+            test,
+            id=kind,
+            stages=tuple(
+                Stage("stress", start, end, test.temperature, stress)
+                for (start, end), (_, stress) in zip(pairwise(edges), LOADS, strict=True)
+            ),
+            time=np.concatenate([a + share * (b - a) for a, b in pairwise(edges)]),
+            reading_stage=np.repeat(np.arange(len(LOADS)), share.size),
+            reading=np.tile(test.reading, len(LOADS)),
+        )
+    return test
+
+
+def _row_file(out: Path, kind: str, seed: int) -> Path:
+    return out / f"{kind}_{seed:06d}.csv"
+
+
+def _row(kind: str, seed: int, result: Fit) -> FirstGo:
+    """Read verdict and cost of a fit."""
+    found, manifest = measure(result), result.manifest
+    failed = [
+        one.name
+        for one in result.checks()
+        if one.check.kind is CheckKind.SAMPLING and one.outcome is not Outcome.YES
+    ]
+    aside = shortened(manifest)
+    seconds = sum(one["wall_seconds"] for one in manifest["chains"].values())
+    least = min(found.ess_bulk, found.ess_tail)
+    return FirstGo(
+        kind,
+        seed,
+        result.sampled_well.value,
+        ", ".join(failed),
+        coordinates=manifest["coordinates"]["system"],
+        divergences=found.divergences + sum(one["divergences"] for one in aside),
+        shortened=len(aside),
+        draws=result.posterior["posterior"].sizes["draw"],
+        core_seconds=seconds,
+        leapfrogs_per_draw=found.leapfrogs / found.draws,
+        gradients=found.leapfrogs * (seconds / found.sampling_seconds),
+        rhat=found.rhat,
+        least_ess=least,
+        ess_per_core_second=least / seconds,
+    )
+
+
+def write_tables(out: Path) -> None:
+    """Write all rows, and a table of the kinds in Markdown."""
+    files = sorted(out.glob("*_??????.csv"))
+    if not files:
+        return
+    rows = pd.concat([pd.read_csv(file) for file in files]).fillna({"failed_checks": ""})
+    rows.to_csv(out / "fits.csv", index=False)
+    write_text(out / "first_go.md", PAGE.format(table=markdown(kind_table(rows))))
+
+
+def kind_table(rows: pd.DataFrame) -> pd.DataFrame:
+    """Count fits of each kind that were sampled well, and what others lack; medians of costs."""
+    found = []
+    for kind in (one for one in KINDS if one in set(rows["kind"])):
+        own = rows[rows["kind"] == kind]
+        checks = own["failed_checks"][own["failed_checks"] != ""].str.split(", ").explode()
+        found.append(
+            {
+                "kind": kind,
+                "fits": len(own),
+                "sampled well": f"{(own['sampled_well'] == Outcome.YES.value).mean():.0%}",
+                "without a yes": ", ".join(f"{n} {c}" for c, n in checks.value_counts().items()),
+                "with divergences": int((own["divergences"] > 0).sum()),
+                "went on with shorter steps": int((own["shortened"] > 0).sum()),
+                "leapfrogs a draw": own["leapfrogs_per_draw"].median(),
+                "core-seconds": own["core_seconds"].median(),
+                "largest": own["core_seconds"].max(),
+                "least ESS a core-second": own["ess_per_core_second"].median(),
+            }
+        )
+    return pd.DataFrame(found)
+
+
+PAGE = """# Default fits at first go
+
+Written by `benchmarks/first_go.py`; do not edit. Data simulated at draws from the priors of
+calibrations, fitted with default priors and options. Counts of fits, and medians over fits.
+Core-seconds are those of all chains with warm-up, ESS is the least of bulk and tail over the
+sampled quantities.
+
+{table}
+"""
+
+
+if __name__ == "__main__":
+    main()

@@ -224,7 +224,7 @@ def test_a_saved_copy_is_a_complete_fit(small_fit: Fit, copy: Path) -> None:
 def test_draws_without_solution_at_the_reference_tolerance_do_not_end_the_fit(
     programs: None, small_problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    impossible = SolverOptions(tolerance=1e-10, max_num_steps=5)
+    impossible = SolverOptions(tolerance=1e-10, max_num_steps=5, method="bdf")
     monkeypatch.setattr("pyburgers.posterior.build.REFERENCE_SOLVER", impossible)
     monkeypatch.setattr("pyburgers.fitting.continuation.MAX_REFITS", 0)
     options = replace(SMALL_RUN, warmup=50, draws=5)

@@ -16,7 +16,7 @@ from pyburgers.kinds.stan_data import StanData
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.prior_families import FAMILIES
 
-ROWS_TO_CENTRE = 3.0
+ROWS_TO_CENTRE = 12.0
 """Rows of a source of which the bias is sampled half as it is, half over its standard deviation."""
 
 TYPICAL_ENTHALPY = 70e3

@@ -216,7 +216,8 @@ class FlowLawPrior:
             return table.flow_law_prior(material, str(path))
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise InputError(
-                f"{path}: is not a flow law prior, expected what pyburgers fit-peak-stress writes."
+                f"{path}: is not a flow law prior, expected what pyburgers fit-peak-stress or "
+                "fit-rates writes."
             ) from error
 
 
@@ -286,6 +287,6 @@ def load_flow_law_of_run(directory: Path) -> FlowLawPrior:
     if not file.is_file():
         raise InputError(
             f"{directory}: has no {FLOW_LAW_PRIOR_FILE}, expected a run of pyburgers "
-            "fit-peak-stress with the whole flow law free."
+            "fit-peak-stress with the whole flow law free, or of fit-rates --curve-priors."
         )
     return FlowLawPrior.load(file)

@@ -16,8 +16,10 @@ from pyburgers.kinds.stan_data import StanData
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.prior_families import FAMILIES
 
-ROWS_TO_CENTRE = 12.0
-"""Rows of a source of which the bias is sampled half as it is, half over its standard deviation."""
+ROWS_TO_CENTRE = 48.0
+"""Rows of a source, times sources, at which a bias is sampled half as it is, half over the spread.
+
+The fewer sources there are, the less is known of the spread."""
 
 TYPICAL_ENTHALPY = 70e3
 """J/mol, for coordinates in which an error of temperature is not mistaken for one of rates."""
@@ -128,7 +130,7 @@ def rate_data(
         "enhancement_place": data.enhancement_place.tolist(),
         "n_sources": len(sources),
         "source": (source + 1).tolist(),
-        "centring": (n_used / (n_used + ROWS_TO_CENTRE)).tolist(),
+        "centring": (n_used / (n_used + ROWS_TO_CENTRE / len(sources))).tolist(),
         "typical_slope": [
             TYPICAL_ENTHALPY / GAS_CONSTANT * float(np.mean(data.temperature[source == k] ** -2))
             for k in range(len(sources))

@@ -39,6 +39,7 @@ from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.priors import default_priors, load_priors
+from pyburgers.predictions.designs import load_design_plan
 from pyburgers.predictions.measured_attenuation import load_measured_attenuation
 from pyburgers.sampling.manifest import FitManifest, missing_chains, recorded_modes, sealed
 from pyburgers.sampling.options import SamplerOptions
@@ -60,7 +61,8 @@ class Reader:
 
     @property
     def beside(self) -> list[Path]:
-        return [path for path in self.file.parent.glob("*.csv") if path != self.file]
+        named = "*.toml" if self.read is load_design_plan else "*.csv"
+        return [path for path in self.file.parent.glob(named) if path != self.file]
 
 
 def _experiment_for_a_fit(path: Path) -> object:
@@ -79,6 +81,8 @@ def _readers() -> Iterator[Reader]:
             yield Reader(path, load_peak_stress)
         elif content.get("protocol") == "rates":
             yield Reader(path, load_rate_table)
+        elif "candidates" in content:
+            yield Reader(path, load_design_plan)
         elif "mechanisms" in content:
             yield Reader(path, load_rate_law)
         elif path.parent.name == "peak_stress":
@@ -332,6 +336,7 @@ OPTIONS = {
     ),
     "new": ("--protocol", "--material", "--temperature-K", "--grain-size-m", "--strain-rate-per-s"),
     "simulate": ("--parameters", "--out"),
+    "design": ("--candidates", "--against", "--choose", "--draws", "--seed", "--out"),
     "fit-rates": ("--law", "--hold-out", "--curve-priors", "--out", "--chains", "--seed"),
     "fit-peak-stress": ("--priors", "--curve-priors", "--without", "--out", "--chains", "--seed"),
     "compare": ("--out", "--leave-out", "--no-refit"),

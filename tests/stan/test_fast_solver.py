@@ -223,9 +223,9 @@ def test_densities_and_gradients_are_those_of_a_tight_solver(
     relative = away / np.linalg.norm(exact, axis=1)
     # Stan's solver may take no step: sets that need it have no solution.
     handed_over = 1 - len(sets.solved(SolverOptions(max_num_steps=1))) / len(error)
-    record_property("largest error of a log density", error.max())
-    record_property("largest error of a gradient", relative.max())
-    record_property("share handed over", handed_over)
+    record_property("largest error of a log density", float(error.max()))
+    record_property("largest error of a gradient", float(relative.max()))
+    record_property("share handed over", float(handed_over))
     assert len(error) > 0.2 * n_sets
     assert handed_over <= MAX_HANDED_OVER
     for one in (error, relative):

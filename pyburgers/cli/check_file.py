@@ -6,6 +6,7 @@ from copy import deepcopy
 from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from pyburgers.cli.file_hints import hints, looks, text_files
@@ -20,7 +21,6 @@ from pyburgers.flow_law_tables.inputs import (
     load_peak_stress,
     load_peak_stress_priors,
 )
-from pyburgers.flow_law_tables.rate_laws import load_rate_law
 from pyburgers.flow_law_tables.rate_tables import KIND as RATES
 from pyburgers.flow_law_tables.rate_tables import RateTable, load_rate_table
 from pyburgers.kinds.conditions import doubts
@@ -44,6 +44,15 @@ STAND_INS: Mapping[str, Any] = {
     "time_unit": "s",
 }
 """What stands in for keys that are missing or of another type, to look at the rest of a file."""
+
+
+READERS_BY_KEY: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        "mechanisms": ("pyburgers.flow_law_tables.rate_laws", "load_rate_law"),
+        "candidates": ("pyburgers.predictions.designs", "load_design_plan"),
+    }
+)
+"""Module and function that read a file with a key that no other kind of file has."""
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -110,8 +119,11 @@ def all_errors(path: Path, content: Mapping[str, Any]) -> tuple[list[str], objec
 
 def _reader(content: Mapping[str, Any]) -> Callable[[Path], object]:
     """Return what reads a file of its kind."""
-    if "mechanisms" in content:
-        return load_rate_law
+    for key, (module, name) in READERS_BY_KEY.items():
+        if key in content:
+            # Their modules take long to load, or need docstrings, which no other file does.
+            read: Callable[[Path], object] = getattr(import_module(module), name)
+            return read
     if "parameters" in content and "protocol" not in content:
         parameters = content["parameters"]
         # No other priors have a scatter of peak stresses.
@@ -119,7 +131,6 @@ def _reader(content: Mapping[str, Any]) -> Callable[[Path], object]:
             return load_peak_stress_priors
         return load_priors
     if _is_plan(content):
-        # What makes its page takes long to load, which no other file needs.
         read_plan: Callable[[Path], object] = import_module(
             "pyburgers.fitting.campaign"
         ).load_campaign

@@ -73,7 +73,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     program = load_program(fit.problem.likelihood.program)
     data = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
     for row in found[wrong][: options.shown]:
-        shown = _along(program, data, fit.problem.layout.names, *np.split(row[3:], 2))
+        shown = _along(program, data, fit.problem.free, *np.split(row[3:], 2))
         print(shown.to_string(float_format=lambda value: f"{value:.5g}"), end="\n\n")
 
 

@@ -21,7 +21,6 @@ functions {
 #include statistics/measured_microstructure.stan
 #include charts/plain.stan
 #include charts/pooling.stan
-#include statistics/summed_correlation.stan
 #include charts/valley/pins.stan
 #include charts/valley/least_squares.stan
 #include charts/valley/quantiles.stan
@@ -34,7 +33,6 @@ functions {
 data {
 #include data/tests.stan
 #include data/constant_rate.stan
-#include data/summed_correlation.stan
 #include data/priors.stan
 #include data/coordinates.stan
 #include data/valley.stan
@@ -56,23 +54,7 @@ transformed data {
   array[n_tests] int test = linspaced_int_array(n_tests, 1, n_tests);
   array[n_tests] int gives = gives_to_others(shared_from); // parameters
   matrix[1, 3] element = [[is_only_element(), 0, 1]]; // of the Kelvin part
-  // For the sum over the correlation of residuals (statistics/summed_correlation.stan).
-  int n_blocks = block_end[n_tests + 1];
-  int most = largest_block(n_in_block, n_lengths);
-  array[n_blocks] matrix[n_lengths * most, most] basis
-    = correlation_bases(point_strain, point_end, block_end, n_in_block, length_node);
-  array[n_blocks] matrix[n_shares, n_lengths * most] precision
-    = correlation_precisions(point_strain, point_end, block_end, n_in_block, share_node,
-                             length_node);
-  matrix[n_share_cells, n_length_cells] log_mass
-    = log_cell_masses(log_share_mass, log_length_mass);
-  array[n_tests] matrix[n_share_cells, n_length_cells] log_weight;
 #include charts/valley_references.stan
-  for (e in 1 : n_tests) {
-    log_weight[e] = log_mass
-                    + log_cell_weights(n_in_block, part(block_end, e), precision, share_spline,
-                                       length_spline);
-  }
 }
 parameters {
   vector<multiplier=unit>[n_coordinates] coordinate;
@@ -98,7 +80,6 @@ model {
     stress_observed, segment_end, segment_start, segment_rate, strain_end, strain,
     n_strains_in_segment, strain_of_point, point_strain, point_segment, measured_end,
     strain_of_measured, measured, correlated_residuals,
-    block_end, n_in_block, basis, precision, log_weight, share_spline, length_spline,
     prior_family, prior_location, prior_scale, prior_lower, prior_upper, prior_mass,
     has_flow_law_prior, flow_law_mean, flow_law_factor, flow_law_conditions,
     coordinate_system, shared_parameter, shared_from, own_end, own_parameter, own_position,
@@ -111,8 +92,6 @@ model {
 generated quantities {
 #include charts/parameters_of_tests.stan
   vector[n_tests] log_reference; // ln(S_0/Pa)
-  // epsilon_r and w of each test: its parameters, or drawn where the density is summed over them.
-  array[n_tests] vector[2] residual_correlation;
   // All stresses as the load cell reads them.
   vector[n_points] stress_model; // Pa
   vector[n_points] stress_replicated; // Pa
@@ -148,7 +127,8 @@ generated quantities {
     array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
     array[measured_end[e + 1] - measured_end[e]] int sections = part(measured_end, e);
     real noise = parameter[e][i_stress_noise()];
-    vector[size(points)] residual; // over the noise
+    real correlation_strain = parameter[e][i_residual_correlation_strain()];
+    real share = parameter[e][i_residual_correlated_share()];
     array[strain_end[e + 1] - strain_end[e]] vector[n_states] solution
       = constant_rate_solution(parameter[e], prior_location[e], strain[part(strain_end, e)],
                                n_strains_in_segment[part(segment_end, e)],
@@ -157,34 +137,16 @@ generated quantities {
                                temperature[e], kelvin_law, solver, tolerance, max_num_steps);
     stress_model[points] = stress_reading_factor(parameter[e])
                            * to_vector(solution[strain_of_point[points], 1]);
-    residual = (stress_observed[points] - stress_model[points]) / noise;
-    residual_correlation[e]
-      = parameter[e][{i_residual_correlation_strain(), i_residual_correlated_share()}];
-    if (n_shares > 0) {
-      residual_correlation[e] = correlation_rng(
-        use_likelihood
-        ? log_cell_densities(residual, block_end[e], block_end[e + 1] - block_end[e], n_in_block,
-                             basis, precision, log_weight[e], share_spline, length_spline)
-        : log_mass,
-        residual, use_likelihood, point_strain[points], point_segment[points], log_share_mass,
-        share_edge[e], log_length_edge[e], length_score);
-    }
-    stress_replicated[points]
-      = stress_model[points]
-        + residuals_rng(point_strain[points], point_segment[points], noise,
-                        residual_correlation[e, 1], residual_correlation[e, 2]);
+    stress_replicated[points] = stress_model[points]
+                                + residuals_rng(point_strain[points], point_segment[points],
+                                                noise, correlation_strain, share);
     {
-      matrix[size(points), 2] log_density_of_points
-        = n_shares > 0
-          ? summed_log_densities(residual, point_strain[points], point_segment[points],
-                                 share_node[e], length_node[e], share_spline, length_spline,
-                                 log_mass)
-          : log_densities_of_residuals(residual, 1, correlated_residuals, point_strain[points],
-                                       point_segment[points], residual_correlation[e, 1],
-                                       residual_correlation[e, 2]);
-      log_lik[points] = log_density_of_points[ : , 1] - log(noise);
+      matrix[size(points), 2] log_density_of_points = log_densities_of_residuals(
+        stress_observed[points] - stress_model[points], noise, correlated_residuals,
+        point_strain[points], point_segment[points], correlation_strain, share);
+      log_lik[points] = log_density_of_points[ : , 1];
       if (correlated_residuals) {
-        log_lik_given_others[points] = log_density_of_points[ : , 2] - log(noise);
+        log_lik_given_others[points] = log_density_of_points[ : , 2];
       }
     }
     if (size(sections) > 0) {

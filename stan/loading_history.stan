@@ -29,7 +29,6 @@ functions {
 #include charts/plain.stan
 #include charts/flow_of_hardened.stan
 #include charts/pooling.stan
-#include statistics/summed_correlation.stan
 #include kinds/attenuation_response.stan
 #include charts/valley/pins.stan
 #include charts/valley/least_squares.stan
@@ -43,7 +42,6 @@ data {
 #include data/tests.stan
 #include data/loading_history.stan
 #include data/attenuation.stan
-#include data/summed_correlation.stan
 #include data/priors.stan
 #include data/coordinates.stan
 #include data/valley.stan
@@ -68,21 +66,7 @@ transformed data {
   array[n_tests] vector[n_history_constants()] test;
   array[n_tests] vector[n_parameters()] prior_mass
     = prior_log_masses(prior_family, prior_location, prior_scale, prior_lower, prior_upper);
-  // For the sum over the correlation of residuals (statistics/summed_correlation.stan).
-  int n_blocks = block_end[n_tests + 1];
-  int most = largest_block(n_in_block, n_lengths);
-  array[n_blocks] matrix[n_lengths * most, most] basis
-    = correlation_bases(point_time, point_end, block_end, n_in_block, length_node);
-  array[n_blocks] matrix[n_shares, n_lengths * most] precision
-    = correlation_precisions(point_time, point_end, block_end, n_in_block, share_node,
-                             length_node);
-  matrix[n_share_cells, n_length_cells] log_mass
-    = log_cell_masses(log_share_mass, log_length_mass);
-  array[n_tests] matrix[n_share_cells, n_length_cells] log_weight;
   for (e in 1 : n_tests) {
-    log_weight[e] = log_mass
-                    + log_cell_weights(n_in_block, part(block_end, e), precision, share_spline,
-                                       length_spline);
     test[e] = history_constants(prior_location[e], initial_grain_size[e], stress_scale[e],
                                 strain_scale[e], kelvin_law);
     fixed[part(leg_end, e)] = fixed_rates(prior_location[e], leg[part(leg_end, e)],
@@ -138,14 +122,12 @@ model {
         array[measured_end[e + 1] - measured_end[e]] int sections = part(measured_end, e);
 #include kinds/loading_history_response.stan
         // Residuals over their standard deviations, so that stress and strain have one process.
-        target += test_residuals_log_density((response_observed[points] - response) ./ noise,
-                                        correlated_residuals, point_time[points],
-                                        point_stage[points],
-                                        parameter[e][i_residual_correlation_time()],
-                                        parameter[e][i_residual_correlated_share()],
-                                        block_end[e], block_end[e + 1] - block_end[e],
-                                        n_in_block, basis, precision, log_weight[e],
-                                        share_spline, length_spline)
+        target += stress_log_density(rep_vector(0, size(points)),
+                                     (response - response_observed[points]) ./ noise, 1,
+                                     correlated_residuals, point_time[points],
+                                     point_stage[points],
+                                     parameter[e][i_residual_correlation_time()],
+                                     parameter[e][i_residual_correlated_share()])
                   - sum(log(noise));
         if (size(sections) > 0) {
           target += sum(microstructure_log_densities(
@@ -159,8 +141,6 @@ model {
   }
 }
 generated quantities {
-  // tau_r and w of each test: its parameters, or drawn where the density is summed over them.
-  array[n_tests] vector[2] residual_correlation;
   vector[n_points] response_model; // Pa or 1; of tables ln(tan delta), ln(modulus / Pa)
   vector[n_points] response_replicated;
   vector[n_points] log_lik; // of each point given those before it
@@ -191,8 +171,6 @@ generated quantities {
   for (e in 1 : n_tests) {
     array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
     array[measured_end[e + 1] - measured_end[e]] int sections = part(measured_end, e);
-    residual_correlation[e]
-      = parameter[e][{i_residual_correlation_time(), i_residual_correlated_share()}];
     if (row_end[e + 1] > row_end[e]) {
 #include kinds/attenuation_readings.stan
       response_model[points] = read;
@@ -202,33 +180,18 @@ generated quantities {
         log_lik_given_others[points] = log_density_of_readings; // a table's never are
       }
     } else {
+      real correlation_time = parameter[e][i_residual_correlation_time()];
+      real share = parameter[e][i_residual_correlated_share()];
 #include kinds/loading_history_response.stan
-      vector[size(points)] residual = (response_observed[points] - response) ./ noise;
-      if (n_shares > 0) {
-        residual_correlation[e] = correlation_rng(
-          use_likelihood
-          ? log_cell_densities(residual, block_end[e], block_end[e + 1] - block_end[e],
-                               n_in_block, basis, precision, log_weight[e], share_spline,
-                               length_spline)
-          : log_mass,
-          residual, use_likelihood, point_time[points], point_stage[points], log_share_mass,
-          share_edge[e], log_length_edge[e], length_score);
-      }
       response_model[points] = response;
       response_replicated[points]
         = response_model[points]
           + noise
-            .* residuals_rng(point_time[points], point_stage[points], 1,
-                             residual_correlation[e, 1], residual_correlation[e, 2]);
+            .* residuals_rng(point_time[points], point_stage[points], 1, correlation_time, share);
       {
-        matrix[size(points), 2] log_density_of_points
-          = n_shares > 0
-            ? summed_log_densities(residual, point_time[points], point_stage[points],
-                                   share_node[e], length_node[e], share_spline, length_spline,
-                                   log_mass)
-            : log_densities_of_residuals(residual, 1, correlated_residuals, point_time[points],
-                                         point_stage[points], residual_correlation[e, 1],
-                                         residual_correlation[e, 2]);
+        matrix[size(points), 2] log_density_of_points = log_densities_of_residuals(
+          (response_observed[points] - response_model[points]) ./ noise, 1, correlated_residuals,
+          point_time[points], point_stage[points], correlation_time, share);
         log_lik[points] = log_density_of_points[ : , 1] - log(noise);
         if (correlated_residuals) {
           log_lik_given_others[points] = log_density_of_points[ : , 2] - log(noise);

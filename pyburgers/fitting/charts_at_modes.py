@@ -15,8 +15,6 @@ from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited, likelihood_
 from pyburgers.kinds.problem import Problem
 from pyburgers.kinds.program_data import chart_block, program_data, solve, values_of_test
 from pyburgers.kinds.stan_data import Mode, SolverOptions, StanData, solver_block, solver_in
-from pyburgers.kinds.summed_correlation import CORRELATION
-from pyburgers.model.parameters import CORRELATED_SHARE
 from pyburgers.sampling.manifest import OtherMode
 from pyburgers.sampling.modes import START_ATTEMPTS, draw_around, modes_beside_the_highest
 
@@ -268,19 +266,11 @@ def _ends(problem: Problem, density: Density, *, seed: int) -> tuple[Density, li
 def _modes_of_tests(problem: Problem, end: Ending) -> tuple[Mode, ...]:
     """Return the mode of each test where a climb has ended."""
     plain = _plain_of_tests(problem, end.place, end.variables["log_reference"])
+    values = end.variables["parameter"]
     return tuple(
-        Mode(_values_at(problem, end, e), own, end.place[places])
+        Mode(values_of_test(values, e), own, end.place[places])
         for e, (own, places) in enumerate(zip(plain, problem.layout.errors, strict=True))
     )
-
-
-def _values_at(problem: Problem, end: Ending, test: int) -> dict[str, float]:
-    """Return the parameters of a test where a climb has ended; what is summed over is drawn."""
-    values = values_of_test(end.variables["parameter"], test)
-    for name in problem.summed:
-        drawn = end.variables[CORRELATION][problem.carrier(name, test)]
-        values[name] = float(drawn[int(name == CORRELATED_SHARE)])
-    return values
 
 
 def _best_prior_draws(problem: Problem, density: Density, *, seed: int) -> list[FloatArray]:

@@ -27,7 +27,6 @@ from pyburgers.kinds.problem import one_test
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
-from pyburgers.model.pooling import NOTHING_SUMMED
 from pyburgers.model.priors import PriorSet
 from pyburgers.posterior.groups import drawn_at_points, grid_group, groups_at_points
 from pyburgers.posterior.labelled_draws import label_draws
@@ -118,7 +117,7 @@ def predict_test(
     priors, law_notes = transfer_laws(
         bounds_around(values, source.problem.priors[0]), source.problem, experiment
     )
-    problem = one_test(experiment, priors, NOTHING_SUMMED)
+    problem = one_test(experiment, priors)
     (coordinates,) = problem.coordinates
     rows = np.column_stack(
         [

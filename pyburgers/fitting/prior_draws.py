@@ -13,7 +13,6 @@ from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import one_test
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions
-from pyburgers.model.pooling import NOTHING_SUMMED
 from pyburgers.model.priors import PriorSet
 
 UNCUT = 50.0
@@ -93,7 +92,7 @@ def prior_draws(
         for name, prior in priors.priors.items()
     }
     test = experiment if experiment.n_points else kind_of(experiment).without_data(experiment)
-    problem = one_test(test, _each_by_itself(priors), NOTHING_SUMMED)
+    problem = one_test(test, _each_by_itself(priors))
     (coordinates,) = problem.coordinates
     rows = np.column_stack(
         [

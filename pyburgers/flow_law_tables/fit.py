@@ -41,7 +41,7 @@ from pyburgers.flow_law_tables.inputs import (
 )
 from pyburgers.flow_law_tables.softening import N_SOFTENING, SofteningPrior, softening_prior
 from pyburgers.kinds.experiment import Provenance
-from pyburgers.kinds.plain_coordinates import coordinates_through
+from pyburgers.kinds.problem import coordinates_through
 from pyburgers.kinds.program_data import prior_block
 from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE, PlainCoordinates, StanData
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, PRIOR_QUANTITIES, FlowLawPrior

@@ -225,19 +225,6 @@ def likelihood_of(experiment: Experiment) -> Likelihood[Any]:
     return likelihoods()[experiment.protocol]
 
 
-def correlated_blocks(experiment: Experiment) -> list[int]:
-    """Return how many readings there are in each part of a test within which residuals correlate.
-
-    There are none where the law of residuals cannot be chosen.
-    """
-    if "residuals" in experiment.laws:
-        return []
-    segment, _ = likelihood_of(experiment).along(experiment)["segment"]
-    _, sizes = np.unique(segment, return_counts=True)
-    found: list[int] = sizes.tolist()
-    return found
-
-
 def strains_of(measured: Sequence[MeasuredMicrostructure]) -> FloatArray:
     """Return the strains (fraction) that were measured at, NaN where a time stands for one."""
     return np.array([one.strain for one in measured], dtype=np.float64)

@@ -5,38 +5,29 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeVar
 
+import numpy as np
+
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.experiment import (
     CONDITION_KEYS,
     Experiment,
     Stated,
 )
-from pyburgers.kinds.likelihood import (
-    Likelihood,
-    correlated_blocks,
-    likelihood_of,
-    likelihoods,
-)
-from pyburgers.kinds.plain_coordinates import coordinates_through
+from pyburgers.kinds.likelihood import Likelihood, likelihood_of, likelihoods
 from pyburgers.kinds.stan_data import Layout, PlainCoordinates, layout_of
 from pyburgers.model.parameters import (
     CONDITIONS,
     PARAMETER_BY_NAME,
     RESIDUAL_CORRELATION,
+    Parameter,
 )
-from pyburgers.model.pooling import NOTHING_SUMMED, SEPARATE, Pooling
+from pyburgers.model.pooling import SEPARATE, Pooling
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import WITHOUT_EFFECT, check_variant, variant_of
 
 HISTORIES, TABLES = "loading_history", "attenuation"
 """Protocols that one program takes together."""
-
-MOST_SUMMED = 250
-"""Readings of a part up to which it pays to sum over how its residuals correlate.
-
-With 148 readings the sum takes 0.15 ms of a gradient and 30 ms at the start of a program. These
-grow as the square and the cube of their number."""
 
 
 @dataclass(frozen=True)
@@ -101,11 +92,8 @@ class Problem:
 
     def has_effect(self, name: str, test: int) -> bool:
         """Return whether a test (from 0) feels a parameter; if not it carries another's value."""
-        return self.carrier(name, test) == test
-
-    def carrier(self, name: str, test: int) -> int:
-        """Return the test (from 0) whose value of a parameter a test carries, mostly its own."""
-        return self._carried.get(name, range(len(self.experiments)))[test]
+        sources = self._carried.get(name)
+        return sources is None or sources[test] == test
 
     @property
     def _apparatus(self) -> dict[str, list[int]]:
@@ -135,34 +123,10 @@ class Problem:
         return {**self._apparatus, **self._carried}
 
     @cached_property
-    def summed(self) -> tuple[str, ...]:
-        """Names of inferred parameters that have no coordinates: the program sums over them.
-
-        That is how residuals correlate, where each test has values of its own.
-        """
-        names = [name for name in RESIDUAL_CORRELATION if name in self.free]
-        apart = all(self.pooling.kinds[name] == "separate" for name in names)
-        sizes = [n for experiment in self.experiments for n in correlated_blocks(experiment)]
-        return tuple(names) if apart and max(sizes, default=0) <= MOST_SUMMED else ()
-
-    @cached_property
-    def coordinate_priors(self) -> tuple[PriorSet, ...]:
-        """Priors of each test in which parameters without a coordinate are known."""
-        return tuple(
-            own.exchanging(
-                *(
-                    fixed_prior(PARAMETER_BY_NAME[name], own[name].location, "summed over")
-                    for name in self.summed
-                )
-            )
-            for own in self.priors
-        )
-
-    @cached_property
     def layout(self) -> Layout:
         """Which coordinate stands for what."""
         return layout_of(
-            self.coordinate_priors[0].free,
+            self.free,
             len(self.experiments),
             self.pooling,
             [experiment.n_driving_errors for experiment in self.experiments],
@@ -177,15 +141,11 @@ class Problem:
     @property
     def coordinates(self) -> tuple[PlainCoordinates, ...]:
         """Plain coordinates of each test by itself; all stand for the same parameters."""
-        return tuple(map(plain_coordinates, self.experiments, self.coordinate_priors))
+        return tuple(map(plain_coordinates, self.experiments, self.priors))
 
     def alone(self) -> "tuple[Problem, ...]":
-        """Return each test by itself, with its resolved priors and the same coordinates."""
-        pooling = SEPARATE if self.summed else NOTHING_SUMMED
-        return tuple(
-            one_test(experiment, own, pooling)
-            for experiment, own in zip(self.experiments, self.priors, strict=True)
-        )
+        """Return each test by itself, with its resolved priors."""
+        return tuple(map(one_test, self.experiments, self.priors))
 
     def by_effect(self) -> tuple[PriorSet, ...]:
         """Return the priors of each test, those of parameters without effect in it as known."""
@@ -243,9 +203,9 @@ class Problem:
         )
 
 
-def one_test(experiment: Experiment, priors: PriorSet, pooling: Pooling = SEPARATE) -> Problem:
+def one_test(experiment: Experiment, priors: PriorSet) -> Problem:
     """Return a test by itself with its resolved priors; nothing is checked, it may lack data."""
-    return Problem((experiment,), priors, (priors,), pooling)
+    return Problem((experiment,), priors, (priors,), SEPARATE)
 
 
 def problem_of(
@@ -325,6 +285,37 @@ def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordina
     likelihood = likelihood_of(experiment)
     origin = likelihood.reference_origin(experiment)
     return coordinates_through(priors, likelihood.reference, *origin)
+
+
+def coordinates_through(
+    priors: PriorSet, reference: Parameter, origin: float, size: float
+) -> PlainCoordinates:
+    """Choose plain coordinates of free parameters, a point of the flow law among them.
+
+    It replaces Q_M, or beta if two finite bounds of Q_M would cut the replaced one obliquely.
+    """
+    replaced = next(
+        (
+            name
+            for name in ("activation_enthalpy", "beta")
+            if not priors[name].is_fixed
+            and not (np.isfinite(priors[name].lower) and np.isfinite(priors[name].upper))
+        ),
+        None,
+    )
+    rows = []
+    for name in priors.free:
+        prior = priors[name]
+        if name == replaced:
+            rows.append((reference.name, origin, size, -np.inf, np.inf))
+        elif prior.family == "lognormal":
+            # Its scale is that of the logarithm; the median sets the size.
+            rows.append((name, 0.0, prior.location, prior.lower, prior.upper))
+        else:
+            rows.append((name, prior.location, prior.scale, prior.lower, prior.upper))
+    quantities = tuple(row[0] for row in rows)
+    numbers = np.array([row[1:] for row in rows], dtype=np.float64).reshape(len(rows), 4)
+    return PlainCoordinates(quantities, tuple(priors.free), *numbers.T)
 
 
 def _check_test(experiment: Experiment, first: Experiment, priors: PriorSet) -> None:

@@ -27,7 +27,6 @@ from pyburgers.kinds.stan_data import (
     ends,
     solver_block,
 )
-from pyburgers.kinds.summed_correlation import blocks_block, grid_block
 from pyburgers.model.flow_law_prior import FlowLawPrior
 from pyburgers.model.kelvin_laws import nonlinear_kelvin_law
 from pyburgers.model.parameters import (
@@ -65,7 +64,6 @@ def program_data(
     return {
         **with_grids({}, problem.experiments, grids),
         **_prior_block(problem, layout),
-        **correlation_block(problem),
         **flow_law_block(problem.priors[0].flow_law),
         **_coordinate_block(problem, layout),
         **chart_block(problem),
@@ -84,21 +82,8 @@ def tests_block(problem: Problem, *, use_likelihood: bool) -> StanData:
         "point_end": ends(e.n_points for e in experiments),
         "use_likelihood": int(use_likelihood),
         **problem.likelihood.tests_block(experiments, problem.priors),
-        **(blocks_block(experiments) if _may_correlate(problem) else {}),
         "kelvin_law": nonlinear_kelvin_law(own.priors for own in problem.priors),
     }
-
-
-def correlation_block(problem: Problem) -> StanData:
-    """Return the grid over which the program sums, none of a program that knows no correlation."""
-    if not _may_correlate(problem):
-        return {}
-    return grid_block(problem.experiments[0], problem.priors, is_summed=bool(problem.summed))
-
-
-def _may_correlate(problem: Problem) -> bool:
-    """Whether the program knows residuals that correlate."""
-    return "residuals" not in problem.experiments[0].laws
 
 
 def with_grids(
@@ -179,7 +164,7 @@ def _prior_block(problem: Problem, layout: Layout) -> StanData:
     """Return the part of the block `stan/data/priors.stan` that differs between problem."""
     rows = [
         prior_block(_as_solved(priors, experiment), PROGRAM_PARAMETERS)
-        for priors, experiment in zip(problem.coordinate_priors, problem.experiments, strict=True)
+        for priors, experiment in zip(problem.priors, problem.experiments, strict=True)
     ]
     own = np.zeros((layout.n_tests, len(PROGRAM_PARAMETERS)), dtype=bool)
     for row, places in zip(own, layout.own, strict=True):

@@ -237,13 +237,10 @@ CONDITION_PARAMETERS: tuple[Parameter, ...] = (
 )
 """Errors of the conditions of a test; their priors come from its file, not from the material's."""
 
-CORRELATED_SHARE = "residual_correlated_share"
-"""Share w of the variance of residuals that correlates."""
-
 RESIDUAL_CORRELATION = (
     "residual_correlation_strain",
     "residual_correlation_time",
-    CORRELATED_SHARE,
+    "residual_correlated_share",
 )
 """Parameters of how residuals hang together."""
 

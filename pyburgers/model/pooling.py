@@ -9,12 +9,7 @@ from types import MappingProxyType
 from typing import Any, Literal, get_args
 
 from pyburgers.common.errors import InputError, nearest
-from pyburgers.model.parameters import (
-    CONDITIONS,
-    CONSTANTS,
-    PROGRAM_PARAMETERS,
-    RESIDUAL_CORRELATION,
-)
+from pyburgers.model.parameters import CONDITIONS, CONSTANTS, PROGRAM_PARAMETERS
 
 Sharing = Literal["shared", "partial", "separate"]
 
@@ -76,12 +71,6 @@ class Pooling:
 
 SEPARATE = Pooling(MappingProxyType(dict.fromkeys(DEFAULT_KINDS, "separate")), MappingProxyType({}))
 """Tests that know nothing of each other, or one by itself."""
-
-NOTHING_SUMMED = Pooling(
-    MappingProxyType({**SEPARATE.kinds, **dict.fromkeys(RESIDUAL_CORRELATION, "shared")}),
-    MappingProxyType({}),
-)
-"""One by itself in which how residuals correlate has coordinates, as where tests share it."""
 
 
 def pooling_of(options: Mapping[str, str] | None = None) -> Pooling:

@@ -17,8 +17,7 @@ from pyburgers.kinds.likelihood import Likelihood, likelihood_of
 from pyburgers.kinds.problem import Problem
 from pyburgers.kinds.program_data import with_grids
 from pyburgers.kinds.stan_data import CENTRE, REFERENCE_SOLVER, SPREAD, StanData, solver_block
-from pyburgers.kinds.summed_correlation import CORRELATION
-from pyburgers.model.parameters import CORRELATED_SHARE, PARAMETER_BY_NAME, PLACE
+from pyburgers.model.parameters import PARAMETER_BY_NAME, PLACE
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of
 from pyburgers.posterior.groups import (
@@ -175,8 +174,7 @@ def _draws_of_tests(
     fit: Draws, problem: Problem, chains: Mapping[str, list[int]]
 ) -> dict[str, xr.Dataset]:
     """Labelled draws of the parameters of each test."""
-    names = ["parameter", "log_reference", *([CORRELATION] if problem.summed else [])]
-    columns = fit.dataset(names).assign_coords(chains)
+    columns = fit.dataset(["parameter", "log_reference"]).assign_coords(chains)
     reference = problem.likelihood.reference
     found = {}
     tests = zip(problem.experiments, problem.by_effect(), strict=True)
@@ -185,12 +183,6 @@ def _draws_of_tests(
         values = {
             name: own.isel(parameter_dim_1=PLACE[name] - 1, drop=True) for name in priors.priors
         }
-        for name in problem.summed:
-            place = (problem.carrier(name, e), int(name == CORRELATED_SHARE))
-            dimensions = (f"{CORRELATION}_dim_0", f"{CORRELATION}_dim_1")
-            values[name] = columns[CORRELATION].isel(
-                dict(zip(dimensions, place, strict=True)), drop=True
-            )
         logarithm = columns["log_reference"].isel(log_reference_dim_0=e, drop=True)
         draws = xr.Dataset({**values, reference.name: np.exp(logarithm)})
         parameters = (PARAMETER_BY_NAME[name] for name in priors.priors)

@@ -29,7 +29,7 @@ from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate, simulate_data
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import Problem, one_test
-from pyburgers.kinds.program_data import correlation_block, given_parameters, program_data
+from pyburgers.kinds.program_data import given_parameters, program_data
 from pyburgers.kinds.stan_data import CENTRE, SPREAD, SolverOptions
 from pyburgers.model.parameters import CONDITIONS
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, shipped_prior_files
@@ -309,8 +309,8 @@ def rank_truth(
     draws = result.posterior["posterior"].to_dataset()
     solver, problem = SolverOptions(**result.manifest["solver"]), simulated.problem
     truths = [
-        _at_truth(own, driven, solver)
-        for own, driven in zip(problem.alone(), template.experiments, strict=True)
+        _at_truth(experiment, driven, solver)
+        for experiment, driven in zip(problem.experiments, template.experiments, strict=True)
     ]
     found = free_parameters(result.posterior)
     # Place of the true value, and the name to rank it by.
@@ -337,18 +337,15 @@ def rank_truth(
     }
 
 
-def _at_truth(simulated: Problem, driven: Experiment, solver: SolverOptions) -> dict[str, float]:
-    """Return true parameters, reference quantity and log likelihood of a simulated test.
-
-    The likelihood is the one that is sampled, with what is summed over summed over.
-    """
-    (experiment,) = simulated.experiments
+def _at_truth(
+    experiment: Experiment, driven: Experiment, solver: SolverOptions
+) -> dict[str, float]:
+    """Return true parameters, reference quantity and log likelihood of simulated data."""
     values = experiment.true_parameters
     assert values is not None  # simulated
     likelihood = likelihood_of(experiment)
     given = given_parameters(experiment.material, values)
     data = program_data(one_test(experiment, given), solver=solver)
-    data |= correlation_block(simulated)
     error = experiment.driving_error(driven)
     draw = load_program(likelihood.program).evaluate(data, {"coordinate": error.tolist()})
     return {

@@ -30,10 +30,6 @@ real constant_rate_log_density(
     data array[] int n_strains_in_segment, data array[] int strain_of_point,
     data vector point_strain, data array[] int point_segment, data array[] int measured_end,
     data array[] int strain_of_measured, data matrix measured, data int correlated_residuals,
-    // data/summed_correlation.stan, with what the sum is set up with
-    data array[] int block_end, data array[] int n_in_block, data array[] matrix basis,
-    data array[] matrix precision, data array[] matrix log_weight, data matrix share_spline,
-    data matrix length_spline,
     // data/priors.stan, with the masses that truncation leaves
     data array[,] int prior_family, data array[] vector prior_location,
     data array[] vector prior_scale, data array[] vector prior_lower,
@@ -77,17 +73,13 @@ real constant_rate_log_density(
                                           segment_rate[part(segment_end, e)],
                                           initial_grain_size[e], temperature[e],
                                           kelvin_law, solver, tolerance, max_num_steps);
-      log_density += test_residuals_log_density((stress_observed[points]
-                                            - stress_reading_factor(value)
-                                              * to_vector(solution[strain_of_point[points], 1]))
-                                           / value[i_stress_noise()],
-                                           correlated_residuals, point_strain[points],
-                                           point_segment[points],
-                                           value[i_residual_correlation_strain()],
-                                           value[i_residual_correlated_share()], block_end[e],
-                                           block_end[e + 1] - block_end[e], n_in_block, basis,
-                                           precision, log_weight[e], share_spline, length_spline)
-                     - size(points) * log(value[i_stress_noise()]);
+      log_density += stress_log_density(stress_observed[points],
+                                        stress_reading_factor(value)
+                                        * to_vector(solution[strain_of_point[points], 1]),
+                                        value[i_stress_noise()], correlated_residuals,
+                                        point_strain[points], point_segment[points],
+                                        value[i_residual_correlation_strain()],
+                                        value[i_residual_correlated_share()]);
       if (size(sections) > 0) {
         array[size(sections)] int places = strain_of_measured[sections];
         log_density += sum(microstructure_log_densities(

@@ -46,5 +46,6 @@
         + residuals_rng(to_vector(grid_strain[here]),
                         segment_of_outputs(n_grid_in_segment[part(segment_end, e)]),
                         parameter[e][i_stress_noise()],
-                        residual_correlation[e, 1], residual_correlation[e, 2]);
+                        parameter[e][i_residual_correlation_strain()],
+                        parameter[e][i_residual_correlated_share()]);
   }

@@ -36,7 +36,8 @@
     {
       vector[size(here)] residual
         = residuals_rng(grid_time[here], grid_stage[here], 1,
-                        residual_correlation[e, 1], residual_correlation[e, 2]);
+                        parameter[e][i_residual_correlation_time()],
+                        parameter[e][i_residual_correlated_share()]);
       grid_stress_replicated[here] = grid_stress[here]
                                      + parameter[e][i_stress_noise()] * residual;
       grid_strain_replicated[here] = grid_strain[here]

@@ -45,18 +45,23 @@ matrix correlated_part_given_before(vector residual, data vector strain,
 }
 
 /**
- * Joint log density of residuals over s.
+ * Joint log density of observed stresses.
  *
+ * @param observed, predicted Pa
  * @param correlated 0: residuals are independent, and strain, epsilon_r and w have no effect
+ * @param stress_noise s, Pa
  */
-real residuals_log_density(vector residual, data int correlated, data vector strain,
-                           data array[] int segment, real correlation_strain, real share) {
+real stress_log_density(data vector observed, vector predicted, real stress_noise,
+                        data int correlated, data vector strain, data array[] int segment,
+                        real correlation_strain, real share) {
   if (correlated) {
-    matrix[num_elements(residual), 2] part
+    vector[num_elements(observed)] residual = observed - predicted;
+    matrix[num_elements(observed), 2] part
       = correlated_part_given_before(residual, strain, segment, correlation_strain, share);
-    return normal_lpdf(residual | part[ : , 1], sqrt(part[ : , 2] + 1 - share));
+    return normal_lpdf(residual | part[ : , 1],
+                       stress_noise * sqrt(part[ : , 2] + 1 - share));
   }
-  return std_normal_lpdf(residual);
+  return normal_lpdf(observed | predicted, stress_noise);
 }
 
 /**

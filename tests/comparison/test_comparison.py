@@ -311,7 +311,7 @@ def wrong_fit(small_problem: Problem, tmp_path_factory: pytest.TempPathFactory) 
     assert truth is not None
     priors = with_fixed(small_problem.priors, {"kelvin_modulus": 3 * truth["kelvin_modulus"]})
     out = tmp_path_factory.mktemp("wrong") / "run"
-    return fit(small_problem.experiment, priors, out=out, options=replace(LONG_RUN, draws=400))
+    return fit(small_problem.experiment, priors, out=out, options=LONG_RUN)
 
 
 def test_the_model_behind_the_data_predicts_them_better(long_fit: Fit, wrong_fit: Fit) -> None:

@@ -13,11 +13,9 @@ import xarray as xr
 from conftest import ICE, SMALL_RUN, Problem, with_fixed
 from scipy import stats
 from stan_data import one_test_data
-from summed_oracle import summed_density
 
 from pyburgers.checks.description import check_coverage
 from pyburgers.checks.fit_checks import CheckedDraws
-from pyburgers.cmdstan.draw_files import read_draws
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare, leave_one_out, leave_out_exactly
@@ -521,19 +519,8 @@ def test_a_run_keeps_its_variant(correlated_fit: Fit) -> None:
     assert "residual_correlation_strain" in loaded.summary("SI").index
 
 
-def test_what_the_program_sums_over_is_drawn(correlated_fit: Fit) -> None:
-    """Labelled draws of the correlation are those of the program; it has no coordinates."""
-    files = read_draws(correlated_fit.directory.draws_files())
-    draws = dataset(correlated_fit, "posterior")
-    for k, name in enumerate(("residual_correlation_strain", "residual_correlated_share")):
-        np.testing.assert_array_equal(draws[name], files["residual_correlation"][..., 0, k])
-        assert name not in correlated_fit.problem.layout.names
-        assert draws[name].attrs["fixed"] == 0
-        assert draws[name].std() > 0
-
-
 def test_leave_one_out_uses_the_density_given_all_others(correlated_fit: Fit) -> None:
-    """Of the residuals of one draw: what the fit kept, against dense covariances."""
+    """Of the residuals of one draw: what the fit kept, against a dense precision matrix."""
     experiment = correlated_fit.experiment
     assert isinstance(experiment, ConstantRateExperiment)
     draws = dataset(correlated_fit, "posterior").isel(chain=0, draw=3)
@@ -542,22 +529,21 @@ def test_leave_one_out_uses_the_density_given_all_others(correlated_fit: Fit) ->
     solution = simulate(
         experiment, values, at=experiment.strain, solver=SolverOptions(tolerance=tolerance)
     )
-    noise = values["stress_noise"]
-    residual = (experiment.stress - solution["stress_Pa"].to_numpy()) / noise
-    data = correlated_fit.directory.read_stan_data()
-    assert 0 < values["residual_correlated_share"] < 1
-
-    def summed(known: npt.NDArray[np.bool_]) -> float:
-        segment = [0] * int(known.sum())
-        found = summed_density(data, residual[known], experiment.strain[known], segment)
-        return found - len(segment) * float(np.log(noise))
-
-    joint = summed(np.ones(residual.size, dtype=np.bool_))
+    residual = experiment.stress - solution["stress_Pa"].to_numpy()
+    distance = np.abs(experiment.strain[:, None] - experiment.strain)
+    correlation = np.exp(-distance / values["residual_correlation_strain"])
+    share = values["residual_correlated_share"]
+    assert 0 < share < 1
+    covariance = values["stress_noise"] ** 2 * (
+        share * correlation + (1 - share) * np.eye(residual.size)
+    )
+    precision = np.linalg.inv(covariance)
+    sd = np.diag(precision) ** -0.5
+    given_others = stats.norm.logpdf(precision @ residual * sd**2, 0.0, sd)
     kept = dataset(correlated_fit, CORRELATED)["stress"].isel(chain=0, draw=3)
-    for k in (0, residual.size // 2):
-        others = np.arange(residual.size) != k
-        assert float(kept[k]) == pytest.approx(joint - summed(others), abs=1e-3)
+    np.testing.assert_allclose(kept, given_others, atol=1e-3)
     before = dataset(correlated_fit, "log_likelihood")["stress"].isel(chain=0, draw=3)
+    joint = stats.multivariate_normal.logpdf(residual, np.zeros(residual.size), covariance)
     assert float(before.sum()) == pytest.approx(joint, abs=1e-2)
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pyburgers.common.array_types import FloatArray
 from pyburgers.common.draws import all_draws
 from pyburgers.common.units import counted, with_error
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
@@ -117,25 +116,24 @@ def mechanism_figures(fit: RateFit) -> tuple[PageFigure, ...]:
 
 
 def _law_text(fit: RateFit) -> str:
-    """Say which mechanisms there are, with n and Q of each, at the rows' mean conditions."""
+    """Say which mechanisms there are, with n and Q (kJ/mol) of each, and who decided these."""
+    summary = fit.summary("SI")
     draws = fit.posterior["posterior"].to_dataset()
-    parts = []
-    for mechanism in fit.law.mechanisms:
-        n, enthalpy = (
-            all_draws(draws[f"{name}[{mechanism.name}]"])
-            for name in ("stress_exponent", "activation_enthalpy")
-        )
-        parts.append(
-            f"{mechanism.name.replace('_', ' ')} has n = {_mean_and_sd(n)} and Q = "
-            f"{_mean_and_sd(enthalpy * 1e-3)} kJ/mol"
-        )
+
+    def shown(name: str, factor: float = 1.0, unit: str = "") -> str:
+        values = all_draws(draws[name]) * factor
+        if name not in summary.index:
+            return f"{values[0]:g}{unit} (given)"
+        decided = str(summary.at[name, "decided_by"])
+        number = with_error(float(np.mean(values)), float(np.std(values))) + unit
+        return number if decided == "data" else f"{number} (decided by: {decided})"
+
+    parts = [
+        f"{one.name.replace('_', ' ')} has n = {shown(f'stress_exponent[{one.name}]')} and "
+        f"Q = {shown(f'activation_enthalpy[{one.name}]', 1e-3, ' kJ/mol')}"
+        for one in fit.law.mechanisms
+    ]
     return f"{fit.law.priors.title}: {'; '.join(parts)}."
-
-
-def _mean_and_sd(draws: FloatArray) -> str:
-    if np.ptp(draws) == 0:
-        return f"{draws[0]:g} (given)"
-    return with_error(float(np.mean(draws)), float(np.std(draws)))
 
 
 def law_table(fit: RateFit) -> pd.DataFrame:

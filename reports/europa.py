@@ -18,6 +18,7 @@ import pandas as pd
 import xarray as xr
 from common import BLUE, DATA, GREY, VERMILION, BoolArray, FloatArray, draw_band
 from matplotlib.figure import Figure
+from scipy.constants import gas_constant
 
 import pyburgers
 from pyburgers import PageFigure, PageSection, PageTable, RateFit, Regime, SamplerOptions, style
@@ -102,7 +103,7 @@ def complex_moduli(rates: xr.Dataset, temperature: FloatArray, stress: float) ->
     found = np.empty(log_rate.shape, dtype=complex)
     for k, kelvins in enumerate(temperature):
         # With Q = 1 J/mol the flow law has the draw's rate at the tide's stress if beta is this.
-        beta = log_rate[:, k] - exponent[:, k] * np.log(stress) + 1.0 / (8.314462618 * kelvins)
+        beta = log_rate[:, k] - exponent[:, k] * np.log(stress) + 1.0 / (gas_constant * kelvins)
         spectrum = pyburgers.attenuation_spectrum(
             {
                 "maxwell_modulus": np.full(len(beta), 2.0 * (1.0 + POISSON_RATIO) * SHEAR_MODULUS),

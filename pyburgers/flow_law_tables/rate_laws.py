@@ -136,8 +136,8 @@ def without_idle(law: RateLaw, *, sources: bool, steady: Sequence[int]) -> RateL
 
 
 class _ReferenceTable(Table):
-    temperature_K: float = Field(gt=0, description="in kelvin")  # noqa: N815
-    stress_MPa: float = Field(gt=0, description="differential stress in MPa")  # noqa: N815
+    temperature_K: float = Field(gt=0, description="in kelvin")  # noqa: N815 - a unit
+    stress_MPa: float = Field(gt=0, description="differential stress in MPa")  # noqa: N815 - a unit
     grain_size_mm: float = Field(gt=0, description="mean grain size in mm")
 
 
@@ -146,7 +146,7 @@ class _MechanismTable(Table):
     in_series_with: str | None = Field(
         None, description="an earlier mechanism of the same process; default a process of its own"
     )
-    premelting_temperature_K: float | None = Field(  # noqa: N815
+    premelting_temperature_K: float | None = Field(  # noqa: N815 - a unit
         None, gt=0, description="the temperature above which the activation enthalpy is another one"
     )
     parameters: dict[str, PriorTable] = Field(

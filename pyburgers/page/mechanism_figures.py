@@ -13,6 +13,8 @@ from pyburgers.drawing.panels import figure_of
 from pyburgers.drawing.style import BLUE, GREEN, ORANGE, PURPLE, VERMILION
 from pyburgers.flow_law_tables.mechanism_maps import (
     NATURAL_CONDITIONS,
+    NEAR_FACTOR,
+    NEAR_KELVIN,
     MechanismMap,
     NaturalConditions,
 )
@@ -77,12 +79,12 @@ def _draw_map(axes: Axes, used: RateTable, found: MechanismMap) -> None:
         axes.set_xscale("log")
         axes.set_xlabel(f"grain size ({LENGTH_UNIT})")
         axes.set_title(f"{found.temperature[0]:.0f} K", loc="left")
-        shown, at = np.abs(used.temperature - found.temperature[0]) <= 10.0, used.grain_size
+        shown, at = np.abs(used.temperature - found.temperature[0]) <= NEAR_KELVIN, used.grain_size
         places = at * LENGTH_FACTOR
     else:
         axes.set_xlabel("temperature (K)")
         axes.set_title(f"{found.grain_size[0] * LENGTH_FACTOR:.3g} {LENGTH_UNIT}", loc="left")
-        shown = np.abs(np.log(used.grain_size / found.grain_size[0])) <= np.log(3.0)
+        shown = np.abs(np.log(used.grain_size / found.grain_size[0])) <= np.log(NEAR_FACTOR)
         places = used.temperature
     axes.plot(places[shown], used.stress[shown] * STRESS_FACTOR, ".", color="black", markersize=3)
     axes.set_ylabel(f"stress ({STRESS_UNIT})")

@@ -11,6 +11,7 @@ from pyburgers.common.units import counted, with_error
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import draw_band, draw_dots, figure_of
 from pyburgers.drawing.style import BLUE, GREEN, MARKERS, ORANGE, PURPLE, VERMILION
+from pyburgers.flow_law_tables.mechanism_maps import NEAR_FACTOR
 from pyburgers.flow_law_tables.rate_data import lines
 from pyburgers.flow_law_tables.rate_fit import RateFit
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_FACTOR, STRESS_UNIT
@@ -105,8 +106,8 @@ def mechanism_figures(fit: RateFit) -> tuple[PageFigure, ...]:
     def drawn() -> Figure:
         sizes = fit.used.grain_size[np.isfinite(fit.used.grain_size)]
         maps = [fit.mechanism_map()]
-        if sizes.size and sizes.max() > 3.0 * sizes.min():
-            across = np.geomspace(sizes.min() / 3.0, sizes.max() * 3.0, 45)
+        if sizes.size and sizes.max() > NEAR_FACTOR * sizes.min():
+            across = np.geomspace(sizes.min() / NEAR_FACTOR, sizes.max() * NEAR_FACTOR, 45)
             at = float(np.median(fit.used.temperature))
             maps.append(fit.mechanism_map(grain_size=across, temperature=at))
         return mechanism_figure(fit.used, maps)

@@ -332,8 +332,7 @@ def telling_combinations(
     `signal` (n, k): solutions of the first n rows of `readings` (m, k), whose differences are the
     noise. `solutions` (m, k): those of all rows. The result has the shape (m, n_features).
     """
-    noise = np.cov((readings[: len(signal)] - signal).T)
-    noise = np.atleast_2d(noise)
+    noise = np.atleast_2d(np.cov((readings[: len(signal)] - signal).T))
     scale = np.sqrt(np.diag(noise))
     if not (scale > 0).all():
         raise InputError(

@@ -52,24 +52,20 @@ vector asked_along_path(real part_of_way, vector asked, data vector reference) {
   return part_of_way * asked + (1 - part_of_way) * tail(reference, rows(asked));
 }
 
-/**
- * Strength that is left to the fabric, and to ln S_0 where it is not given.
- *
- * @param u real number behind epsilon_c1
- * @return columns: the rest, derivative of the softening by grain size by u
- */
-matrix rest_of_strength(real u, vector asked, data vector strain, data matrix bounds) {
-  matrix[rows(strain), 2] rest = grain_softening(u, asked[1], asked[2], strain, bounds);
-  rest[ : , 1] = tail(asked, rows(strain)) - rest[ : , 1];
-  return rest;
-}
+#include charts/valley/rest_of_strength.stan
 
-/** Values less their weighted mean, which ln S_0 takes up unless it is given. */
-vector centred(vector values, vector weight, data int stress_given) {
+/** Columns less their weighted means, which ln S_0 takes up unless it is given. */
+matrix centred(matrix values, vector weight, data int stress_given) {
   if (stress_given) {
     return values;
   }
-  return values - dot_product(weight, values) / sum(weight);
+  return values - rep_vector(1, rows(values)) * (weight' * values / sum(weight));
+}
+
+/** Weighted sums of products of two columns, both centred(). */
+matrix centred_products(matrix values, vector weight, data int stress_given) {
+  matrix[rows(values), cols(values)] own = centred(values, weight, stress_given);
+  return own' * (rep_matrix(weight, cols(values)) .* own);
 }
 
 /**
@@ -84,12 +80,11 @@ real limited_step(real step) { return step / hypot(1, step); }
  * Middle of the places along u_1: the solution with a softening by fabric that is linear in
  * strain, as it is where epsilon_c2 is large.
  *
- * @param linear softening by fabric at an amplitude of 1, centred()
  * @return u_1 and its standard deviation
  */
-vector middle_grain_strain(vector asked, data vector reference, vector linear,
-                           data vector strain, vector weight, data int stress_given,
-                           data matrix bounds) {
+vector middle_grain_strain(vector asked, data vector reference, data vector strain,
+                           vector weight, data int stress_given, data matrix bounds) {
+  vector[rows(strain)] linear = -strain / max(strain); // softening by fabric at an amplitude of 1
   real u = reference[i_grain_strain()];
   real amplitude = 0;
   real c11;
@@ -99,18 +94,18 @@ vector middle_grain_strain(vector asked, data vector reference, vector linear,
     // The last pass is for the standard deviation, at full weight.
     int is_last = k > n_valley_steps();
     real f = fmin(1, k * 1.0 / n_valley_steps());
-    vector[rows(strain)] trusted = (is_last ? 1 : softened_share()) * weight;
-    matrix[rows(strain), 2] rest = rest_of_strength(u, asked_along_path(f, asked, reference),
-                                                    strain, bounds);
-    vector[rows(strain)] by_u = trusted .* centred(rest[ : , 2], trusted, stress_given);
-    vector[rows(strain)] by_amplitude = trusted .* linear;
-    c11 = dot_product(by_amplitude, linear) + amplitude_precision();
-    c12 = dot_product(by_u, linear);
-    c22 = dot_product(by_u, rest[ : , 2]) + bounded_parameter_precision();
+    // Of the rest, its derivative by u, and the linear softening.
+    matrix[3, 3] product
+      = (is_last ? 1 : softened_share())
+        * centred_products(append_col(rest_of_strength(u, asked_along_path(f, asked, reference),
+                                                       strain, bounds), linear),
+                           weight, stress_given);
+    c11 = product[3, 3] + amplitude_precision();
+    c12 = product[2, 3];
+    c22 = product[2, 2] + bounded_parameter_precision();
     if (!is_last) {
-      vector[rows(strain)] left = rest[ : , 1] - amplitude * linear;
-      real g1 = dot_product(by_amplitude, left) - amplitude_precision() * amplitude;
-      real g2 = dot_product(by_u, left) + 1 - 2 * inv_logit(u);
+      real g1 = product[1, 3] - amplitude * c11;
+      real g2 = product[1, 2] - amplitude * c12 + 1 - 2 * inv_logit(u);
       real determinant = c11 * c22 - square(c12);
       amplitude += (c22 * g1 - c12 * g2) / determinant;
       u += limited_step((c11 * g2 - c12 * g1) / determinant);
@@ -119,35 +114,7 @@ vector middle_grain_strain(vector asked, data vector reference, vector linear,
   return [u, 1 / sqrt(c22 - square(c12) / c11)]';
 }
 
-/**
- * One Gauss-Newton step for epsilon_c2 and the amplitude of fabric softening, ln S_0 eliminated.
- *
- * The amplitude is not kept within the bounds of F_ss: where the rest leaves no softening to the
- * fabric, the bounds would ask for an epsilon_c2 that hides it, at either end of its range, and
- * the solution would jump from one to the other.
- *
- * @param solved real number behind epsilon_c2, amplitude
- * @return solution after the step, the Gauss-Newton matrix (1, 1), (1, 2), (2, 2), and the misfit
- *   before the step
- */
-vector fabric_step(vector solved, vector rest, data vector strain, vector weight,
-                   data int stress_given, data matrix bounds) {
-  matrix[rows(strain), 3] softening = fabric_softening(solved[1], solved[2], strain, bounds);
-  vector[rows(strain)] left = centred(rest - softening[ : , 1], weight, stress_given);
-  vector[rows(strain)] weighted = weight .* left;
-  vector[rows(strain)] by_u = weight .* centred(softening[ : , 2], weight, stress_given);
-  vector[rows(strain)] by_amplitude = weight .* centred(softening[ : , 3], weight, stress_given);
-  real c11 = dot_product(by_u, softening[ : , 2]) + bounded_parameter_precision();
-  real c12 = dot_product(by_u, softening[ : , 3]);
-  real c22 = dot_product(by_amplitude, softening[ : , 3]) + amplitude_precision();
-  real g1 = dot_product(weighted, softening[ : , 2]) + 1 - 2 * inv_logit(solved[1]);
-  real g2 = dot_product(weighted, softening[ : , 3]) + amplitude_precision() * (0.5 - solved[2]);
-  real determinant = c11 * c22 - square(c12);
-  real u = solved[1] + limited_step((c22 * g1 - c12 * g2) / determinant);
-  real amplitude = solved[2] + (c11 * g2 - c12 * g1) / determinant;
-  return [u, limited_amplitude(amplitude, u, strain, bounds), c11, c12, c22,
-          dot_product(weighted, left)]';
-}
+#include charts/valley/fabric_step.stan
 
 /**
  * F_ss that solves (*), together with ln S_0, at given u_1 and u_2, whatever its bounds.
@@ -166,19 +133,15 @@ vector solve_fabric_factor(real total_softening, real u_2, vector rest, int n_st
   real factor_precision;
   real misfit;
   for (k in 1 : n_steps) {
-    matrix[rows(strain), 3] softening;
-    vector[rows(strain)] left;
-    vector[rows(strain)] by_amplitude;
+    vector[7] there;
     real step;
     if (k > 1) {
       amplitude = limited_amplitude(amplitude, u_2, strain, bounds);
     }
-    softening = fabric_softening(u_2, amplitude, strain, bounds);
-    left = centred(rest - softening[ : , 1], weight, stress_given);
-    by_amplitude = weight .* centred(softening[ : , 3], weight, stress_given);
-    factor_precision = dot_product(by_amplitude, softening[ : , 3]) + amplitude_precision();
-    step = dot_product(by_amplitude, left) / factor_precision;
-    misfit = dot_product(weight .* left, left) - factor_precision * square(step);
+    there = fabric_step([u_2, amplitude]', rest, strain, weight, stress_given, bounds);
+    factor_precision = there[5];
+    step = there[7] / factor_precision;
+    misfit = there[6] - factor_precision * square(step);
     amplitude += step;
   }
   return [1 - amplitude, factor_precision, misfit,

@@ -14,34 +14,39 @@ real bend_width() { return 0.5; }
 /** Share of the prior in conditional densities: how far down they are trusted in their tails. */
 real prior_share() { return 1e-6; }
 
-/** ln density of the real number behind a parameter that is uniform between its bounds. */
-real log_density_of_bounded(real u) {
-  return log_inv_logit(u) + log1m_inv_logit(u);
+/**
+ * Numbers at places: a standard deviation apart near the middle and outer_spacing() further out.
+ *
+ * @param middle number at the place 0, and the standard deviation
+ * @return columns: the numbers, ln of their derivatives by the place
+ */
+matrix numbers_at(vector place, vector middle) {
+  real further = hypot(middle[2], outer_spacing()) - middle[2];
+  vector[rows(place)] above = 2 * (place - 2);
+  vector[rows(place)] below = 2 * (-place - 2);
+  return append_col(middle[1] + middle[2] * place
+                    + further * ((log1p_exp(above) - log1p_exp(below)) / 2),
+                    log(middle[2] + further * (inv_logit(above) + inv_logit(below))));
 }
+
+/** Places at which a conditional density is evaluated. */
+vector quantile_places() { return linspaced_vector(2 * n_places() + 1, -n_places(), n_places()); }
 
 /**
- * Offset from the middle at a place: places are a standard deviation apart near the middle and
- * outer_spacing() further out.
+ * ln density by place, normalised at the places, with a little of the prior mixed in.
  *
- * @return the offset, ln of its derivative by the place
+ * @param log_fit ln density of the data at the places
+ * @param at_place numbers_at() them
  */
-vector offset_at(real place, real standard_deviation) {
-  real further = hypot(standard_deviation, outer_spacing()) - standard_deviation;
-  real above = 2 * (place - 2);
-  real below = 2 * (-place - 2);
-  return [standard_deviation * place + further * (log1p_exp(above) - log1p_exp(below)) / 2,
-          log(standard_deviation + further * (inv_logit(above) + inv_logit(below)))]';
-}
-
-/** ln density by place, normalised at the places, with a little of the prior mixed in. */
-vector with_prior(vector log_density, real middle, real standard_deviation) {
-  vector[rows(log_density)] mixed = log_density - log_sum_exp(log_density);
+vector with_prior(vector log_fit, matrix at_place) {
+  vector[rows(log_fit)] log_prior = log_inv_logit(col(at_place, 1))
+                                    + log1m_inv_logit(col(at_place, 1)) + col(at_place, 2);
+  vector[rows(log_fit)] log_density = log_fit + log_prior;
+  real total = log_sum_exp(log_density);
   for (k in 1 : rows(log_density)) {
-    vector[2] away = offset_at(k - n_places() - 1, standard_deviation);
-    mixed[k] = log_sum_exp(mixed[k], log(prior_share()) + away[2]
-                                     + log_density_of_bounded(middle + away[1]));
+    log_density[k] = log_sum_exp(log_density[k] - total, log(prior_share()) + log_prior[k]);
   }
-  return mixed;
+  return log_density;
 }
 
 /**
@@ -84,8 +89,7 @@ vector place_of_quantile(real log_odds, vector log_density) {
 
 /** Weights of the places in the interpolation of solutions. */
 vector interpolation_weights(real place) {
-  int n = n_places();
-  return softmax(-2 * square(place - linspaced_vector(2 * n + 1, -n, n)));
+  return softmax(-2 * square(place - quantile_places()));
 }
 
 /** Where most of a normal density's mass above 0 lies, as the argument of log1p_exp(). */

@@ -31,13 +31,14 @@ vector grain_strain_at_quantile(real log_odds, vector middle, vector asked,
                                 data int stress_given, data matrix bounds) {
   int n = n_places();
   vector[rows(strain)] softened = softened_share() * weight;
+  matrix[2 * n + 1, 2] at_place = numbers_at(quantile_places(), middle);
   vector[2] solved = reference[{i_fabric_strain(), i_fabric_amplitude()}];
   vector[2] at_middle;
   real range = bounds[3, 2] - bounds[3, 1];
   matrix[2, 2 * n + 1] fabric;
   vector[2 * n + 1] log_density;
   vector[2] place;
-  vector[2] away;
+  row_vector[2] there;
   vector[rows(strain)] rest;
   for (k in 1 : n_valley_steps()) {
     real f = k * 1.0 / n_valley_steps();
@@ -51,10 +52,9 @@ vector grain_strain_at_quantile(real log_odds, vector middle, vector asked,
     solved = at_middle;
     for (k in (sign < 0 ? 0 : 1) : n) {
       int i = n + 1 + sign * k;
-      vector[6] step;
+      vector[7] step;
       real determinant;
-      away = offset_at(sign * k, middle[2]);
-      rest = col(rest_of_strength(middle[1] + away[1], asked, strain, bounds), 1);
+      rest = col(rest_of_strength(at_place[i, 1], asked, strain, bounds), 1);
       solved = head(fabric_step(solved, rest, strain, softened, stress_given, bounds), 2);
       step = fabric_step(solved, rest, strain, weight, stress_given, bounds);
       determinant = step[3] * step[5] - square(step[4]);
@@ -62,18 +62,18 @@ vector grain_strain_at_quantile(real log_odds, vector middle, vector asked,
       log_density[i] = log_fit(step[6] + square(distance_beyond(
                                  (1 - solved[2] - bounds[3, 1]) / range,
                                  sqrt(step[3] / determinant) / range)))
-                       - 0.5 * log(determinant) + log_density_of_bounded(solved[1])
-                       + log_density_of_bounded(middle[1] + away[1]) + away[2];
+                       - 0.5 * log(determinant) + log_inv_logit(solved[1])
+                       + log1m_inv_logit(solved[1]);
     }
   }
-  place = place_of_quantile(log_odds, with_prior(log_density, middle[1], middle[2]));
-  away = offset_at(place[1], middle[2]);
-  rest = col(rest_of_strength(middle[1] + away[1], asked, strain, bounds), 1);
+  place = place_of_quantile(log_odds, with_prior(log_density, at_place));
+  there = numbers_at(head(place, 1), middle)[1];
+  rest = col(rest_of_strength(there[1], asked, strain, bounds), 1);
   solved = fabric * interpolation_weights(place[1]);
   for (k in 1 : 2) {
     solved = head(fabric_step(solved, rest, strain, softened, stress_given, bounds), 2);
   }
-  return append_row([middle[1] + away[1], away[2] + place[2]]', solved);
+  return append_row([there[1], there[2] + place[2]]', solved);
 }
 
 /**
@@ -93,33 +93,32 @@ vector fabric_strain_at_quantile(real log_odds, vector middle, real total_soften
                                  data int stress_given, data matrix bounds) {
   int n = n_places();
   real range = bounds[3, 2] - bounds[3, 1];
+  matrix[2 * n + 1, 2] at_place = numbers_at(quantile_places(), middle);
   vector[2 * n + 1] total;
   vector[2 * n + 1] log_density;
   vector[2] place;
-  vector[2] away;
+  row_vector[2] there;
   vector[4] factor;
   for (sign in {-1, 1}) {
     real total_before = total_softening;
     for (k in (sign < 0 ? 0 : 1) : n) {
       int i = n + 1 + sign * k;
       real c;
-      away = offset_at(sign * k, middle[2]);
-      factor = solve_fabric_factor(total_before, middle[1] + away[1], rest, 1, strain, weight,
+      factor = solve_fabric_factor(total_before, at_place[i, 1], rest, 1, strain, weight,
                                    stress_given, bounds);
       c = 1 / (range * sqrt(factor[2]));
       total_before = factor[4];
       total[i] = factor[4];
       log_density[i] = log_fit(factor[3]
                                + square(distance_beyond((factor[1] - bounds[3, 1]) / range, c)))
-                       + log(c) + log_density_of_bounded(middle[1] + away[1]) + away[2];
+                       + log(c);
     }
   }
-  place = place_of_quantile(log_odds, with_prior(log_density, middle[1], middle[2]));
-  away = offset_at(place[1], middle[2]);
-  factor = solve_fabric_factor(dot_product(total, interpolation_weights(place[1])),
-                               middle[1] + away[1], rest, 2, strain, weight, stress_given,
-                               bounds);
-  return [middle[1] + away[1], away[2] + place[2], (factor[1] - bounds[3, 1]) / range,
+  place = place_of_quantile(log_odds, with_prior(log_density, at_place));
+  there = numbers_at(head(place, 1), middle)[1];
+  factor = solve_fabric_factor(dot_product(total, interpolation_weights(place[1])), there[1],
+                               rest, 2, strain, weight, stress_given, bounds);
+  return [there[1], there[2] + place[2], (factor[1] - bounds[3, 1]) / range,
           1 / (range * sqrt(factor[2]))]';
 }
 
@@ -133,7 +132,7 @@ vector fabric_strain_at_quantile(real log_odds, vector middle, real total_soften
  */
 vector last_softening(vector coordinate, vector solved, vector rest, vector weight,
                       data matrix pin, data int stress_given, data matrix bounds) {
-  vector[6] step = fabric_step(solved, rest, col(pin, 1), weight, stress_given, bounds);
+  vector[7] step = fabric_step(solved, rest, col(pin, 1), weight, stress_given, bounds);
   vector[4] fabric = fabric_strain_at_quantile(coordinate[2],
     [solved[1], 1 / sqrt(step[3] - square(step[4]) / step[5])]',
     -fabric_softening(solved[1], solved[2], col(pin, 1), bounds)[rows(pin), 1], rest, col(pin, 1),
@@ -208,9 +207,8 @@ vector softening_from_coordinates(vector coordinate, vector asked, data vector r
                                   data int stress_given, data matrix bounds) {
   vector[rows(pin)] weight = precision * col(pin, 5);
   vector[rows(pin)] fine_weight = precision * col(pin, 6);
-  vector[2] middle = middle_grain_strain(asked, reference,
-    -centred(col(pin, 1), weight, stress_given) / max(col(pin, 1)), col(pin, 1), weight,
-    stress_given, bounds);
+  vector[2] middle = middle_grain_strain(asked, reference, col(pin, 1), weight, stress_given,
+                                         bounds);
   vector[4] grain = grain_strain_at_quantile(coordinate[3], middle, asked, reference,
                                              col(pin, 1), weight, stress_given, bounds);
   vector[rows(pin)] rest = col(rest_of_strength(grain[1], asked, col(pin, 1), bounds), 1);
@@ -249,10 +247,9 @@ vector softening_of_one(vector coordinate, vector asked, data vector reference,
   for (k in 1 : n_valley_steps()) {
     vector[rows(asked)] here = asked_along_path(k * 1.0 / n_valley_steps(), asked, reference);
     real power_here = is_grain_size ? here[1] : 1;
-    solved = head(fabric_step(solved, tail(here, rows(pin)) / power_here, col(pin, 1),
-                              softened_share() * precision * square(power_here) * col(pin, 5),
-                              stress_given, bounds),
-                  2);
+    vector[rows(pin)] root_here = tail(here, rows(pin)) / power_here;
+    vector[rows(pin)] softened = softened_share() * precision * square(power_here) * col(pin, 5);
+    solved = head(fabric_step(solved, root_here, col(pin, 1), softened, stress_given, bounds), 2);
   }
   last = last_softening(coordinate[2 : 3], solved, root, square(power) * fine_weight, pin,
                         stress_given, bounds);

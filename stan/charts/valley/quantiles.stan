@@ -62,6 +62,8 @@ vector with_prior(vector log_fit, matrix at_place) {
 vector place_of_quantile(real log_odds, vector log_density) {
   int n = rows(log_density);
   vector[n + 1] log_mass; // below the first place, between places, above the last
+  vector[n] log_below; // ln of the mass on either side of a place
+  vector[n] log_above;
   vector[n] bend; // log odds at the places
   vector[n] x;
   vector[n + 1] slope = rep_vector(1 / outer_spacing(), n + 1);
@@ -75,9 +77,13 @@ vector place_of_quantile(real log_odds, vector log_density) {
     log_mass[k] = (log_density[k] + log_density[k - 1]) / 2 + half + log1m_exp(-2 * half)
                   - log(2 * half);
   }
-  for (k in 1 : n) {
-    bend[k] = log_sum_exp(head(log_mass, k)) - log_sum_exp(tail(log_mass, n + 1 - k));
+  log_below[1] = log_mass[1];
+  log_above[n] = log_mass[n + 1];
+  for (k in 2 : n) {
+    log_below[k] = log_sum_exp(log_below[k - 1], log_mass[k]);
+    log_above[n + 1 - k] = log_sum_exp(log_above[n + 2 - k], log_mass[n + 2 - k]);
   }
+  bend = log_below - log_above;
   // No steeper than numbers can follow.
   slope[2 : n] = inv(tail(bend, n - 1) - head(bend, n - 1) + 1e-3);
   turn = tail(slope, n) - head(slope, n);

@@ -62,7 +62,8 @@ class FabricStep {
     g2 = by_misfit + precision_of_amplitude * (0.5 - amplitude);
     determinant = c11 * c22 - c12 * c12;
     length = (c22 * g1 - c12 * g2) / determinant;
-    after_u = u + length / std::hypot(1, length);
+    slowing = std::sqrt(1 + length * length);
+    after_u = u + length / slowing;
     const double free = amplitude + (c11 * g2 - c12 * g1) / determinant;
     last = CriticalStrain(after_u, range).decay(strain[n_ - 1]);
     const double above = sharpness_of_limit * (free - softest / (1 - last.value));
@@ -82,7 +83,7 @@ class FabricStep {
     const double grown = 1 - last.value;
     const double step = by_output[0]
                         + by_output[1] * limited * softest / (grown * grown) * last.slope;
-    const double d1 = step / std::pow(1 + length * length, 1.5) / determinant;
+    const double d1 = step / (slowing * slowing * slowing * determinant);
     const double d2 = free / determinant; // by the numerators of the two steps
     const double d = -d1 * length - d2 * (c11 * g2 - c12 * g1) / determinant;
     const double by_g1 = d1 * c22 - d2 * c12, by_g2 = d2 * c11 - d1 * c12;
@@ -111,7 +112,7 @@ class FabricStep {
   FabricPin *pin_;
   int n_;
   double c11 = 0, c12 = 0, c22 = 0, g1 = 0, g2 = 0, misfit = 0, by_misfit = 0;
-  double share_of_range, determinant, length, after_u, after_amplitude, limited;
+  double share_of_range, determinant, length, slowing, after_u, after_amplitude, limited;
   Decay last;
 };
 

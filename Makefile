@@ -52,7 +52,7 @@ notebooks: cmdstan $(VENV)/.docs-installed
 	@echo "==> Running the notebooks, which takes some minutes"
 	@$(BIN)/python docs/site/notebook_runs.py notebooks/*.ipynb
 
-bench: cmdstan $(VENV)/.bench-installed
+bench: cmdstan $(VENV)/.installed
 	@echo "==> Measuring the sampler against the paper's form"
 	@$(BIN)/python benchmarks/sampling.py
 	@echo "==> Measuring gradients of loading histories"
@@ -93,11 +93,6 @@ $(VENV)/.created:
 $(VENV)/.installed: pyproject.toml $(VENV)/.created
 	@echo "==> Installing pyburgers and its dependencies into $(VENV) (about a minute)"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
-	@touch $@
-
-$(VENV)/.bench-installed: $(VENV)/.installed
-	@echo "==> Installing nutpie and stanli into $(VENV)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,bench]'
 	@touch $@
 
 $(VENV)/.docs-installed: $(VENV)/.installed

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import arviz as az
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -74,3 +75,21 @@ def grain_size_share(posterior: xr.DataTree) -> xr.DataArray:
         lost["grain_size_softening"] + lost["fabric_softening"]
     )
     return share
+
+
+def coordinate_ess_per_1000_gradients(fit: Fit) -> float:
+    """Least bulk ESS of a fit's coordinates per 1000 gradients, those of the warm-up included."""
+    chains = [read_chain(fit.directory.draws_file(c)) for c in fit.directory.finished_chains()]
+    columns = [name for name in chains[0].draws if str(name).startswith("coordinate.")]
+    draws = np.array([chain.draws[columns].to_numpy() for chain in chains])
+    leapfrogs = sum(chain.draws["n_leapfrog__"].sum() for chain in chains)
+    # CmdStan does not count the gradients of its warm-up; each costs as much time as later ones.
+    with_warmup = 1 + sum(chain.warmup_seconds for chain in chains) / sum(
+        chain.sampling_seconds for chain in chains
+    )
+    return 1e3 * least_ess(draws) / (leapfrogs * with_warmup)
+
+
+def least_ess(draws: np.ndarray) -> float:
+    """Least bulk ESS of draws by chain, draw and coordinate."""
+    return min(float(az.ess(draws[..., k])) for k in range(draws.shape[-1]))

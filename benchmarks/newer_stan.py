@@ -36,11 +36,10 @@ FloatArray = npt.NDArray[np.float64]
 
 TESTS = {
     "attenuation": "ice/attenuation_twin.toml",
-    "constant_rate": "dunite/dunite_4580.toml",
     "loading_history": "dunite/dunite_4580.toml",
     "forced_oscillation": "olivine/olivine_twin.toml",
 }
-"""A test for each program, in data/; the curve is taken as a loading history, too."""
+"""A test for each program, in data/; the curve is taken as a loading history."""
 
 POINTS, SPREAD, SEED = 6, 0.3, 3
 """Points, normal about the centres of the priors with this standard deviation in coordinates."""

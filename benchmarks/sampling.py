@@ -17,13 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import nutpie_chains
 import pandas as pd
 import psutil
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from measures import grain_size_share, measure
-from nutpie_chains import coordinate_ess_per_1000_gradients, run_nutpie
+from measures import coordinate_ess_per_1000_gradients, grain_size_share, measure
 from processes import run_together
 from six_state import N_CHAINS, USUAL_LENGTH, WARMUP, WARMUP_SECONDS, Baseline, run_baseline
 from tables import ICE, RESULTS, ROOT, markdown
@@ -51,7 +49,6 @@ TESTS = {
 }
 PICTURED = "PIL40"
 MEASURED = {"4506", "4581"}
-CONSTANT_RATE = {name for name, file in TESTS.items() if file != OLIVINE}
 
 PLAIN = ("--chains", "2", "--warmup", "200", "--draws", "200", "--coordinates", "plain")
 BASELINE_SECONDS = 180.0
@@ -89,8 +86,6 @@ def _measure(name: str, scratch: Path, out: Path, seed: int) -> pd.DataFrame:
         product, scratch / "six_state", limit_seconds=BASELINE_SECONDS, seed=seed
     )
     rows = [row, plain, _baseline_row(name, baseline)]
-    if name in CONSTANT_RATE:
-        rows.append({"test": name, "form": "nutpie"} | run_nutpie(product, seed))
     return pd.DataFrame(rows).set_index(["test", "form"])
 
 
@@ -242,11 +237,6 @@ defaults that start at posterior draws too. Both choices favour the six-state fo
 
 The plain row has 2 chains of 200 + 200 iterations; memory is that of all processes together.
 
-The nutpie row has {nutpie_chains} chains of {nutpie_warmup} + {nutpie_draws} iterations of another
-implementation of NUTS, with its defaults, on the density of the product's row. The interpreter
-stanli computes that density, so its times say nothing about compiled programs; gradients are
-compared instead, those of the warm-up included. R-hat and ESS of this row are of the coordinates.
-
 `sampling.csv` has more columns.
 
 ## Table
@@ -283,9 +273,6 @@ def _page(table: pd.DataFrame, machine: dict[str, Any]) -> str:
         warmup=WARMUP,
         length=USUAL_LENGTH,
         warmup_seconds=WARMUP_SECONDS,
-        nutpie_chains=nutpie_chains.N_CHAINS,
-        nutpie_warmup=nutpie_chains.WARMUP,
-        nutpie_draws=nutpie_chains.DRAWS,
         table=markdown(shown.reset_index()),
         machine="\n".join(f"- {key}: {value}" for key, value in machine.items()),
     )

@@ -1,9 +1,9 @@
 // The paper's form of the model as printed: six states in SI, time as the independent variable,
 // ode_bdf with its default tolerances, parameters declared in SI within their priors' bounds.
 // The baseline of the benchmarks; not for fits.
-// It reads the data of constant_rate.stan for one test. With rate steps its solution is right, but
-// CVODES often cannot start the sensitivities of the later segments at the default absolute
-// tolerance.
+// It reads the data of loading_history.stan for one test at constant rate. With rate steps its
+// solution is right, but CVODES often cannot start the sensitivities of the later legs at the default
+// absolute tolerance.
 functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
@@ -41,32 +41,25 @@ functions {
 }
 data {
 #include data/tests.stan
-#include data/constant_rate.stan
+#include data/loading_history.stan
 #include data/priors.stan
 }
 transformed data {
   array[n_tests] vector[n_parameters()] prior_mass
     = prior_log_masses(prior_family, prior_location, prior_scale, prior_lower, prior_upper);
-  int n_segments = segment_end[2];
-  int n_strains = strain_end[2];
+  int n_legs = leg_end[2];
   int n_points = point_end[2];
-  array[n_segments] real segment_time; // start of each segment, s
-  array[n_strains] real time; // s
-  segment_time[1] = 0;
-  for (k in 2 : n_segments) {
-    segment_time[k] = segment_time[k - 1]
-                      + (segment_start[k] - segment_start[k - 1]) / segment_rate[k - 1];
-  }
+  array[n_legs + 1] real leg_time; // start of each leg, and the end of the test, s
+  array[output_end[2]] real time; // of outputs, s
+  leg_time[1] = 0;
   {
-    int k = 1;
-    int n_left = n_strains_in_segment[1];
-    for (i in 1 : n_strains) {
-      while (n_left == 0) {
-        k += 1;
-        n_left = n_strains_in_segment[k];
+    int before = 0;
+    for (k in 1 : n_legs) {
+      leg_time[k + 1] = leg_time[k] + leg[k, 2];
+      for (i in before + 1 : before + n_outputs_in_leg[k]) {
+        time[i] = leg_time[k] + output_time_in_leg[i] * leg[k, 2];
       }
-      time[i] = segment_time[k] + (strain[i] - segment_start[k]) / segment_rate[k];
-      n_left -= 1;
+      before += n_outputs_in_leg[k];
     }
   }
 }
@@ -120,27 +113,25 @@ model {
   target += lprior;
   if (use_likelihood) {
     vector[6] state = [0, 0, 0, 0, initial_grain_size[1], 1]';
-    vector[n_strains] stress;
+    vector[output_end[2]] stress;
     vector[n_points] stress_model;
-    int first = 1;
-    for (k in 1 : n_segments) {
-      int last = first + n_strains_in_segment[k] - 1;
-      if (last >= first) {
-        array[n_strains_in_segment[k]] vector[6] solution = ode_bdf(six_state_rhs, state,
-          segment_time[k], time[first : last], segment_rate[k], temperature[1], maxwell_modulus,
-          kelvin_modulus, kelvin_viscosity, stress_exponent, grain_size_exponent,
-          activation_enthalpy, beta, steady_state_grain_size, steady_state_fabric_factor,
-          critical_strain_grain_size, critical_strain_fabric);
-        for (i in first : last) {
-          stress[i] = solution[i - first + 1][1];
-        }
-        state = solution[n_strains_in_segment[k]];
+    int before = 0;
+    for (k in 1 : n_legs) {
+      int n = n_outputs_in_leg[k];
+      array[n + 1] vector[6] solution = ode_bdf(six_state_rhs, state, leg_time[k],
+        append_array(time[before + 1 : before + n], leg_time[k + 1 : k + 1]), leg[k, 4],
+        temperature[1], maxwell_modulus, kelvin_modulus, kelvin_viscosity, stress_exponent,
+        grain_size_exponent, activation_enthalpy, beta, steady_state_grain_size,
+        steady_state_fabric_factor, critical_strain_grain_size, critical_strain_fabric);
+      for (i in 1 : n) {
+        stress[before + i] = solution[i][1];
       }
-      first = last + 1;
+      state = solution[n + 1];
+      before += n;
     }
     for (i in 1 : n_points) {
-      stress_model[i] = stress[strain_of_point[i]];
+      stress_model[i] = stress[output_of_point[i]];
     }
-    target += normal_lpdf(stress_observed | stress_model, stress_noise);
+    target += normal_lpdf(response_observed | stress_model, stress_noise);
   }
 }

@@ -3,7 +3,7 @@
 // microstructure frozen, in closed form (docs/model.md, docs/attenuation_data.md).
 //
 // All values are SI. Priors, fixed parameters and the likelihood switch are data, and parameters
-// of several tables are shared, partially pooled or separate, as in constant_rate.stan. There is
+// of several tables are shared, partially pooled or separate, as in loading_history.stan. There is
 // nothing to integrate in time: the solver's options are without effect.
 functions {
 #include physics/parameters.stan
@@ -79,8 +79,8 @@ model {
 }
 generated quantities {
   // What would be read without scatter: the stated error or the limit, where the model lies below.
-  vector[n_points] log_reading_model;
-  vector[n_points] log_reading_replicated;
+  vector[n_points] response_model;
+  vector[n_points] response_replicated;
   vector[n_points] log_lik;
   // Of the coordinates, as the model block has it; here for runs of this block by itself.
   real log_density = lprior + log_jacobian + log_pooling;
@@ -97,8 +97,8 @@ generated quantities {
   for (e in 1 : n_tests) {
     array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
 #include kinds/attenuation_readings.stan
-    log_reading_model[points] = read;
-    log_reading_replicated[points] = replicated;
+    response_model[points] = read;
+    response_replicated[points] = replicated;
     log_lik[points] = log_density_of_readings;
     log_dashpot_share[e]
       = largest_log_dashpot_share(parameter[e], frequency[here], row_temperature[here],

@@ -4,7 +4,7 @@
 //
 // All values are SI. Priors, fixed parameters, solver tolerance and the likelihood switch are
 // data, and parameters of several tests are shared, partially pooled or separate, as in
-// constant_rate.stan.
+// loading_history.stan.
 functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
@@ -117,14 +117,14 @@ model {
 }
 generated quantities {
   // All stresses as the load cell reads them.
-  vector[n_points] stress_model; // Pa, without the trend below
-  vector[n_points] stress_replicated; // Pa, without the trend of its noise either
+  vector[n_points] response_model; // Pa, without the trend below
+  vector[n_points] response_replicated; // Pa, without the trend of its noise either
   vector[n_points] log_lik;
   // Of the coordinates, as the model block has it; here for runs of this block by itself.
   real log_density = lprior + log_jacobian + log_pooling;
   array[n_tests] vector[max(n_trend)] trend; // coefficients: by what the model lies off most likely
   vector[n_grid] grid_stress; // Pa, its trend included
-  vector[n_grid] grid_oscillating_stress; // Pa, without its trend, as stress_model
+  vector[n_grid] grid_oscillating_stress; // Pa, without its trend, as response_model
   vector[n_grid] grid_stress_replicated; // Pa, without its trend
   vector[n_grid] grid_kelvin_strain;
   vector[n_grid] grid_grain_size; // m
@@ -152,17 +152,17 @@ generated quantities {
                         uncertain_calibration[e], initial_grain_size[e], temperature[e],
                         start_stress[e], stress_scale[e], strain_scale[e],
                         kelvin_law, tolerance, max_num_steps);
-    stress_model[points] = to_vector(solution[1 : size(points), 1]);
-    trend[e] = trend_fit[points]' * (stress_model[points] - stress_observed[points]);
-    stress_model[points] -= trend_shape[points] * trend[e];
+    response_model[points] = to_vector(solution[1 : size(points), 1]);
+    trend[e] = trend_fit[points]' * (response_model[points] - stress_observed[points]);
+    response_model[points] -= trend_shape[points] * trend[e];
     for (i in points) {
-      stress_replicated[i] = normal_rng(0, noise * relative_noise[i]);
+      response_replicated[i] = normal_rng(0, noise * relative_noise[i]);
     }
-    stress_replicated[points] -= trend_shape[points]
-                                 * (trend_fit[points]' * stress_replicated[points]);
-    stress_replicated[points] += stress_model[points];
+    response_replicated[points] -= trend_shape[points]
+                                 * (trend_fit[points]' * response_replicated[points]);
+    response_replicated[points] += response_model[points];
     for (i in points) {
-      log_lik[i] = normal_lpdf(stress_observed[i] | stress_model[i], noise * relative_noise[i])
+      log_lik[i] = normal_lpdf(stress_observed[i] | response_model[i], noise * relative_noise[i])
                    + taken_noise_log_density(n_trend[e], noise) / size(points);
     }
     if (use_likelihood) {

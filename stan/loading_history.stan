@@ -4,8 +4,11 @@
 // Jerolmack and Goldsby, Eqs. 1-5), solved leg by leg (kinds/loading_history_dynamics.stan).
 //
 // All values are SI. Priors, fixed parameters, solver tolerance and the likelihood switch are
-// data, and parameters of several tests are shared, partially pooled or separate, as in
-// constant_rate.stan.
+// data. With every parameter fixed (n_coordinates = 0, algorithm=fixed_param) the program is a
+// forward simulation. Parameters of several tests are shared, partially pooled or separate.
+//
+// A test at constant rate is a history whose residuals correlate along strain, and in which ln S_0
+// is sampled in place of the flow rate (data/loading_history.stan).
 //
 // Some of the tests may be tables of attenuation and modulus in place of histories
 // (data/attenuation.stan): they have no legs, their points are the readings of the table, and their
@@ -51,7 +54,7 @@ data {
   array[n_tests + 1] int<lower=0> grid_end;
   array[grid_end[n_tests + 1]] real<lower=0, upper=1> grid_time_in_leg;
   array[leg_end[n_tests + 1]] int<lower=0> n_grid_in_leg;
-  vector[grid_end[n_tests + 1]] grid_time; // s since the start of the test
+  vector[grid_end[n_tests + 1]] grid_position; // as point_position
   array[grid_end[n_tests + 1]] int<lower=0> grid_stage; // of its test
 }
 transformed data {
@@ -79,26 +82,33 @@ parameters {
 }
 transformed parameters {
 #include charts/parameters_of_tests.stan
-  vector[n_tests] log_reference; // ln of the flow rate (s) (charts/flow_of_hardened.stan)
+  // ln of the flow rate (s) (charts/flow_of_hardened.stan), or ln(S_0/Pa)
+  vector[n_tests] log_reference;
   for (e in 1 : n_tests) {
 #include charts/given_parameters.stan
 #include charts/valley_or_plain.stan
     vector[n_parameters() + 1] mapped
       = parameters_from_plain(head(plain, size(own)), own_parameter[own], quantity[own], given,
                               0, 0, 0, initial_grain_size[e], temperature[e]);
-    real shift = log_reference_flow_shift(head(mapped, n_parameters()), stress_scale[e],
-                                          strain_scale[e], initial_grain_size[e]);
+    int samples_stress = reference_stress_rate[e] > 0;
+    real shift = samples_stress ? 0
+                 : log_reference_flow_shift(head(mapped, n_parameters()), stress_scale[e],
+                                            strain_scale[e], initial_grain_size[e]);
     parameter[e] = head(mapped, n_parameters());
     if (replaced_parameter[e] > 0) {
       parameter[e][replaced_parameter[e]] -= shift;
     }
     vector[n_parameters() + 1] resolved
-      = resolve_flow(parameter[e], replaced_parameter[e], 0, log(stress_scale[e]),
+      = resolve_flow(parameter[e], replaced_parameter[e], samples_stress,
+                     log(samples_stress ? reference_stress_rate[e] : stress_scale[e]),
                      initial_grain_size[e], temperature[e]);
     parameter[e] = head(resolved, n_parameters());
-    log_reference[e] = shift
-                       + log_flow_rate_at(stress_scale[e], initial_grain_size[e], temperature[e],
-                                          parameter[e]);
+    log_reference[e] = samples_stress
+                       ? log_reference_stress_at(parameter[e], reference_stress_rate[e],
+                                                 initial_grain_size[e], temperature[e])
+                       : shift
+                         + log_flow_rate_at(stress_scale[e], initial_grain_size[e],
+                                            temperature[e], parameter[e]);
     log_jacobian += plain[size(own) + 1] + mapped[n_parameters() + 1]
                     + resolved[n_parameters() + 1];
     // A table has nothing to say of what is partially pooled: it carries another test's value.
@@ -124,9 +134,8 @@ model {
         // Residuals over their standard deviations, so that stress and strain have one process.
         target += stress_log_density(rep_vector(0, size(points)),
                                      (response - response_observed[points]) ./ noise, 1,
-                                     correlated_residuals, point_time[points],
-                                     point_stage[points],
-                                     parameter[e][i_residual_correlation_time()],
+                                     correlated_residuals, point_position[points],
+                                     point_stage[points], parameter[e][correlation_parameter],
                                      parameter[e][i_residual_correlated_share()])
                   - sum(log(noise));
         if (size(sections) > 0) {
@@ -180,18 +189,18 @@ generated quantities {
         log_lik_given_others[points] = log_density_of_readings; // a table's never are
       }
     } else {
-      real correlation_time = parameter[e][i_residual_correlation_time()];
+      real correlation = parameter[e][correlation_parameter];
       real share = parameter[e][i_residual_correlated_share()];
 #include kinds/loading_history_response.stan
       response_model[points] = response;
       response_replicated[points]
         = response_model[points]
           + noise
-            .* residuals_rng(point_time[points], point_stage[points], 1, correlation_time, share);
+            .* residuals_rng(point_position[points], point_stage[points], 1, correlation, share);
       {
         matrix[size(points), 2] log_density_of_points = log_densities_of_residuals(
           (response_observed[points] - response_model[points]) ./ noise, 1, correlated_residuals,
-          point_time[points], point_stage[points], correlation_time, share);
+          point_position[points], point_stage[points], correlation, share);
         log_lik[points] = log_density_of_points[ : , 1] - log(noise);
         if (correlated_residuals) {
           log_lik_given_others[points] = log_density_of_points[ : , 2] - log(noise);

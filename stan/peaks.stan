@@ -12,27 +12,30 @@ functions {
 #include physics/flow_law.stan
 #include physics/dashpot_laws.stan
 #include physics/kelvin_laws.stan
+#include physics/relaxation.stan
 #include physics/microstructure.stan
 #include solvers/radau_leg.stan
-#include kinds/constant_rate_dynamics.stan
+#include kinds/loading_history_rates.stan
+#include kinds/loading_history_legs.stan
+#include kinds/loading_history_dynamics.stan
+#include kinds/stress_at_constant_rate.stan
 
   /**
    * Largest stress of a test from rest, by a parabola in ln(strain) through the three outputs
    * about it; the last stress where a test still hardens there.
    *
-   * @param parameter, constant, kelvin_law see constant_rate_solution()
+   * @param parameter, constant, stress_scale, kelvin_law see stress_at_constant_rate()
    * @param strain output strains, a geometric series
    * @return [ln(peak stress/Pa), strain of the peak]
    */
   vector peak_of_test(vector parameter, data vector constant, data array[] real strain,
-                      data real strain_rate, data real initial_grain_size,
-                      data real temperature, data int kelvin_law, data real tolerance,
-                      data int max_num_steps) {
+                      data real strain_rate, data real stress_scale,
+                      data real initial_grain_size, data real temperature,
+                      data int kelvin_law, data real tolerance, data int max_num_steps) {
     int n = size(strain);
-    vector[n] stress = to_vector(constant_rate_solution(parameter, constant, strain, {n}, {0.0},
-                                                        {strain_rate}, initial_grain_size,
-                                                        temperature, kelvin_law, 0,
-                                                        tolerance, max_num_steps)[ : , 1]);
+    vector[n] stress = stress_at_constant_rate(parameter, constant, strain, strain_rate,
+                                               stress_scale, initial_grain_size, temperature,
+                                               kelvin_law, tolerance, max_num_steps);
     int i = sort_indices_desc(stress)[1];
     real rise;
     real fall;
@@ -62,7 +65,7 @@ functions {
    * @param log_peak_stress ln(wanted peak stress/Pa)
    * @return [ln(S_0/Pa), ln(peak stress/Pa), strain of the peak]
    */
-  vector test_with_peak(real log_peak_stress, vector parameter, data vector constant,
+  vector test_with_peak(data real log_peak_stress, vector parameter, data vector constant,
                         data array[] real strain, data real strain_rate,
                         data real initial_grain_size, data real temperature,
                         data int kelvin_law, data real tolerance,
@@ -80,8 +83,9 @@ functions {
                                           temperature, parameter[i_stress_exponent()],
                                           parameter[i_grain_size_exponent()],
                                           parameter[i_beta()]);
-        peak = peak_of_test(moved, constant, strain, strain_rate, initial_grain_size,
-                            temperature, kelvin_law, tolerance, max_num_steps);
+        peak = peak_of_test(moved, constant, strain, strain_rate, exp(log_peak_stress),
+                            initial_grain_size, temperature, kelvin_law, tolerance,
+                            max_num_steps);
       }
     }
     return append_row(log_reference, peak);
@@ -116,8 +120,8 @@ generated quantities {
         found[1] = log_reference_stress_at(parameter[m], strain_rate[i], grain_size[i],
                                            temperature[i]);
         found[2 : 3] = peak_of_test(parameter[m], parameter[m], strain, strain_rate[i],
-                                    grain_size[i], temperature[i], kelvin_law,
-                                    tolerance, max_num_steps);
+                                    exp(found[1]), grain_size[i], temperature[i],
+                                    kelvin_law, tolerance, max_num_steps);
       }
       log_peak_stress[m, i] = found[2];
       peak_strain[m, i] = found[3];

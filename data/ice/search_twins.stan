@@ -5,9 +5,13 @@ functions {
 #include physics/flow_law.stan
 #include physics/dashpot_laws.stan
 #include physics/kelvin_laws.stan
+#include physics/relaxation.stan
 #include physics/microstructure.stan
 #include solvers/radau_leg.stan
-#include kinds/constant_rate_dynamics.stan
+#include kinds/loading_history_rates.stan
+#include kinds/loading_history_legs.stan
+#include kinds/loading_history_dynamics.stan
+#include kinds/stress_at_constant_rate.stan
 }
 data {
   int<lower=1> n_candidates;
@@ -25,18 +29,19 @@ generated quantities {
   vector[n_candidates] final_stress; // Pa
   vector[n_candidates] final_slope; // d ln(stress)/d strain at the end
   for (i in 1 : n_candidates) {
-    array[n_strains] vector[2] state
-      = constant_rate_solution(parameter[i]', to_vector(parameter[i]), strain, {n_strains}, {0.0},
-                               {strain_rate}, initial_grain_size, temperature, 0, 0, tolerance,
-                               100000);
+    vector[n_strains] stress
+      = stress_at_constant_rate(parameter[i]', parameter[i]', strain, strain_rate,
+                                exp(log_reference_stress_at(parameter[i]', strain_rate,
+                                                            initial_grain_size, temperature)),
+                                initial_grain_size, temperature, 0, tolerance, 100000);
     int top = 1;
     for (k in 2 : n_strains) {
-      top = state[k][1] > state[top][1] ? k : top;
+      top = stress[k] > stress[top] ? k : top;
     }
-    peak_stress[i] = state[top][1];
+    peak_stress[i] = stress[top];
     peak_strain[i] = strain[top];
-    final_stress[i] = state[n_strains][1];
-    final_slope[i] = log(state[n_strains][1] / state[n_strains - 1][1])
+    final_stress[i] = stress[n_strains];
+    final_slope[i] = log(stress[n_strains] / stress[n_strains - 1])
                      / (strain[n_strains] - strain[n_strains - 1]);
   }
 }

@@ -93,8 +93,6 @@ _SAMPLER_HELP = {
     "that is lacking; 0 adds none",
     "chain_timeout": "seconds after which a chain is stopped",
     "parallel_chains": "chains side by side",
-    "threads_per_chain": "threads that share the tests of a joint fit at constant rate; they pay "
-    "if there are more cores than chains",
 }
 _UNLESS_GIVEN = {
     "warmup": by_protocol(lambda one: one.warmup),
@@ -102,7 +100,7 @@ _UNLESS_GIVEN = {
     "max_minutes": f"; default {DEFAULT_MINUTES:g} with at least {ENOUGH_DRAWS} draws of each "
     "chain, else 0",
     "chain_timeout": "; default no limit",
-    "parallel_chains": "; default as many as there are cores for their threads",
+    "parallel_chains": "; default as many as there are cores",
 }
 
 

@@ -21,7 +21,6 @@ import platformdirs
 
 from pyburgers.cmdstan.toolchain import (
     MAKE_TAKES,
-    THREAD_FLAGS,
     MissingToolError,
     Toolchain,
     chosen_folder,
@@ -44,18 +43,12 @@ from pyburgers.common.toml_files import Table
 
 logger = logging.getLogger(__name__)
 
-MAIN_PROGRAM = Path("src") / "cmdstan" / "main.cpp"
-"""Of CmdStan, below its folder."""
-
 WITH_CPP = "with_cpp"
 """Folder below the Stan files: files that declare functions, beside headers with their bodies.
 
 A function has the name of its file and of its header, and an argument that is not data. The file of
 the same name outside the folder has a body in Stan.
 """
-
-SHARED_SUM = "reduce_sum"
-"""Function of Stan whose terms threads share."""
 
 _INCLUDE = re.compile(r"""^[ \t]*\#include[ \t]+["<]?([^"<>\s]+)""", re.MULTILINE)
 _NAMESPACE = re.compile(r"^namespace \w+_model_namespace \{\n", re.MULTILINE)
@@ -110,12 +103,6 @@ def executable_path(program: Path, cmdstan: Path) -> Path:
     return cache_directory() / program_key(program, stan_directory(), cmdstan) / program.stem
 
 
-def shares_work(program: Path) -> bool:
-    """Tell whether a Stan program has work that threads can share."""
-    sources = _read_sources(program, stan_directory())
-    return any(SHARED_SUM in text for text in (sources.text, *sources.included.values()))
-
-
 def _read_sources(program: Path, include_directory: Path) -> _Sources:
     text = _read(program)
     included: dict[str, str] = {}
@@ -167,13 +154,13 @@ def _recipe(sources: _Sources, tools: Toolchain) -> str:
     )
 
 
-def compile_with(cmdstan: Path, program: Path, *, threads: bool = False) -> Path:
+def compile_with(cmdstan: Path, program: Path) -> Path:
     """Return the executable of a Stan program, as `pyburgers.cmdstan.program.compile_program`."""
     sources = _read_sources(program, stan_directory())
     try:
-        tools = toolchain(cmdstan, threads=threads)
+        tools = toolchain(cmdstan)
     except MissingToolError:
-        found = _compiled_before(sources, cmdstan, threads=threads)
+        found = _compiled_before(sources, cmdstan)
         if found is None:
             raise
         return found
@@ -185,7 +172,7 @@ def compile_with(cmdstan: Path, program: Path, *, threads: bool = False) -> Path
         folder.mkdir(parents=True, exist_ok=True)
         with process_lock(folder / ".lock", f"Another process is compiling {program.name}"):
             if not _is_whole(executable):
-                _build(sources, tools, executable, threads=threads)
+                _build(sources, tools, executable)
     except OSError as error:
         raise ToolchainError(
             f"{program.name} could not be compiled into the cache folder {cache_directory()}: "
@@ -229,25 +216,25 @@ def _is_whole(executable: Path, sources: str | None = None) -> bool:
         return False
 
 
-def _compiled_before(sources: _Sources, cmdstan: Path, *, threads: bool) -> Path | None:
+def _compiled_before(sources: _Sources, cmdstan: Path) -> Path | None:
     """Return an executable of the same sources from the cache, whatever compiler made it."""
-    name, wanted = Path(sources.name).stem, _sources_key(sources, cmdstan, threads=threads)
+    name, wanted = Path(sources.name).stem, _sources_key(sources, cmdstan)
     found = (folder / name for folder in sorted(cache_directory().glob("*")))
     return next((executable for executable in found if _is_whole(executable, wanted)), None)
 
 
-def _sources_key(sources: _Sources, cmdstan: Path, *, threads: bool) -> str:
+def _sources_key(sources: _Sources, cmdstan: Path) -> str:
     return sha256_of_json(
         [
             asdict(sources),
             *(str(cmdstan), cmdstan_version(cmdstan)),
-            list(compile_flags(cmdstan, threads=threads)),
+            list(compile_flags(cmdstan)),
             *(platform.system(), platform.machine()),
         ]
     )
 
 
-def _build(sources: _Sources, tools: Toolchain, executable: Path, *, threads: bool) -> None:
+def _build(sources: _Sources, tools: Toolchain, executable: Path) -> None:
     """Compile a program in a temporary folder, then put the executable in place in one step.
 
     If the compiler refuses the headers, functions have their bodies in Stan.
@@ -255,11 +242,11 @@ def _build(sources: _Sources, tools: Toolchain, executable: Path, *, threads: bo
     logger.info(
         f"Compiling {sources.name}, once (seconds for a small program, minutes for a large one)."
     )
-    own_key = _sources_key(sources, tools.cmdstan_path, threads=threads)
+    own_key = _sources_key(sources, tools.cmdstan_path)
     # Not in the cache folder, whose path may hold spaces, which make cannot handle.
     with scratch_folder(_folder_for_make()) as scratch:
         try:
-            program = _compile(sources, tools, scratch / "program", threads=threads)
+            program = _compile(sources, tools, scratch / "program")
         except ToolchainError as error:
             if not sources.headers:
                 raise
@@ -268,7 +255,7 @@ def _build(sources: _Sources, tools: Toolchain, executable: Path, *, threads: bo
                 f"longer: {error}"
             )
             sources = sources.without_cpp()
-            program = _compile(sources, tools, scratch / "without_cpp", threads=threads)
+            program = _compile(sources, tools, scratch / "without_cpp")
         partial = executable.with_name(f".{executable.name}.partial")
         try:
             shutil.copy2(program, partial)
@@ -284,7 +271,7 @@ def _build(sources: _Sources, tools: Toolchain, executable: Path, *, threads: bo
             partial.unlink(missing_ok=True)
 
 
-def _compile(sources: _Sources, tools: Toolchain, folder: Path, *, threads: bool) -> Path:
+def _compile(sources: _Sources, tools: Toolchain, folder: Path) -> Path:
     """Compile a program in a new folder and return the executable there."""
     program = folder / sources.name
     texts = {**sources.included, **sources.declared, **sources.headers, sources.name: sources.text}
@@ -293,11 +280,7 @@ def _compile(sources: _Sources, tools: Toolchain, folder: Path, *, threads: bool
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
     _translate(program, tools, sources.declared)
-    flags: tuple[str, ...] = ()
-    if threads:  # CmdStan's own main program is compiled for those without
-        main = shutil.copy2(tools.cmdstan_path / MAIN_PROGRAM, folder)
-        flags = (*THREAD_FLAGS, f"CMDSTAN_MAIN={main}")
-    make = run_tool(["make", *flags, program.with_suffix("")], cwd=tools.cmdstan_path)
+    make = run_tool(["make", program.with_suffix("")], cwd=tools.cmdstan_path)
     if make.returncode != 0:
         raise ToolchainError(
             f"{sources.name} could not be compiled with CmdStan {tools.cmdstan_version} and "

@@ -6,7 +6,6 @@ not told. CmdStan's `gamma` cannot be set. Draws other than a chain are refused.
 takes eight times as long.
 """
 
-import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -18,12 +17,7 @@ import numpy.typing as npt
 import pandas as pd
 from cmdstanpy import write_stan_json
 
-from pyburgers.cmdstan.compilation import (
-    compile_with,
-    executable_path,
-    recorded,
-    shares_work,
-)
+from pyburgers.cmdstan.compilation import compile_with, executable_path, recorded
 from pyburgers.cmdstan.draw_files import Draws, read_draws, rows_of_draws
 from pyburgers.cmdstan.installation import ensure_cmdstan
 from pyburgers.common.csv_tables import csv_text
@@ -41,7 +35,6 @@ __all__ = [
     "compile_program",
     "executable_path",
     "load_program",
-    "shares_work",
 ]
 
 ALL_DIGITS = 17
@@ -74,17 +67,16 @@ class ModeNotFound(Exception):  # noqa: N818 - an outcome with a reason, not an 
     """The optimiser failed; the message says how."""
 
 
-def compile_program(program: Path, *, threads: bool = False) -> Path:
+def compile_program(program: Path) -> Path:
     """Return the executable of a Stan program; compile it unless it is in the cache.
 
-    Only with `threads` can it run in several threads; without, it is a little faster. Raises
-    ToolchainError if CmdStan cannot be had, the program is wrong or the compiler fails; the message
-    ends with what stanc or the compiler said.
+    Raises ToolchainError if CmdStan cannot be had, the program is wrong or the compiler fails; the
+    message ends with what stanc or the compiler said.
     """
-    return compile_with(ensure_cmdstan(), program, threads=threads)
+    return compile_with(ensure_cmdstan(), program)
 
 
-def load_program(source: Path, *, threads: int = 1) -> "Program":
+def load_program(source: Path) -> "Program":
     """Compile a Stan program, or take its executable from the cache.
 
     Files that the program includes are found beside it, then among the Stan files of the package.
@@ -93,8 +85,6 @@ def load_program(source: Path, *, threads: int = 1) -> "Program":
     ----------
     source : Path
         File of the program.
-    threads : int
-        Threads that share the work of the program.
 
     Returns
     -------
@@ -113,19 +103,17 @@ def load_program(source: Path, *, threads: int = 1) -> "Program":
     >>> float(pyburgers.load_program(Path("one.stan")).evaluate({})["one"])
     1.0
     """
-    return Program(compile_program(source, threads=threads > 1), threads)
+    return Program(compile_program(source))
 
 
 @dataclass(frozen=True)
 class Program:
-    """A compiled Stan program, and the threads that share its work.
+    """A compiled Stan program.
 
-    It has more than one thread only if it is compiled for them. When one of its methods ends,
-    however that comes, none of its processes is left.
+    When one of its methods ends, however that comes, none of its processes is left.
     """
 
     executable: Path
-    threads: int = 1
 
     @property
     def recipe(self) -> str:
@@ -164,7 +152,6 @@ class Program:
                 *method,
             ],
             output.with_suffix(".txt"),
-            environment={**os.environ, "STAN_NUM_THREADS": str(self.threads)},
         )
 
     def evaluate(

@@ -15,16 +15,6 @@ from pyburgers.common.paths import shipped_folder
 from pyburgers.common.processes import start
 from pyburgers.common.scratch import scratch_folder
 
-# Programs without threads are compiled with CmdStan's defaults (-O3, range checks on), which are
-# portable. With -march=native a gradient of PIL40 takes as long, and a home folder, with its cache,
-# may be shared between machines.
-THREAD_FLAGS: tuple[str, ...] = ("STAN_THREADS=true", "PRECOMPILED_HEADERS=false")
-"""Variables given to CmdStan's make for programs that run in several threads.
-
-CmdStan's precompiled header is one without threads. One with them would take 700 MB more, for the
-one program in which threads share work.
-"""
-
 MINIMUM_VERSION = (2, 27)
 """The oldest CmdStan that compiles the Stan programs."""
 
@@ -51,8 +41,10 @@ class MissingToolError(ToolchainError):
 class Toolchain:
     """CmdStan, compiler, make and flags; of tools the first line of ``--version``.
 
-    Compile flags are `THREAD_FLAGS` if there are threads, compiler variables of
-    the environment, and the settings of CmdStan's ``make/local`` and ``~/.config/stan/make.local``.
+    Compile flags are compiler variables of the environment, and the settings of CmdStan's
+    ``make/local`` and ``~/.config/stan/make.local``. CmdStan's defaults (-O3, range checks on) are
+    portable: a home folder, with its cache, may be shared between machines. With -march=native a
+    gradient of PIL40 takes as long.
     """
 
     cmdstan_path: Path
@@ -182,8 +174,8 @@ def make_version() -> str:
     return _tool_version(["make"], "build tool")
 
 
-def toolchain(cmdstan: Path, *, threads: bool = False) -> Toolchain:
-    """Return the tools that compile programs, with threads or without, with a CmdStan.
+def toolchain(cmdstan: Path) -> Toolchain:
+    """Return the tools that compile programs with a CmdStan.
 
     Raises MissingToolError if the compiler or make is missing; ToolchainError if `cmdstan` is not a
     built CmdStan.
@@ -196,14 +188,13 @@ def toolchain(cmdstan: Path, *, threads: bool = False) -> Toolchain:
         cmdstan_version=cmdstan_version(cmdstan),
         compiler=compiler_version(),
         make=make_version(),
-        compile_flags=compile_flags(cmdstan, threads=threads),
+        compile_flags=compile_flags(cmdstan),
     )
 
 
-def compile_flags(cmdstan: Path, *, threads: bool) -> tuple[str, ...]:
+def compile_flags(cmdstan: Path) -> tuple[str, ...]:
     """Return the settings of `Toolchain.compile_flags`."""
-    own = THREAD_FLAGS if threads else ()
-    return (*own, *_environment_flags(), *_make_settings(cmdstan))
+    return (*_environment_flags(), *_make_settings(cmdstan))
 
 
 def run_tool(

@@ -37,7 +37,7 @@ from pyburgers.posterior.labelled_draws import (
     relative_efficiency,
     smooth_weights,
 )
-from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.options import recorded_options
 
 logger = logging.getLogger(__name__)
 
@@ -174,7 +174,7 @@ def _without_point(one: Fit, point: int, out: Path) -> Fit:
     return fit_problem(
         problem_of([left], one.priors),
         out=out,
-        options=SamplerOptions(**one.manifest["sampler"]),
+        options=recorded_options(one.manifest["sampler"]),
         solver=SolverOptions(**solver),
         command=f"pyburgers compare (point {point + 1} left out)",
     )

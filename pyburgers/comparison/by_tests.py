@@ -23,7 +23,7 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Task, run_fits
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.sampling.manifest import COMPLETE
-from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.options import recorded_options
 from pyburgers.sampling.run_directory import RunDirectory
 
 IntArray = npt.NDArray[np.int64]
@@ -92,7 +92,7 @@ def _without(joint: Fit, test: str) -> Task:
     solver = joint.manifest["solver"]
     return Task(
         joint.problem.without(test),
-        SamplerOptions(**joint.manifest["sampler"]),
+        recorded_options(joint.manifest["sampler"]),
         SolverOptions(**solver),
         remark=f"({test} left out)",
     )

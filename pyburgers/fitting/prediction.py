@@ -185,7 +185,7 @@ def _tree(
     on_grid = drawn.dataset(list(likelihood.grid_quantities)).assign_coords(chain=[1])
     groups = {"posterior": parameters, "predictions": grid_group(on_grid, experiment)}
     if experiment.n_points > 0:
-        at_points = drawn_at_points(drawn, {"chain": [1]}, likelihood.response)
+        at_points = drawn_at_points(drawn, {"chain": [1]})
         groups |= groups_at_points(at_points, experiment)
     return xr.DataTree.from_dict(groups)
 

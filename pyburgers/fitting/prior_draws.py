@@ -128,7 +128,7 @@ def prior_draws(
     if experiment.n_points:
         name = likelihood.response.name
         points = {**labels, "point": np.arange(experiment.n_points)}
-        replicated = drawn[f"{name}_replicated"]
+        replicated = drawn["response_replicated"]
         groups["prior_predictive"] = xr.Dataset(
             {name: (("chain", "draw", "point"), replicated)}, points
         )

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pyburgers.cmdstan.program import Density, load_program, shares_work
+from pyburgers.cmdstan.program import Density, load_program
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
@@ -66,14 +66,11 @@ def run_chains(
     `KeyboardInterrupt` the chains are stopped; the same call continues the run.
     """
     settled = settled_options(problem, options)
-    source, threads = problem.likelihood.program, settled.threads_per_chain
-    # Climbs are the same whatever the threads of the chains.
-    climber = load_program(source)
-    if not climber.has_cpp:
+    model = load_program(problem.likelihood.program)
+    if not model.has_cpp:
         solver = replace(solver, method=BDF)
     data = program_data(problem, solver=solver, use_likelihood=use_likelihood)
     wanted = wanted_record(problem, settled, solver_in(data), use_likelihood=use_likelihood)
-    model = load_program(source, threads=threads) if threads > 1 else climber
     run, identity = RunDirectory(directory), fingerprint(data, settled, model.recipe)
     # As given: priors are resolved for each test by itself.
     inputs = input_texts(problem.experiments, problem.given_priors)
@@ -84,7 +81,7 @@ def run_chains(
     with run.claimed(identity):
         write_inputs(run, inputs)
         if not run.stan_data_file.is_file():
-            density = Density(climber, data)
+            density = Density(model, data)
             chart = choose_chart(problem, density, wanted=settled.coordinates, seed=settled.seed)
             _write_chart(run, density.with_data(chart.block), chart, seed=settled.seed)
         known = run.read_manifest()
@@ -116,9 +113,9 @@ def run_chains(
 
 
 def settled_options(problem: Problem, options: SamplerOptions) -> SamplerOptions:
-    """Fill in warm-up, target acceptance and the threads that are of use.
+    """Fill in warm-up and target acceptance.
 
-    Raises `InputError` if the tests do not have the coordinates, or threads cannot share them.
+    Raises `InputError` if the tests do not have the coordinates.
     """
     likelihood, chart = problem.likelihood, problem.likelihood.chart.name
     if options.coordinates not in ("auto", "plain", chart):
@@ -126,23 +123,11 @@ def settled_options(problem: Problem, options: SamplerOptions) -> SamplerOptions
             f"{problem.name}: {options.coordinates} coordinates are not for tests of the protocol "
             f"{likelihood.name}, expected --coordinates auto, plain or {chart}."
         )
-    threads = threads_for(options, len(problem.experiments))
-    if threads > 1 and not shares_work(likelihood.program):
-        raise InputError(
-            f"{problem.name}: threads_per_chain is {threads}, expected 1: "
-            f"threads cannot share tests of the protocol {likelihood.name}."
-        )
     return replace(
         options,
         warmup=options.warmup or likelihood.warmup,
         adapt_delta=options.adapt_delta or likelihood.target_acceptance,
-        threads_per_chain=threads,
     )
-
-
-def threads_for(options: SamplerOptions, n_tests: int) -> int:
-    """Return the threads of a chain: at most as many as there are tests to share."""
-    return min(options.threads_per_chain, n_tests)
 
 
 def _write_chart(run: RunDirectory, density: Density, chart: ChosenChart, *, seed: int) -> None:
@@ -292,8 +277,6 @@ def _decisive(record: Mapping[str, Any], free: Sequence[str]) -> dict[str, Any]:
         **record.get("variant", {}),
     }
     if len(tests) > 1:
-        threads = sampler.get("threads_per_chain", 1)
-        decisive["threads_per_chain"] = "2 or more" if threads > 1 else "1"
         pooled = record["pooling"]["kinds"]
         decisive |= {f"pooling of {name}": pooled.get(name) for name in free}
     return decisive

@@ -12,7 +12,6 @@ from pyburgers.common.messages import messages_to
 from pyburgers.common.processes import cores
 from pyburgers.common.tasks import ALL_HERE, Workers, run_tasks
 from pyburgers.fitting.fit import Fit, fit_problem
-from pyburgers.fitting.problem_run import threads_for
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.stan_data import SolverOptions
@@ -111,8 +110,7 @@ def run_fits(
         if workers.executor is None:
             # The last fit begins when another has ended, and soon has all cores to itself.
             beside = 1 if number == len(mine) > processes else processes
-            threads = threads_for(task.options, len(task.problem.experiments))
-            chains = max(1, cores() // (beside * threads))
+            chains = max(1, cores() // beside)
             task = replace(task, options=replace(task.options, parallel_chains=chains))
         # Elsewhere the working directory may be another one.
         calls[out] = (name, task, out.absolute(), command, keep_going)

@@ -299,7 +299,6 @@ def fit_peak_stress(
         warmup=options.warmup or WARMUP,
         adapt_delta=options.adapt_delta or TARGET_ACCEPTANCE,
         coordinates="plain",
-        threads_per_chain=1,
     )
     curve = default_priors(data.material) if curve is None else curve
     for given in (priors, curve):

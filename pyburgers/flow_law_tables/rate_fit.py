@@ -384,7 +384,6 @@ def fit_rates(
         warmup=options.warmup or WARMUP,
         adapt_delta=options.adapt_delta or TARGET_ACCEPTANCE,
         coordinates="plain",
-        threads_per_chain=1,
     )
     known = law_for(data, law, held_out)
     stan_data = rate_data(

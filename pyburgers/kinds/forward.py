@@ -194,9 +194,9 @@ def simulate(
         strain is missing, the value is that of the test, else none.
     at : array, shape (n,), optional
         Positions on the clock of the protocol, within the test, not decreasing. At constant rate
-        they are strains (positive fractions; those of rate steps are added). In oscillations and
-        loading histories they are times (s) from the start; the second of two at a jump is behind
-        it. In a table of attenuation they are places. Default
+        they are strains (positive fractions). In oscillations and loading histories they are times
+        (s) from the start; the second of two at a jump is behind it. In a table of attenuation they
+        are places. Default
         `pyburgers.kinds.likelihood.Likelihood.output_grid`.
     solver : SolverOptions
         Tolerance and step limit.
@@ -242,7 +242,8 @@ def _solved(
     grid = likelihood.output_grid(experiment) if at is None else checked_positions(experiment, at)
     draw = solve(experiment, values, grid, solver=solver, sections=sections)
     solution = pd.DataFrame(kind_of(experiment).solution(experiment, draw))
-    solution.attrs[likelihood.reference.name] = float(np.exp(draw["log_reference"][0]))
+    with np.errstate(over="ignore"):  # of a dashpot that never flows
+        solution.attrs[likelihood.reference.name] = float(np.exp(draw["log_reference"][0]))
     # Programs have no such variables where nothing was measured.
     noises = {likelihood.read[k].noise for k in experiment.quantity}
     if noises and noises <= values.keys() and "log_lik" in draw:

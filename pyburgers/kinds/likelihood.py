@@ -126,7 +126,7 @@ class Likelihood(ABC, Generic[E]):
     `clock`: along which the test is driven and solutions are given.
     `read`: what is read; ``grid_NAME`` of the program is each, and `Experiment.quantity` says
         which of them a reading is.
-    `response`: what is observed; the program names it in ``NAME_model`` and ``NAME_replicated``.
+    `response`: what is observed; ``response_model`` and ``response_replicated`` of the program.
     `reference`: point of the flow law whose logarithm is sampled in place of Q_M or beta.
     `grid_quantities`: variables of the program along the clock: name and SI unit in labelled draws.
     `warmup`, `target_acceptance`: defaults of the sampler: as little as leaves (almost) no

@@ -260,12 +260,15 @@ def solve(
     bare = kind_of(experiment).without_data(experiment)
     bare = replace(bare, microstructure=tuple(sections))
     data = program_data(one_test(bare, priors), solver=solver, grids=[at])
-    draw = (program or load_program(likelihood.program)).evaluate(data)
+    advice = "at these parameters; check their units (SI) and the sign of beta."
+    try:
+        draw = (program or load_program(likelihood.program)).evaluate(data)
+    except SamplingError as error:
+        raise SamplingError(f"{experiment.id}: the solver found no solution {advice}") from error
     for quantity in likelihood.read:
         if not np.isfinite(draw[f"grid_{quantity.name}"]).all():
             raise SamplingError(
-                f"{experiment.id}: the solver found no finite {quantity.name} at these "
-                "parameters; check their units (SI) and the sign of beta."
+                f"{experiment.id}: the solver found no finite {quantity.name} {advice}"
             )
     clock = f"grid_{likelihood.clock.name}"
     return {**draw, clock: np.asarray(data.get(clock, at))}

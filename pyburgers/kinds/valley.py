@@ -13,7 +13,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
+from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited
 from pyburgers.kinds.stan_data import Layout, PlainCoordinates, StanData, ends
@@ -82,7 +82,6 @@ class Pins:
     `time_spent`: time (s) of the dashpot near each pin if ln S_0 is solved from times, else 0.
     `readings`: number of readings for each pin that has noise.
     `reference_rate`: rate (1/s) that ln S_0 belongs to.
-    `flow_stress`: stress (Pa) at which the flow rate is the plain coordinate; 0 where S_0 is.
     `loading_time`: time (s) of the elastic rise, in which spring and Kelvin element give together.
     `noise`: parameter that widths follow.
     `seen_flow`, `replaced_deviation`: if ln S_0 is solved from times, the flow strain that data can
@@ -101,7 +100,6 @@ class Pins:
     time_spent: FloatArray
     readings: float
     reference_rate: float
-    flow_stress: float
     loading_time: float
     noise: str
     seen_flow: float = 0.0
@@ -118,7 +116,7 @@ class Pins:
         return self.noise == "strain_noise"
 
 
-PINS_NUMBERS = ("reference_rate", "flow_stress", "loading_time", "seen_flow", "replaced_deviation")
+PINS_NUMBERS = ("reference_rate", "loading_time", "seen_flow", "replaced_deviation")
 """Of `Pins`, one of each test in the Stan data."""
 
 
@@ -245,13 +243,8 @@ class ValleyChart(Chart[E]):
         }
 
 
-def quantile_pins(path_strain: FloatArray, flowing: BoolArray) -> FloatArray:
-    """Path strains of the pins: quantiles of those of the readings where the dashpot flows."""
-    return np.asarray(np.unique(np.quantile(path_strain[flowing], _quantiles(int(flowing.sum())))))
-
-
 def quantile_places(path_strain: FloatArray) -> IntArray:
-    """Places of readings at such quantiles, of path strains that do not decrease."""
+    """Places of the pins: quantiles of path strains, not decreasing, where the dashpot flows."""
     places = np.rint(_quantiles(path_strain.size) * (path_strain.size - 1)).astype(np.int64)
     _, first = np.unique(path_strain[places], return_index=True)
     return np.asarray(places[first])

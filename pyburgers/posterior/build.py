@@ -13,7 +13,7 @@ from pyburgers.cmdstan.program import Program, Unsolved, load_program
 from pyburgers.common.draws import FloatArray
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate
-from pyburgers.kinds.likelihood import Likelihood, likelihood_of
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import Problem
 from pyburgers.kinds.program_data import with_grids
 from pyburgers.kinds.stan_data import CENTRE, REFERENCE_SOLVER, SPREAD, StanData, solver_block
@@ -95,7 +95,7 @@ def _groups_of(
     stats = stats_with_solver(
         fit, checked, chains, unit=data["unit"], use_likelihood=manifest["use_likelihood"]
     )
-    at_points = drawn_at_points(fit, chains, likelihood.response)
+    at_points = drawn_at_points(fit, chains)
     at_points[PRIOR_DENSITY] = fit.dataset([PRIOR_DENSITY])[PRIOR_DENSITY].assign_coords(chains)
     draws = _draws_of_tests(fit, problem, chains)
     ends = data["point_end"]
@@ -106,7 +106,7 @@ def _groups_of(
         tests[experiment.id] = {
             "posterior": of_test,
             "sample_stats": stats,
-            **groups_at_points(_points_of_test(points, likelihood, experiment, priors), experiment),
+            **groups_at_points(_points_of_test(points, experiment, priors), experiment),
             "predictions": grid_group(checked.isel(on_grids[e]), experiment),
             "posterior_mean_solution": _solution_at_mean(of_test, priors, experiment),
         }
@@ -154,20 +154,11 @@ def _places_on_grids(
     return places, sizes
 
 
-def _points_of_test(
-    points: xr.Dataset, of_program: Likelihood[Any], experiment: Experiment, priors: PriorSet
-) -> xr.Dataset:
-    """Draws at the points of a test under the names of its own protocol."""
-    own = likelihood_of(experiment)
+def _points_of_test(points: xr.Dataset, experiment: Experiment, priors: PriorSet) -> xr.Dataset:
+    """Draws at the points of a test, counted from 0."""
     if GIVEN_OTHERS in points and variant_of(priors, experiment).residuals == "independent":
         points = points.drop_vars(GIVEN_OTHERS)
-    named = points.rename(
-        {
-            f"{of_program.response.name}_{what}": f"{own.response.name}_{what}"
-            for what in ("model", "replicated")
-        }
-    )
-    return named.assign_coords(point=np.arange(experiment.n_points))
+    return points.assign_coords(point=np.arange(experiment.n_points))
 
 
 def _draws_of_tests(

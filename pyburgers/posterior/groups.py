@@ -8,7 +8,6 @@ import xarray as xr
 from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import likelihood_of, strains_of, times_of
-from pyburgers.model.read_quantities import Quantity
 from pyburgers.posterior.labelled_draws import CORRELATED
 
 GIVEN_OTHERS = "log_lik_given_others"
@@ -24,12 +23,12 @@ MICROSTRUCTURE_LOG_LIKELIHOOD = "microstructure_log_lik"
 """Name in programs that take measured microstructure; not there where none was measured."""
 
 
-def drawn_at_points(fit: Draws, chains: Mapping[str, list[int]], response: Quantity) -> xr.Dataset:
+def drawn_at_points(fit: Draws, chains: Mapping[str, list[int]]) -> xr.Dataset:
     """Return responses with and without noise and densities by chain, draw and point.
 
     If residuals are correlated, `GIVEN_OTHERS` is there too.
     """
-    names = [f"{response.name}_model", f"{response.name}_replicated", "log_lik"]
+    names = ["response_model", "response_replicated", "log_lik"]
     if GIVEN_OTHERS in fit:
         names.append(GIVEN_OTHERS)
     columns = {name: fit.dataset([name])[name].rename({f"{name}_dim_0": "point"}) for name in names}
@@ -43,7 +42,7 @@ def groups_at_points(at_points: xr.Dataset, experiment: Experiment) -> dict[str,
     response = likelihood.response.name
     return {
         **point_groups(at_points, [experiment]),
-        "model_response": xr.Dataset({response: at_points[f"{response}_model"]}),
+        "model_response": xr.Dataset({response: at_points["response_model"]}),
         "constant_data": xr.Dataset(
             {
                 name: ("point", values, {"units": unit})
@@ -62,7 +61,7 @@ def point_groups(at_points: xr.Dataset, experiments: Sequence[Experiment]) -> di
     points = {"point": np.arange(observed.size)}
     groups = {
         "log_likelihood": xr.Dataset({name: at_points["log_lik"]}),
-        "posterior_predictive": xr.Dataset({name: at_points[f"{name}_replicated"]}),
+        "posterior_predictive": xr.Dataset({name: at_points["response_replicated"]}),
         "observed_data": xr.Dataset(
             {name: ("point", observed, {"units": response.si_unit})}, points
         ),

@@ -176,8 +176,7 @@ class Extension:
 
 def chains_at_once(options: SamplerOptions) -> int:
     """Return how many chains run side by side on this machine."""
-    most = max(1, cores() // options.threads_per_chain)
-    return options.parallel_chains or min(options.chains, most)
+    return options.parallel_chains or min(options.chains, cores())
 
 
 def run_side_by_side(

@@ -1,7 +1,7 @@
 """Settings of the sampler and their defaults."""
 
 import math
-from collections.abc import Container
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, get_args, get_type_hints
 
@@ -23,7 +23,6 @@ LIMITS = {
     "seed": (0, 2**31 - 1),
     "max_treedepth": (1, 20),
     "parallel_chains": (1, 1000),
-    "threads_per_chain": (1, 1000),
 }
 """Least and largest value of options."""
 
@@ -33,13 +32,12 @@ ENOUGH_DRAWS = 1000
 DEFAULT_MINUTES = 5.0
 """Minutes of sampling of such a fit."""
 
-INDECISIVE = frozenset(
-    {"chains", "chain_timeout", "max_minutes", "parallel_chains", "threads_per_chain"}
-)
-"""Options that change no draw of a chain.
+INDECISIVE = frozenset({"chains", "chain_timeout", "max_minutes", "parallel_chains"})
+"""Options that change no draw of a chain."""
 
-Draws in several threads are others than in one, by rounding, but those programs are two.
-"""
+
+RETIRED = ("threads_per_chain",)
+"""Entries that manifests may hold beside the options, without effect."""
 
 
 def _option(name: str) -> str:
@@ -73,9 +71,7 @@ class SamplerOptions:
     chain_timeout : float or None
         Seconds after which a chain is stopped and reported as failed.
     parallel_chains : int or None
-        Chains that run side by side; None runs as many as there are cores for their threads.
-    threads_per_chain : int
-        Threads that share the tests of a joint fit; there are never more than tests.
+        Chains that run side by side; None runs as many as there are cores.
 
     Examples
     --------
@@ -92,7 +88,6 @@ class SamplerOptions:
     max_minutes: float | None = None
     chain_timeout: float | None = None
     parallel_chains: int | None = None
-    threads_per_chain: int = 1
 
     def __post_init__(self) -> None:
         """Check the values.
@@ -158,4 +153,11 @@ def options_table(*, settled: bool, without: Container[str] = ()) -> type[Table]
             hint, default = next(iter(get_args(hint)), hint), ...
         least, most = LIMITS.get(name, (None, None)) if settled else (None, None)
         keys[name] = hint, Field(default, ge=least, le=most, description=f"the sampler's {name}")
+    if settled:
+        keys |= {name: (int, Field(1, description="without effect")) for name in RETIRED}
     return create_model("OptionsTable", __base__=Table, **keys)
+
+
+def recorded_options(record: Mapping[str, Any]) -> SamplerOptions:
+    """Return the options in a manifest, which may hold retired ones beside them."""
+    return SamplerOptions(**{name: own for name, own in record.items() if name not in RETIRED})

@@ -38,7 +38,7 @@ from pyburgers.kinds.together import pooling_for
 from pyburgers.model.pooling import pooling_from
 from pyburgers.model.priors import PriorSet, load_priors, note_other_material
 from pyburgers.sampling.manifest import COMPLETE, PoolingRecord, RecordedHashes, SamplerRecord
-from pyburgers.sampling.options import INDECISIVE, SamplerOptions
+from pyburgers.sampling.options import INDECISIVE, recorded_options
 from pyburgers.sampling.run import decisive, files_in, origin_record
 from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sbc.data_sets import DataSetPlan, check_template, replicate
@@ -238,7 +238,7 @@ def load_calibration(folder: Path) -> Calibration:
     content = manifest["plan"]
     given = {name: content.get(name) for name in ("stress_range", "strain_range")}
     ranges = {name: tuple(limits) for name, limits in given.items() if limits is not None}
-    sampler = SamplerOptions(**content["sampler"])
+    sampler = recorded_options(content["sampler"])
     plan = CalibrationPlan(**{**content, "sampler": sampler, **ranges})
     return Calibration(
         template,

@@ -7,7 +7,8 @@
     reference_end[e + 1] = pin_end[e + 1] + e * n_reference();
     if (coordinate_system == 2 && pin_end[e + 1] > pin_end[e]) {
       conditions[e] = [reference_rate[e], initial_grain_size[e], temperature[e],
-                       loading_time[e], flow_stress[e], seen_flow[e], replaced_deviation[e]]';
+                       loading_time[e], reference_stress_rate[e] > 0 ? 0 : stress_scale[e],
+                       seen_flow[e], replaced_deviation[e]]';
       reference[part(reference_end, e)]
         = valley_reference(reference_parameter[e], guide[part(own_end, e), 1], own_place[e],
                            {replaced_parameter[e], noise_parameter[e]}, conditions[e],

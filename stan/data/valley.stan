@@ -8,8 +8,6 @@ matrix[pin_end[n_tests + 1], 9] pin;
 matrix[coordinate_system == 2 ? own_end[n_tests + 1] : 0, 3] guide;
 array[coordinate_system == 2 ? n_tests : 0] vector[n_parameters()] reference_parameter;
 array[coordinate_system == 2 ? n_tests : 0] real<lower=0> reference_rate; // of ln S_0, 1/s
-// Of the flow rate that the plain coordinate is of, Pa; 0: it is that of S_0.
-array[coordinate_system == 2 ? n_tests : 0] real<lower=0> flow_stress;
 array[coordinate_system == 2 ? n_tests : 0] real<lower=0> loading_time; // of the elastic rise, s
 // Where ln S_0 is solved from times (0 elsewhere): flow strain that data can just tell from none, over
 // that of the reference curve, and prior standard deviation of the parameter that ln S_0 replaces.

@@ -65,7 +65,7 @@ matrix history_states(vector parameter, data vector constant, data array[] int v
       real jump = every[h_spring_compliance()] * magnitude(y_0 - state[1]);
       if (test[c_piezometer()] > 0) {
         state[5] = microstructure_at(jump, state[5],
-                                     piezometer_grain_size(test[c_stress_scale()] * y_0,
+                                     piezometer_grain_size(every[h_stress_scale()] * y_0,
                                                            test[c_piezometer()],
                                                            test[c_piezometer_exponent()],
                                                            test[c_piezometer_stress_floor()]),

@@ -35,8 +35,8 @@
     }
     {
       vector[size(here)] residual
-        = residuals_rng(grid_time[here], grid_stage[here], 1,
-                        parameter[e][i_residual_correlation_time()],
+        = residuals_rng(grid_position[here], grid_stage[here], 1,
+                        parameter[e][correlation_parameter],
                         parameter[e][i_residual_correlated_share()]);
       grid_stress_replicated[here] = grid_stress[here]
                                      + parameter[e][i_stress_noise()] * residual;

@@ -25,7 +25,7 @@
  * rest, as the whole microstructure where it is constant, is data.
  */
 
-int n_history_rates() { return 13 + n_relaxation_numbers(); }
+int n_history_rates() { return 14 + n_relaxation_numbers(); }
 
 int h_log_dashpot_rate() { return 1; } // ln v_0
 int h_stress_exponent() { return 2; } // n
@@ -40,14 +40,15 @@ int h_fabric_deficit() { return 10; } // 1 - F_ss
 int h_fabric_decay() { return 11; } // e/epsilon_c2
 int h_kelvin_law() { return 12; } // parameter of a Kelvin element that is not linear
 int h_dashpot_stress() { return 13; } // of another law than the power law (physics/dashpot_laws.stan), over S
-int h_relaxation() { return 14; } // the first of relaxation_numbers()
+int h_stress_scale() { return 14; } // S, Pa
+int h_relaxation() { return 15; } // the first of relaxation_numbers()
 
 /** Places in the constants of a test, which are data. */
 int n_history_constants() { return 8; }
 
-int c_stress_scale() { return 1; } // S, Pa
+int c_stress_scale() { return 1; } // S as the load cell reads it, Pa
 int c_strain_scale() { return 2; } // e
-int c_log_kelvin_unit() { return 3; } // ln(S/q_0)
+int c_kelvin_reference() { return 3; } // q_0, Pa
 int c_piezometer() { return 4; } // d_1/d_0; 0: the grain size has a steady state of its own
 int c_piezometer_exponent() { return 5; }
 int c_piezometer_stress_floor() { return 6; } // Pa
@@ -58,8 +59,7 @@ int c_kelvin_law() { return 8; } // of kelvin_law_at()
 vector history_constants(data vector constant, data real initial_grain_size,
                          data real stress_scale, data real strain_scale,
                          data int kelvin_law) {
-  return [stress_scale, strain_scale,
-          log(stress_scale / constant[i_kelvin_reference_stress()]),
+  return [stress_scale, strain_scale, constant[i_kelvin_reference_stress()],
           constant[i_piezometer_reference_grain_size()] / initial_grain_size,
           constant[i_piezometer_exponent()], constant[i_piezometer_stress_floor()],
           dashpot_law(constant), kelvin_law]';
@@ -106,7 +106,7 @@ vector history_rates(vector parameter, data vector constant, data real duration,
           1 - parameter[i_steady_state_fabric_factor()],
           strain_scale / parameter[i_critical_strain_fabric()],
           kelvin_law_number(parameter, test[c_kelvin_law()]),
-          dashpot_stress(parameter, dashpot_law(constant)) / stress_scale]',
+          dashpot_stress(parameter, dashpot_law(constant)) / stress_scale, stress_scale]',
          relaxation_numbers(parameter));
 }
 
@@ -138,7 +138,9 @@ array[] int varying_rates(data array[] int is_free, data matrix element) {
   varies[h_fabric_deficit()] = is_free[i_steady_state_fabric_factor()];
   varies[h_fabric_decay()] = is_free[i_critical_strain_fabric()];
   varies[h_kelvin_law()] = max(is_free[kelvin_law_parameters()]);
-  varies[h_dashpot_stress()] = max(is_free[dashpot_stresses()]);
+  varies[h_stress_scale()] = is_free[i_stress_calibration_error()];
+  varies[h_dashpot_stress()] = max(is_free[append_array(dashpot_stresses(),
+                                                        {i_stress_calibration_error()})]);
   varies[h_relaxation() : ] = relaxation_numbers_vary(is_free, element);
   n_varying = sum(varies);
   {
@@ -215,7 +217,8 @@ vector history_kelvin_rates(real y, vector z, matrix elements, vector varying,
     return [elements[1, 1]
             * linear_driving_stress(y - z[1], test[c_kelvin_law()],
                                     history_rate(h_kelvin_law(), varying, place, fixed),
-                                    test[c_log_kelvin_unit()])]';
+                                    log(history_rate(h_stress_scale(), varying, place, fixed)
+                                        / test[c_kelvin_reference()]))]';
   }
   return elements[ : , 1] .* (y - z);
 }
@@ -262,8 +265,8 @@ real history_dashpot_rate(real y, real g, real u, vector varying, data array[] i
 real history_grain_growth(real y, real u, real path_rate, vector varying,
                           data array[] int place, data vector fixed, data vector test) {
   return path_rate * history_rate(h_grain_size_decay(), varying, place, fixed)
-         * (piezometer_grain_size(test[c_stress_scale()] * y, test[c_piezometer()],
-                                  test[c_piezometer_exponent()],
+         * (piezometer_grain_size(history_rate(h_stress_scale(), varying, place, fixed) * y,
+                                  test[c_piezometer()], test[c_piezometer_exponent()],
                                   test[c_piezometer_stress_floor()])
             - u);
 }
@@ -294,8 +297,9 @@ array[] vector fast_history_leg(data int driven, data array[] int state, data ar
     for (k in 1 : 13) {
       argument[k] = history_rate(k, varying, place, fixed);
     }
-    argument[14 : 17] = [test[c_log_kelvin_unit()], test[c_stress_scale()], start_path,
-                         start_kelvin]';
+    argument[15] = history_rate(h_stress_scale(), varying, place, fixed);
+    argument[14] = log(argument[15] / test[c_kelvin_reference()]);
+    argument[16 : 17] = [start_path, start_kelvin]';
     return radau_leg({driven, place_of_dashpot_law(test[c_dashpot_law()]),
                       place_of_kelvin_law(test[c_kelvin_law()]), state[1], state[2], state[3]},
                      {y_0, rate, test[c_strain_scale()], test[c_piezometer()],

@@ -58,18 +58,3 @@ real log_relative_microstructure(real path_strain, real deficit, real inverse_cr
   }
   return log1p(deficit * expm1(-path_strain * inverse_critical_strain));
 }
-
-/**
- * Factor by which a microstructural variable lowers the strength (the stress at a given rate).
- *
- * At constant dashpot rate Eq. 1 gives stress proportional to F d^(p/n): the exponent is 1 for
- * the fabric factor and p/n for the grain size.
- *
- * @param exponent 1 (fabric) or p/n (grain size)
- * @return 1 in the undeformed state
- */
-real strength_factor(real path_strain, real initial, real steady_state, real critical_strain,
-                     real exponent) {
-  return pow(microstructure_at(path_strain, initial, steady_state, critical_strain) / initial,
-             exponent);
-}

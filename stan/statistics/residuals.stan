@@ -124,19 +124,6 @@ vector residuals_rng(data vector strain, data array[] int segment, real stress_n
   return residual;
 }
 
-/** Segment, from 1, of outputs that lie in segments one after the other. */
-array[] int segment_of_outputs(data array[] int n_in_segment) {
-  array[sum(n_in_segment)] int segment;
-  int before = 0;
-  for (k in 1 : size(n_in_segment)) {
-    for (i in 1 : n_in_segment[k]) {
-      segment[before + i] = k;
-    }
-    before += n_in_segment[k];
-  }
-  return segment;
-}
-
 /**
  * What is added to the log density of residuals that their own trend was taken from: with it, the
  * density is that with the trend's coefficients integrated out under a flat prior, up to a

@@ -27,8 +27,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-import stanli
-from cmdstanpy import write_stan_json
 from conftest import sketch_pictures, with_fixed
 from log_density import program_with
 from page import Page
@@ -44,7 +42,6 @@ from pyburgers import (
     load_priors,
     with_variant,
 )
-from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import StanData
@@ -257,26 +254,6 @@ def test_densities_are_the_stored_ones(case: Case, tmp_path: Path) -> None:
             np.testing.assert_allclose(
                 values, expected, rtol=0, atol=limit * np.abs(expected).max() + noise, err_msg=name
             )
-
-
-# The density is compared alone; the interpreter has no compiled form of some generated quantities.
-@pytest.mark.filterwarnings("ignore:stanli. parts of this model .* generated quantities")
-@pytest.mark.parametrize("case", [*CASES[:3], CASES[15]], ids=lambda case: case.name)
-def test_the_interpreter_gives_the_stored_densities(case: Case, tmp_path: Path) -> None:
-    """A second implementation of Stan: version 0.24 runs the program of constant rates alone."""
-    problem, data = problem_and_data(case, TOLERANCE)
-    write_stan_json(str(tmp_path / "data.json"), dict(data))
-    model = stanli.Model(
-        str(problem.likelihood.program),
-        data=str(tmp_path / "data.json"),
-        include_paths=str(stan_directory()),
-    )
-    stored = json.loads((HERE / "densities.json").read_text(encoding="utf-8"))[case.name]
-    for at, point in zip(points_of(data), stored, strict=True):
-        log_density, gradient = model.log_prob_grad(at)
-        assert log_density == pytest.approx(point["log_density"]["values"][0], abs=1e-7)
-        expected = np.array(point["gradient"]["values"])
-        np.testing.assert_allclose(gradient, expected, rtol=0, atol=1e-7 * np.abs(expected).max())
 
 
 @pytest.fixture(scope="module")

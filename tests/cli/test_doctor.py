@@ -25,7 +25,7 @@ sys.exit(main(sys.argv[2:]))
 
 GOOD = Finding("make", True, "GNU Make 4.3")
 NEEDED = Finding("CmdStan", False, "none", "install it")
-OPTIONAL = Finding("constant_rate.stan", False, "not compiled yet", required=False)
+OPTIONAL = Finding("loading_history.stan", False, "not compiled yet", required=False)
 
 
 @pytest.fixture
@@ -58,7 +58,7 @@ def test_table_shows_every_finding_and_remedy() -> None:
 def test_this_machine_can_fit() -> None:
     findings = diagnose()
     assert can_fit(findings), format_findings(findings)
-    assert {"Python", "pyburgers", "cmdstanpy", "arviz", "CmdStan", "constant_rate.stan"} <= {
+    assert {"Python", "pyburgers", "cmdstanpy", "arviz", "CmdStan", "loading_history.stan"} <= {
         finding.name for finding in findings
     }
 

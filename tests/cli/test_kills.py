@@ -54,5 +54,5 @@ def test_two_processes_in_a_fresh_cache(
     assert len(codes) == 1
     assert codes <= {0, 3, 4}
     assert results(outs[0]) == results(outs[1])
-    assert len(list((tmp_path / "cache").glob("*/constant_rate"))) == 1
+    assert len(list((tmp_path / "cache").glob("*/loading_history"))) == 1
     assert not list((tmp_path / "cache").glob("*/.*.partial"))

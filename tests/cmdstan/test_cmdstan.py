@@ -429,7 +429,7 @@ class TestProgramKey:
 
 
 def test_the_programs_are_found() -> None:
-    assert (stan_directory() / "constant_rate.stan").is_file()
+    assert (stan_directory() / "loading_history.stan").is_file()
 
 
 @pytest.mark.slow
@@ -590,21 +590,6 @@ class TestCache:
         assert os.access(executable, os.X_OK)
         assert len(self.targets(tools)) == 2
 
-    def test_a_program_with_threads_is_another_one(self, tools: Path, tiny: Path) -> None:
-        main = Path(os.environ["CMDSTAN"]) / "src" / "cmdstan" / "main.cpp"
-        main.write_text("int main() {}")
-        given = tools / "given"
-        make = (tools / "make").read_text().replace("for last", f'echo "$*" >> {given}; for last')
-        executable_file(tools / "make", make)
-        alone, shared = compile_program(tiny), compile_program(tiny, threads=True)
-        assert alone.parent != shared.parent
-        assert compile_program(tiny, threads=True) == shared
-        first, second = given.read_text().splitlines()
-        assert "THREADS" not in first
-        # Neither header nor main program of those without threads take part.
-        assert second.startswith("STAN_THREADS=true PRECOMPILED_HEADERS=false CMDSTAN_MAIN=")
-        assert str(main) not in second
-
     @pytest.mark.parametrize("missing", ["g++", "make"])
     def test_without_a_compiler_what_is_compiled_is_found(
         self, tools: Path, tiny: Path, missing: str, monkeypatch: pytest.MonkeyPatch
@@ -665,13 +650,7 @@ class TestEnvironment:
         (folder / "make" / "local").write_bytes(b"O=2\n# \xff\n")
         monkeypatch.setenv("CMDSTAN", str(folder))
         assert find_cmdstan() == folder
-        assert compile_flags(folder, threads=False) == ("O=2",)
-
-    def test_a_program_is_told_its_threads(self, tmp_path: Path) -> None:
-        program = Program(executable_file(tmp_path / "program", "echo $STAN_NUM_THREADS"), 3)
-        running = program.start([], data=tmp_path, output=tmp_path / "output.csv", seed=1)
-        running.wait()
-        assert running.printed() == "3\n"
+        assert compile_flags(folder) == ("O=2",)
 
     def test_a_program_that_the_system_killed_says_nothing_about_the_model(
         self, tmp_path: Path

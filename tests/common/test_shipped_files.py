@@ -9,7 +9,7 @@ from pyburgers.common.paths import shipped_folder
 
 
 def test_stan_programs_and_data_are_found() -> None:
-    assert (shipped_folder("stan") / "constant_rate.stan").is_file()
+    assert (shipped_folder("stan") / "loading_history.stan").is_file()
     assert (shipped_folder("data") / "priors" / "ice.toml").is_file()
 
 

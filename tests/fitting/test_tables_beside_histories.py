@@ -122,7 +122,7 @@ def test_the_density_is_that_of_the_curve_and_that_of_the_table(seed: int) -> No
     np.testing.assert_allclose(joint["log_lik"][:n], curve_alone["log_lik"], rtol=1e-8)
     np.testing.assert_allclose(joint["log_lik"][n:], table_alone["log_lik"], rtol=1e-8)
     np.testing.assert_allclose(
-        joint["response_model"][n:], table_alone["log_reading_model"], rtol=1e-12
+        joint["response_model"][n:], table_alone["response_model"], rtol=1e-12
     )
     assert joint["log_density"] == pytest.approx(
         curve_alone["log_density"] + table_alone["log_lik"].sum(), rel=1e-10

@@ -196,9 +196,7 @@ def test_the_density_is_prior_likelihood_and_jacobian(
         columns = program.columns_at({"coordinate": point.tolist()})
         values = parameters_in(columns)
         prior = sum(priors[free].distribution().logpdf(values[free]) for free in priors.free)
-        response = vector(
-            columns, f"{likelihoods()[kind].response.name}_model", experiment.n_points
-        )
+        response = vector(columns, "response_model", experiment.n_points)
         likelihood = example.log_likelihood(experiment, values, response)
         np.testing.assert_allclose(
             vector(columns, "log_lik", experiment.n_points), likelihood, rtol=1e-8, atol=1e-8

@@ -22,7 +22,6 @@ from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.parameters import PLACE, PROGRAM_PARAMETERS
 from pyburgers.model.pooling import SEPARATE, pooling_of
 from pyburgers.model.priors import default_priors, load_priors, save_priors
-from pyburgers.model.variants import with_variant
 
 OLIVINE = ICE.parent / "olivine" / "olivine_twin.toml"
 TEMPERATURE, CALIBRATION = "temperature_error", "stress_calibration_error"
@@ -127,16 +126,6 @@ def test_joint_fits_ask_for_conditions_that_go_together() -> None:
         problem_of([other, known], default_priors("ice"), SEPARATE)
     with pytest.raises(InputError, match="furnace"):
         pooling_of({TEMPERATURE: "shared"})
-
-
-def test_histories_know_an_uncertain_load_cell_only_where_stress_comes_in_proportion() -> None:
-    """Rather than that the error is dropped where a law has a stress of its own."""
-    history = CONSTANT_RATE.as_history(load_constant_rate(ICE / "PIL40.toml"))
-    wrong = replace(history, uncertain=(UncertainCondition(CALIBRATION, 0.02, None),))
-    assert problem_of([wrong], default_priors("ice")).free[-1] == CALIBRATION
-    priors = with_variant(default_priors("ice"), wrong, {"kelvin": "power_law"})
-    with pytest.raises(InputError, match=r"'stress_calibration_sd'.*power_law"):
-        problem_of([wrong], priors)
 
 
 def test_tests_of_two_protocols_keep_their_conditions() -> None:

@@ -15,7 +15,7 @@ from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.problem import plain_coordinates, problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import REFERENCE_STRESS, Layout, SolverOptions, StanData
-from pyburgers.model.parameters import PARAMETERS, PROGRAM_PARAMETERS
+from pyburgers.model.parameters import PARAMETERS, PLACE, PROGRAM_PARAMETERS
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.prior_families import Family, Prior
 from pyburgers.model.priors import PriorSet, default_priors
@@ -59,40 +59,43 @@ def data_of(
     )
 
 
-def test_repeated_strains_share_one_output() -> None:
-    data = data_of(experiment([0.01, 0.02, 0.02, 0.03]))
-    assert data["strain"] == [0.01, 0.02, 0.03]
-    assert data["strain_of_point"] == [1, 2, 2, 3]
-    assert data["n_strains_in_segment"] == [3]
-    assert data["point_end"] == [0, 4]
-
-
-def test_a_rate_step_is_the_last_output_of_the_segment_before() -> None:
+def test_segments_are_legs_and_a_rate_step_is_the_end_of_the_one_before() -> None:
     segments = ((0.0, 1e-4), (0.02, 1e-5), (0.05, 1e-6))
-    data = data_of(experiment([0.01, 0.02, 0.03], segments))
-    assert data["strain"] == [0.01, 0.02, 0.03, 0.05]
-    assert data["n_strains_in_segment"] == [2, 2, 0]
-    assert data["strain_of_point"] == [1, 2, 3]
-    assert data["segment_start"] == [0.0, 0.02, 0.05]
-    assert data["segment_rate"] == [1e-4, 1e-5, 1e-6]
+    data = data_of(experiment([0.01, 0.02, 0.02, 0.03], segments))
+    driven, duration, _, rate, temperature = np.transpose(data["leg"])
+    assert driven.tolist() == [0.0] * 3
+    np.testing.assert_allclose(duration, [200.0, 3000.0, 5e4], rtol=1e-12)
+    assert rate.tolist() == [1e-4, 1e-5, 1e-6]
+    assert temperature.tolist() == [experiment([0.01]).temperature] * 3
+    assert data["n_outputs_in_leg"] == [2, 2, 0]
+    np.testing.assert_allclose(data["output_time_in_leg"], [0.5, 1.0, 0.0, 1 / 3], rtol=1e-12)
+    assert data["output_of_point"] == [1, 2, 3, 4]
+    assert data["point_stage"] == [0, 0, 1, 1]
+
+
+def test_strain_is_what_residuals_correlate_along_and_the_first_rate_that_of_s_0() -> None:
+    data = data_of(experiment([0.01, 0.03], ((0.0, 1e-4), (0.02, 1e-5))), grid=[0.02, 0.1])
+    assert data["point_position"] == [0.01, 0.03]
+    assert data["grid_position"] == [0.02, 0.1]
+    assert data["correlation_parameter"] == PLACE["residual_correlation_strain"]
+    assert data["reference_stress_rate"] == [1e-4]
 
 
 @pytest.mark.parametrize("step", [0.051, 0.07, 1 / 30])
 def test_a_strain_beside_a_step_by_rounding_is_the_step(step: float) -> None:
     beside = [float(np.nextafter(step, 0)), step, float(np.nextafter(step, 1))]
     data = data_of(experiment([0.01, *beside], ((0.0, 1e-4), (step, 1e-5))), grid=[*beside, 0.1])
-    assert data["strain"] == [0.01, step]
-    assert data["strain_of_point"] == [1, 2, 2, 2]
-    assert data["n_strains_in_segment"] == [2, 0]
-    assert data["grid_strain"] == [step, 0.1]
-    assert data["n_grid_in_segment"] == [1, 1]
+    assert data["n_outputs_in_leg"] == [2, 2]
+    assert data["output_time_in_leg"][1:] == [1.0, 0.0, 0.0]
+    assert data["n_grid_in_leg"] == [1, 3]
+    assert data["grid_time_in_leg"] == [1.0, 0.0, 0.0, 1.0]
 
 
 def test_without_grid_there_is_nothing_to_report() -> None:
     data = data_of(experiment([0.01], ((0.0, 1e-4), (0.05, 1e-5))))
     assert data["grid_end"] == [0, 0]
-    assert data["grid_strain"] == []
-    assert data["n_grid_in_segment"] == [0, 0]
+    assert data["grid_position"] == []
+    assert data["n_grid_in_leg"] == [0, 0]
 
 
 def test_the_likelihood_can_be_switched_off() -> None:
@@ -184,12 +187,12 @@ def test_tests_stand_one_after_the_other() -> None:
     _, data = joint_data()
     assert data["n_tests"] == 2
     assert data["point_end"] == [0, 1, 3]
-    assert data["strain"] == [0.01, 0.02, 0.03]
-    assert data["strain_of_point"] == [1, 1, 2]
-    assert data["segment_end"] == [0, 1, 2]
+    assert data["point_position"] == [0.01, 0.02, 0.03]
+    assert data["output_of_point"] == [1, 1, 2]
+    assert data["leg_end"] == [0, 1, 2]
     assert data["grid_end"] == [0, 1, 3]
-    assert data["grid_strain"] == [0.05, 0.04, 0.06]
-    assert data["grid_rate"] == [1e-4] * 3
+    assert data["grid_position"] == [0.05, 0.04, 0.06]
+    assert data["reference_stress_rate"] == [1e-4] * 2
 
 
 def test_index_tables_say_what_each_coordinate_stands_for() -> None:

@@ -1,4 +1,4 @@
-"""Chains as processes: side by side, in threads, cut short, and the progress that they show."""
+"""Chains as processes: side by side, cut short, and the progress that they show."""
 
 import io
 import logging
@@ -16,23 +16,12 @@ from typing import Any
 import pytest
 import xarray as xr
 from conftest import SMALL_RUN, Problem
-from oscillation_pair import TWIN_FILE
 
-from pyburgers.cmdstan.program import Program, shares_work
-from pyburgers.cmdstan.toolchain import stan_directory
-from pyburgers.common.errors import InputError, SystemFailureError
+from pyburgers.cmdstan.program import Program
+from pyburgers.common.errors import SystemFailureError
 from pyburgers.common.messages import messages_where_watched
 from pyburgers.common.processes import start
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.fitting.problem_run import (
-    input_texts,
-    refusal,
-    threads_for,
-    wanted_record,
-)
-from pyburgers.kinds.kind import load_experiment
-from pyburgers.kinds.stan_data import SolverOptions
-from pyburgers.model.priors import default_priors
 from pyburgers.sampling import chains
 from pyburgers.sampling.chains import (
     ConsoleFile,
@@ -106,42 +95,7 @@ def test_most_of_a_short_warm_up_is_left_to_the_metric(small_fit: Fit) -> None:
     assert first + last <= SMALL_RUN.warmup_iterations / 2
 
 
-TWO = replace(SMALL_RUN, threads_per_chain=2)
-
-
-def test_threads_share_tests_at_constant_rate_and_no_others(tmp_path: Path) -> None:
-    programs = ("constant_rate", "loading_history", "forced_oscillation", "attenuation")
-    shared = [name for name in programs if shares_work(stan_directory() / f"{name}.stan")]
-    assert shared == ["constant_rate"]
-    twin = load_experiment(TWIN_FILE)
-    with pytest.raises(InputError, match=r"threads_per_chain is 2, expected 1: .*oscillation"):
-        fit(
-            [twin, replace(twin, id="other")],
-            default_priors("olivine"),
-            out=tmp_path / "run",
-            options=TWO,
-        )
-    assert not (tmp_path / "run").exists()
-
-
-def test_there_are_at_most_as_many_threads_as_tests() -> None:
-    assert [threads_for(TWO, n) for n in (1, 2, 8)] == [1, 2, 2]
-
-
-def test_one_thread_and_several_are_different_runs(joint: Fit) -> None:
-    """Rounding differs; how many threads there are beyond one does not matter."""
-
-    def told(threads: int) -> str:
-        options = replace(SMALL_RUN, threads_per_chain=threads)
-        wanted = wanted_record(joint.problem, options, SolverOptions(), use_likelihood=True)
-        inputs = input_texts(joint.problem.experiments, joint.problem.given_priors)
-        return refusal(joint.directory, wanted, inputs, joint.problem.free)
-
-    assert "threads" not in told(1)
-    assert "threads_per_chain 2 or more where the run has 1;" in told(2)
-
-
-def test_chains_leave_cores_to_the_threads_of_others(
+def test_there_are_at_most_as_many_chains_as_cores(
     joint: Fit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[int] = []
@@ -154,10 +108,10 @@ def test_chains_leave_cores_to_the_threads_of_others(
     monkeypatch.setattr(chains, "cores", lambda: 8)
     monkeypatch.setattr(chains, "closing", lambda looks: looks)
     monkeypatch.setattr(chains, "side_by_side", no_looks)
-    for threads in (1, 3, 9):
-        asked = replace(SMALL_RUN, chains=20, warmup=50, threads_per_chain=threads)
-        chains.run_side_by_side(Program(Path("program"), threads), joint.directory, [1, 2], asked)
-    assert seen == [8, 2, 1]
+    for number in (20, 3):
+        asked = replace(SMALL_RUN, chains=number, warmup=50)
+        chains.run_side_by_side(Program(Path("program")), joint.directory, [1, 2], asked)
+    assert seen == [8, 3]
 
 
 class Terminal(io.StringIO):

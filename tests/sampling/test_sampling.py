@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, cast
@@ -18,6 +18,7 @@ import numpy as np
 import psutil
 import pytest
 from conftest import SMALL_RUN, Problem, SharedRuns
+from pydantic import ValidationError
 
 from pyburgers.common.atomic_files import UNFINISHED, write_json
 from pyburgers.common.errors import InputError, SamplingError
@@ -26,7 +27,7 @@ from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions
-from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.options import SamplerOptions, options_table, recorded_options
 from pyburgers.sampling.run import fingerprint
 from pyburgers.sampling.run_directory import RunDirectory
 
@@ -184,7 +185,6 @@ def assert_whole(run: RunDirectory) -> None:
             ("chain_timeout", lambda value=value: SamplerOptions(chain_timeout=value))
             for value in (0.0, -1.0, math.nan, math.inf)
         ),
-        ("threads_per_chain", lambda: SamplerOptions(threads_per_chain=0)),
         ("coordinates", lambda: SamplerOptions(coordinates=cast(Any, "polar"))),
     ],
 )
@@ -193,11 +193,21 @@ def test_options_out_of_range_are_refused(name: str, make: Callable[[], SamplerO
         make()
 
 
+def test_manifests_may_hold_a_retired_option_and_no_unknown_one() -> None:
+    recorded = {**asdict(SMALL_RUN), "threads_per_chain": 2}
+    assert recorded_options(recorded) == SMALL_RUN
+    known = {name: value for name, value in recorded.items() if value is not None}
+    options_table(settled=True).model_validate(known)
+    for settled, name in ((True, "of_nobody"), (False, "threads_per_chain")):
+        with pytest.raises(ValidationError, match=name):
+            options_table(settled=settled).model_validate({**known, name: 1})
+
+
 def test_fingerprint_changes_with_what_decides_the_draws(small_problem: Problem) -> None:
     problem = problem_of([small_problem.experiment], small_problem.priors)
     data = program_data(problem, solver=SolverOptions())
     first = fingerprint(data, SMALL_RUN, "program")
-    same = replace(SMALL_RUN, chains=9, chain_timeout=5.0, threads_per_chain=2)
+    same = replace(SMALL_RUN, chains=9, chain_timeout=5.0)
     assert first == fingerprint(data, same, "program")
     tighter = program_data(problem, solver=SolverOptions(tolerance=1e-8))
     others = [
@@ -227,7 +237,7 @@ def test_fingerprint_is_the_same_on_another_processor(small_problem: Problem) ->
         elsewhere = {name: off(part, by) for name, part in data.items()}
         assert elsewhere != data
         assert fingerprint(elsewhere, SMALL_RUN, "program") == first
-    for name in ("stress_observed", "temperature", "prior_location"):
+    for name in ("response_observed", "temperature", "prior_location"):
         other = {**data, name: off(data[name], 1e-4)}
         assert fingerprint(other, SMALL_RUN, "program") != first
 

@@ -6,8 +6,6 @@ functions {
 #include physics/kelvin_laws.stan
 #include physics/relaxation.stan
 #include physics/microstructure.stan
-#include solvers/radau_leg.stan
-#include kinds/constant_rate_dynamics.stan
 #include charts/plain.stan
 #include charts/sheared.stan
 #include charts/valley/pins.stan

@@ -84,7 +84,6 @@ generated quantities {
   vector[n_path_strains] grain_size_rate; // 1/s, at strain_rate
   vector[n_path_strains] grain_size_rate_reversed; // at -strain_rate
   vector[n_path_strains] log_relative_grain_size;
-  vector[n_path_strains] grain_size_strength;
   for (i in 1 : n_stresses) {
     dashpot_rate[i] = dashpot_strain_rate(stress[i], grain_size, fabric_factor, stress_exponent,
                                           grain_size_exponent,
@@ -104,9 +103,6 @@ generated quantities {
                                                              - steady_state
                                                                / initial_grain_size,
                                                              1 / critical_strain);
-    grain_size_strength[i] = strength_factor(path_strain[i], initial_grain_size, steady_state,
-                                             critical_strain,
-                                             grain_size_exponent / stress_exponent);
   }
   matrix[n, 2] log_densities // given those before, and given all others
     = log_densities_of_residuals(residual, stress_noise, 1, strain, segment, correlation_strain,

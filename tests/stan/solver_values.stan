@@ -7,7 +7,6 @@ functions {
 #include physics/relaxation.stan
 #include physics/microstructure.stan
 #include solvers/radau_leg.stan
-#include kinds/constant_rate_dynamics.stan
 #include kinds/loading_history_rates.stan
 #include kinds/loading_history_legs.stan
 #include kinds/loading_history_dynamics.stan
@@ -46,12 +45,7 @@ data {
   matrix[n_sets, n_outputs] noise;
   real stress_scale;
   real strain_scale;
-  // Constant rate; no segments: a history.
-  int<lower=0> n_segments;
-  array[n_segments] real segment_start;
-  array[n_segments] real segment_rate;
-  array[n_segments] int n_in_segment;
-  array[n_outputs] real time; // or strain
+  array[n_outputs] real time;
   int<lower=0> n_legs;
   matrix[n_legs, 5] leg;
   array[n_legs] int n_in_leg;
@@ -77,27 +71,21 @@ transformed parameters {
     vector[n_parameters()] x = parameters_at(segment(coordinate, (i - 1) * n_free + 1, n_free),
                                              parameter[i]', free, unit, stress_scale,
                                              initial_grain_size, temperature);
-    if (n_segments > 0) {
-      response[i] = to_row_vector(constant_rate_solution(
-        x, parameter[i]', time, n_in_segment, segment_start, segment_rate, initial_grain_size,
-        temperature, kelvin_law, solver, tolerance, max_num_steps)[ : , 1]);
-    } else {
-      response[i] = history_readings(
-        history_response(history_states(x, parameter[i]', varying, leg,
-                                        fixed_rates(parameter[i]', leg, initial_grain_size,
-                                                    history_constants(parameter[i]',
-                                                                      initial_grain_size,
-                                                                      stress_scale, strain_scale,
-                                                                      kelvin_law)),
-                                        history_constants(parameter[i]', initial_grain_size,
-                                                          stress_scale, strain_scale, kelvin_law),
-                                        element, time, n_in_leg, initial_grain_size, solver,
-                                        tolerance, max_num_steps),
-                         x,
-                         history_constants(parameter[i]', initial_grain_size, stress_scale,
-                                           strain_scale, kelvin_law)),
-        is_strain, x)';
-    }
+    response[i] = history_readings(
+      history_response(history_states(x, parameter[i]', varying, leg,
+                                      fixed_rates(parameter[i]', leg, initial_grain_size,
+                                                  history_constants(parameter[i]',
+                                                                    initial_grain_size,
+                                                                    stress_scale, strain_scale,
+                                                                    kelvin_law)),
+                                      history_constants(parameter[i]', initial_grain_size,
+                                                        stress_scale, strain_scale, kelvin_law),
+                                      element, time, n_in_leg, initial_grain_size, solver,
+                                      tolerance, max_num_steps),
+                       x,
+                       history_constants(parameter[i]', initial_grain_size, stress_scale,
+                                         strain_scale, kelvin_law)),
+      is_strain, x)';
   }
 }
 model {

@@ -10,12 +10,13 @@ import pytest
 from conftest import ICE, resolved_priors, valley_of, with_fixed
 from history_twins import TRUTH, history_twin
 from jacobians import assert_jacobian_is_that_of_the_map
-from log_density import Program, constant_rate_program, program_with
+from log_density import Program, program_with
 from stan_data import one_test_data, parameter_in
 from truth_as_mode import at_truth
 
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
+from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.likelihood import LoadingHistoryValley
 from pyburgers.kinds.problem import plain_coordinates
@@ -43,12 +44,12 @@ def program_for(
     folder: Path,
 ) -> Program:
     data = one_test_data(experiment, priors, solver=SOLVER, reference=valley)
-    return constant_rate_program(data, folder)
+    return program_with(LIKELIHOOD.program, data, folder)
 
 
 def stress_at(program: Program, coordinate: FloatArray) -> FloatArray:
     columns = program.columns_at({"coordinate": coordinate.tolist()})
-    return np.array([columns[name] for name in columns if name.startswith("stress_model.")])
+    return np.array([columns[name] for name in columns if name.startswith("response_model.")])
 
 
 def assert_jacobian_at_three_points(program: Program, names: Sequence[str]) -> None:
@@ -134,7 +135,7 @@ def test_the_elastic_rise_stays_when_the_kelvin_element_becomes_a_second_spring(
         coordinate[names.index("kelvin_viscosity")] = viscosity_coordinate
         columns = program.columns_at({"coordinate": coordinate.tolist()})
         assert viscosity_coordinate == 0 or parameter_in(columns, "kelvin_viscosity") < 2e10
-        return columns[f"stress_model.{rise + 1}"], parameter_in(columns, "maxwell_modulus")
+        return columns[f"response_model.{rise + 1}"], parameter_in(columns, "maxwell_modulus")
 
     stress, modulus = rise_and_modulus(0.0)
     for viscosity_coordinate in (-5.5, -6.5):

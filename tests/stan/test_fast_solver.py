@@ -89,10 +89,8 @@ def values_data(case: Case, n_sets: int) -> StanData:
     data = program_data(problem, solver=REFERENCE_SOLVER)
     drawn = parameters_about(problem, case.constants, n_sets)
     free = [k for k, name in enumerate(NAMES) if np.ptp(drawn[:, k]) > 0 and "noise" not in name]
-    is_history = "leg" in data
-    time = data["output_time_in_leg"] if is_history else data["strain"]
-    counts = data["n_outputs_in_leg"] if is_history else [len(time)]
-    is_strain = np.repeat([leg[0] > 0 for leg in data.get("leg", [[0.0]])], counts)
+    time = data["output_time_in_leg"]
+    is_strain = np.repeat([leg[0] > 0 for leg in data["leg"]], data["n_outputs_in_leg"])
     noise = [drawn[:, [NAMES.index(f"{name}_noise")]] for name in ("strain", "stress")]
     return {
         "n_sets": n_sets,
@@ -110,16 +108,12 @@ def values_data(case: Case, n_sets: int) -> StanData:
         "observed": np.zeros((n_sets, len(time))),
         "noise": np.where(is_strain, *noise),
         "is_strain": is_strain.astype(int).tolist(),
-        "stress_scale": data["stress_scale"][0] if is_history else experiment.largest_stress,
-        "strain_scale": data["strain_scale"][0] if is_history else 1.0,
+        "stress_scale": data["stress_scale"][0],
+        "strain_scale": data["strain_scale"][0],
         "time": time,
-        "n_segments": len(data.get("segment_start", [])),
-        "segment_start": data.get("segment_start", []),
-        "segment_rate": data.get("segment_rate", []),
-        "n_in_segment": data.get("n_strains_in_segment", []),
-        "n_legs": len(data.get("leg", [])),
-        "leg": data.get("leg", []),
-        "n_in_leg": data.get("n_outputs_in_leg", []),
+        "n_legs": len(data["leg"]),
+        "leg": data["leg"],
+        "n_in_leg": data["n_outputs_in_leg"],
     }
 
 
@@ -134,8 +128,8 @@ def parameters_about(problem: Problem, constants: Mapping[str, float], n_sets: i
         own = {**constant, **draw_priors(problem, rng)[0], **constants}
         # ln S_0 at the first rate, or ln of the flow rate at the stress of the test
         reference = origin + size * rng.standard_normal()
-        if "segment_rate" in data:
-            log_stress, log_rate = reference, np.log(data["segment_rate"][0])
+        if data["reference_stress_rate"][0] > 0:
+            log_stress, log_rate = reference, np.log(data["reference_stress_rate"][0])
         else:
             log_stress, log_rate = np.log(data["stress_scale"][0]), reference
         log_grains = own["grain_size_exponent"] * np.log(experiment.initial_grain_size)

@@ -169,11 +169,11 @@ def test_the_trend_that_is_removed_is_that_of_the_residuals() -> None:
     )
     expected = draw["grid_stress"] - np.polyval(trend, position)
     assert np.abs(np.polyval(trend, position)).max() > 1.0
-    for name in ("stress_model", "grid_oscillating_stress"):
+    for name in ("response_model", "grid_oscillating_stress"):
         np.testing.assert_allclose(draw[name], expected, atol=1.0, rtol=0)
-    for series in (prepared.stress, draw["stress_replicated"]):
+    for series in (prepared.stress, draw["response_replicated"]):
         left = np.polyfit(
-            position, series - draw["stress_model"], prepared.stress_fit.degree, w=weight
+            position, series - draw["response_model"], prepared.stress_fit.degree, w=weight
         )
         np.testing.assert_allclose(left, 0.0, atol=1.0)
 
@@ -231,7 +231,7 @@ def test_the_likelihood_is_the_dense_one_with_the_trend_integrated_out(n_cycles:
 def test_a_kept_background_leaves_the_stress_as_it_is() -> None:
     twin = with_background(load_forced_oscillation(TWIN_FILE), "kept")
     draw = solve(twin, truth(), twin.prepared.time, solver=REFERENCE_SOLVER)
-    np.testing.assert_array_equal(draw["stress_model"], draw["grid_stress"])
+    np.testing.assert_array_equal(draw["response_model"], draw["grid_stress"])
     np.testing.assert_array_equal(draw["grid_oscillating_stress"], draw["grid_stress"])
 
 
@@ -271,13 +271,13 @@ def test_errors_of_the_strain_change_what_drives_the_model(twin: OscillationExpe
         "unit": [],
     }
     expected = load_program(likelihood_of(test).program).evaluate(by_hand)
-    size = np.abs(expected["stress_model"]).max()
+    size = np.abs(expected["response_model"]).max()
     np.testing.assert_allclose(
-        found["stress_model"], expected["stress_model"], atol=1e-7 * size, rtol=0
+        found["response_model"], expected["response_model"], atol=1e-7 * size, rtol=0
     )
     assert found["log_pooling"] == pytest.approx(norm.logpdf(error).sum(), rel=1e-9)
-    unchanged = solve(test, truth(), prepared.time, solver=REFERENCE_SOLVER)["stress_model"]
-    assert np.abs(found["stress_model"] - unchanged).max() > 1e-3 * size
+    unchanged = solve(test, truth(), prepared.time, solver=REFERENCE_SOLVER)["response_model"]
+    assert np.abs(found["response_model"] - unchanged).max() > 1e-3 * size
 
 
 def test_without_background_more_spin_up_changes_nothing() -> None:
@@ -295,7 +295,7 @@ def test_with_background_more_spin_up_changes_less_than_the_noise() -> None:
 
 
 def spin_up_effect(
-    twin: OscillationExperiment, *, cycles: int, name: str = "stress_model"
+    twin: OscillationExperiment, *, cycles: int, name: str = "response_model"
 ) -> FloatArray:
     """Change of the stress by more cycles ahead of the record, in standard deviations."""
     one, other = (
@@ -313,7 +313,7 @@ def test_a_loose_solver_is_far_below_the_noise(twin: OscillationExperiment) -> N
         solve(twin, truth(), time, solver=replace(REFERENCE_SOLVER, tolerance=tolerance))
         for tolerance in (1e-10, 1e-4)
     )
-    assert np.abs(exact["stress_model"] - loose["stress_model"]).max() < 0.05 * NOISE
+    assert np.abs(exact["response_model"] - loose["response_model"]).max() < 0.05 * NOISE
 
 
 def test_dashpot_compliance_is_log_linear_between_solutions_and_beyond(

@@ -8,7 +8,6 @@ import history_oracle
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import ICE, with_fixed
 from history_oracle import FABRIC, GRAINS, PATH
 from history_twins import TRUTH, history_twin
 from log_density import program_with
@@ -18,15 +17,12 @@ from truth_as_mode import at_truth
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
-from pyburgers.kinds.constant_rate.files import load_constant_rate
-from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.experiment import MeasuredMicrostructure
-from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.likelihood import LoadingHistoryValley
 from pyburgers.kinds.loading_history.stan_data import leg_of_times
 from pyburgers.kinds.problem import problem_of
-from pyburgers.kinds.program_data import given_parameters, program_data
+from pyburgers.kinds.program_data import given_parameters
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.priors import default_priors
 
@@ -170,22 +166,3 @@ def test_a_compliant_apparatus_takes_its_share_of_the_path_strain() -> None:
     np.testing.assert_allclose(model, oracle_microstructure(test, values), rtol=1e-5)
     # The specimen goes on while the apparatus springs back.
     assert model[2, 0] < 0.99 * model[1, 0]
-
-
-def test_a_curve_has_the_same_density_as_a_history() -> None:
-    seen = (
-        MeasuredMicrostructure(0.05, 200e-6, 10e-6),
-        MeasuredMicrostructure(0.2, 100e-6, 8e-6, 0.7, 0.05),
-    )
-    curve = replace(load_constant_rate(ICE / "PIL40.toml"), microstructure=seen)
-    truth = dict(curve.true_parameters or {})
-    few = ("maxwell_modulus", "steady_state_grain_size", "stress_noise")
-    known = {name: truth[name] for name in default_priors("ice").free if name not in few}
-    found = []
-    for test in (curve, CONSTANT_RATE.as_history(curve)):
-        problem = problem_of([test], with_fixed(default_priors("ice"), known))
-        data = program_data(problem, solver=TIGHT)
-        point = {"coordinate": np.full(data["n_coordinates"], 0.3).tolist()}
-        draw = load_program(likelihood_of(test).program).evaluate(data, point)
-        found.append(draw["microstructure_log_lik"])
-    np.testing.assert_allclose(found[1], found[0], rtol=1e-7)

@@ -1,8 +1,6 @@
-"""Density of joint fits of two kinds: as single fits, by hand, its gradient, in threads."""
+"""Density of joint fits of two kinds: as single fits, by hand, its gradient."""
 
-import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,17 +8,14 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import ICE, resolved_priors, valley_of
-from default_chains import sampled
 from jacobians import assert_jacobian_is_that_of_the_map
 from log_density import Program, assert_gradient_is_slope, program_with
 from oscillation_pair import oscillation_pair
 from scipy import stats
 from stan_data import one_test_data, parameter_in, sheared_reference
 
-from pyburgers.cmdstan.program import load_program
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
-from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.problem import Problem, problem_of
@@ -136,7 +131,7 @@ def test_pooled_density_is_that_made_by_hand(
     for e, (test, priors) in enumerate(zip(tests, joint.priors, strict=True), start=1):
         places = range(first, first + test.n_points)
         first += test.n_points
-        stress = np.array([columns[f"stress_model.{i}"] for i in places])
+        stress = np.array([columns[f"response_model.{i}"] for i in places])
         total += log_likelihood_of(test, stress, parameter_in(columns, "stress_noise", e))
         own = [*joint.pooling.of_kind("separate", joint.free), *(joint.shared if e == 1 else ())]
         total += sum(priors[n].distribution().logpdf(parameter_in(columns, n, e)) for n in own)
@@ -184,42 +179,3 @@ def test_gradient_is_the_slope_of_the_density(
     program = joint_program(joint, system, tmp_path)
     coordinate = 0.2 * np.random.default_rng(6).standard_normal(size)
     assert_gradient_is_slope(program, coordinate, range(0, size, 3))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("system", CURVE_SYSTEMS)
-def test_threads_change_neither_density_nor_gradient(system: str, tmp_path: Path) -> None:
-    joint = joint_of(CURVES, **PARTIAL[system])
-    alone = joint_program(joint, system, tmp_path)
-    shared = load_program(CONSTANT_RATE.program, threads=2)
-    shared_program = replace(alone, executable=shared.executable, threads=shared.threads)
-    coordinate = 0.3 * np.random.default_rng(7).standard_normal(joint.layout.size)
-    one, other = (
-        program.at({"coordinate": coordinate.tolist()}) for program in (alone, shared_program)
-    )
-    assert other.log_density == pytest.approx(one.log_density, rel=1e-12)
-    np.testing.assert_allclose(
-        other.gradient, one.gradient, rtol=1e-6, atol=1e-9 * np.abs(one.gradient).max()
-    )
-
-
-@pytest.mark.slow
-def test_draws_do_not_depend_on_the_number_of_threads(tmp_path: Path) -> None:
-    """Terms are summed up in one order, whichever thread is ready first."""
-    joint_program(joint_of(CURVES), "valley", tmp_path)
-    data = json.loads((tmp_path / "data.json").read_text(encoding="utf-8"))
-    one, two, three = (
-        sampled(
-            load_program(CONSTANT_RATE.program, threads=threads),
-            {**data, "tolerance": 1e-5},
-            tmp_path / f"{threads}",
-            chains=1,
-            seed=3,
-            warmup=20,
-            draws=20,
-            algorithm=("engine=nuts", "max_depth=4", "stepsize=0.05"),
-        )
-        for threads in (2, 2, 3)
-    )
-    np.testing.assert_array_equal(two.values, one.values)
-    np.testing.assert_array_equal(three.values, one.values)

@@ -7,16 +7,16 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import ICE, Problem, resolved_priors, valley_of
-from log_density import constant_rate_program
+from log_density import program_with
 from scipy import stats
 from stan_data import one_test_data, parameters_in
 
 from pyburgers.cmdstan.program import load_program
-from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
+from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD
 from pyburgers.kinds.experiment import MeasuredMicrostructure
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.likelihood import strains_of
@@ -63,8 +63,10 @@ def test_the_density_gains_that_of_each_measurement(system: str, tmp_path: Path)
     experiment, priors = replace(known, microstructure=MEASURED), resolved_priors(known)
     reference = valley_of(known, priors) if system == "valley" else None
     without, program = (
-        constant_rate_program(
-            one_test_data(one, priors, solver=TIGHT, reference=reference), tmp_path / name
+        program_with(
+            LIKELIHOOD.program,
+            one_test_data(one, priors, solver=TIGHT, reference=reference),
+            tmp_path / name,
         )
         for name, one in (("without", known), ("with", experiment))
     )
@@ -89,7 +91,7 @@ def test_a_grain_size_that_follows_a_piezometer_is_measured_too() -> None:
     values = {**evolving, **PIEZOMETER, **start}
     priors = given_parameters("ice", values)
     data = one_test_data(experiment, priors, solver=TIGHT)
-    found = load_program(stan_directory() / "constant_rate.stan").evaluate(data)
+    found = load_program(LIKELIHOOD.program).evaluate(data)
     expected = expected_log_density(experiment, values)
     np.testing.assert_allclose(found["microstructure_log_lik"], expected, rtol=1e-5)
     assert np.abs(expected - expected_log_density(experiment, evolving)).max() > 0.1

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from conftest import ICE, FunctionValues, valley_of, with_fixed
 from independent_table import TRUTHS
-from log_density import constant_rate_program
+from log_density import program_with
 from oracle import GAS_CONSTANT
 from prior_marginals import assert_prior_marginals
 from scipy import stats
@@ -18,10 +18,10 @@ from stan_data import one_test_data, parameter_in
 from stan_values import PHYSICS
 
 from pyburgers.cmdstan.program import load_program
-from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.errors import SamplingError
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
+from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.kinds.problem import plain_coordinates
 from pyburgers.kinds.stan_data import REFERENCE_STRESS, SolverOptions
@@ -78,7 +78,7 @@ def test_prior_density_is_the_sum_of_the_families(
     priors = priors_of(kind).resolved(8e6)
     data = one_test_data(short_test, priors, solver=SolverOptions(), use_likelihood=False)
     coordinates = plain_coordinates(short_test, priors)
-    program = constant_rate_program(data, tmp_path)
+    program = program_with(LIKELIHOOD.program, data, tmp_path)
     rng = np.random.default_rng(8)
     for _ in range(3):
         values = {name: prior.sample(rng) for name, prior in priors.priors.items()}
@@ -101,7 +101,7 @@ def test_without_likelihood_draws_have_the_priors_marginals(
     priors = priors_of(kind).resolved(8e6)
     data = one_test_data(short_test, priors, solver=SolverOptions(), use_likelihood=False)
     assert_prior_marginals(
-        load_program(stan_directory() / "constant_rate.stan"),
+        load_program(LIKELIHOOD.program),
         data,
         priors,
         tmp_path,
@@ -152,7 +152,7 @@ def test_valley_coordinates_leave_the_prior_as_it_is(
         short_test, priors, solver=SolverOptions(), use_likelihood=False, reference=valley
     )
     assert_prior_marginals(
-        load_program(stan_directory() / "constant_rate.stan"),
+        load_program(LIKELIHOOD.program),
         data,
         priors,
         tmp_path,

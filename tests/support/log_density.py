@@ -17,7 +17,6 @@ import pytest
 
 from pyburgers.cmdstan.program import ALL_DIGITS, compile_program
 from pyburgers.cmdstan.program import Program as CompiledProgram
-from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.kinds.stan_data import StanData
 
 FloatArray = npt.NDArray[np.float64]
@@ -45,8 +44,6 @@ class Program:
         Unconstrained coordinates, shape (n,), from the columns of the program's output.
     scale
         Typical size of the unconstrained coordinates, shape (n,).
-    threads
-        That the program runs in.
     """
 
     executable: Path
@@ -54,7 +51,6 @@ class Program:
     folder: Path
     unconstrain: Unconstrain
     scale: FloatArray
-    threads: int = 1
 
     def columns_at(self, initial_values: Mapping[str, object]) -> Mapping[str, float]:
         """Columns of the output at the given values of the program's parameters."""
@@ -74,7 +70,7 @@ class Program:
 
     def generated_at(self, points: FloatArray) -> list[dict[str, float]]:
         """Columns of the generated quantities at points, shape (n, n_coordinates), in one run."""
-        solved, draws = CompiledProgram(self.executable, self.threads).generate_at(
+        solved, draws = CompiledProgram(self.executable).generate_at(
             json.loads(self.data_file.read_text(encoding="utf-8")),
             "coordinate",
             points,
@@ -99,7 +95,7 @@ class Program:
         # A step of size 1 in coordinates scaled by `step`.
         metric = {"inv_metric": (step**2).tolist()}
         files["metric"].write_text(json.dumps(metric), encoding="utf-8")
-        running = CompiledProgram(self.executable, self.threads).start(
+        running = CompiledProgram(self.executable).start(
             [
                 *("method=sample", "num_samples=1", "num_warmup=0"),
                 *("adapt", "engaged=0", "algorithm=hmc", "engine=static", "int_time=1"),
@@ -143,11 +139,6 @@ def _only_row(file: Path) -> dict[str, float]:
     lines = file.read_text(encoding="utf-8").splitlines()
     header, row = (line.split(",") for line in lines if line and not line.startswith("#"))
     return dict(zip(header, map(float, row), strict=True))
-
-
-def constant_rate_program(data: StanData, folder: Path) -> Program:
-    """Program for constant rate, of one or several tests, in the coordinates of its data."""
-    return program_with(stan_directory() / "constant_rate.stan", data, folder)
 
 
 def program_with(source: Path, data: StanData, folder: Path) -> Program:

@@ -185,6 +185,11 @@ class ConstantRateExperiment(Experiment):
         return _time_at(strain, self.segments)
 
 
+STEP_ROUNDING = 1e-12
+"""Relative distance from a rate step below which a strain counts as the step: no solver starts into
+so short a segment."""
+
+
 def strain_grid(experiment: ConstantRateExperiment, shape: FloatArray) -> FloatArray:
     """Return strains (n_shape * n_segments,) at positions in every segment, from above 0 to 1.
 
@@ -219,6 +224,8 @@ def _step_times(starts: FloatArray, rates: FloatArray) -> FloatArray:
 def _time_at(strain: FloatArray, segments: Sequence[RateSegment]) -> FloatArray:
     """Return the times (s since the start) at which strains are reached."""
     starts, rates = _steps(segments)
+    for step in starts[1:]:
+        strain = np.where(np.isclose(strain, step, rtol=STEP_ROUNDING, atol=0.0), step, strain)
     segment = np.clip(np.searchsorted(starts, strain, side="right") - 1, 0, None)
     times: FloatArray = _step_times(starts, rates)[segment]
     return times + (strain - starts[segment]) / rates[segment]

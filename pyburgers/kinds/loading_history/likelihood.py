@@ -8,7 +8,7 @@ import numpy as np
 from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
-from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment
+from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import MICROSTRUCTURE, AtMode, Likelihood, grid_quantities
 from pyburgers.kinds.loading_history.experiment import (
     CreepInterval,
@@ -22,7 +22,6 @@ from pyburgers.kinds.loading_history.stan_data import (
     leg_of_times,
     reference_origin,
     section_times,
-    stress_scale,
     tests_block,
 )
 from pyburgers.kinds.problem import stated_priors
@@ -35,12 +34,11 @@ from pyburgers.kinds.valley import (
     quantile_places,
 )
 from pyburgers.model.display import time_unit
-from pyburgers.model.laws import DASHPOT_LAWS, KELVIN_LAWS
 from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.prior_families import fixed_prior, is_fixed_at
 from pyburgers.model.priors import PriorSet, priors_of_freed_parameters
 from pyburgers.model.read_quantities import STRAIN, STRESS, Quantity
-from pyburgers.model.variants import variant_of, with_variant
+from pyburgers.model.variants import with_variant
 
 N_KNOTS = 60
 """Of all legs with imposed strain together, besides those at readings."""
@@ -107,7 +105,6 @@ class LoadingHistoryValley(ValleyChart[HistoryExperiment]):
             time_spent=time_spent,
             readings=readings / places.size,
             reference_rate=float(np.median(unit[before.size :])),
-            flow_stress=stress_scale(experiment),
             loading_time=_loading_time(experiment, curve, values),
             noise="strain_noise" if strain_is_read[flowing].mean() > 0.5 else "stress_noise",
             **_flow_without_data(test, float(unit @ time_spent), readings),
@@ -369,22 +366,8 @@ class HistoryLikelihood(Likelihood[HistoryExperiment]):
         return found + found[:1] * (len(experiments) - len(histories))
 
     def check_priors(self, experiment: HistoryExperiment, priors: PriorSet) -> None:
-        """Refuse laws with a stress of their own beside an uncertain load cell."""
+        """Refuse sections at unknown times where the grain size follows the stress."""
         section_times(experiment, priors)
-        variant = variant_of(priors, experiment)
-        with_stress = (
-            *(("kelvin", law.name) for law in KELVIN_LAWS.values() if law.own_stress),
-            *(("maxwell", law.name) for law in DASHPOT_LAWS.values() if law.own_stress),
-            ("grain_size", "piezometric"),
-        )
-        for one in experiment.uncertain:
-            for part, law in with_stress:
-                if one.parameter == "stress_calibration_error" and getattr(variant, part) == law:
-                    raise InputError(
-                        f"{experiment.id}: key {CONDITION_KEYS[one.parameter][0]!r}: found "
-                        f"{one.sd:g} with {part} = {law}, expected none because loading histories "
-                        "with that law take the load cell as known."
-                    )
 
     def as_history(self, experiment: HistoryExperiment) -> Experiment:
         """Return the test, which is one."""

@@ -11,6 +11,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.likelihood import LIKELIHOOD as TABLES
 from pyburgers.kinds.attenuation.likelihood import tables_block
+from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.experiment_file import PATH_STRAIN_ROUNDING
 from pyburgers.kinds.likelihood import measured_block, strains_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
@@ -19,6 +20,7 @@ from pyburgers.kinds.stan_data import StanData, ends
 from pyburgers.model.arrhenius import log_slowdown
 from pyburgers.model.kelvin_elements import element_rows
 from pyburgers.model.laws import RELAXATION_TIMES
+from pyburgers.model.parameters import PLACE
 from pyburgers.model.prior_families import Prior, is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of
@@ -67,11 +69,20 @@ def tests_block(experiments: Sequence[HistoryOrTable], priors: Sequence[PriorSet
             [np.nan_to_num(strains_of(sections)) for sections in measured]
         ).tolist(),
         "measured": measured_block(measured),
-        "correlated_residuals": int(
-            not all(is_fixed_at(own["residual_correlation_time"], 0.0) for own in priors)
-        ),
+        "reference_stress_rate": [0.0] * len(experiments),
+        **residuals_block(experiments, priors),
         **elements_block(list(zip(histories, priors, strict=True))),
         **tables_block(tables),
+    }
+
+
+def residuals_block(experiments: Sequence[Experiment], priors: Sequence[PriorSet]) -> StanData:
+    """Return whether residuals correlate, by which parameter, and the positions of readings."""
+    name = experiments[0].residual_correlation
+    return {
+        "correlated_residuals": int(not all(is_fixed_at(own[name], 0.0) for own in priors)),
+        "correlation_parameter": PLACE[name],
+        "point_position": np.concatenate([one.position for one in experiments]).tolist(),
     }
 
 
@@ -80,7 +91,7 @@ def grid_block(experiments: Sequence[HistoryOrTable], grids: Sequence[FloatArray
     entries = [_grid_entries(e, grid) for e, grid in zip(experiments, grids, strict=True)]
     return {
         **_joined(entries),
-        "grid_end": ends(len(own["grid_time"]) for own in entries),
+        "grid_end": ends(len(own["grid_position"]) for own in entries),
         **TABLES.grid_block(_by_kind(experiments)[1], grids),
     }
 
@@ -113,7 +124,6 @@ def _entries(test: HistoryOrTable, priors: PriorSet) -> StanData:
             "output_time_in_leg": [],
             "n_outputs_in_leg": [],
             "output_of_point": nothing,
-            "point_time": [0.0] * test.n_points,
             "point_stage": nothing,
             "output_of_measured": [],
         }
@@ -137,7 +147,6 @@ def _entries(test: HistoryOrTable, priors: PriorSet) -> StanData:
         "output_time_in_leg": times,
         "n_outputs_in_leg": counts,
         "output_of_point": outputs.of_readings.tolist(),
-        "point_time": test.time.tolist(),
         "point_stage": test.reading_stage.tolist(),
         "output_of_measured": outputs.of_sections.tolist(),
     }
@@ -146,13 +155,13 @@ def _entries(test: HistoryOrTable, priors: PriorSet) -> StanData:
 def _grid_entries(test: HistoryOrTable, grid: FloatArray) -> StanData:
     """Return what a test adds to lists of the grid; none of a table."""
     if isinstance(test, AttenuationExperiment):
-        return {"grid_time_in_leg": [], "n_grid_in_leg": [], "grid_time": [], "grid_stage": []}
+        return {"grid_time_in_leg": [], "n_grid_in_leg": [], "grid_position": [], "grid_stage": []}
     leg = leg_of_times(test, grid)
     times, counts = _times_in_legs(test, grid, leg)
     return {
         "grid_time_in_leg": times,
         "n_grid_in_leg": counts,
-        "grid_time": grid.tolist(),
+        "grid_position": grid.tolist(),
         "grid_stage": stage_of_times(test, grid).tolist(),
     }
 

@@ -4,8 +4,7 @@
  * Rates of the Burgers model along a leg, and their derivatives, for radau.hpp.
  *
  * The equations are those of kinds/loading_history_rates.stan and kinds/loading_history_legs.stan,
- * whose symbols and units are used here, with one Kelvin element; a test compares both. Those of
- * kinds/constant_rate_dynamics.stan are the same with S = S_0, e = 1 and D = 1/rate.
+ * whose symbols and units are used here, with one Kelvin element; a test compares both.
  *
  * Every part of the rates is a structure of its value and its partial derivatives. pull_back() of
  * the rates applies them in reverse.

@@ -21,23 +21,19 @@ from simulated_tables import rank_curve, rank_hand_over, simulate_table
 
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError, SamplingError
-from pyburgers.flow_law_tables.inputs import (
-    PeakStressData,
-    default_peak_stress_priors,
-    load_peak_stress,
-    without_test,
-)
+from pyburgers.flow_law_tables.laws import SCATTER, RateLaw, rate_law
+from pyburgers.flow_law_tables.table_files import load_rate_table
+from pyburgers.flow_law_tables.tables import RateTable, without_test
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.model.flow_law_prior import FlowLawPrior
-from pyburgers.model.parameters import STRESS_SCATTER
 from pyburgers.model.prior_families import Prior
-from pyburgers.model.priors import PriorSet, default_priors
+from pyburgers.model.priors import default_priors
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sbc.data_sets import DataSetPlan, calibration_priors
 from pyburgers.sbc.rank_uniformity import VERDICTS_TEXT, judge_ranks, rank_bands
 
 ROOT = Path(__file__).parents[1]
-TABLE = ROOT / "data" / "ice" / "peak_stress_qi_goldsby_2021.toml"
+TABLE = ROOT / "data" / "ice" / "rates" / "qi_goldsby_2021.toml"
 CURVE = ROOT / "data" / "ice" / "PIL40.toml"
 OF_TABLE = DataSetPlan(
     sampler=SamplerOptions(
@@ -48,10 +44,10 @@ OF_CURVE = DataSetPlan(
     sampler=SamplerOptions(chains=2, warmup=300, draws=400, adapt_delta=0.9, parallel_chains=1)
 )
 
-SCATTER = Prior.of_family(
-    STRESS_SCATTER.name,
+LABORATORY_SCATTER = Prior.of_family(
+    SCATTER,
     "half_normal",
-    {"scale": 0.1},
+    {"scale": 0.4},
     unit="1",
     source="About twice the scatter of the measured table, so that tables look like it",
 )
@@ -60,10 +56,11 @@ Record = dict[str, Any]
 DoOne = Callable[[int, Path], Record]
 
 
-def priors_of_tables() -> PriorSet:
-    """Weak priors of a table with a scatter that laboratory tests have."""
-    weak = default_peak_stress_priors("ice")
-    return replace(weak, priors={**weak.priors, STRESS_SCATTER.name: SCATTER})
+def law_of_tables() -> RateLaw:
+    """Law of a table with weak priors and a scatter that laboratory tests have."""
+    weak = rate_law("ice_flow_law")
+    priors = {**weak.priors.priors, SCATTER: LABORATORY_SCATTER}
+    return replace(weak, priors=replace(weak.priors, priors=priors))
 
 
 @dataclass(frozen=True)
@@ -118,13 +115,13 @@ def law_file(folder: Path, seed: int) -> Path:
     return folder / f"law_{seed:06d}.json"
 
 
-def do_table(template: PeakStressData, folder: Path) -> DoOne:
+def do_table(template: RateTable, folder: Path) -> DoOne:
     """Return what simulates and fits a table like a template."""
 
     def do_one(seed: int, scratch: Path) -> Record:
         ranked = rank_hand_over(
             template,
-            priors_of_tables(),
+            law_of_tables(),
             default_priors("ice"),
             scratch,
             seed=seed,
@@ -140,7 +137,7 @@ def do_table(template: PeakStressData, folder: Path) -> DoOne:
     return do_one
 
 
-def do_curve(template: PeakStressData, tables: Stage) -> DoOne:
+def do_curve(template: RateTable, tables: Stage) -> DoOne:
     """Return what simulates and fits a curve with the prior that its table has handed on."""
 
     def do_one(seed: int, scratch: Path) -> Record:
@@ -148,7 +145,7 @@ def do_curve(template: PeakStressData, tables: Stage) -> DoOne:
         if not table["ranks"]:
             raise InputError(f"table {seed} has handed nothing on.")
         done = rank_curve(
-            simulate_table(template, priors_of_tables(), default_priors("ice"), seed=seed),
+            simulate_table(template, law_of_tables(), default_priors("ice"), seed=seed),
             FlowLawPrior.load(law_file(tables.folder, seed)),
             load_experiment(CURVE),
             calibration_priors("ice"),
@@ -250,7 +247,7 @@ def main() -> None:
     parser.add_argument("--curves", action="store_true", help="fit curves of one more test, too")
     parser.add_argument("--out", type=Path, default=ROOT / "reports" / "calibration" / "hand_over")
     options = parser.parse_args()
-    template = load_peak_stress(TABLE)
+    template = load_rate_table(TABLE)
     if options.curves:
         template = without_test(template, load_experiment(CURVE))
     folder: Path = options.out / "simulations"

@@ -1,9 +1,10 @@
 """Calibration of the hand-over from tables of peak stresses: whether its prior holds the truth.
 
 For each data set a material is drawn from the priors of a curve. The peaks of a table's tests are
-solved with its parameters and with the scatter between tests, and the table is fitted. The flow law
+solved with its parameters, each specimen with a factor of its rate, and the table is fitted. The
+flow law
 of one more test of that scatter is ranked among draws of the prior that the fit hands on
-(`pyburgers.flow_law_tables.fit.flow_law_prior`). A curve of this test is fitted with this prior,
+(`pyburgers.flow_law_prior`). A curve of this test is fitted with this prior,
 and every parameter is ranked among the draws of the posterior.
 """
 
@@ -15,18 +16,15 @@ import numpy as np
 from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import SamplingError
-from pyburgers.flow_law_tables.fit import fit_peak_stress, flow_law_prior
-from pyburgers.flow_law_tables.inputs import (
-    PeakStrain,
-    PeakStressData,
-    with_curve_flow_law,
-)
+from pyburgers.flow_law_tables.fit import flow_law_prior
+from pyburgers.flow_law_tables.fit_rates import fit_rates
+from pyburgers.flow_law_tables.laws import SCATTER, RateLaw, with_curve_flow_law
 from pyburgers.flow_law_tables.softening import simulate_peaks
+from pyburgers.flow_law_tables.tables import PeakStrain, RateTable
 from pyburgers.kinds.experiment import Experiment, Provenance
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.kinds.problem import one_test
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, FlowLawPrior
-from pyburgers.model.parameters import STRESS_SCATTER
 from pyburgers.model.priors import PriorSet, with_flow_law
 from pyburgers.sbc.data_sets import DataSetPlan, Simulated, fit_and_rank, lengthened
 from pyburgers.sbc.replication import Replication
@@ -51,7 +49,7 @@ their numbers."""
 class SimulatedTable:
     """A table of peak stresses, of the model with scatter, whose truth is known."""
 
-    data: PeakStressData
+    data: RateTable
     values: dict[str, float]
     """Parameters (SI) of the material."""
     offset: float
@@ -65,7 +63,7 @@ class SimulatedTable:
 
 
 def simulate_table(
-    template: PeakStressData, priors: PriorSet, curve: PriorSet, *, seed: int
+    template: RateTable, law: RateLaw, curve: PriorSet, *, seed: int
 ) -> SimulatedTable:
     """Draw materials and solve the peaks of a table's tests until they look like it.
 
@@ -76,19 +74,20 @@ def simulate_table(
     rng = np.random.default_rng([seed, TABLE_STREAM])
     for _ in range(PRIOR_ATTEMPTS):
         values = curve.resolved(float(template.stress.max())).sample(rng)
-        scatter = priors[STRESS_SCATTER.name].sample(rng)
+        scatter = law.priors[SCATTER].sample(rng)
+        faster = scatter * rng.standard_normal(template.n_rows) / values["activation_enthalpy"]
         try:
             peaks = simulate_peaks(
                 template.material,
-                [values],
+                [{**values, "beta": values["beta"] + float(one)} for one in faster],
                 strain_rate=template.strain_rate,
                 grain_size=template.grain_size,
                 temperature=template.temperature,
             )
         except SamplingError:
             continue  # its stresses are not those of a laboratory either
-        deviation = np.hypot(scatter, template.relative_stress_uncertainty)
-        log_stress = peaks.log_stress[0] + deviation * rng.standard_normal(template.n_points)
+        misread = template.reading_error * rng.standard_normal(template.n_rows)
+        log_stress = np.diag(peaks.log_stress) + misread
         level = np.mean(log_stress - np.log(template.stress))
         if abs(level) <= np.log(LARGEST_RATIO):
             break
@@ -100,7 +99,7 @@ def simulate_table(
     stated = None
     if template.peak_strain is not None:
         relative = template.peak_strain.sd / template.peak_strain.mean
-        mean = np.exp(np.mean(np.log(peaks.strain)) + relative * rng.standard_normal())
+        mean = np.exp(np.mean(np.log(np.diag(peaks.strain))) + relative * rng.standard_normal())
         stated = PeakStrain(float(mean), float(relative * mean))
     data = replace(
         template,
@@ -109,9 +108,7 @@ def simulate_table(
         provenance=Provenance("synthetic", f"pyburgers, a draw from the prior, seed {seed}"),
         peak_strain=stated,
     )
-    return SimulatedTable(
-        data, values, float(values["stress_exponent"] * scatter * rng.standard_normal())
-    )
+    return SimulatedTable(data, values, float(scatter * rng.standard_normal()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,8 +125,8 @@ class RankedTable:
 
 
 def rank_hand_over(
-    template: PeakStressData,
-    priors: PriorSet,
+    template: RateTable,
+    law: RateLaw,
     curve: PriorSet,
     out: Path,
     *,
@@ -140,12 +137,12 @@ def rank_hand_over(
 
     A fit that fails a check of the sampling is repeated, longer; one that still does is not ranked.
     """
-    table = simulate_table(template, priors, curve, seed=seed)
+    table = simulate_table(template, law, curve, seed=seed)
     failed: tuple[str, ...] = ()
     for n_refits in range(plan.refits + 1):
-        fit = fit_peak_stress(
+        fit = fit_rates(
             table.data,
-            with_curve_flow_law(priors, curve),
+            with_curve_flow_law(law, curve),
             out=out / f"table_{n_refits}",
             curve=curve,
             options=lengthened(replace(plan.sampler, seed=seed), n_refits, failed),
@@ -157,12 +154,12 @@ def rank_hand_over(
         )
         if not failed:
             break
-    law = flow_law_prior(fit)
+    found = flow_law_prior(fit)
     rng = np.random.default_rng([seed, plan.n_ranked])
-    draws = law.mean + rng.standard_normal((plan.n_ranked, law.mean.size)) @ law.factor.T
-    below = np.sum(draws < table.truth(law), axis=0)
-    ranks = {} if failed else dict(zip(law.quantities, map(int, below), strict=True))
-    return RankedTable(law, ranks, n_refits, failed)
+    draws = found.mean + rng.standard_normal((plan.n_ranked, found.mean.size)) @ found.factor.T
+    below = np.sum(draws < table.truth(found), axis=0)
+    ranks = {} if failed else dict(zip(found.quantities, map(int, below), strict=True))
+    return RankedTable(found, ranks, n_refits, failed)
 
 
 def rank_curve(

@@ -31,23 +31,23 @@ from pyburgers import (
     InputError,
     MeasuredAttenuation,
     OscillationExperiment,
-    PeakStressData,
-    PeakStressFit,
-    PriorSet,
     PyburgersError,
+    RateFit,
+    RateLaw,
+    RateTable,
     SamplerOptions,
     Task,
     Workers,
     comparison_sections,
-    default_peak_stress_priors,
-    fit_peak_stress,
+    fit_rates,
     fit_side_by_side,
     flow_law_prior,
     joint_sections,
     load_experiment,
     load_measured_attenuation,
-    load_peak_stress,
-    peak_stress_section,
+    load_rate_table,
+    rate_law,
+    rate_section,
     task_of,
     with_background,
     with_curve_flow_law,
@@ -82,7 +82,7 @@ COMBINED_TWIN, COMBINED_RUN = "PIL40", "PIL40_with_peak_stress"
 """Test that is fitted once more with the flow law of the peak stresses as prior, and that fit,
 which is compared by standard deviations alone and therefore short under every preset."""
 
-PEAK_STRESS_TABLE = "peak_stress_qi_goldsby_2021"
+PEAK_STRESS_TABLE = "qi_goldsby_2021"
 HANDED_ON_RUN = f"{PEAK_STRESS_TABLE}_handed_on"
 """Fit of the same table without that test, whose flow law that test gets."""
 
@@ -170,13 +170,15 @@ class Study:
             begun, self.runs, workers=self.workers, command=self.command, after=after
         )
 
-    def fit_peak_stresses(self) -> tuple[PeakStressFit, PeakStressFit]:
+    def fit_peak_stresses(self) -> tuple[RateFit, RateFit]:
         """Fit all measured peak stresses, and those whose flow law is handed on."""
         found = []
-        for name, (data, priors) in peak_stress_problems().items():
-            about = f"{data.n_points} measured peak stresses: {priors.title}"
+        curve = default_priors("ice")
+        for name, (data, law) in peak_stress_problems().items():
+            about = f"{data.n_rows} measured peak stresses: {law.priors.title}"
             logger.info(f"Fitting the flow law of {about}.")
-            found.append(fit_peak_stress(data, priors, out=self.runs / name, command=self.command))
+            out = self.runs / name
+            found.append(fit_rates(data, law, curve=curve, out=out, command=self.command))
         everything, handed_on = found
         return everything, handed_on
 
@@ -252,7 +254,7 @@ def whole_study(study: Study) -> Path:
     fits = [*alone, *joint.tests().values(), *(found[name] for name in twins)]
     of_spectra = spectra_section({name: found[name] for name in spectra})
     of_halite = halite_section({name: found[name] for name in halite})
-    of_peaks = peak_stress_section(peak_stress)
+    of_peaks = rate_section(peak_stress)
     return page.write(
         fits,
         joints=[joint],
@@ -300,21 +302,21 @@ def _measured_tasks(preset: str) -> tuple[dict[str, Task], dict[str, Task], dict
     return dunite_tasks(options), spectra_tasks(options), quick
 
 
-def peak_stress_problems() -> dict[str, tuple[PeakStressData, PriorSet]]:
-    """Tables and priors of the two fits, by the names of their runs: the second is handed on.
+def peak_stress_problems() -> dict[str, tuple[RateTable, RateLaw]]:
+    """Tables and laws of the two fits, by the names of their runs: the second is handed on.
 
     It has the priors of the curve that gets it, and not the row that may be this curve itself.
     """
-    table = load_peak_stress(DATA / "ice" / f"{PEAK_STRESS_TABLE}.toml")
+    table = load_rate_table(DATA / "ice" / "rates" / f"{PEAK_STRESS_TABLE}.toml")
     others = without_test(table, load_experiment(DATA / "ice" / f"{COMBINED_TWIN}.toml"))
-    weak = default_peak_stress_priors("ice")
+    weak = rate_law("ice_flow_law")
     return {
         PEAK_STRESS_TABLE: (table, weak),
         HANDED_ON_RUN: (others, with_curve_flow_law(weak, default_priors("ice"))),
     }
 
 
-def combined_task(handed_on: PeakStressFit) -> Task:
+def combined_task(handed_on: RateFit) -> Task:
     """Return the fit of one of the curves that gets its flow law from peak stresses."""
     twin = study_experiments()[COMBINED_TWIN]
     priors = with_flow_law(default_priors(twin.material), flow_law_prior(handed_on), HANDED_ON_RUN)

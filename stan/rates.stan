@@ -14,8 +14,13 @@
 // has a scatter of its own; these are normal, in ln for factors, about none and about the scatter
 // of all. A rate in the steady state is larger than the least one by an enhancement.
 //
-// With a softening (statistics/softening.stan) the stress in f is that of undeformed material,
-// larger than the stress of a test by exp(h). Only laws of one mechanism have it.
+// At its peak, or its minimum rate, a test is weaker than undeformed material by a softening h. With
+// its prior (statistics/softening.stan, simulated by peaks.stan) the stress in f is that of
+// undeformed material, larger than the stress of the test by exp(h),
+//
+//   h = h_1 + h_2 x_rate + h_3 x_stress + h_4 x_grain_size,
+//
+// x being distances from the mean conditions. Only laws of one mechanism have it.
 //
 // All values are SI. Rows that are not used have no likelihood: they are predicted.
 functions {
@@ -66,6 +71,8 @@ data {
   // The law and its priors.
   int<lower=1> n_mechanisms;
   array[n_mechanisms] int<lower=1, upper=n_mechanisms> process; // see composite_law()
+  // 1: beta = ln(A)/Q (mol/J, physics/flow_law.stan) is the parameter in place of the rate.
+  array[n_mechanisms] int<lower=0, upper=1> has_beta;
   vector<lower=0>[n_mechanisms] premelting_temperature; // K; 0: none
   real<lower=0> reference_stress; // Pa
   real<lower=0> reference_grain_size; // m
@@ -75,9 +82,11 @@ data {
   vector[n_mechanisms * n_of_mechanism() + n_of_tables()] prior_scale;
   vector[n_mechanisms * n_of_mechanism() + n_of_tables()] prior_lower;
   vector[n_mechanisms * n_of_mechanism() + n_of_tables()] prior_upper;
-  // Coordinates (charts/plain.stan). That of a rate is of the rate at mean_conditions.
+  // Coordinates (charts/plain.stan). One of a mechanism may be its rate at mean_conditions, from
+  // which its parameter (the rate, Q or beta) follows.
   int<lower=0, upper=n_mechanisms * n_of_mechanism() + n_of_tables()> n_coordinates;
   array[n_coordinates] int<lower=1> own_parameter;
+  array[n_coordinates] int<lower=0, upper=n_mechanisms> flow_of; // the mechanism; 0: none
   matrix[n_coordinates, 4] quantity;
   vector[3] mean_conditions; // mean ln(S/S_1), ln(d/d_1), 1/T - 1/T_1 of the used rows
   // Prior of the softening, see softening_at().
@@ -98,6 +107,9 @@ transformed data {
   int n_quantities = n_mechanisms * n_of_mechanism() + n_of_tables();
   int n_of_law = n_mechanisms * n_of_mechanism();
   int has_sources = n_sources > 1;
+  real mean_stress = reference_stress * exp(mean_conditions[1]);
+  real mean_grain_size = reference_grain_size * exp(mean_conditions[2]);
+  real mean_temperature = inv(1 / reference_temperature + mean_conditions[3]);
   vector[n_rows] x = log(stress) - log(reference_stress);
   vector[n_rows] y = log(grain_size) - log(reference_grain_size);
   vector[n_rows] log_rate = log(strain_rate);
@@ -131,24 +143,55 @@ transformed parameters {
   real log_jacobian = 0; // ln |d(physical parameters)/d(coordinates)|
   {
     for (i in 1 : n_coordinates) {
-      int k = own_parameter[i];
-      if (k > n_of_law || k % n_of_mechanism() != m_rate()) {
-        parameter[k] = bounded_from_real(coordinate[i], quantity[i]);
+      if (flow_of[i] == 0) {
+        parameter[own_parameter[i]] = bounded_from_real(coordinate[i], quantity[i]);
         log_jacobian += log_slope_of_bounded(coordinate[i], quantity[i]);
       }
     }
+    if (is_softened) {
+      softening = softening_at(softening_coordinate, parameter[m_stress_exponent()],
+                               parameter[m_grain_size_exponent()], softening_coefficients,
+                               softening_centre, softening_factor);
+    }
     for (i in 1 : n_coordinates) {
-      int k = own_parameter[i];
-      if (k <= n_of_law && k % n_of_mechanism() == m_rate()) {
-        vector[3] change = parameter[(k + 1) : (k + 3)] - prior_location[(k + 1) : (k + 3)];
-        real u = coordinate[i] - change[1] * mean_conditions[1] + change[2] * mean_conditions[2]
-                 + change[3] * mean_conditions[3] / gas_constant();
-        parameter[k] = bounded_from_real(u, quantity[i]);
-        log_jacobian += log_slope_of_bounded(u, quantity[i]);
+      if (flow_of[i] > 0) {
+        int k = own_parameter[i];
+        int m = flow_of[i];
+        row_vector[n_of_mechanism()] own
+          = parameter[((m - 1) * n_of_mechanism() + 1) : (m * n_of_mechanism())]';
+        real n = own[m_stress_exponent()];
+        real p = own[m_grain_size_exponent()];
+        // Undeformed material flows more slowly than the tests, whatever the softening.
+        real u = coordinate[i] - n * softening[h_mean()];
+        if (has_beta[m] && k % n_of_mechanism() == m_rate()) {
+          real q = own[m_activation_enthalpy()];
+          parameter[k] = beta_from_flow(u + mean_log_rate, log(mean_stress), mean_grain_size,
+                                        mean_temperature, n, p, q);
+          log_jacobian -= log(q);
+        } else if (has_beta[m]) {
+          real beta = own[m_rate()];
+          parameter[k] = activation_enthalpy_from_flow(u + mean_log_rate, log(mean_stress),
+                                                       mean_grain_size, mean_temperature, n, p,
+                                                       beta);
+          log_jacobian -= log(1 / (gas_constant() * mean_temperature) - beta);
+        } else {
+          vector[3] change = parameter[(k + 1) : (k + 3)] - prior_location[(k + 1) : (k + 3)];
+          u += change[2] * mean_conditions[2] + change[3] * mean_conditions[3] / gas_constant()
+               - change[1] * mean_conditions[1];
+          parameter[k] = bounded_from_real(u, quantity[i]);
+          log_jacobian += log_slope_of_bounded(u, quantity[i]);
+        }
       }
     }
     law = to_matrix(parameter[1 : n_of_law], n_mechanisms, n_of_mechanism(), 0);
-    law[ : , m_rate()] = log(law[ : , m_rate()]);
+    for (m in 1 : n_mechanisms) {
+      law[m, m_rate()] = has_beta[m]
+                         ? log_flow_rate(reference_stress, reference_grain_size,
+                                         reference_temperature, law[m, m_stress_exponent()],
+                                         law[m, m_grain_size_exponent()],
+                                         law[m, m_activation_enthalpy()], law[m, m_rate()])
+                         : log(law[m, m_rate()]);
+    }
     lprior = joint_prior_log_density(parameter, prior_family, prior_location, prior_scale,
                                      prior_lower, prior_upper, prior_mass);
   }
@@ -168,9 +211,6 @@ transformed parameters {
     }
     coldness = inv(temperature + source_temperature[source]) - 1 / reference_temperature;
     if (is_softened) {
-      softening = softening_at(softening_coordinate, law[1, m_stress_exponent()],
-                               law[1, m_grain_size_exponent()], softening_coefficients,
-                               softening_centre, softening_factor);
       x_undeformed += softening[h_mean()] + shift * softening[h_rate() : h_grain_size()];
     }
     at = composite_law(law, process, premelting_temperature, reference_temperature,
@@ -211,9 +251,10 @@ generated quantities {
   vector[n_rows] log_read_replicated;
   vector[n_rows] residual_replicated; // of ln(rate), of the same specimens and readings
   vector[n_grid] grid_log_rate; // of no source, at the least rate, of undeformed material
+  vector[is_softened * n_grid] grid_test_log_rate; // the same of softened tests
+  vector[n_mechanisms] beta; // mol/J, without premelting
   real mean_flow_log_rate; // the same at the mean conditions
   real mean_flow_log_rate_of_test; // of another specimen and source
-  real peak_softening = softening[h_mean()];
   {
     vector[n_rows] coldness = inv(temperature + source_temperature[source])
                               - 1 / reference_temperature;
@@ -253,10 +294,28 @@ generated quantities {
     }
   }
   if (n_grid > 0) {
-    grid_log_rate = composite_law(law, process, premelting_temperature, reference_temperature,
-                                  log(grid_stress) - log(reference_stress),
-                                  log(grid_grain_size) - log(reference_grain_size),
-                                  inv(grid_temperature) - 1 / reference_temperature)[ : , 1];
+    vector[n_grid] grid_x = log(grid_stress) - log(reference_stress);
+    vector[n_grid] grid_y = log(grid_grain_size) - log(reference_grain_size);
+    matrix[n_grid, 4] at = composite_law(law, process, premelting_temperature,
+                                         reference_temperature, grid_x, grid_y,
+                                         inv(grid_temperature) - 1 / reference_temperature);
+    grid_log_rate = at[ : , 1];
+    if (is_softened) {
+      // ln f is straight in the undeformed stress: solved for the rate, on which h depends.
+      grid_test_log_rate
+        = (at[ : , 1]
+           + at[ : , 2]
+             .* (softening[h_mean()] - softening[h_rate()] * mean_log_rate
+                 + softening[h_stress()] * (grid_x - mean_conditions[1])
+                 + softening[h_grain_size()] * (grid_y - mean_conditions[2])))
+          ./ (1 - softening[h_rate()] * at[ : , 2]);
+    }
+  }
+  for (m in 1 : n_mechanisms) {
+    beta[m] = beta_from_flow(law[m, m_rate()], log(reference_stress), reference_grain_size,
+                             reference_temperature, law[m, m_stress_exponent()],
+                             law[m, m_grain_size_exponent()],
+                             law[m, m_activation_enthalpy()]);
   }
   mean_flow_log_rate = composite_law(law, process, premelting_temperature,
                                      reference_temperature, [mean_conditions[1]]',

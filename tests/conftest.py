@@ -35,10 +35,9 @@ from pyburgers.common.processes import cores
 from pyburgers.common.tasks import Workers
 from pyburgers.comparison.by_tests import fit_without_tests
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress
-from pyburgers.flow_law_tables.inputs import default_peak_stress_priors, load_peak_stress
-from pyburgers.flow_law_tables.rate_fit import RateFit, fit_rates
-from pyburgers.flow_law_tables.rate_tables import load_rate_table
+from pyburgers.flow_law_tables.fit import RateFit
+from pyburgers.flow_law_tables.fit_rates import fit_rates
+from pyburgers.flow_law_tables.table_files import load_rate_table
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import ConstantRateValley
@@ -77,8 +76,8 @@ LONG_RUN = replace(SMALL_RUN, warmup=300, draws=800)
 """Long enough to pass all checks."""
 
 
-PEAK_STRESS_RUN = SamplerOptions(chains=2, warmup=400, draws=1000, seed=3)
-"""Of a table of peak stresses, whose gradient costs microseconds; long enough for all checks."""
+TABLE_RUN = SamplerOptions(chains=2, warmup=400, draws=1000, seed=3)
+"""Of a table of rates, whose gradient costs microseconds; long enough for all checks."""
 
 POOL = {"stress_noise": "separate"}
 """How the tests of `joint` differ."""
@@ -97,7 +96,7 @@ LONGEST_FILES = (
     "test_compare_cli.py",
     "test_calibration.py",
     "test_hand_over.py",
-    "test_peak_stress_fit.py",
+    "test_softened_rates.py",
     "test_rates.py",
 )
 """Those that take more than 15 s of processor time; a file runs in one process. Neighbours do not
@@ -224,7 +223,7 @@ def programs() -> None:
         *(likelihood.program for likelihood in likelihoods().values()),
         *(
             stan_directory() / f"{name}.stan"
-            for name in ("imposed_stress", "stress_cycles", "peak_stress", "peaks", "rates")
+            for name in ("imposed_stress", "stress_cycles", "peaks", "rates")
         ),
         *sorted((TESTS / "stan").glob("*.stan")),
     ]
@@ -344,21 +343,20 @@ def creep(shared_runs: SharedRuns) -> RateFit:
 
     def make(out: Path) -> RateFit:
         table = load_rate_table(ICE / "rates" / "fan_2020.toml")
-        return fit_rates(table, out=out, options=PEAK_STRESS_RUN)
+        return fit_rates(table, out=out, options=TABLE_RUN)
 
     return RateFit.load(shared_runs.once("creep", make))
 
 
 @pytest.fixture(scope="session")
-def peak_stress(shared_runs: SharedRuns) -> PeakStressFit:
-    """Finished fit of the published peak stresses that passes all checks; not to be changed."""
+def peaks(shared_runs: SharedRuns) -> RateFit:
+    """Finished fit of published peak stresses, softened; passes all checks, not to be changed."""
 
-    def make(out: Path) -> PeakStressFit:
-        table = load_peak_stress(ICE / "peak_stress_qi_goldsby_2021.toml")
-        priors = default_peak_stress_priors("ice")
-        return fit_peak_stress(table, priors, out=out, options=PEAK_STRESS_RUN)
+    def make(out: Path) -> RateFit:
+        table = load_rate_table(ICE / "rates" / "qi_goldsby_2021.toml")
+        return fit_rates(table, out=out, curve=default_priors("ice"), options=TABLE_RUN)
 
-    return PeakStressFit.load(shared_runs.once("peak_stress", make))
+    return RateFit.load(shared_runs.once("peaks", make))
 
 
 def stay_in_this_process(patch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ from pydantic.fields import FieldInfo
 
 from pyburgers.common.columns import Column, DataFile
 from pyburgers.common.toml_files import Table
-from pyburgers.flow_law_tables import inputs, rate_laws, rate_tables
+from pyburgers.flow_law_tables import laws, table_files
 from pyburgers.kinds.attenuation.files import AttenuationFile
 from pyburgers.kinds.experiment import CONDITION_KEYS
 from pyburgers.kinds.experiment_file import ExperimentFile
@@ -116,11 +116,9 @@ def structures() -> dict[str, type[Table]]:
     }
     return {
         **{name: by_protocol[name] for name in kinds()},
-        "peak_stress": inputs._PeakStressFile,
-        "rates": rate_tables._RateFile,
-        "rate_law": rate_laws._LawFile,
+        "rates": table_files._RateFile,
+        "rate_law": laws._LawFile,
         "priors": priors._PriorFile,
-        "peak_stress_priors": inputs._PeakStressPriorFile,
     }
 
 

@@ -65,8 +65,7 @@ def symbol_of(name: str) -> str:
     """Return the symbol of a quantity, also of a centre or spread, or of `JOINT_PRIOR`."""
     if name == JOINT_PRIOR:
         return "the flow law"
-    base, bracket, owner = name.partition("[")
-    return symbol_text(shown_quantity(base)) + bracket + owner
+    return symbol_text(shown_quantity(name))
 
 
 def decision_columns(influence: Influence | None) -> dict[str, object]:

@@ -8,7 +8,7 @@ from pyburgers.cli.terminal import print_checks, print_lines
 from pyburgers.comparison.neighbours import what_a_yes_leaves_open
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import renew_tables
-from pyburgers.flow_law_tables.runs import fit_of_run
+from pyburgers.flow_law_tables.fit import fit_of_run
 
 logger = logging.getLogger(__name__)
 
@@ -19,7 +19,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "directory",
         type=Path,
         metavar="RUN",
-        help="run directory of fit, fit-rates or fit-peak-stress",
+        help="run directory of fit or fit-rates",
     )
 
 

@@ -15,18 +15,12 @@ from pyburgers.common.paths import shown
 from pyburgers.common.scratch import scratch_folder
 from pyburgers.common.toml_files import read_tables, write_toml
 from pyburgers.common.units import count_points, counted
-from pyburgers.flow_law_tables.inputs import KIND as PEAK_STRESS
-from pyburgers.flow_law_tables.inputs import (
-    PeakStressData,
-    load_peak_stress,
-    load_peak_stress_priors,
-)
-from pyburgers.flow_law_tables.rate_tables import KIND as RATES
-from pyburgers.flow_law_tables.rate_tables import RateTable, load_rate_table
+from pyburgers.flow_law_tables.table_files import load_rate_table
+from pyburgers.flow_law_tables.tables import KIND as RATES
+from pyburgers.flow_law_tables.tables import RateTable
 from pyburgers.kinds.conditions import doubts
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import load_experiment
-from pyburgers.model.parameters import STRESS_SCATTER
 from pyburgers.model.priors import load_priors
 
 STAND_INS: Mapping[str, Any] = {
@@ -48,7 +42,7 @@ STAND_INS: Mapping[str, Any] = {
 
 READERS_BY_KEY: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
-        "mechanisms": ("pyburgers.flow_law_tables.rate_laws", "load_rate_law"),
+        "mechanisms": ("pyburgers.flow_law_tables.laws", "load_rate_law"),
         "candidates": ("pyburgers.predictions.designs", "load_design_plan"),
     }
 )
@@ -62,7 +56,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         type=Path,
         nargs="+",
         metavar="FILE.toml",
-        help="experiment, table of peak stresses, priors of either, or plan of a campaign",
+        help="experiment, table of rates, priors, law of tables, or plan of a campaign",
     )
 
 
@@ -80,7 +74,7 @@ def check(path: Path) -> int:
     else:
         errors, loaded = all_errors(path, content)
     notes = {note for look in looks(path, content) for note in look.notes}
-    notices = loaded.notices if isinstance(loaded, Experiment | PeakStressData | RateTable) else ()
+    notices = loaded.notices if isinstance(loaded, Experiment | RateTable) else ()
     lines = [f"error: {sentence}" for sentence in errors]
     lines += [f"note: {note}" for note in sorted(notes) if errors]
     lines += [f"hint: {sentence}" for sentence in hints(path, content)]
@@ -125,18 +119,14 @@ def _reader(content: Mapping[str, Any]) -> Callable[[Path], object]:
             read: Callable[[Path], object] = getattr(import_module(module), name)
             return read
     if "parameters" in content and "protocol" not in content:
-        parameters = content["parameters"]
-        # No other priors have a scatter of peak stresses.
-        if isinstance(parameters, dict) and STRESS_SCATTER.name in parameters:
-            return load_peak_stress_priors
         return load_priors
     if _is_plan(content):
         read_plan: Callable[[Path], object] = import_module(
             "pyburgers.fitting.campaign"
         ).load_campaign
         return read_plan
-    of_tables = {PEAK_STRESS: load_peak_stress, RATES: load_rate_table}
-    return of_tables.get(str(content.get("protocol")), load_experiment)
+    # The reader of rates tells how a table of peak stresses is written.
+    return load_rate_table if content.get("protocol") in (RATES, "peak_stress") else load_experiment
 
 
 def _is_plan(content: Mapping[str, Any]) -> bool:

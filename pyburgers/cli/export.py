@@ -8,8 +8,7 @@ from pyburgers.cli.shared import writing
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
 from pyburgers.common.units import UNITS
-from pyburgers.fitting.fit import Fit
-from pyburgers.flow_law_tables.fit import PeakStressFit, is_peak_stress_run
+from pyburgers.flow_law_tables.fit import RateFit, fit_of_run
 from pyburgers.predictions.exported import is_exported
 from pyburgers.predictions.exports import FORMATS, AnyFit, export, export_files
 from pyburgers.predictions.stress_cycles import Regime
@@ -18,7 +17,7 @@ from pyburgers.predictions.stress_cycles import Regime
 def add_options(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     command.add_argument(
-        "directory", type=Path, metavar="RUN", help="run directory of fit or fit-peak-stress"
+        "directory", type=Path, metavar="RUN", help="run directory of fit or fit-rates"
     )
     command.add_argument("--format", choices=sorted(FORMATS), default="json", help="of the output")
     command.add_argument("--test", metavar="ID", help="test of a joint fit")
@@ -101,13 +100,12 @@ def _require_own(out: Path) -> None:
 
 
 def _loaded(directory: Path, test: str | None) -> AnyFit:
-    """Return a fit, what a joint one says of a test, or a fit of a table of peak stresses."""
-    if is_peak_stress_run(directory):
-        if test is not None:
-            raise InputError(
-                f"--test: found {test}, expected none: {directory} is a fit of a table of peak "
-                "stresses."
-            )
-        return PeakStressFit.load(directory)
-    fit = Fit.load(directory)
-    return fit if test is None else fit[test]
+    """Return a fit, what a joint one says of a test, or a fit of tables of rates."""
+    fit = fit_of_run(directory)
+    if test is None:
+        return fit
+    if isinstance(fit, RateFit):
+        raise InputError(
+            f"--test: found {test}, expected none: {directory} is a fit of tables of rates."
+        )
+    return fit[test]

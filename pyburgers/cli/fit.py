@@ -52,7 +52,8 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "--priors-from",
         type=Path,
         metavar="RUN",
-        help="a run of fit-peak-stress whose flow law replaces the priors of n, p, Q_M and beta",
+        help="a run of fit-rates --curve-priors whose flow law replaces the priors of n, p, Q_M "
+        "and beta",
     )
     command.add_argument(
         "--out", type=Path, help="run directory (default runs/ID, of a joint fit runs/ID+ID)"

@@ -2,25 +2,26 @@
 
 import argparse
 import logging
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
-from pyburgers.cli.shared import (
-    DEFAULT_OPTIONS,
-    add_sampler_options,
-    command_line,
-    sampler_options,
-)
+from pyburgers.cli.shared import DEFAULT_OPTIONS, add_sampler_options, command_line, sampler_options
 from pyburgers.cli.terminal import print_checks, print_table
 from pyburgers.common.paths import shown
 from pyburgers.drawing.style import write_images
-from pyburgers.flow_law_tables.rate_fit import WARMUP, fit_rates
-from pyburgers.flow_law_tables.rate_laws import load_rate_law, rate_law
-from pyburgers.flow_law_tables.rate_tables import load_rate_table
-from pyburgers.model.priors import load_priors
+from pyburgers.flow_law_tables.fit_rates import WARMUP, fit_rates
+from pyburgers.flow_law_tables.laws import load_rate_law, rate_law
+from pyburgers.flow_law_tables.table_files import load_rate_table
+from pyburgers.flow_law_tables.tables import joined, without_test
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.model.priors import load_priors, priors
 from pyburgers.page.rate_section import held_out_shown, law_figure, law_table
 
 logger = logging.getLogger(__name__)
+
+T = TypeVar("T")
 
 RATE_OPTIONS = ("chains", "warmup", "draws", "seed")
 """Settings of the sampler that suit these fits."""
@@ -47,10 +48,19 @@ def add_options(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument(
         "--curve-priors",
+        metavar="PRIORS",
+        help="priors of a curve (a file, or a material such as ice), by which the tests are "
+        "softened; the flow law of undeformed material is then a prior for curves (fit "
+        "--priors-from)",
+    )
+    command.add_argument(
+        "--without",
         type=Path,
-        metavar="PRIORS.toml",
-        help="priors of a curve, by which the tests are softened; the flow law of undeformed "
-        "material is then a prior for curves (fit --priors-from)",
+        action="append",
+        default=[],
+        metavar="EXPERIMENT.toml",
+        help="leave out the rows that may be this test, so that its curve can be fitted with the "
+        "flow law of the others; may be repeated",
     )
     command.add_argument("--out", type=Path, help="run directory (default: runs/ID)")
     add_sampler_options(command, RATE_OPTIONS, replace(DEFAULT_OPTIONS, warmup=WARMUP))
@@ -58,18 +68,17 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    tables = [load_rate_table(path) for path in options.data]
-    law = None
-    if options.law is not None:
-        is_file = Path(options.law).suffix == ".toml"
-        law = load_rate_law(options.law) if is_file else rate_law(options.law)
-    name = tables[0].id if len(tables) == 1 else "rates"
+    data = joined([load_rate_table(path) for path in options.data])
+    for path in options.without:
+        before = data.n_rows
+        data = without_test(data, load_experiment(path))
+        logger.info(f"note: {before - data.n_rows} of {before} rows may be {path}: left out.")
     result = fit_rates(
-        tables,
-        law,
+        data,
+        _loaded(options.law, load_rate_law, rate_law),
         held_out=options.hold_out,
-        curve=None if options.curve_priors is None else load_priors(options.curve_priors),
-        out=options.out or Path("runs") / name,
+        curve=_loaded(options.curve_priors, load_priors, priors),
+        out=options.out or Path("runs") / data.id,
         options=sampler_options(options, RATE_OPTIONS),
         command=command_line(),
     )
@@ -82,3 +91,10 @@ def run(options: argparse.Namespace) -> int:
         print_table(held_out_shown(result), ["source"])
     print(shown(f"run directory: {folder}"))
     return print_checks(result.checks(), result.prior_conflicts(), result.prior_decisions())
+
+
+def _loaded(stated: str | None, load: Callable[[str], T], shipped: Callable[[str], T]) -> T | None:
+    """Return what a file holds, or what comes with the package under a name."""
+    if stated is None:
+        return None
+    return load(stated) if Path(stated).suffix == ".toml" else shipped(stated)

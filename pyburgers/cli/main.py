@@ -39,7 +39,6 @@ COMMANDS = {
     "predict": "what a fit says about other experiments",
     "fit-rates": "fit a composite flow law to tables of steady rates",
     "design": "which test would decide a parameter, or between two laws",
-    "fit-peak-stress": "fit a flow law to a table of peak stresses",
     "compare": "which of several fits, or joint fits, of the same data predicts best",
     "campaign": "many fits: tests by laws, priors and seeds, and one page about them",
     "sbc": "is the fit calibrated: truths from the prior, data, fits, ranks",

@@ -8,12 +8,9 @@ from pyburgers.cli.shared import command_line
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
 from pyburgers.fitting.fit import Fit
-from pyburgers.flow_law_tables.fit import PeakStressFit
-from pyburgers.flow_law_tables.rate_fit import RateFit
-from pyburgers.flow_law_tables.runs import fit_of_run
+from pyburgers.flow_law_tables.fit import RateFit, fit_of_run
 from pyburgers.page.names import file_key, names_of_runs
 from pyburgers.page.page import report
-from pyburgers.page.peak_stress_section import PEAK_STRESS_KEY
 from pyburgers.page.rate_section import RATE_KEY
 
 logger = logging.getLogger(__name__)
@@ -26,7 +23,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         type=Path,
         nargs="+",
         metavar="RUN",
-        help="run directory of fit, fit-rates or fit-peak-stress",
+        help="run directory of fit or fit-rates",
     )
     command.add_argument(
         "--out",
@@ -40,7 +37,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    loaded, of_tables = list[Fit](), list[PeakStressFit | RateFit]()
+    loaded, of_tables = list[Fit](), list[RateFit]()
     damaged = list[InputError]()
     for one in options.directories:
         try:
@@ -55,8 +52,7 @@ def run(options: argparse.Namespace) -> int:
         raise damaged[0]
     names = names_of_runs([fit.directory.path for fit in of_tables])
     tables = {
-        f"{RATE_KEY if isinstance(fit, RateFit) else PEAK_STRESS_KEY}_{file_key(name)}": fit
-        for name, fit in zip(names, of_tables, strict=True)
+        f"{RATE_KEY}_{file_key(name)}": fit for name, fit in zip(names, of_tables, strict=True)
     }
     page = report(loaded, options.out, title=options.title, command=command_line(), tables=tables)
     for one in damaged:

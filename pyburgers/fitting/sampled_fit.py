@@ -56,7 +56,7 @@ _Units = Literal["display", "SI"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SampledFit(ABC):
-    """A finished run of chains: a fit of one test, of several, or of a table of peak stresses.
+    """A finished run of chains: a fit of one test, of several, or of tables of rates.
 
     `directory`: where its files are.
     `posterior`: labelled draws.
@@ -181,7 +181,7 @@ class SampledFit(ABC):
         ----------
         prior_draws : int
             Draws of the prior and the prior predictive; 0 leaves both out. A joint fit and tables
-            of peak stresses have none, a joint prior of the flow law has no prior predictive.
+            of rates have none, a joint prior of the flow law has no prior predictive.
         seed : int
             Of these draws.
 

@@ -1,1 +1,1 @@
-"""Tables of published peak stresses and the flow law fitted to them."""
+"""Tables of published rates and the flow laws fitted to them."""

@@ -1,10 +1,13 @@
-"""Checks of whether one flow law describes a table of peak stresses: what is missed, and where.
+"""Checks of whether one flow law describes tables of rates: what is missed, and where.
 
-What the fit leaves over of ln(peak stress) is compared with what fits of replicated tables leave,
-as for curves (`pyburgers.checks.discrepancies`). A table has no clock: in its place stands
-ln(strain rate), and in that of segments its groups of one grain size and about one temperature.
+Residuals of what was read, ln(rate) or ln(stress), are compared with those of replicated tables
+that are fitted as the data were (`pyburgers.checks.discrepancies`). In the place of segments stand
+the sources, or the groups of a single one. Along temperature, stress and grain size residuals may
+hold neither slope nor bend.
 """
 
+import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any, TypeAlias
@@ -26,104 +29,53 @@ from pyburgers.checks.discrepancies import (
 )
 from pyburgers.checks.fit_checks import (
     LEAST_DRAWS,
+    Check,
     CheckedDraws,
     CheckKind,
     Finding,
     Outcome,
     check,
 )
-from pyburgers.checks.residual_numbers import (
-    TINY,
-    largest_residual,
-    segment_parts,
-    straight_line,
-)
-from pyburgers.common.array_types import IntArray
-from pyburgers.common.draws import TAIL, FloatArray
-from pyburgers.common.units import number
-from pyburgers.flow_law_tables.inputs import (
-    PeakStressData,
-)
-from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
-
-GROUP_TEMPERATURES = 2.0
-"""Widest gap (K) between sorted temperatures of tests that are drawn together."""
-
-
-GRID_STRESSES = 30
-"""Stresses at which each group's flow law is drawn."""
-
-
-GRID_MARGIN = 1.3
-"""Factor by which the drawn stresses reach beyond those of a group."""
-
-
-@dataclass(frozen=True, eq=False)
-class Group:
-    """Tests at one grain size (m) and about one temperature (harmonic mean, K) on one line.
-
-    `points` (n,): positions in the table; `stress` (GRID_STRESSES,): Pa of the drawn line.
-    """
-
-    points: IntArray
-    temperature: float
-    grain_size: float
-    stress: FloatArray
-
-
-def groups(data: PeakStressData) -> tuple[Group, ...]:
-    """Split a table by grain size, and at gaps of temperature wider than `GROUP_TEMPERATURES`."""
-    found = []
-    for grain_size in np.unique(data.grain_size):
-        alike = np.flatnonzero(data.grain_size == grain_size)
-        ordered = alike[np.argsort(data.temperature[alike], kind="stable")]
-        gaps = np.flatnonzero(np.diff(data.temperature[ordered]) > GROUP_TEMPERATURES) + 1
-        for points in np.split(ordered, gaps):
-            stress = data.stress[points]
-            found.append(
-                Group(
-                    points=points,
-                    temperature=float(1 / np.mean(1 / data.temperature[points])),
-                    grain_size=float(grain_size),
-                    stress=np.geomspace(
-                        stress.min() / GRID_MARGIN, stress.max() * GRID_MARGIN, GRID_STRESSES
-                    ),
-                )
-            )
-    return tuple(found)
-
+from pyburgers.checks.residual_numbers import TINY, largest_residual, segment_parts, straight_line
+from pyburgers.common.array_types import FloatArray, IntArray
+from pyburgers.common.draws import TAIL, all_draws
+from pyburgers.common.units import counted, number
+from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_FACTOR, STRESS_UNIT
 
 Row: TypeAlias = "pd.Series[Any]"
 
+LOG_READ = "log_read"
+"""ln(rate s) or ln(stress/Pa), the one that was read, in the groups of draws."""
+
+ALONG = ("temperature", "stress", "grain size")
+"""Conditions along which residuals are looked at for a slope and a bend."""
+
+LEAST_VALUES = 3
+"""Values of a condition that can show a bend along it."""
+
+NARROW = "the widths are then too narrow"
+
+OTHER_LAW = (
+    "take a law with another mechanism or a premelting temperature, or fit a part of the rows"
+)
 
 DESCRIPTION = CheckKind.DESCRIPTION
 
 
-LOG_STRESS = "log_stress"
-"""ln(peak stress/Pa) in the groups of draws."""
-
-
-BEND = "bend along the rate"
-
-
-NARROW = "the widths that are handed on are then too narrow"
-
-
-ONE_LAW = "see whether another mechanism rules there, and fit its tests as a table of their own"
-
-
 @dataclass(frozen=True, eq=False)
-class TableLeftover:
-    """What the fit of a table leaves over of ln(peak stress); arrays have the shape (n,).
+class RateLeftover:
+    """What a fit of rates leaves over of ln(rate); arrays have the shape (n,).
 
-    Residuals are means over the draws, and weights make all uncertain alike. Rates are
-    ln(strain rate s), conditions strain rate (1/s), temperature (K) and grain size (m).
+    Residuals are means over the draws, and weights make all uncertain alike. A stress that was
+    read counts by the rate of the law under it; conditions have the stress of the law there.
     """
 
     residual: FloatArray
     weight: FloatArray
-    log_rate: FloatArray
+    source: IntArray
+    sources: tuple[str, ...]
     group: IntArray
+    groups: tuple[str, ...]
     conditions: pd.DataFrame
     judged: Judged
 
@@ -136,154 +88,162 @@ class TableLeftover:
         """Return the row of a discrepancy."""
         return self.table.loc[[discrepancy]].iloc[0]
 
-    def beside(self, residual: float) -> str:
-        """Return how far a stress lies from the law, such as ``12 % above it``."""
-        share = 100 * np.expm1(abs(residual)) if residual > 0 else -100 * np.expm1(residual)
-        return f"{share:.2g} % {'above' if residual > 0 else 'below'} the flow law"
-
     def row_text(self, k: int) -> str:
         """Return which row it is."""
-        rate, temperature, size = self.conditions.iloc[k]
+        stress, rate, temperature, size = self.conditions.iloc[k]
+        grains = "" if np.isnan(size) else f", {number(size * LENGTH_FACTOR)} {LENGTH_UNIT}"
         return (
-            f"row {k + 1} ({rate:.2g} 1/s, {number(size * LENGTH_FACTOR)} {LENGTH_UNIT}, "
-            f"{temperature:.1f} K)"
+            f"a row of {self.sources[self.source[k]]} ({stress * STRESS_FACTOR:.3g} {STRESS_UNIT}, "
+            f"{rate:.2g} 1/s, {temperature:.1f} K{grains})"
         )
 
-    def group_text(self, k: int) -> str:
-        """Return which group it is, with its number of tests."""
-        here = self.conditions[self.group == k]
-        size, temperature = here["grain_size"].iloc[0], here["temperature"].mean()
-        tests = f"the {len(here)} tests" if len(here) > 1 else "the test"
-        return (
-            f"{tests} at {number(size * LENGTH_FACTOR)} {LENGTH_UNIT} and about {temperature:.0f} K"
-        )
+
+def beside(residual: float) -> str:
+    """Return how far a rate lies from the law, such as ``at 1.4 times the rate of the law``."""
+    return f"at {np.exp(residual):.2g} times the rate of the law"
 
 
 @lru_cache(maxsize=1)
-def table_leftover(draws: CheckedDraws) -> TableLeftover:
-    """Compare what the fit of a table leaves over with what fits of replicated tables do."""
-    posterior = draws.posterior
-    along = posterior["constant_data"].to_dataset()
-    data = posterior["observed_data"].to_dataset()[LOG_STRESS].to_numpy()
-    model, replicas = (
-        posterior[part].to_dataset()[LOG_STRESS].to_numpy().reshape(-1, data.size)
-        for part in ("model_response", "posterior_predictive")
+def rate_leftover(draws: CheckedDraws) -> RateLeftover:
+    """Compare what the fit leaves over with what fits of replicated tables do."""
+    along = draws.posterior["constant_data"].to_dataset()
+    left = draws.posterior["residuals"].to_dataset()
+    residual, noise, deviation = (
+        all_draws(left[name]) for name in ("residual", "residual_replicated", "deviation")
     )
-    scatter = posterior["posterior"].to_dataset()["stress_scatter"].to_numpy()
-    error = np.sqrt((scatter**2).mean() + along["relative_stress_uncertainty"].to_numpy() ** 2)
+    error = np.sqrt((deviation**2).mean(axis=0))
     weight = error.mean() / error
-    observed, replicated = (data - model) * weight, (replicas - model) * weight
-    log_rate, group = np.log(along["strain_rate"].to_numpy()), along["group"].to_numpy()
-    band = (np.quantile(replicas, (TAIL, 1.0 - TAIL), axis=0) - model.mean(axis=0)) * weight
-    numbers = partial(_numbers, log_rate=log_rate, group=group)
+    observed, replicated = residual * weight, noise * weight
+    model = residual.mean(axis=0) - residual  # of ln(rate), less its mean
+    band = np.quantile(model + noise, (TAIL, 1.0 - TAIL), axis=0) * weight
+    source, group = (along[name].to_numpy() for name in ("source", "group"))
+    sources, names_of_groups = (
+        tuple(json.loads(along[name].attrs["names"])) for name in ("source", "group")
+    )
+    names = ["stress", "strain_rate", "temperature", "grain_size"]
+    conditions = pd.DataFrame({name: along[name].to_numpy() for name in names})
+    # A stress that was read has the residual in itself: in its place stands that of the law.
+    expected = np.exp(all_draws(draws.posterior["model_response"].to_dataset()[LOG_READ]).mean(0))
+    was_read = along["stress_is_imposed"].to_numpy() == 0
+    conditions["stress"] = np.where(was_read, expected, conditions["stress"])
+    numbers = partial(_numbers, shapes=_shapes(conditions), group=group, conditions=conditions)
     pairs = data_and_refits(observed, replicated, band, numbers, correlated=False)
-    return TableLeftover(
+    return RateLeftover(
         residual=observed.mean(axis=0),
         weight=weight,
-        log_rate=log_rate,
+        source=source,
+        sources=sources,
         group=group,
-        conditions=along[["strain_rate", "temperature", "grain_size"]].to_dataframe()[
-            ["strain_rate", "temperature", "grain_size"]
-        ],
-        judged=beside_replicates({(name, "the table"): pair for name, pair in pairs.items()}),
+        groups=names_of_groups,
+        conditions=conditions,
+        judged=beside_replicates({(name, "the tables"): pair for name, pair in pairs.items()}),
     )
 
 
 @check("coverage", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH_FOR_SHARES)
-def check_table_coverage(draws: CheckedDraws) -> Finding:
-    """Predictive band of 90 % holds about 90 % of the peak stresses."""
-    left = table_leftover(draws)
-    row = left.row(OUTSIDE)
-    share = inside_text(row, "peak stresses")
-    remedy = "look at the residuals before using the flow law"
+def check_rate_coverage(draws: CheckedDraws) -> Finding:
+    """Predictive band of 90 % holds about 90 % of the readings."""
+    left = rate_leftover(draws)
+    share = inside_text(left.row(OUTSIDE), "readings")
+    remedy = "look at the residuals before using the law"
     return _finding(left, OUTSIDE, f"{share}.", f"Only {share}", remedy)
 
 
 @check("largest residual", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
-def check_table_outlier(draws: CheckedDraws) -> Finding:
-    """No peak stress is too far off beside the others."""
-    left = table_leftover(draws)
+def check_rate_outlier(draws: CheckedDraws) -> Finding:
+    """No reading is too far off beside the others."""
+    left = rate_leftover(draws)
     row, worst = left.row(LARGEST), int(np.abs(left.residual).argmax())
     far = (
-        f"{left.row_text(worst)} lies {left.beside(left.residual[worst] / left.weight[worst])}, "
+        f"{left.row_text(worst)} lies {beside(left.residual[worst] / left.weight[worst])}, "
         f"{row['found']:.1f} times the root mean square of the others (at most "
         f"{row['at_most']:.1f} expected of a correct model)"
     )
-    bad = f"A test is an outlier: {far}; it alone makes the scatter larger and pulls the law"
+    bad = f"A reading is an outlier: {far}; it alone makes the scatter larger and pulls the law"
     remedy = "look it up, and leave the row out if it was a mistake"
     return _finding(left, LARGEST, f"No outlier: {far}.", bad, remedy)
 
 
-@check("bend along the rate", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
-def check_table_bend(draws: CheckedDraws) -> Finding:
-    """One stress exponent holds at all rates: ln(peak stress) is straight in ln(strain rate)."""
-    left = table_leftover(draws)
-    if BEND not in left.table.index:
-        rates = f"{np.unique(left.log_rate).size} strain rates cannot show whether n changes"
-        remedy = "add tests at others"
-        return Finding(Outcome.CANNOT_TELL, left.table.iloc[:0], rates, remedy)
-    row, shape = left.row(BEND), _bend(left.log_rate)
-    ends = shape[[left.log_rate.argmin(), left.log_rate.argmax()]].mean()
-    depth = float(shape @ left.residual) * (shape.min() - ends)
-    size = f"{100 * abs(np.expm1(depth)):.2g} % {'above' if depth > 0 else 'below'}"
-    bend = (
-        f"residuals at middle rates lie {size} a line through those at the ends, as much as "
-        f"{_per_cent(row)} of fits of a correct model leave"
-    )
-    bad = f"The stress exponent changes with the rate: {bend}, and {NARROW}"
-    good = f"One stress exponent at all rates: {bend}."
-    return _finding(left, BEND, good, bad, ONE_LAW)
+def _check_along(condition: str) -> Check:
+    """Return the check that residuals have neither slope nor bend along a condition."""
+
+    @check(f"along {condition}", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
+    def check_along(draws: CheckedDraws) -> Finding:
+        """Residuals have neither slope nor bend along the condition."""
+        left, name = rate_leftover(draws), _along(condition)
+        if name not in left.table.index:
+            values = left.conditions[condition.replace(" ", "_")]
+            few = (
+                f"{counted(values.dropna().nunique(), 'value')} of the {condition} cannot show "
+                "whether the law holds along it"
+            )
+            return Finding(Outcome.CANNOT_TELL, left.table.iloc[:0], few, "add tests at others")
+        shape = _shapes(left.conditions)[condition]
+        curve = np.exp(shape @ (shape.T @ left.residual))
+        order = np.argsort(left.conditions[condition.replace(" ", "_")].to_numpy(), kind="stable")
+        first, middle, last = (curve[order[k]] for k in (0, order.size // 2, -1))
+        how = (
+            f"from the least to the largest {condition} residuals go from {first:.2g} over "
+            f"{middle:.2g} to {last:.2g} times the rate of the law, as much as "
+            f"{_per_cent(left.row(name))} of fits of a correct model leave"
+        )
+        bad = f"The law misses how rates change with {condition}: {how}, and {NARROW}"
+        return _finding(left, name, f"The law holds along {condition}: {how}.", bad, OTHER_LAW)
+
+    return check_along
 
 
 @check("groups", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
-def check_table_groups(draws: CheckedDraws) -> Finding:
-    """No group of one grain size and temperature is off, or tilts, as a whole."""
-    left = table_leftover(draws)
-    trend, _ = segment_parts(left.residual[None], left.group, left.log_rate)
+def check_rate_groups(draws: CheckedDraws) -> Finding:
+    """No source, or group of a single one, is off, or tilts along stress, as a whole."""
+    left = rate_leftover(draws)
+    log_stress = np.log(left.conditions["stress"].to_numpy())
+    trend, _ = segment_parts(left.residual[None], left.group, log_stress)
     worst = int(trend[:, 0].argmax())
     here = left.group == worst
-    x = left.log_rate[here]
+    x = log_stress[here]
     line = straight_line(x, left.residual[here])
-    slow, fast = (left.beside(line[k]) for k in (x.argmin(), x.argmax()))
-    far = f"lie {slow} where they are slowest and {fast} where they are fastest"
-    offset = (
-        f"{left.group_text(worst)} {far if x.size > 1 else f'lies {slow}'}, as much as "
+    least, largest = (beside(line[k]) for k in (x.argmin(), x.argmax()))
+    along = f"lie {least} where the stress is least and {largest} where it is largest"
+    far = (
+        f"{left.groups[worst]} {along if x.size > 1 else f'lies {least}'}, as much as "
         f"{_per_cent(left.row(SEGMENT_TREND))} of fits of a correct model leave"
     )
-    bad = f"A group is off as a whole: {offset}: one flow law does not hold for it, and {NARROW}"
-    return _finding(left, SEGMENT_TREND, f"No group is off as a whole: {offset}.", bad, ONE_LAW)
+    bad = f"A group is off as a whole: {far}: one law does not hold for it, and {NARROW}"
+    return _finding(left, SEGMENT_TREND, f"No group is off as a whole: {far}.", bad, OTHER_LAW)
 
 
 @check("size of residuals", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
-def check_table_scatter(draws: CheckedDraws) -> Finding:
-    """No group scatters more than the others."""
-    left = table_leftover(draws)
+def check_rate_scatter(draws: CheckedDraws) -> Finding:
+    """No group scatters more than its scatter says."""
+    left = rate_leftover(draws)
     size = np.sqrt(np.mean((left.residual / left.weight) ** 2))
-    whole = f"Peak stresses scatter by {100 * np.expm1(size):.2g} % about the flow law"
+    whole = f"Rates scatter about the law by a factor of {np.exp(size):.2g}"
     if SEGMENT_SPREAD not in left.table.index:
         return Finding(Outcome.YES, left.table.iloc[:0], f"{whole}; there is one group only.")
-    _, spread = segment_parts(left.residual[None], left.group, left.log_rate)
+    log_stress = np.log(left.conditions["stress"].to_numpy())
+    _, spread = segment_parts(left.residual[None], left.group, log_stress)
     worst, row = int(spread[:, 0].argmax()), left.row(SEGMENT_SPREAD)
     found = (
-        f"residuals of {left.group_text(worst)} are {row['found']:.2f} times those of "
-        f"the table (at most {row['at_most']:.2f} expected of a correct model)"
+        f"residuals of {left.groups[worst]}, over their scatter, are {row['found']:.2f} times "
+        f"those of all (at most {row['at_most']:.2f} expected of a correct model)"
     )
-    bad = f"One group scatters more than the others: {found}, and {NARROW}"
-    remedy = "state the uncertainty of its stresses, or fit it as a table of its own"
+    bad = f"One group scatters more than the model allows: {found}, and {NARROW}"
+    remedy = "state the reading errors of its rows, or fit it as a table of its own"
     return _finding(left, SEGMENT_SPREAD, f"{whole}; {found}.", bad, remedy)
 
 
-TABLE_CHECKS = (
-    check_table_coverage,
-    check_table_outlier,
-    check_table_bend,
-    check_table_groups,
-    check_table_scatter,
+RATE_CHECKS = (
+    check_rate_coverage,
+    check_rate_outlier,
+    *(_check_along(condition) for condition in ALONG),
+    check_rate_groups,
+    check_rate_scatter,
 )
-"""What a table of peak stresses is held against."""
+"""What tables of rates are held against."""
 
 
-def _finding(left: TableLeftover, name: str, good: str, bad: str, remedy: str) -> Finding:
+def _finding(left: RateLeftover, name: str, good: str, bad: str, remedy: str) -> Finding:
     """Judge a discrepancy."""
     table = left.table.loc[[name]].reset_index()
     return left.judged.finding(left.row(name), table, good, bad, remedy)
@@ -294,23 +254,42 @@ def _per_cent(row: Row) -> str:
     return f"{100 * row['probability']:.2g} %"
 
 
+def _along(condition: str) -> str:
+    """Name of the discrepancy of slope and bend along a condition."""
+    return f"trend along {condition}"
+
+
 def _numbers(
-    residuals: FloatArray, *, log_rate: FloatArray, group: IntArray
+    residuals: FloatArray,
+    *,
+    shapes: Mapping[str, FloatArray],
+    group: IntArray,
+    conditions: pd.DataFrame,
 ) -> dict[str, FloatArray]:
     """Discrepancies that residuals alone say, each of shape (draws,)."""
-    trend, spread = segment_parts(residuals, group, log_rate)
+    trend, spread = segment_parts(residuals, group, np.log(conditions["stress"].to_numpy()))
+    mean_square = np.maximum((residuals**2).mean(axis=1), TINY)
     found = {LARGEST: largest_residual(residuals), SEGMENT_TREND: trend.max(axis=0)}
-    if np.unique(log_rate).size >= 3:
-        mean_square = np.maximum((residuals**2).mean(axis=1), TINY)
-        found[BEND] = (residuals @ _bend(log_rate)) ** 2 / mean_square
+    for condition, shape in shapes.items():
+        found[_along(condition)] = ((residuals @ shape) ** 2).sum(axis=1) / mean_square
     if len(spread) > 1:
         found[SEGMENT_SPREAD] = np.sqrt(spread.max(axis=0))
     return found
 
 
-def _bend(log_rate: FloatArray) -> FloatArray:
-    """Parabola of unit length that has no part in a straight line, lowest in the middle."""
-    x = log_rate - log_rate.mean()
-    line = np.column_stack([np.ones_like(x), x])
-    parabola = x**2 - line @ np.linalg.lstsq(line, x**2)[0]
-    return np.asarray(parabola / np.linalg.norm(parabola))
+def _shapes(conditions: pd.DataFrame) -> dict[str, FloatArray]:
+    """Return orthonormal slope and bend (n, 2) by condition with three values or more.
+
+    They have no level; rows without a grain size have no part in those along it.
+    """
+    found = {}
+    for name in ALONG:
+        values = conditions[name.replace(" ", "_")].to_numpy()
+        here = np.isfinite(values)
+        if np.unique(values[here]).size >= LEAST_VALUES:
+            x = np.log(values[here])
+            powers = ((x - x.mean()) / x.std())[:, None] ** np.arange(3)
+            shape = np.zeros((values.size, 2))
+            shape[here] = np.linalg.qr(powers)[0][:, 1:]
+            found[name] = shape
+    return found

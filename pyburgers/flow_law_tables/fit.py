@@ -1,163 +1,85 @@
-"""Fit a flow law to a table of peak stresses, and hand it on as a prior.
+"""A fit of a composite flow law to tables of steady rates, and its flow law as a prior."""
 
-A run has the files of a fit of a curve (`pyburgers.sampling.run_directory`), with the table and
-its priors in ``inputs/`` and `FLOW_LAW_PRIOR_FILE` beside the draws.
-"""
-
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CHAIN_CHECKS, Check
 from pyburgers.checks.prior_influence import Influence, prior_influence
-from pyburgers.cmdstan.draw_files import Draws, read_draws
-from pyburgers.cmdstan.program import load_program
-from pyburgers.cmdstan.toolchain import stan_directory
-from pyburgers.common.atomic_files import write_json
-from pyburgers.common.draws import FloatArray, all_draws
+from pyburgers.common.draws import TAIL, FloatArray, all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
-from pyburgers.fitting.continuation import sample_until_good
-from pyburgers.fitting.sampled_fit import (
-    SampledFit,
-    data_words,
-    write_tables,
-)
-from pyburgers.flow_law_tables.description import GRID_STRESSES, LOG_STRESS, TABLE_CHECKS, groups
-from pyburgers.flow_law_tables.inputs import (
-    FLOW_LAW_PARAMETERS,
-    SI_UNITS,
-    UNCERTAINTY,
-    PeakStressData,
-    load_peak_stress,
-    load_peak_stress_priors,
-    save_peak_stress,
-)
-from pyburgers.flow_law_tables.softening import N_SOFTENING, SofteningPrior, softening_prior
+from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.sampled_fit import SampledFit, data_words
+from pyburgers.flow_law_tables.description import LEAST_VALUES, RATE_CHECKS
+from pyburgers.flow_law_tables.laws import RateLaw, load_rate_law
+from pyburgers.flow_law_tables.mechanism_maps import MechanismMap, local_power_law, mechanism_map
+from pyburgers.flow_law_tables.posterior import FLOW_RATE_OF_TEST, build_posterior
+from pyburgers.flow_law_tables.program_data import law_for
+from pyburgers.flow_law_tables.softening import SofteningPrior
+from pyburgers.flow_law_tables.table_files import load_rate_table
+from pyburgers.flow_law_tables.tables import RateTable
 from pyburgers.kinds.experiment import Provenance
-from pyburgers.kinds.problem import coordinates_through
-from pyburgers.kinds.program_data import prior_block
-from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE, PlainCoordinates, StanData
-from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, PRIOR_QUANTITIES, FlowLawPrior
-from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
-from pyburgers.model.priors import PriorSet, default_priors, note_other_material, save_priors
-from pyburgers.posterior.labelled_draws import (
-    keep_posterior,
-    label_draws,
-    load_posterior,
-    sample_stats,
-    summary_table,
-)
+from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE
+from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, FlowLawPrior
+from pyburgers.model.priors import FLOW_LAW
+from pyburgers.posterior.labelled_draws import load_posterior, own_name, summary_table
 from pyburgers.sampling.manifest import RunManifest
-from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.run import complete_chains, fingerprint, run_record
 from pyburgers.sampling.run_directory import RunDirectory
 
-AT_POINTS = {
-    **{name: SI_UNITS[name] for name in ("temperature", "strain_rate", "grain_size")},
-    UNCERTAINTY: "1",
-}
-"""What draws keep of the rows of a table, with its units."""
-
-TABLE_FILE = "peak_stress.toml"
-"""Name of the saved table in a run directory."""
-
-SOFTENING_FILE = "softening.json"
-"""Name of the saved prior of the softening in a run directory."""
-
-PEAK_SOFTENING = "peak_softening"
-"""ln(S_0/peak stress) at the mean conditions, among the predictions."""
-
-FLOW_RATE_OF_TEST = "log_flow_rate_of_test"
-"""ln(flow rate s) of another test at the mean conditions, among the predictions."""
-
-
-def peak_stress_coordinates(data: PeakStressData, priors: PriorSet) -> PlainCoordinates:
-    """Choose origin and size of every free parameter and what the flow rate replaces.
-
-    The flow rate at the mean conditions replaces Q_M, or beta, unless both are fixed or have two
-    finite bounds (`pyburgers.kinds.problem.coordinates_through`).
-    """
-    origin = float(np.mean(np.log(data.strain_rate)))
-    return coordinates_through(priors, REFERENCE_FLOW_RATE_QUANTITY, origin, 1.0)
-
-
-def peak_stress_data(
-    data: PeakStressData,
-    priors: PriorSet,
-    softening: SofteningPrior,
-    *,
-    use_likelihood: bool = True,
-) -> StanData:
-    """Return all data of `stan/peak_stress.stan`, priors in SI; without likelihood, the prior's."""
-    coordinates = peak_stress_coordinates(data, priors)
-    place = {p.name: k for k, p in enumerate(FLOW_LAW_PARAMETERS, start=1)}
-    mean = data.mean_conditions
-    lines = groups(data)
-    return {
-        "n_points": data.n_points,
-        "temperature": data.temperature.tolist(),
-        "stress": data.stress.tolist(),
-        "strain_rate": data.strain_rate.tolist(),
-        "grain_size": data.grain_size.tolist(),
-        "relative_stress_uncertainty": data.relative_stress_uncertainty.tolist(),
-        "mean_temperature": mean.temperature,
-        "mean_stress": mean.stress,
-        "mean_strain_rate": data.mean_strain_rate,
-        "mean_grain_size": mean.grain_size,
-        "use_likelihood": int(use_likelihood),
-        **prior_block(priors, FLOW_LAW_PARAMETERS),
-        **softening.block,
-        "n_coordinates": len(coordinates.quantities),
-        "own_parameter": [place[name] for name in coordinates.parameters],
-        "quantity": coordinates.quantity.tolist(),
-        "replaced_parameter": place.get(coordinates.replaced_parameter or "", 0),
-        "n_grid": len(lines) * GRID_STRESSES,
-        "grid_temperature": np.repeat([g.temperature for g in lines], GRID_STRESSES).tolist(),
-        "grid_stress": np.concatenate([g.stress for g in lines]).tolist(),
-        "grid_grain_size": np.repeat([g.grain_size for g in lines], GRID_STRESSES).tolist(),
-    }
-
-
-WARMUP, TARGET_ACCEPTANCE = 1000, 0.99
-"""Defaults where the options leave them open; a gradient costs microseconds."""
+TABLE_FILE, LAW_FILE, SOFTENING_FILE = "rates.toml", "law.toml", "softening.json"
+"""Names of the inputs in a run directory."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PeakStressFit(SampledFit):
-    """A finished fit of a table of peak stresses.
+class RateFit(SampledFit):
+    """A finished fit of tables of steady rates.
 
     Attributes
     ----------
     directory, posterior, manifest
-        As of every `SampledFit`. The group log_likelihood is of each ln(peak stress). The group
-        predictions has strain rates by group and stress (of undeformed material and of peaks),
-        softening, and the flow rate of another test.
-    data : PeakStressData
-        The fitted table.
-    priors : PriorSet
-        Priors of `pyburgers.flow_law_tables.inputs.FLOW_LAW_PARAMETERS` in SI.
-    softening : SofteningPrior
-        Prior of the softening at the peaks.
+        As of every `SampledFit`. The groups log_likelihood, model_response and
+        posterior_predictive are about the readings of fitted rows, in ln(1/s) or ln(Pa). The group
+        held_out has the same of the other rows. The group predictions has the drawn lines, and
+        driving_errors the biases of the sources.
+    data : RateTable
+        All rows, those of held-out sources among them.
+    law : RateLaw
+        The law with its priors.
+    softening : SofteningPrior or None
+        Prior of the softening up to the peaks, if the law is that of undeformed material.
 
     Examples
     --------
-    >>> draws = peaks.posterior["posterior"]["stress_exponent"]
+    >>> draws = creep.posterior["posterior"]["stress_exponent[creep]"]
     """
 
-    data: PeakStressData
-    priors: PriorSet
-    softening: SofteningPrior
+    data: RateTable
+    law: RateLaw
+    softening: SofteningPrior | None = None
+
+    @property
+    def used(self) -> RateTable:
+        """The rows that were fitted.
+
+        Examples
+        --------
+        >>> creep.used.n_rows
+        14
+        """
+        return self.data.rows(~np.isin(self.data.source, self.manifest["held_out"]))
 
     @property
     def provenance(self) -> Provenance:
-        """Origin of the table."""
+        """Origin of the tables."""
         return self.data.provenance
 
     def influences(
@@ -177,33 +99,185 @@ class PeakStressFit(SampledFit):
 
         Examples
         --------
-        >>> influences = peaks.influences()
+        >>> influences = creep.influences()
         """
         if not self.manifest["use_likelihood"]:
             return {}
-        read_off = self.priors.read_off([data_words(self.data.id, self.provenance)])
-        found = prior_influence(self.posterior, self.priors, derived=derived, read_off=read_off)
+        priors = self.law.priors
+        read_off = priors.read_off([data_words(self.data.id, self.provenance)])
+        found = prior_influence(self.posterior, priors, derived=derived, read_off=read_off)
         return {self.data.id: self._usable(found)}
+
+    def power_law(self) -> dict[str, FloatArray]:
+        """Return draws of n, p, Q_M and beta of a power law.
+
+        Returns
+        -------
+        dict of str to array, shape (n,)
+            By the names of a curve's parameters, SI; draws of the chains one after the other.
+
+        Raises
+        ------
+        InputError
+            If the law has several mechanisms or a premelting temperature.
+
+        Examples
+        --------
+        >>> sorted(creep.power_law())
+        ['activation_enthalpy', 'beta', 'grain_size_exponent', 'stress_exponent']
+        """
+        mechanism = self.law.power_law.name
+        draws = self.posterior["posterior"].to_dataset()
+        beta = self.posterior["predictions"].to_dataset()["beta"].sel(mechanism=mechanism)
+        return {
+            name: all_draws(beta if name == "beta" else draws[own_name(name, mechanism)])
+            for name in FLOW_LAW
+        }
+
+    def rates_at(
+        self,
+        temperature: npt.ArrayLike,
+        stress: npt.ArrayLike,
+        grain_size: npt.ArrayLike,
+    ) -> xr.Dataset:
+        """Solve the law for its draws under given conditions.
+
+        Parameters
+        ----------
+        temperature, stress, grain_size : array, shape (n,), or float
+            K, axial equivalent in Pa, m; broadcast against each other.
+
+        Returns
+        -------
+        Dataset
+            ``log_strain_rate``, ln(1/s), and ``stress_exponent``, its slope by ln(stress), by draw
+            and condition. They are of no source and of no specimen: neither bias nor scatter.
+
+        Raises
+        ------
+        InputError
+            If a value is not positive.
+
+        Examples
+        --------
+        >>> rates = creep.rates_at([250.0, 260.0], 1e6, 1e-3)
+        >>> rates.sizes["condition"]
+        2
+        """
+        given = (np.asarray(one, dtype=np.float64) for one in (temperature, stress, grain_size))
+        conditions = (np.atleast_1d(one) for one in np.broadcast_arrays(*given))
+        return local_power_law(self.law, self.posterior, *conditions)
+
+    def mechanism_map(
+        self,
+        *,
+        temperature: FloatArray | float | None = None,
+        stress: FloatArray | None = None,
+        grain_size: FloatArray | float | None = None,
+    ) -> MechanismMap:
+        """Count in which draws of the law each mechanism leads.
+
+        Parameters
+        ----------
+        temperature : float or array, shape (n,), optional
+            K; default from 30 K below the coldest test to the warmest. A number if `grain_size` is
+            an array.
+        stress : array, shape (m,), optional
+            Axial equivalent, Pa; default from a hundredth of the least stress of a test to the
+            largest.
+        grain_size : float or array, shape (n,), optional
+            m; default the geometric mean of the tests.
+
+        Returns
+        -------
+        MechanismMap
+
+        Raises
+        ------
+        InputError
+            If both temperature and grain size are arrays, or a value is not positive.
+
+        Examples
+        --------
+        >>> found = creep.mechanism_map(temperature=np.array([250.0, 260.0]))
+        >>> found.probability.shape[1]
+        2
+        """
+        return mechanism_map(
+            self.law,
+            self.posterior,
+            self.used,
+            temperature=temperature,
+            stress=stress,
+            grain_size=grain_size,
+        )
 
     def si_summary(self) -> pd.DataFrame:
         """Posterior table in SI units (`pyburgers.posterior.labelled_draws.summary_table`).
 
         Examples
         --------
-        >>> peaks.si_summary().loc["stress_exponent", "unit"]
+        >>> creep.si_summary().loc["rate_scatter", "unit"]
         '1'
         """
-        return summary_table(self.posterior, self.priors)
+        return summary_table(self.posterior, self.law.priors)
 
     def asked_checks(self) -> Sequence[Check]:
         """Return the checks that are made: there is no solver to check.
 
+        Along a temperature or grain size with fewer than three values an exponent fits any law.
+
         Examples
         --------
-        >>> names = [check.name for check in peaks.asked_checks()]
+        >>> names = [check.name for check in creep.asked_checks()]
         """
-        fitted = self.manifest["use_likelihood"]
-        return (*CHAIN_CHECKS, *TABLE_CHECKS) if fitted else CHAIN_CHECKS
+        if not self.manifest["use_likelihood"]:
+            return CHAIN_CHECKS
+        may_vary = {"temperature": self.used.temperature, "grain size": self.used.grain_size}
+        few = {
+            f"along {name}"
+            for name, values in may_vary.items()
+            if np.unique(values[np.isfinite(values)]).size < LEAST_VALUES
+        }
+        return (*CHAIN_CHECKS, *(check for check in RATE_CHECKS if check.name not in few))
+
+    def held_out_table(self) -> pd.DataFrame:
+        """Return how well each held-out source was predicted, without a row of its own.
+
+        Returns
+        -------
+        DataFrame
+            Index source; columns rows, inside_90 (share of readings inside the 90 % band),
+            mean_residual (in ln(rate) or ln(stress)), log_density (of all its readings together).
+
+        Examples
+        --------
+        >>> creep.held_out_table().columns.tolist()
+        ['rows', 'inside_90', 'mean_residual', 'log_density']
+        """
+        rows = {}
+        held_out = self.manifest["held_out"]
+        if held_out:
+            group = self.posterior["held_out"].to_dataset()
+            names = np.array(json.loads(group["source"].attrs["names"]))
+            source = names[group["source"].to_numpy()]
+            read, model, replicated, density = (
+                all_draws(group[name]) if "chain" in group[name].dims else group[name].to_numpy()
+                for name in ("read", "model", "replicated", "log_density")
+            )
+            low, high = np.quantile(replicated, (TAIL, 1 - TAIL), axis=0)
+            inside = (read >= low) & (read <= high)
+            for one in held_out:
+                here = source == one
+                together = density[:, here].sum(axis=1)
+                rows[one] = {
+                    "rows": int(here.sum()),
+                    "inside_90": float(inside[here].mean()),
+                    "mean_residual": float((read - model.mean(axis=0))[here].mean()),
+                    "log_density": float(np.logaddexp.reduce(together) - np.log(together.size)),
+                }
+        columns = ["rows", "inside_90", "mean_residual", "log_density"]
+        return pd.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("source")
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -212,11 +286,11 @@ class PeakStressFit(SampledFit):
         Parameters
         ----------
         path : path
-            Run directory of `fit_peak_stress`.
+            Run directory of `fit_rates`.
 
         Returns
         -------
-        PeakStressFit
+        RateFit
             With the draws of the chains that have finished.
 
         Raises
@@ -226,136 +300,50 @@ class PeakStressFit(SampledFit):
 
         Examples
         --------
-        >>> peaks.save("peaks")
-        >>> again = pyburgers.PeakStressFit.load("peaks")
+        >>> creep.save("creep")
+        >>> again = pyburgers.RateFit.load("creep")
         """
         run = RunDirectory(given_path(path))
         run.read_manifest()
-        if not is_peak_stress_run(path):
+        if not is_rate_run(path):
             raise InputError(
-                f"{path}: is not a fit of a table of peak stresses, expected a run of pyburgers "
-                "fit-peak-stress."
+                f"{path}: is not a fit of tables of rates, expected a run of pyburgers fit-rates."
             )
         run.require_a_chain()
         manifest = run.read_manifest(RunManifest)
         with run.unchanged_copy(manifest) as copy:
-            data = load_peak_stress(copy.inputs / TABLE_FILE)
-            priors = load_peak_stress_priors(copy.priors_file)
-            softening = SofteningPrior.load(copy.inputs / SOFTENING_FILE)
+            data = load_rate_table(copy.inputs / TABLE_FILE)
+            law = load_rate_law(copy.inputs / LAW_FILE)
+            file = copy.inputs / SOFTENING_FILE
+            softening = SofteningPrior.load(file) if file.is_file() else None
+        law = law_for(data, law, manifest["held_out"])
         posterior = load_posterior(run, manifest)
         if posterior is None or "model_response" not in posterior.children:
-            posterior = _build_posterior(run, data, priors, manifest)
+            posterior = build_posterior(run, data, law, manifest)
         manifest = {**manifest, "chains": run.chain_records()}
-        return cls(run, posterior, manifest, data, priors, softening)
+        return cls(run, posterior, manifest, data, law, softening)
 
 
-def fit_peak_stress(
-    data: PeakStressData,
-    priors: PriorSet,
-    *,
-    out: str | Path,
-    curve: PriorSet | None = None,
-    options: SamplerOptions | None = None,
-    use_likelihood: bool = True,
-    command: str = "pyburgers.fit_peak_stress(...)",
-) -> PeakStressFit:
-    """Fit a flow law and its scatter to peak stresses, softened as a curve's priors have it.
-
-    Parameters
-    ----------
-    data : PeakStressData
-        The table.
-    priors : PriorSet
-        Priors of `pyburgers.flow_law_tables.inputs.FLOW_LAW_PARAMETERS`.
-    out : path
-        Run directory. An earlier run with the same inputs there is continued.
-    curve : PriorSet, optional
-        Priors of every parameter of a curve, for the softening at the peaks
-        (`pyburgers.flow_law_tables.softening.softening_prior`); default those of the material.
-    options : SamplerOptions, optional
-        Chains, iterations, seed; the coordinates are always the plain ones.
-    use_likelihood : bool
-        False samples the prior.
-    command : str
-        Command that repeats the run, for the manifest.
-
-    Raises
-    ------
-    InputError
-        If an input is wrong or `out` holds something else.
-    SamplingError
-        If no chain finished.
-
-    Examples
-    --------
-    >>> table = pyburgers.load_peak_stress(data / "ice" / "peak_stress_qi_goldsby_2021.toml")
-    >>> priors = pyburgers.default_peak_stress_priors("ice")
-    >>> result = pyburgers.fit_peak_stress(table, priors, out="runs/peaks", options=options)
-    """
-    run = RunDirectory(given_path(out))
-    options = options or SamplerOptions()
-    options = replace(
-        options,
-        warmup=options.warmup or WARMUP,
-        adapt_delta=options.adapt_delta or TARGET_ACCEPTANCE,
-        coordinates="plain",
-    )
-    curve = default_priors(data.material) if curve is None else curve
-    for given in (priors, curve):
-        note_other_material(given, data.material)
-    softening = softening_prior(data, curve, seed=options.seed)
-    stan_data = peak_stress_data(data, priors, softening, use_likelihood=use_likelihood)
-    model = load_program(stan_directory() / "peak_stress.stan")
-    identity = fingerprint(stan_data, options, model.recipe)
-
-    def sample(more_draws: int | None) -> PeakStressFit:
-        with run.claimed(identity):
-            save_peak_stress(data, run.inputs)
-            save_priors(priors, run.priors_file, FLOW_LAW_PARAMETERS)
-            softening.save(run.inputs / SOFTENING_FILE)
-            write_json(run.stan_data_file, stan_data)
-            run.update_manifest(
-                run_record(
-                    run,
-                    {"sampler": asdict(options), "use_likelihood": use_likelihood},
-                    name=data.id,
-                    data_kind=data.provenance.kind,
-                    identity=identity,
-                    command=command,
-                )
-            )
-            complete_chains(
-                model,
-                run,
-                options,
-                lambda chain: _draw_start(data, priors, options.seed, chain),
-                more_draws=more_draws,
-            )
-        return PeakStressFit.load(run.path)
-
-    result = sample_until_good(sample, options)
-    if not any(priors[p.name].is_fixed for p in FLOW_LAW_PARAMETERS):
-        flow_law_prior(result).save(run.path / FLOW_LAW_PRIOR_FILE)
-        run.note_hash(run.path / FLOW_LAW_PRIOR_FILE)
-    write_tables(result)
-    return replace(result, manifest=run.read_manifest())
-
-
-def is_peak_stress_run(path: str | Path) -> bool:
-    """Whether a run directory holds a fit of a table of peak stresses."""
+def is_rate_run(path: str | Path) -> bool:
+    """Whether a run directory holds a fit of tables of rates."""
     return (RunDirectory(given_path(path)).inputs / TABLE_FILE).is_file()
 
 
-def flow_law_prior(fit: PeakStressFit) -> FlowLawPrior:
+def fit_of_run(path: str | Path) -> Fit | RateFit:
+    """Read a run directory of a fit of tests or of tables; raise InputError if it is neither."""
+    return RateFit.load(path) if is_rate_run(path) else Fit.load(path)
+
+
+def flow_law_prior(fit: RateFit) -> FlowLawPrior:
     """Return the posterior flow law of another test (see `FlowLawPrior`).
 
-    Its ln(S_0) scatters like ln(peak stress) of the tests. If that scatter is one of readings, not
+    Its ln(flow rate) scatters as specimens and sources do. If that scatter is one of readings, not
     of samples, the prior is too wide.
 
     Parameters
     ----------
-    fit : PeakStressFit
-        Finished fit in which the whole flow law is free.
+    fit : RateFit
+        Finished fit with the softening of a curve, in which the whole flow law is free.
 
     Returns
     -------
@@ -365,112 +353,31 @@ def flow_law_prior(fit: PeakStressFit) -> FlowLawPrior:
     Raises
     ------
     InputError
-        If a parameter of the flow law was fixed, so that there is no density to hand on.
+        If the law is not that of undeformed material, or a part of it was fixed.
 
     Examples
     --------
     >>> prior = pyburgers.flow_law_prior(peaks)
     """
-    fixed = [p.name for p in FLOW_LAW_PARAMETERS if fit.priors[p.name].is_fixed]
-    if fixed:
+    if fit.softening is None:
+        raise InputError(
+            f"{fit.directory.path}: its tests are not softened, expected a fit with the priors of "
+            "a curve (--curve-priors), whose law is that of undeformed material."
+        )
+    if fixed := fit.law.fixed_flow_law:
         raise InputError(
             f"{fit.directory.path}: {fixed[0]} is fixed, expected a fit in which the whole flow "
             "law is free."
         )
-    draws = fit.posterior["posterior"].to_dataset()
-    of_test = fit.posterior["predictions"].to_dataset()[FLOW_RATE_OF_TEST]
-    columns = [
-        all_draws(of_test if name == f"log_{REFERENCE_FLOW_RATE}" else draws[name])
-        for name in PRIOR_QUANTITIES
-    ]
+    of_test = all_draws(fit.posterior["predictions"].to_dataset()[FLOW_RATE_OF_TEST])
+    draws = {**fit.power_law(), f"log_{REFERENCE_FLOW_RATE}": of_test}
+    columns = [draws[name] for name in PRIOR_QUANTITIES]
     return FlowLawPrior(
         quantities=PRIOR_QUANTITIES,
         mean=np.mean(columns, axis=1),
         covariance=np.cov(columns),
-        conditions=fit.data.mean_conditions,
+        conditions=fit.used.mean_conditions,
         material=fit.data.material,
-        source=f"{fit.data.id}: {fit.data.provenance.source}; its priors: {fit.priors.title}",
-        tests=fit.data.tests,
+        source=f"{fit.data.id}: {fit.provenance.source}; its law: {fit.law.priors.title}",
+        tests=fit.used.tests,
     )
-
-
-def _draw_start(
-    data: PeakStressData, priors: PriorSet, seed: int, chain: int
-) -> dict[str, list[float]]:
-    """Draw a start of one chain: prior draws, and a flow rate near the measured ones."""
-    rng = np.random.default_rng([seed, chain])
-    coordinates = peak_stress_coordinates(data, priors)
-    rate = float(np.exp(rng.normal(np.mean(np.log(data.strain_rate)), 1.0)))
-    return {
-        "coordinate": coordinates.at({**priors.sample(rng), REFERENCE_FLOW_RATE: rate}).tolist(),
-        "softening_coordinate": rng.standard_normal(N_SOFTENING).tolist(),
-    }
-
-
-def _build_posterior(
-    run: RunDirectory, data: PeakStressData, priors: PriorSet, manifest: Mapping[str, Any]
-) -> xr.DataTree:
-    """Gather the finished chains into labelled draws and save them."""
-    with run.unchanged_copy(manifest, with_draws=True) as copy:
-        chains = read_draws(copy.draws_files())
-    identifiers = {"chain": list(run.finished_chains())}
-    contents = {
-        name: dataset.assign_coords(identifiers)
-        for name, dataset in _drawn_groups(chains, data, priors).items()
-    }
-    point = {"point": np.arange(data.n_points)}
-    contents["observed_data"] = xr.Dataset(
-        {LOG_STRESS: ("point", np.log(data.stress))}, coords=point
-    )
-    of_group = np.empty(data.n_points, dtype=np.int64)
-    for number, group in enumerate(groups(data)):
-        of_group[group.points] = number
-    contents["constant_data"] = xr.Dataset(
-        {
-            **{name: ("point", getattr(data, name), {"units": u}) for name, u in AT_POINTS.items()},
-            "group": ("point", of_group),
-        },
-        coords=point,
-    )
-    return keep_posterior(run, contents, experiment=data.id, data_kind=data.provenance.kind)
-
-
-def _drawn_groups(chains: Draws, data: PeakStressData, priors: PriorSet) -> dict[str, xr.Dataset]:
-    """Return the groups with dimensions chain and draw."""
-    shown = (*FLOW_LAW_PARAMETERS, REFERENCE_FLOW_RATE_QUANTITY)
-    draws = chains.dataset([quantity.name for quantity in shown])
-    label_draws(draws, shown, priors)
-    point = {"point": np.arange(data.n_points)}
-    at_points = {
-        name: chains.dataset([name])[name].rename({f"{name}_dim_0": "point"}).assign_coords(point)
-        for name in ("log_lik", "log_stress_model", "log_stress_replicated")
-    }
-    lines = groups(data)
-    predictions = xr.Dataset(
-        {
-            **{
-                name: (
-                    ("chain", "draw", "group", "position"),
-                    rates.reshape(*rates.shape[:2], len(lines), GRID_STRESSES),
-                    {"units": "1/s"},
-                )
-                for name in ("strain_rate", "peak_strain_rate")
-                for rates in (chains[f"grid_{name}"],)
-            },
-            **{
-                name: (("chain", "draw"), chains[name])
-                for name in (PEAK_SOFTENING, FLOW_RATE_OF_TEST)
-            },
-            "softening": (("chain", "draw", "slope"), chains["softening"]),
-            "stress": (("group", "position"), np.array([g.stress for g in lines]), {"units": "Pa"}),
-        }
-    )
-    return {
-        "posterior": draws,
-        "sample_stats": sample_stats(chains),
-        "log_likelihood": xr.Dataset({LOG_STRESS: at_points["log_lik"]}),
-        "log_prior": chains.dataset(["lprior"]),
-        "model_response": xr.Dataset({LOG_STRESS: at_points["log_stress_model"]}),
-        "posterior_predictive": xr.Dataset({LOG_STRESS: at_points["log_stress_replicated"]}),
-        "predictions": predictions,
-    }

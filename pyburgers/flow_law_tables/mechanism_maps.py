@@ -12,9 +12,8 @@ from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.array_types import BoolArray, FloatArray
 from pyburgers.common.draws import all_draws, evenly_spaced
 from pyburgers.common.errors import InputError
-from pyburgers.flow_law_tables.rate_laws import MECHANISM_PARAMETERS, RateLaw
-from pyburgers.flow_law_tables.rate_tables import RateTable
-from pyburgers.posterior.labelled_draws import own_name
+from pyburgers.flow_law_tables.laws import RateLaw
+from pyburgers.flow_law_tables.tables import RateTable
 
 DRAWS = 400
 """Draws of the law at most that a map counts."""
@@ -194,7 +193,7 @@ def _evaluated(
     ):
         if not (np.isfinite(values) & (values > 0)).all():
             raise InputError(f"{name}: found {values.min():g}, expected numbers above 0.")
-    drawn = _law_draws(law, posterior)
+    drawn = evenly_spaced(all_draws(posterior["predictions"].to_dataset()["law"]), DRAWS)
     return load_program(stan_directory() / "mechanism_map.stan").evaluate(
         {
             "n_draws": len(drawn),
@@ -212,25 +211,6 @@ def _evaluated(
             "keeps_draws": int(keeps_draws),
         }
     )
-
-
-def _law_draws(law: RateLaw, posterior: xr.DataTree) -> FloatArray:
-    """Draws of the law as `stan/physics/composite_law.stan` has it, (n_draws, n_mechanisms, 5)."""
-    draws = posterior["posterior"].to_dataset()
-    n_draws = draws.sizes["chain"] * draws.sizes["draw"]
-
-    def values(name: str) -> FloatArray:
-        """Draws (n_draws,); an enthalpy above no premelting temperature has no effect."""
-        return all_draws(draws[name]) if name in draws else np.zeros(n_draws)
-
-    rows = np.stack(
-        [
-            [values(own_name(name, one.name)) for name in MECHANISM_PARAMETERS]
-            for one in law.mechanisms
-        ]
-    )
-    rows[:, 0] = np.log(rows[:, 0])
-    return evenly_spaced(np.moveaxis(rows, -1, 0), DRAWS)
 
 
 def _within_factor(values: FloatArray, of_tests: FloatArray) -> BoolArray:

@@ -1,9 +1,9 @@
 """How far a material has softened at the peak of a test, as priors of its curves have it.
 
 At its peak stress a test is weaker than undeformed material, and more so where more strain comes
-before the peak: the stress exponent seen across peaks is not that of the flow law. A table of peak
-stresses cannot tell the two apart, but the priors of the other parameters of a curve say how large
-the softening can be and how it changes with the conditions. That is simulated here, through Stan.
+before the peak: the stress exponent seen across peaks is not that of the flow law. A table cannot
+tell the two apart, but the priors of the other parameters of a curve say how large the softening
+can be and how it changes with the conditions. That is simulated here, through Stan.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ from pyburgers.common.atomic_files import write_json
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.common.toml_files import Table, read_json_table
-from pyburgers.flow_law_tables.inputs import PeakStrain, PeakStressData, least_squares
+from pyburgers.flow_law_tables.tables import PeakStrain, RateTable
 from pyburgers.kinds.program_data import given_parameters
 from pyburgers.kinds.stan_data import SolverOptions, StanData, solver_block
 from pyburgers.model.kelvin_laws import nonlinear_kelvin_law
@@ -102,7 +102,7 @@ class SofteningPrior:
 
     @property
     def block(self) -> StanData:
-        """Data of `stan/peak_stress.stan`."""
+        """Data of `stan/rates.stan`."""
         return {
             "softening_coefficients": self.coefficients.tolist(),
             "softening_centre": self.centre.tolist(),
@@ -117,6 +117,32 @@ class Peaks:
     log_stress: FloatArray
     strain: FloatArray
     softening: FloatArray
+
+
+def least_squares(data: RateTable) -> dict[str, tuple[float, float]]:
+    """Return exponents with standard errors from ln(stress) by ln(rate) and ln(grain size).
+
+    The result is empty if rows are too few, or too much alike, to tell.
+    """
+    columns = [np.ones(data.n_rows), np.log(data.strain_rate)]
+    if np.ptp(data.grain_size) > 0:
+        columns.append(np.log(data.grain_size))
+    design = np.column_stack(columns)
+    if data.n_rows <= len(columns) or np.linalg.matrix_rank(design) < len(columns):
+        return {}
+    log_stress = np.log(data.stress)
+    slopes, *_ = np.linalg.lstsq(design, log_stress, rcond=None)
+    residual = log_stress - design @ slopes
+    variance = float(residual @ residual) / (data.n_rows - design.shape[1])
+    covariance = variance * np.linalg.inv(design.T @ design)
+    n = 1 / slopes[1]
+    found = {"stress_exponent": (float(n), float(n**2 * np.sqrt(covariance[1, 1])))}
+    if len(columns) > 2:
+        p = slopes[2] * n
+        by_slopes = np.array([0.0, -p * n, n])
+        error = float(np.sqrt(by_slopes @ covariance @ by_slopes))
+        found["grain_size_exponent"] = (float(p), error)
+    return found
 
 
 def simulate_peaks(
@@ -160,7 +186,7 @@ def simulate_peaks(
     return peaks
 
 
-def softening_prior(data: PeakStressData, curve: PriorSet, *, seed: int) -> SofteningPrior:
+def softening_prior(data: RateTable, curve: PriorSet, *, seed: int) -> SofteningPrior:
     """Simulate the softening at the peaks of a table with the priors of a curve.
 
     Every material drawn has the mean peak stress of the table, by its Q_M, and the strain of the
@@ -196,7 +222,7 @@ def softening_prior(data: PeakStressData, curve: PriorSet, *, seed: int) -> Soft
 
 
 def _draw(
-    data: PeakStressData, priors: PriorSet, n_materials: int, rng: np.random.Generator
+    data: RateTable, priors: PriorSet, n_materials: int, rng: np.random.Generator
 ) -> list[dict[str, float]]:
     """Draw parameters (SI) of materials, n and p about the exponents that a table has itself."""
     drawn = {name: np.full(n_materials, prior.location) for name, prior in priors.priors.items()}
@@ -212,7 +238,7 @@ def _draw(
 
 
 def _with_peaks_at(
-    data: PeakStressData, peak_strain: PeakStrain, curve: PriorSet, rng: np.random.Generator
+    data: RateTable, peak_strain: PeakStrain, curve: PriorSet, rng: np.random.Generator
 ) -> tuple[list[dict[str, float]], float]:
     """Draw materials whose peaks are where the table states, and count the independent ones."""
     candidates: list[dict[str, float]] = []
@@ -242,7 +268,7 @@ def _independent(weight: FloatArray) -> float:
     return float(weight.sum()) ** 2 / max(float(weight @ weight), np.finfo(float).tiny)
 
 
-def _principal_axes(data: PeakStressData) -> tuple[FloatArray, FloatArray]:
+def _principal_axes(data: RateTable) -> tuple[FloatArray, FloatArray]:
     """Directions, a row each, in which a table's conditions vary, and how far along each to go."""
     conditions = np.log([data.strain_rate, data.stress, data.grain_size])
     variance, directions = np.linalg.eigh(np.cov(conditions))
@@ -251,7 +277,7 @@ def _principal_axes(data: PeakStressData) -> tuple[FloatArray, FloatArray]:
 
 
 def _peaks_about(
-    data: PeakStressData, materials: Sequence[Mapping[str, float]], shifts: FloatArray
+    data: RateTable, materials: Sequence[Mapping[str, float]], shifts: FloatArray
 ) -> Peaks:
     """Find peaks at shifts (n_conditions, 3) from the mean conditions of a table.
 

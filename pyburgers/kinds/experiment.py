@@ -287,7 +287,7 @@ class Experiment(ABC):
 
     @property
     def peak(self) -> PeakTest | None:
-        """Its peak as tables of peak stresses have it, if it has one."""
+        """Its peak as tables of rates have it, if it has one."""
         return None
 
     def solution_table(self, solution: pd.DataFrame) -> pd.DataFrame:

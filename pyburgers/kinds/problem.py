@@ -14,12 +14,15 @@ from pyburgers.kinds.experiment import (
     Stated,
 )
 from pyburgers.kinds.likelihood import Likelihood, likelihood_of, likelihoods
-from pyburgers.kinds.stan_data import Layout, PlainCoordinates, layout_of
+from pyburgers.kinds.stan_data import (
+    Layout,
+    PlainCoordinates,
+    layout_of,
+)
 from pyburgers.model.parameters import (
     CONDITIONS,
     PARAMETER_BY_NAME,
     RESIDUAL_CORRELATION,
-    Parameter,
 )
 from pyburgers.model.pooling import SEPARATE, Pooling
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
@@ -280,42 +283,36 @@ def common_likelihood(experiments: Sequence[Experiment]) -> Likelihood[Any]:
     return likelihoods()[names.pop() if len(names) == 1 else HISTORIES]
 
 
+def plain_quantity(prior: Prior) -> tuple[float, float, float, float]:
+    """Return origin, size, lower and upper bound (SI) of the plain coordinate of a parameter."""
+    if prior.family == "lognormal":
+        # Its scale is that of the logarithm; the median sets the size.
+        return 0.0, prior.location, prior.lower, prior.upper
+    return prior.location, prior.scale, prior.lower, prior.upper
+
+
+def replaced_by_flow(priors: PriorSet, names: Sequence[str]) -> str | None:
+    """Return the first parameter that may follow from a point of the flow law: free, not cut.
+
+    Two finite bounds of a parameter would cut the point obliquely.
+    """
+    for name in names:
+        prior = priors[name]
+        if not prior.is_fixed and np.isinf([prior.lower, prior.upper]).any():
+            return name
+    return None
+
+
 def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordinates:
     """Choose origin and size of every free parameter and what the reference quantity replaces."""
     likelihood = likelihood_of(experiment)
-    origin = likelihood.reference_origin(experiment)
-    return coordinates_through(priors, likelihood.reference, *origin)
-
-
-def coordinates_through(
-    priors: PriorSet, reference: Parameter, origin: float, size: float
-) -> PlainCoordinates:
-    """Choose plain coordinates of free parameters, a point of the flow law among them.
-
-    It replaces Q_M, or beta if two finite bounds of Q_M would cut the replaced one obliquely.
-    """
-    replaced = next(
-        (
-            name
-            for name in ("activation_enthalpy", "beta")
-            if not priors[name].is_fixed
-            and not (np.isfinite(priors[name].lower) and np.isfinite(priors[name].upper))
-        ),
-        None,
-    )
-    rows = []
-    for name in priors.free:
-        prior = priors[name]
-        if name == replaced:
-            rows.append((reference.name, origin, size, -np.inf, np.inf))
-        elif prior.family == "lognormal":
-            # Its scale is that of the logarithm; the median sets the size.
-            rows.append((name, 0.0, prior.location, prior.lower, prior.upper))
-        else:
-            rows.append((name, prior.location, prior.scale, prior.lower, prior.upper))
-    quantities = tuple(row[0] for row in rows)
-    numbers = np.array([row[1:] for row in rows], dtype=np.float64).reshape(len(rows), 4)
-    return PlainCoordinates(quantities, tuple(priors.free), *numbers.T)
+    at = (*likelihood.reference_origin(experiment), -np.inf, np.inf)
+    # Where bounds of Q_M would cut the point of the flow law, it replaces beta.
+    replaced = replaced_by_flow(priors, ("activation_enthalpy", "beta"))
+    names = tuple(likelihood.reference.name if one == replaced else one for one in priors.free)
+    rows = [at if one == replaced else plain_quantity(priors[one]) for one in priors.free]
+    numbers = np.array(rows, dtype=np.float64).reshape(len(rows), 4)
+    return PlainCoordinates(names, tuple(priors.free), *numbers.T)
 
 
 def _check_test(experiment: Experiment, first: Experiment, priors: PriorSet) -> None:
@@ -370,7 +367,7 @@ def _check_not_in_prior(experiment: Experiment, priors: PriorSet) -> None:
         if row.may_be(test):
             raise InputError(
                 f"{experiment.id}: may be the test with {row} that its prior of the flow law was "
-                "fitted to, expected a flow law from other tests (pyburgers fit-peak-stress "
+                "fitted to, expected a flow law from other tests (pyburgers fit-rates "
                 "--without EXPERIMENT.toml) so that no reading counts twice."
             )
 

@@ -1,6 +1,6 @@
 """What the data of every Stan program have in common: solver, coordinates and their layout.
 
-Only this module, `program_data`, the `likelihood` of each kind and the tables of peak stresses know
+Only this module, `program_data`, the `likelihood` of each kind and the tables of rates know
 the data blocks in `stan/data/` and of the programs.
 """
 

@@ -1,13 +1,13 @@
 """How quantities are shown: display units, symbols, digits. Nothing here is read back."""
 
 import math
+from dataclasses import replace
 
 from pyburgers.common.units import UNITS, number
 from pyburgers.model.parameters import (
     PARAMETER_BY_NAME,
     RATE_PARAMETERS,
     REFERENCE_QUANTITIES,
-    STRESS_SCATTER,
     Parameter,
 )
 from pyburgers.model.prior_families import Prior
@@ -52,7 +52,7 @@ def shown_quantity(name: str) -> Parameter:
     ----------
     name : str
         A parameter, a point of the flow law such as the reference stress, or a quantity of tables
-        of rates or peak stresses.
+        of rates. Behind it, in brackets, may be what it belongs to, such as a mechanism.
 
     Raises
     ------
@@ -64,8 +64,13 @@ def shown_quantity(name: str) -> Parameter:
     >>> pyburgers.shown_quantity("maxwell_modulus").label
     'Maxwell modulus'
     """
-    beside = {**REFERENCE_QUANTITIES, **{p.name: p for p in (STRESS_SCATTER, *RATE_PARAMETERS)}}
-    return beside.get(name) or PARAMETER_BY_NAME[name]
+    beside = {**REFERENCE_QUANTITIES, **{p.name: p for p in RATE_PARAMETERS}}
+    base, _, owner = name.removesuffix("]").partition("[")
+    known = beside.get(base) or PARAMETER_BY_NAME[base]
+    if not owner:
+        return known
+    symbol, label = f"{known.symbol}[{owner}]", f"{known.label}, {owner}"
+    return replace(known, name=name, symbol=symbol, label=label)
 
 
 def unit_text(quantity: Parameter) -> str:

@@ -1,8 +1,7 @@
 """A flow law as a joint normal distribution: how one kind of data tells another what it knows.
 
-Made from a fit to peak stresses (`pyburgers.flow_law_tables.fit.flow_law_prior`); in the priors of
-a curve it takes the place of those of n, p, Q_M and beta (`with_flow_law` in
-`pyburgers.model.priors`).
+Made from a fit of a table of rates (`pyburgers.flow_law_prior`); in the priors of a curve it takes
+the place of those of n, p, Q_M and beta (`with_flow_law` in `pyburgers.model.priors`).
 """
 
 from collections.abc import Mapping
@@ -216,8 +215,7 @@ class FlowLawPrior:
             return table.flow_law_prior(material, str(path))
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise InputError(
-                f"{path}: is not a flow law prior, expected what pyburgers fit-peak-stress or "
-                "fit-rates writes."
+                f"{path}: is not a flow law prior, expected what pyburgers fit-rates writes."
             ) from error
 
 
@@ -279,7 +277,7 @@ def _is_covariance(matrix: FloatArray) -> bool:
 
 
 def load_flow_law_of_run(directory: Path) -> FlowLawPrior:
-    """Read the flow law that a fit to peak stresses left in its run directory.
+    """Read the flow law that a fit of a table of rates left in its run directory.
 
     Raise InputError if the directory is not such a run, or a part of its flow law was fixed.
     """
@@ -287,6 +285,6 @@ def load_flow_law_of_run(directory: Path) -> FlowLawPrior:
     if not file.is_file():
         raise InputError(
             f"{directory}: has no {FLOW_LAW_PRIOR_FILE}, expected a run of pyburgers "
-            "fit-peak-stress with the whole flow law free, or of fit-rates --curve-priors."
+            "fit-rates --curve-priors with the whole flow law free."
         )
     return FlowLawPrior.load(file)

@@ -318,10 +318,6 @@ REFERENCE_QUANTITIES: Mapping[str, Parameter] = MappingProxyType(
 )
 """Points of the flow law that are sampled, by their logarithms, in place of a parameter."""
 
-STRESS_SCATTER = Parameter("stress_scatter", r"s_\sigma", "scatter of ln(peak stress)")
-"""Standard deviation of ln(peak stress) between tests, beyond what known uncertainties explain;
-tables of peak stresses have it."""
-
 RATE_PARAMETERS: tuple[Parameter, ...] = (
     Parameter(
         "mechanism_rate",

@@ -1,4 +1,4 @@
-"""Peaks of tests at constant strain rate, as tables of peak stresses have them."""
+"""Peaks of tests at constant strain rate, as tables of rates have them."""
 
 from dataclasses import dataclass
 

@@ -255,9 +255,7 @@ def note_other_material(priors: PriorSet, material: str) -> None:
         )
 
 
-class PriorFile(Table):
-    """Keys that prior files of all kinds share."""
-
+class _PriorFile(Table):
     material: str = Field(min_length=1, description="the material, such as ice")
     title: str = Field(min_length=1, description="a title for tables and figures")
     notes: str | None = Field(None, description="remarks for the reader")
@@ -265,22 +263,6 @@ class PriorFile(Table):
         default_factory=lambda: PlausibleRanges.model_validate({}),
         description="numbers that tests of the material are likely to have",
     )
-
-    def prior_set(
-        self, path: Path, priors: Mapping[str, Prior], flow_law: FlowLawPrior | None = None
-    ) -> PriorSet:
-        """Return the set of priors that the file at `path` holds."""
-        return PriorSet(
-            material=self.material,
-            title=self.title,
-            priors=MappingProxyType(dict(priors)),
-            name=path.stem,
-            notes=self.notes,
-            flow_law=flow_law,
-        )
-
-
-class _PriorFile(PriorFile):
     parameters: dict[str, PriorTable] = Field(description="one table for each parameter")
     flow_law: FlowLawTable | None = Field(
         None, description="a joint prior in the place of those of n, p, Q_M and beta"
@@ -337,34 +319,43 @@ def load_priors(path: str | Path, choices: Mapping[str, str] | None = None) -> P
     flow_law = None
     if file.flow_law is not None:
         flow_law = file.flow_law.flow_law_prior(file.material, f"{path}: [flow_law]")
-    return file.prior_set(path, priors, flow_law)
+    return PriorSet(
+        material=file.material,
+        title=file.title,
+        priors=MappingProxyType(priors),
+        name=path.stem,
+        notes=file.notes,
+        flow_law=flow_law,
+    )
 
 
-def save_priors(
-    priors: PriorSet, path: Path, parameters: Sequence[Parameter] = MATERIAL_PARAMETERS
-) -> None:
+def save_priors(priors: PriorSet, path: Path) -> None:
     """Write a file of `priors_text` into a folder that exists."""
-    write_text(path, priors_text(priors, parameters))
+    write_text(path, priors_text(priors))
 
 
-def priors_text(priors: PriorSet, parameters: Sequence[Parameter] = MATERIAL_PARAMETERS) -> str:
+def prior_table(parameter: Parameter, prior: Prior) -> dict[str, Any]:
+    """Return the table of a prior in a file, in SI."""
+    return {
+        "family": prior.family,
+        **prior.numbers(),
+        "unit": MAX_STRESS if prior.relative_to_max_stress else parameter.si_unit,
+        "source": prior.source,
+        "read_off": list(prior.read_off) or None,
+    }
+
+
+def priors_text(priors: PriorSet) -> str:
     """Return the text of a prior file in SI units; `load_priors` reads back an equal set.
 
     Parameters that the set does not give are left out, and the others keep their order. Conditions
     are in the files of the tests.
     """
     tables = {}
-    for parameter in parameters:
+    for parameter in MATERIAL_PARAMETERS:
         prior = priors.priors.get(parameter.name)
-        if prior is None:
-            continue
-        tables[parameter.name] = {
-            "family": prior.family,
-            **prior.numbers(),
-            "unit": MAX_STRESS if prior.relative_to_max_stress else parameter.si_unit,
-            "source": prior.source,
-            "read_off": list(prior.read_off) or None,
-        }
+        if prior is not None:
+            tables[parameter.name] = prior_table(parameter, prior)
     table = {
         "material": priors.material,
         "title": priors.title,
@@ -417,17 +408,16 @@ def shipped_file(material: str, protocol: str | None) -> Path:
     return own.get(material) or shipped_prior_file(material)
 
 
-def shipped_prior_file(material: str, folder: str = ".", *, of: str = "") -> Path:
+def shipped_prior_file(material: str, folder: str = ".") -> Path:
     """Return the prior file that comes with the package for a material, such as ``"ice"``.
 
     `folder` is inside that of the priors. Raise InputError if there is none; the message names the
-    materials that have one. In the message, `of` after "no default priors" says what the priors are
-    for.
+    materials that have one.
     """
     files = shipped_prior_files(folder)
     if material not in files:
         raise InputError(
-            f"material {material!r} has no default priors{of}, expected one of "
+            f"material {material!r} has no default priors, expected one of "
             f"{', '.join(files)}, or a prior file of your own."
         )
     return files[material]

@@ -18,7 +18,7 @@ from pyburgers.flow_law_tables.mechanism_maps import (
     MechanismMap,
     NaturalConditions,
 )
-from pyburgers.flow_law_tables.rate_tables import RateTable
+from pyburgers.flow_law_tables.tables import RateTable
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_FACTOR, STRESS_UNIT
 
 MECHANISM_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE)

@@ -23,8 +23,7 @@ from pyburgers.drawing.page_parts import PageSection
 from pyburgers.drawing.view import view_of
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
-from pyburgers.flow_law_tables.fit import PeakStressFit
-from pyburgers.flow_law_tables.rate_fit import RateFit
+from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.model.display import symbol_text
 from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES
 from pyburgers.page import tables
@@ -46,7 +45,6 @@ from pyburgers.page.overview import (
     overview_table,
     remedies,
 )
-from pyburgers.page.peak_stress_section import peak_stress_section
 from pyburgers.page.rate_section import rate_section
 from pyburgers.page.run_records import REPORT_KIND, report_manifest, runs_table
 
@@ -172,7 +170,7 @@ def report(
     *,
     title: str | None = None,
     command: str = "pyburgers.report(...)",
-    tables: Mapping[str, PeakStressFit | RateFit] = MappingProxyType({}),
+    tables: Mapping[str, RateFit] = MappingProxyType({}),
 ) -> Path:
     """Write a page about fits of one test or of several.
 
@@ -187,7 +185,7 @@ def report(
         Heading of the page.
     command : str
         Command that makes the page again, as the page tells it.
-    tables : mapping of str to PeakStressFit or RateFit
+    tables : mapping of str to RateFit
         Fits of tables by their key on the page.
 
     Returns
@@ -227,7 +225,7 @@ def page_about(
     title: str,
     command: str,
     first: Sequence[PageSection] = (),
-    tables: Mapping[str, PeakStressFit | RateFit] = MappingProxyType({}),
+    tables: Mapping[str, RateFit] = MappingProxyType({}),
     jobs: int | None = 1,
 ) -> Path:
     """Write a page about fits of one test or of several, some parts first, as `write_report` does.
@@ -247,12 +245,7 @@ def page_about(
             *first,
             *joint_sections(joints, alone),
             *comparison_sections([*joints, *tests]),
-            *(
-                rate_section(table, key)
-                if isinstance(table, RateFit)
-                else peak_stress_section(table, key)
-                for key, table in tables.items()
-            ),
+            *(rate_section(table, key) for key, table in tables.items()),
         ),
         told={key: [table] for key, table in tables.items()},
         jobs=jobs,

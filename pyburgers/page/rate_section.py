@@ -5,23 +5,35 @@ from functools import partial
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
-from pyburgers.common.draws import all_draws
-from pyburgers.common.units import counted, with_error
+from pyburgers.common.draws import FloatArray, all_draws
+from pyburgers.common.units import counted, number, with_error
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import draw_band, draw_dots, figure_of
-from pyburgers.drawing.style import BLUE, GREEN, MARKERS, ORANGE, PURPLE, VERMILION
+from pyburgers.drawing.style import MARKERS
+from pyburgers.flow_law_tables.fit import RateFit
+from pyburgers.flow_law_tables.laws import TABLE_PARAMETERS
 from pyburgers.flow_law_tables.mechanism_maps import NEAR_FACTOR
-from pyburgers.flow_law_tables.rate_data import lines
-from pyburgers.flow_law_tables.rate_fit import RateFit
-from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_FACTOR, STRESS_UNIT
+from pyburgers.flow_law_tables.posterior import FLOW_RATE_OF_TEST, SOFTENING
+from pyburgers.flow_law_tables.program_data import lines
+from pyburgers.flow_law_tables.softening import SofteningPrior, least_squares
+from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE
+from pyburgers.model.arrhenius import log_slowdown
+from pyburgers.model.display import (
+    LENGTH_FACTOR,
+    LENGTH_UNIT,
+    STRESS_FACTOR,
+    STRESS_UNIT,
+    shown_quantity,
+)
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
-from pyburgers.page.mechanism_figures import map_caption, mechanism_figure
+from pyburgers.page.mechanism_figures import MECHANISM_COLOURS, map_caption, mechanism_figure
 from pyburgers.page.tables import checks_page_table, fixed_row, posterior_row
 
 RATE_KEY = "rates"
 
-COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, "black")
+COLOURS = (*MECHANISM_COLOURS, "black")
 
 LAW_CAPTION = (
     "Strain rate against stress in axial equivalents. Each band holds 90 % of the draws of the law "
@@ -29,6 +41,12 @@ LAW_CAPTION = (
     "tests, one each, brought to that temperature and grain size by the law, without the bias of "
     "their source: the distance from the line is the residual. Sources that were held out are not "
     "shown."
+)
+
+SOFTENED_CAPTION = (
+    " The bands are of tests, which are softer than undeformed material. Broken lines are medians "
+    "of undeformed material. The distance between both is the softening; the slope of the broken "
+    "lines is the stress exponent n."
 )
 
 RESIDUAL_CAPTION = (
@@ -67,7 +85,7 @@ def rate_section(fit: RateFit, key: str = RATE_KEY) -> PageSection:
     return PageSection(
         key=key,
         title=f"Flow law of {data.material} from steady rates",
-        paragraphs=(_law_text(fit),),
+        paragraphs=(_law_text(fit), *([] if fit.softening is None else [_hand_over_text(fit)])),
         details=(
             f"{counted(fit.used.n_rows, 'test')} of {counted(len(fit.used.sources), 'source')} "
             f"({data.provenance.kind} data: {data.provenance.source}). Stress or strain rate is "
@@ -75,6 +93,11 @@ def rate_section(fit: RateFit, key: str = RATE_KEY) -> PageSection:
             "the shear stress, the shear strain rate over sqrt(3).",
             "Specimens differ by a factor of their rate, sources by a factor and by an error of "
             "temperature. Each source has a scatter of its own.",
+            *(
+                []
+                if fit.softening is None
+                else [_softening_text(fit, fit.softening), _temperature_text(fit)]
+            ),
         ),
         tables=(
             PageTable(
@@ -85,11 +108,18 @@ def rate_section(fit: RateFit, key: str = RATE_KEY) -> PageSection:
                 words=("symbol", "quantity", "unit", "prior"),
             ),
             *(() if held_out.empty else (predicted,)),
+            *(() if fit.softening is None else (_least_squares_page_table(fit),)),
             checks_page_table("Checks of this fit", fit.checks()),
         ),
         figures=(
             *mechanism_figures(fit),
-            PageFigure("flow_law", "Flow law", LAW_CAPTION, partial(law_figure, fit), ""),
+            PageFigure(
+                "flow_law",
+                "Flow law",
+                LAW_CAPTION if fit.softening is None else LAW_CAPTION + SOFTENED_CAPTION,
+                partial(law_figure, fit),
+                "",
+            ),
             PageFigure(
                 "residuals", "Residuals", RESIDUAL_CAPTION, partial(residual_figure, fit), ""
             ),
@@ -126,8 +156,8 @@ def _law_text(fit: RateFit) -> str:
         if name not in summary.index:
             return f"{values[0]:g}{unit} (given)"
         decided = str(summary.at[name, "decided_by"])
-        number = with_error(float(np.mean(values)), float(np.std(values))) + unit
-        return number if decided == "data" else f"{number} (decided by: {decided})"
+        text = _mean_and_sd(values) + unit
+        return text if decided == "data" else f"{text} (decided by: {decided})"
 
     parts = [
         f"{one.name.replace('_', ' ')} has n = {shown(f'stress_exponent[{one.name}]')} and "
@@ -137,15 +167,101 @@ def _law_text(fit: RateFit) -> str:
     return f"{fit.law.priors.title}: {'; '.join(parts)}."
 
 
+def _hand_over_text(fit: RateFit) -> str:
+    """Say how well the flow rate is known, of all tests and of another one."""
+    log_rate = np.log(all_draws(fit.posterior["posterior"].to_dataset()[REFERENCE_FLOW_RATE]))
+    of_test = all_draws(fit.posterior["predictions"].to_dataset()[FLOW_RATE_OF_TEST])
+    return (
+        "At the mean conditions ln(flow rate · s) of undeformed material is "
+        f"{_mean_and_sd(log_rate)} for the tests as a whole and {_mean_and_sd(of_test)} for "
+        "another single one, which scatters about them: the latter is what a curve can take as its "
+        "prior."
+    )
+
+
+def _softening_text(fit: RateFit, softening: SofteningPrior) -> str:
+    """Say how much weaker than undeformed material the tests are taken to be, and why."""
+    h = all_draws(fit.posterior["predictions"].to_dataset()[SOFTENING])[:, 0]
+    n_h = fit.power_law()["stress_exponent"] * h
+    low, middle, high = (number(100 * strain) for strain in softening.peak_strain.round(4))
+    stated = fit.data.peak_strain
+    where = (
+        "The table does not state at what strain the peaks are"
+        if stated is None
+        else f"The table states peaks at {100 * stated.mean:.1f} ± {100 * stated.sd:.1f} % strain"
+    )
+    return (
+        f"{where}; the peaks simulated with the priors of a curve are at {middle} % ({low} to "
+        f"{high} %, 90 %). Of the softening the table tells nothing by itself: h and its change "
+        "with rate, stress and grain size are parameters, with those simulations as prior. At the "
+        f"mean conditions h = {_mean_and_sd(h)}, in ln(strain rate) n h = {_mean_and_sd(n_h)}."
+    )
+
+
+def _temperature_text(fit: RateFit) -> str:
+    """State by how much rates are corrected for temperature within the table."""
+    enthalpy, at = fit.power_law()["activation_enthalpy"], fit.used.temperature
+    mean = fit.used.mean_conditions.temperature
+    coldest, warmest = (
+        _mean_and_sd(log_slowdown(enthalpy, one, mean)) for one in (at.min(), at.max())
+    )
+    return (
+        f"The tests were at {at.min():.2f} to {at.max():.2f} K. The activation enthalpy brings "
+        f"them to {mean:.2f} K: ln(strain rate) changes by {coldest} for the coldest and {warmest} "
+        "for the warmest."
+    )
+
+
+def least_squares_table(fit: RateFit) -> pd.DataFrame:
+    """Return exponents by least squares and by the fit, of parameters that the table can tell.
+
+    Index parameter; columns least_squares, standard_error, mean, sd.
+    """
+    draws = fit.power_law()
+    rows = {
+        name: {
+            "least_squares": value,
+            "standard_error": error,
+            "mean": float(draws[name].mean()),
+            "sd": float(draws[name].std()),
+        }
+        for name, (value, error) in least_squares(fit.used).items()
+    }
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("parameter")
+
+
+def _least_squares_page_table(fit: RateFit) -> PageTable:
+    """Show the exponents of the law beside those across the tests."""
+    table = least_squares_table(fit)
+    shown = pd.DataFrame(
+        {
+            "quantity": [shown_quantity(str(name)).label for name in table.index],
+            "across the tests, by least squares": [
+                with_error(*pair) for pair in table[["least_squares", "standard_error"]].to_numpy()
+            ],
+            "posterior": [with_error(*pair) for pair in table[["mean", "sd"]].to_numpy()],
+        }
+    )
+    title = "Exponents of undeformed material, beside those across the tests"
+    return PageTable("least_squares", title, shown, table.reset_index(), words=("quantity",))
+
+
+def _mean_and_sd(draws: FloatArray) -> str:
+    return with_error(float(np.mean(draws)), float(np.std(draws)))
+
+
 def law_table(fit: RateFit) -> pd.DataFrame:
-    """Return posterior beside prior of a law as text, with the columns of `posterior_row`."""
+    """Return posterior beside prior of a law as text, with the columns of `posterior_row`.
+
+    Spreads of sources and enhancements that no row can tell are left out.
+    """
     summary, rows = fit.summary("SI"), []
     there = fit.posterior["posterior"].to_dataset()
     for quantity in (*fit.law.parameters, REFERENCE_FLOW_RATE_QUANTITY):
         prior = fit.law.priors.priors.get(quantity.name)
         if quantity.name in summary.index:
             rows.append(posterior_row(quantity, summary.loc[quantity.name].to_dict(), prior))
-        elif prior is not None and quantity.name in there:
+        elif prior is not None and quantity.name in there and quantity.name not in TABLE_PARAMETERS:
             rows.append(fixed_row(quantity, prior))
     return pd.DataFrame(rows).fillna("")
 
@@ -167,9 +283,16 @@ def held_out_shown(fit: RateFit) -> pd.DataFrame:
 def law_figure(fit: RateFit) -> Figure:
     """Draw rates against stress with the 90 % band of the law, by temperature."""
     data, used = fit.data, ~np.isin(fit.data.source, fit.manifest["held_out"])
-    log_rates = all_draws(fit.posterior["predictions"].to_dataset()["log_strain_rate"])
+    predictions = fit.posterior["predictions"].to_dataset()
+    log_rates = undeformed = all_draws(predictions["log_strain_rate"])
+    left = all_draws(fit.posterior["residuals"].to_dataset()["residual"])
+    if fit.softening is not None:
+        log_rates = all_draws(predictions["log_test_rate"])
+        # A residual counts the stress that is undeformed at the rate of the test, not of the line.
+        by_rate = all_draws(predictions[SOFTENING])[:, 1:2]
+        left = left / (1 - fit.power_law()["stress_exponent"][:, None] * by_rate)
     residual = np.full(data.n_rows, np.nan)
-    residual[used] = all_draws(fit.posterior["residuals"].to_dataset()["residual"]).mean(axis=0)
+    residual[used] = left.mean(axis=0)
     with figure_of(6.4, 5.2) as figure:
         axes = figure.subplots()
         for k, line in enumerate(lines(data)):
@@ -186,6 +309,11 @@ def law_figure(fit: RateFit) -> Figure:
                 colour,
                 f"{line.temperature:.0f} K{grains}",
             )
+            if fit.softening is not None:
+                median = np.exp(np.median(undeformed[:, k], axis=0))
+                axes.plot(
+                    line.stress * STRESS_FACTOR, median, "--", color=colour, label="undeformed"
+                )
             stress = data.stress[line.rows]
             middle = np.interp(
                 np.log(stress), np.log(line.stress), np.median(log_rates[:, k], axis=0)
@@ -202,6 +330,10 @@ def law_figure(fit: RateFit) -> Figure:
             )
         axes.set_xscale("log")
         axes.set_yscale("log")
+        low, high = axes.get_xlim()
+        if high < 10 * low:
+            axes.xaxis.set_major_formatter(FuncFormatter(_plain))
+            axes.xaxis.set_minor_formatter(FuncFormatter(_plain))
         axes.set_xlabel(f"stress ({STRESS_UNIT})")
         axes.set_ylabel("strain rate (1/s)")
         axes.set_title(
@@ -211,6 +343,11 @@ def law_figure(fit: RateFit) -> Figure:
         )
         axes.legend(loc="upper left", fontsize="x-small")
     return figure
+
+
+def _plain(value: float, _: int) -> str:
+    """Label a tick without an exponent; not a lambda, which could not travel between processes."""
+    return number(value)
 
 
 def residual_figure(fit: RateFit) -> Figure:

@@ -16,11 +16,12 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, number
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
-from pyburgers.flow_law_tables.fit import PeakStressFit
+from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.kinds.attenuation.table import Elasticity
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
 from pyburgers.model.laws import DASHPOT_LAWS
+from pyburgers.model.priors import FLOW_LAW
 from pyburgers.predictions.closed_forms import flow_rate
 from pyburgers.predictions.material import Material, fitted_material
 from pyburgers.predictions.stress_cycles import Regime
@@ -151,20 +152,22 @@ def creep_laws(fit: SampledFit, stated: Stated, code: str) -> CreepLaws:
 
     Raises `InputError` if the dashpot is no power law, or if its state evolves and none is stated.
     """
-    draws = fit.posterior["posterior"].to_dataset()
-    exponent, grain_size_exponent, energy, beta = (
-        all_draws(draws[name])
-        for name in ("stress_exponent", "grain_size_exponent", "activation_enthalpy", "beta")
-    )
-    if isinstance(fit, PeakStressFit):
+    if isinstance(fit, RateFit):
+        if not fit.law.is_power_law:
+            raise InputError(
+                f"{code}: cannot express {fit.law.priors.title!r}, expected a power law; use "
+                "--format json."
+            )
+        draws = fit.power_law()
         if stated.grain_size is None or stated.microstructure == "steady_state":
             raise InputError(
                 f"{code}: found no grain size of undeformed material, expected --grain-size-um "
                 "because the law of a table holds for that."
             )
-        fabric = np.full_like(exponent, stated.fabric_factor or 1.0)
-        grain_size = np.full_like(exponent, stated.grain_size)
-        state = f"undeformed, grain size {number(stated.grain_size * LENGTH_FACTOR)} {LENGTH_UNIT}"
+        fabric = np.full_like(draws["beta"], stated.fabric_factor or 1.0)
+        grain_size = np.full_like(draws["beta"], stated.grain_size)
+        whose = "of the tests" if fit.softening is None else "undeformed"
+        state = f"{whose}, grain size {number(stated.grain_size * LENGTH_FACTOR)} {LENGTH_UNIT}"
     else:
         assert isinstance(fit, Fit)
         if DASHPOT_LAWS[fit.variant.maxwell].own_stress:
@@ -172,14 +175,17 @@ def creep_laws(fit: SampledFit, stated: Stated, code: str) -> CreepLaws:
                 f"{code}: cannot express the dashpot {fit.variant.maxwell!r} of the fit, expected "
                 "a power law; fit with --variant maxwell=power_law, or use --format json."
             )
+        found = fit.posterior["posterior"].to_dataset()
+        draws = {name: all_draws(found[name]) for name in FLOW_LAW}
         material = stated_material(fit, stated, code)
         grain_size, fabric = material.grain_size.ravel(), material.fabric_factor.ravel()
         state = material.attributes["microstructure"]
     columns = {
-        "log_factor": beta * energy - exponent * np.log(fabric),
-        "stress_exponent": exponent,
-        "grain_size_exponent": grain_size_exponent,
-        "activation_energy": energy,
+        "log_factor": draws["beta"] * draws["activation_enthalpy"]
+        - draws["stress_exponent"] * np.log(fabric),
+        "stress_exponent": draws["stress_exponent"],
+        "grain_size_exponent": draws["grain_size_exponent"],
+        "activation_energy": draws["activation_enthalpy"],
         "grain_size": grain_size,
     }
     return CreepLaws(columns, state)

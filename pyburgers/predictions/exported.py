@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -14,18 +14,23 @@ import pandas as pd
 
 from pyburgers.checks.prior_sentences import decision_columns, decision_text, symbol_of
 from pyburgers.common.csv_tables import csv_text
+from pyburgers.common.draws import all_draws
 from pyburgers.common.units import rounded
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
-from pyburgers.flow_law_tables.fit import PeakStressFit
+from pyburgers.flow_law_tables.fit import RateFit
+from pyburgers.flow_law_tables.laws import SCATTER, Mechanism, RateLaw
+from pyburgers.flow_law_tables.tables import RateTable
+from pyburgers.kinds.experiment import Experiment
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.display import shown_quantity, unit_text
 from pyburgers.model.laws import DASHPOT_LAWS, KELVIN_LAWS
-from pyburgers.model.parameters import CONDITIONS, STANDARD_VALUES, STRESS_SCATTER
+from pyburgers.model.parameters import CONDITIONS, STANDARD_VALUES
 from pyburgers.model.prior_families import Prior, is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR, PriorSet
 from pyburgers.model.read_quantities import BY_NOISE
 from pyburgers.model.variants import Test, variant_of
+from pyburgers.posterior.labelled_draws import own_name
 
 VARIABLES: Mapping[str, str] = MappingProxyType(
     {
@@ -142,50 +147,35 @@ class Exported:
         return np.sqrt(np.diag(self.covariance))
 
 
-def exported(fit: Fit | PeakStressFit) -> Exported:
-    """Return what other codes need of a fit of one test or of a table of peak stresses.
+def exported(fit: Fit | RateFit) -> Exported:
+    """Return what other codes need of a fit of one test or of tables of rates.
 
-    The flow law of a table is that of all its tests, which scatter about it in ln(stress). Raises
-    `InputError` of a joint fit.
+    The law of tables is that of all tests, which scatter about it. With beta it has the names of a
+    curve's flow law, else those of its mechanisms. Raises `InputError` of a joint fit.
     """
+    about: Experiment | RateTable
+    own: dict[str, str] = {}
     if isinstance(fit, Fit):
-        known = [name for name in fit.priors.priors if name not in LEFT_OUT]
-        one = fit.experiment
-        laws, variant = laws_of(fit.priors, one), fit.variant.short_text
-        return _exported(fit, known, test=one.id, material=one.material, variant=variant, laws=laws)
-    names, data = (*FLOW_LAW, STRESS_SCATTER.name), fit.data
-    # Its priors of the softening turn peaks into stresses of undeformed material.
-    laws = {
-        "flow_law": POWER_LAW,
-        "microstructure": {"undeformed": undeformed("initial_grain_size")},
-    }
-    return _exported(
-        fit, names, test=data.id, material=data.material, variant="flow law", laws=laws
-    )
-
-
-def _exported(
-    fit: SampledFit,
-    names: Sequence[str],
-    *,
-    test: str,
-    material: str,
-    variant: str,
-    laws: Mapping[str, object],
-) -> Exported:
-    draws = fit.posterior["posterior"].to_dataset()
-    columns = {name: draws[name].to_numpy().ravel() for name in names}
-    columns[LOG_FACTOR] = columns["beta"] * columns["activation_enthalpy"]
+        about, priors, variant = fit.experiment, fit.priors, fit.variant.short_text
+        columns = _draws_of(fit, [name for name in priors.priors if name not in LEFT_OUT])
+        laws = laws_of(priors, fit.experiment)
+    else:
+        about, priors, variant = fit.data, fit.law.priors, fit.law.priors.title
+        columns, own, laws = _law_of_tables(fit)
+    if "beta" in columns:
+        columns[LOG_FACTOR] = columns["beta"] * columns["activation_enthalpy"]
     values = np.stack(list(columns.values()))
     fixed = np.ptp(values, axis=1) == 0
     covariance = np.atleast_2d(np.cov(values))
     # Rounding would give what never varies a spread, and correlations of 1.
     covariance[fixed, :] = covariance[:, fixed] = 0.0
-    (influences,) = fit.influences({LOG_FACTOR: columns[LOG_FACTOR]}).values() or ({},)
-    decided = [decision_columns(influences.get(name)) for name in columns]
+    own = {name: own.get(name, name) for name in columns}
+    derived = {own[name]: one for name, one in columns.items() if own[name] not in priors.priors}
+    (influences,) = fit.influences(derived).values() or ({},)
+    decided = [decision_columns(influences.get(own[name])) for name in columns]
     return Exported(
-        test=test,
-        material=material,
+        test=about.id,
+        material=about.material,
         variant=variant,
         run=fit.directory.path.name,
         sampled_well=fit.sampled_well.value,
@@ -206,6 +196,63 @@ def _exported(
         laws=laws,
         draws=values,
     )
+
+
+def _draws_of(fit: SampledFit, names: Iterable[str]) -> dict[str, npt.NDArray[np.float64]]:
+    """Return draws (n_draws,) by name."""
+    draws = fit.posterior["posterior"].to_dataset()
+    return {name: all_draws(draws[name]) for name in names}
+
+
+def _law_of_tables(
+    fit: RateFit,
+) -> tuple[dict[str, npt.NDArray[np.float64]], dict[str, str], dict[str, object]]:
+    """Return draws (n_draws,) by name, names of their priors if they are others, and the laws."""
+    law, scatter = fit.law, _draws_of(fit, [SCATTER])
+    microstructure = {"microstructure": {"undeformed": undeformed("initial_grain_size")}}
+    if law.is_power_law and law.power_law.has_beta:
+        own = {name: own_name(name, law.power_law.name) for name in FLOW_LAW}
+        return {**fit.power_law(), **scatter}, own, {"flow_law": POWER_LAW, **microstructure}
+    names = [own_name(name, one.name) for one in law.mechanisms for name in one.stated_parameters]
+    return {**_draws_of(fit, names), **scatter}, {}, {**composite_law(law), **microstructure}
+
+
+def composite_law(law: RateLaw) -> dict[str, object]:
+    """Return the expression of a composite law, and that of each of its mechanisms."""
+    processes: dict[int, list[str]] = {}
+    for one in law.mechanisms:
+        processes.setdefault(one.process, []).append(one.name)
+    parts = (
+        steps[0] if len(steps) == 1 else f"1/({' + '.join(f'1/{step}' for step in steps)})"
+        for steps in processes.values()
+    )
+    return {
+        "flow_law": f"strain_rate = {' + '.join(parts)}",
+        "mechanisms": {one.name: _mechanism_law(law, one) for one in law.mechanisms},
+    }
+
+
+def _mechanism_law(law: RateLaw, one: Mechanism) -> str:
+    """Return the expression of the rate of a mechanism, SI."""
+    at, q = law.reference, "activation_enthalpy"
+    first = 1 / at.temperature
+    stress, grain_size = f"(stress/{at.stress:.10g})", f"(grain_size/{at.grain_size:.10g})"
+    rate = "mechanism_rate"
+    if one.has_beta:
+        first, stress, grain_size, rate = 0.0, "stress", "grain_size", f"exp(beta*{q})"
+    warmer = ""
+    if one.premelting_temperature:
+        warmer = (
+            f" + (premelting_enthalpy - {q})*min(1/temperature - "
+            f"{1 / one.premelting_temperature:.10g}, 0)"
+        )
+    text = (
+        f"{rate}*{stress}^stress_exponent*{grain_size}^-grain_size_exponent"
+        f"*exp(-({q}*(1/temperature - {first:.10g}){warmer})/R)"
+    )
+    for name in one.parameters:
+        text = text.replace(name, own_name(name, one.name))
+    return text
 
 
 def _si_unit(name: str) -> str:

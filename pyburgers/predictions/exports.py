@@ -14,7 +14,7 @@ from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.paths import given_path
 from pyburgers.common.units import rounded
 from pyburgers.fitting.fit import Fit
-from pyburgers.flow_law_tables.fit import PeakStressFit
+from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.kinds.conditions import Ranges, beyond_sentences, conditions, ranges_text
 from pyburgers.model.display import shown_quantity
 from pyburgers.model.priors import FLOW_LAW
@@ -25,17 +25,10 @@ from pyburgers.predictions.compliance_formats import (
 )
 from pyburgers.predictions.creep_formats import CREEP_FORMATS, CreepFormat
 from pyburgers.predictions.creep_laws import Stated, creep_laws, rate_factors
-from pyburgers.predictions.exported import (
-    LOG_FACTOR,
-    Exported,
-    as_csv,
-    as_json,
-    as_latex,
-    exported,
-)
+from pyburgers.predictions.exported import LOG_FACTOR, Exported, as_csv, as_json, as_latex, exported
 from pyburgers.predictions.stress_cycles import Regime
 
-AnyFit = Fit | PeakStressFit
+AnyFit = Fit | RateFit
 Kept = npt.NDArray[np.int64]
 
 STATE = ("microstructure", "grain_size", "fabric_factor")
@@ -67,7 +60,7 @@ def _creep_texts(form: CreepFormat, fit: AnyFit, stated: Stated, kept: Kept) -> 
     laws, one = creep_laws(fit, stated, form.code), exported(fit)
     given = tuple(map(float, stated.temperatures))
     if form.by_temperature and not given:
-        if isinstance(fit, PeakStressFit):
+        if isinstance(fit, RateFit):
             raise InputError(f"{form.code}: found no temperature, expected --temperature-K.")
         given = (fit.experiment.temperature,)
     notes = [
@@ -119,7 +112,8 @@ def _caution_lines(one: Exported, ranges: Ranges, at: Sequence[float]) -> list[s
     `at` are the temperatures (K) of the file, if it is of some.
     """
     decided = []
-    for name in (*FLOW_LAW, LOG_FACTOR):
+    of_curve = [name for name in (*FLOW_LAW, LOG_FACTOR) if name in one.names]
+    for name in of_curve if LOG_FACTOR in of_curve else one.names:
         k = one.names.index(name)
         unit = "" if name == LOG_FACTOR else shown_quantity(name).si_unit
         spread = f" +- {rounded(one.sd[k], one.sd[k])}" if one.sd[k] else ""
@@ -140,14 +134,15 @@ def _ranges(fit: AnyFit) -> Ranges:
     if isinstance(fit, Fit):
         groups = (fit.posterior[name].to_dataset() for name in ("predictions", "posterior"))
         return conditions(fit.experiment, *groups)
-    data = fit.data
+    data = fit.used
     columns = {
         "temperature": data.temperature,
         "initial grain size": data.grain_size,
         "strain rate": data.strain_rate,
         "stress": data.stress,
     }
-    return {name: (float(one.min()), float(one.max())) for name, one in columns.items()}
+    known = {name: one[np.isfinite(one)] for name, one in columns.items()}
+    return {name: (float(one.min()), float(one.max())) for name, one in known.items() if one.size}
 
 
 FORMATS: Mapping[str, Format] = MappingProxyType(
@@ -193,8 +188,8 @@ def export(
 
     Parameters
     ----------
-    fit : Fit or PeakStressFit
-        A fit of one test (of a joint fit: ``fit["ID"]``), or of a table of peak stresses.
+    fit : Fit or RateFit
+        A fit of one test (of a joint fit: ``fit["ID"]``), or of tables of rates.
     file_format : str
         For the creep law aspect, elmer, geoparams, icepack, lamem, pism or underworld. For
         compliances in shear specfem or tidalpy. For all parameters json, csv or latex.

@@ -1,6 +1,5 @@
-"""`pyburgers compare` and `pyburgers fit-peak-stress`: files, exit codes, one sentence each."""
+"""`pyburgers compare`: files, exit codes, one sentence each."""
 
-import io
 import json
 import re
 import shutil
@@ -8,18 +7,13 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from conftest import ICE, copy_of
+from conftest import copy_of
 from refusals import assert_refused
 
 from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
-from pyburgers.model.flow_law_prior import FlowLawPrior
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
-
-CURVE_PRIORS = str(ICE.parent / "priors" / "ice.toml")
-TABLE = str(ICE / "peak_stress_qi_goldsby_2021.toml")
-SHORT = ("--chains", "2", "--warmup", "100", "--draws", "100", "--seed", "2")
 
 
 def test_a_comparison_is_a_table_points_a_record_and_a_figure(
@@ -129,63 +123,3 @@ def test_runs_that_cannot_be_compared_are_refused(
     (tmp_path / "file").write_text("", encoding="utf-8")
     code = main(["compare", run, *by_test, "--out", str(tmp_path / "file")])
     assert_refused(code, capsys, "--out", "cannot be written")
-
-
-def test_a_table_is_fitted_with_figure_checks_and_a_prior_to_hand_on(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "run"
-    own = ("--without", str(ICE / "PIL40.toml"), "--curve-priors", CURVE_PRIORS)
-    code = main(["fit-peak-stress", TABLE, "--out", str(out), *own, *SHORT])
-    printed, told = capsys.readouterr()
-    assert "1 of 23 rows may be" in told
-    checks = json.loads((out / "checks.json").read_text(encoding="utf-8"))["checks"]
-    failed = {check["kind"] for check in checks if not check["passed"]}
-    assert code == (3 if "sampling" in failed else 4 if failed else 0)
-    assert {check["kind"] for check in checks} == {"sampling", "description"}
-    assert f"run directory: {out}" in printed
-    assert "stress exponent" in printed
-    for name in ("manifest.json", "posterior.nc", "summary.csv", "flow_law.png", "flow_law.svg"):
-        assert (out / name).is_file()
-    manifest = json.loads((out / "manifest.json").read_text(encoding="utf-8"))
-    assert manifest["sampler"]["draws"] == 100
-    assert manifest["status"] == "complete"
-    law = FlowLawPrior.load(out / "flow_law_prior.json")
-    assert law.mean.shape == (4,)
-    assert len(law.tests) == 22
-    assert main(["check", str(out)]) == code
-    assert "bend along the rate" in capsys.readouterr().out
-    assert main(["export", str(out), "--format", "csv"]) == 0
-    exported = pd.read_csv(io.StringIO(capsys.readouterr().out), index_col="name")
-    summary = pd.read_csv(out / "summary.csv", index_col="parameter")
-    for name in ("stress_exponent", "stress_scatter"):
-        assert exported["mean"][name] == pytest.approx(summary["mean"][name])
-    assert "ln_flow_law_factor" in exported.index
-    assert main(["report", str(out), "--out", str(tmp_path / "page")]) == 0
-    page = (tmp_path / "page" / "index.html").read_text(encoding="utf-8")
-    assert "Flow law of ice from peak stresses" in page
-    assert page.count('href="#peak_stress_run"') >= 3  # contents, the fit among them, overview
-    assert "SYNTHETIC" not in page
-    capsys.readouterr()
-    code = main(["export", str(out), "--test", "PIL40"])
-    assert_refused(code, capsys, "--test: found PIL40, expected none")
-
-
-def test_bad_tables_priors_and_folders_are_refused(
-    small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    rows = Path(TABLE).with_suffix(".csv").read_text(encoding="utf-8").splitlines()
-    short = tmp_path / Path(TABLE).name
-    shutil.copy(TABLE, short)
-    short.with_suffix(".csv").write_text("\n".join(rows[:4]), encoding="utf-8")
-
-    def run(table: str, *options: str) -> int:
-        return main(["fit-peak-stress", table, "--out", str(tmp_path / "run"), *options])
-
-    assert_refused(run(str(tmp_path / "none.toml")), capsys, "does not exist")
-    assert_refused(run(str(ICE / "PIL40.toml")), capsys, "key 'protocol'", "PIL40.toml")
-    ice = str(ICE.parent / "priors" / "ice.toml")
-    assert_refused(run(str(short), "--priors", ice), capsys, "unknown key")
-    assert_refused(run(str(short), "--chains", "0"), capsys, "chains is 0")
-    shutil.copytree(small_fit.directory.path, tmp_path / "run")
-    assert_refused(run(str(short)), capsys, "holds a run of other inputs")

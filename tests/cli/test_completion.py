@@ -18,7 +18,7 @@ printf "%s\\n" "${{COMPREPLY[@]}}"
 """
 
 OFFERED = {
-    "pyburgers fi": {"fit", "fit-rates", "fit-peak-stress"},
+    "pyburgers fi": {"fit", "fit-rates"},
     "pyburgers sbc --re": {"--refits", "--results-of"},
     "pyburgers export --form": {"--format"},
     "pyburgers fit --coordinates ''": set(COORDINATES),

@@ -1,13 +1,16 @@
 """`pyburgers fit-rates`: files, exit codes, the page, refusals."""
 
+import io
 import json
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from conftest import ICE
 from refusals import assert_refused
 
 from pyburgers.cli.main import main
+from pyburgers.model.flow_law_prior import FlowLawPrior
 
 RATES = ICE / "rates"
 SHORT = ("--chains", "2", "--warmup", "150", "--draws", "100", "--seed", "1")
@@ -40,6 +43,36 @@ def test_tables_are_fitted_held_out_checked_and_shown(
     assert "SYNTHETIC" not in page
 
 
+def test_a_softened_table_has_a_prior_to_hand_on_and_is_exported(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, table = tmp_path / "run", str(RATES / "qi_goldsby_2021.toml")
+    own = ("--without", str(ICE / "PIL40.toml"), "--curve-priors", "ice")
+    code = main(["fit-rates", table, "--out", str(out), *own, *SHORT])
+    assert "1 of 23 rows may be" in capsys.readouterr().err
+    law = FlowLawPrior.load(out / "flow_law_prior.json")
+    assert law.mean.shape == (4,)
+    assert len(law.tests) == 22
+    assert main(["check", str(out)]) == code
+    assert "along stress" in capsys.readouterr().out
+    assert main(["export", str(out), "--format", "csv"]) == 0
+    exported = pd.read_csv(io.StringIO(capsys.readouterr().out), index_col="name")
+    summary = pd.read_csv(out / "summary.csv", index_col="parameter")
+    for name, own_name in (
+        ("stress_exponent", "stress_exponent[creep]"),
+        ("rate_scatter", "rate_scatter"),
+    ):
+        assert exported["mean"][name] == pytest.approx(summary["mean"][own_name])
+    assert "ln_flow_law_factor" in exported.index
+    assert main(["report", str(out), "--out", str(tmp_path / "page")]) == 0
+    page = (tmp_path / "page" / "index.html").read_text(encoding="utf-8")
+    assert "scatters about them: the latter is what a curve can take" in page
+    assert page.count('href="#rates_run"') >= 3  # contents, the fit among them, overview
+    capsys.readouterr()
+    code = main(["export", str(out), "--test", "PIL40"])
+    assert_refused(code, capsys, "--test: found PIL40, expected none")
+
+
 def test_wrong_tables_laws_and_sources_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -48,7 +81,12 @@ def test_wrong_tables_laws_and_sources_are_refused(
     def run(*arguments: str) -> int:
         return main(["fit-rates", *arguments, "--out", str(tmp_path / "run")])
 
-    assert_refused(run(str(ICE / "PIL40.toml")), capsys, "PIL40.toml")
+    assert_refused(run(str(tmp_path / "none.toml")), capsys, "does not exist")
+    assert_refused(run(str(ICE / "PIL40.toml")), capsys, "key 'protocol'", "PIL40.toml")
+    assert_refused(run(fan, "--chains", "0"), capsys, "chains is 0")
+    curve = ("--curve-priors", str(ICE.parent / "priors" / "rates" / "ice_power_law.toml"))
+    assert_refused(run(fan, *curve), capsys, "unknown key")
+    assert_refused(run(fan, "--curve-priors", "basalt"), capsys, "basalt", "halite")
     assert_refused(run(fan, "--law", "ice_glen"), capsys, "ice_glen", "ice_power_law")
     assert_refused(run(fan, "--hold-out", "glen_1955"), capsys, "glen_1955", "fan_2020")
     assert_refused(run(fan, fan), capsys, "once")

@@ -27,9 +27,8 @@ from pyburgers.common.errors import PyburgersError
 from pyburgers.common.text_tables import look_at
 from pyburgers.fitting.campaign import load_campaign
 from pyburgers.fitting.fit import Fit
-from pyburgers.flow_law_tables.inputs import load_peak_stress, load_peak_stress_priors
-from pyburgers.flow_law_tables.rate_laws import load_rate_law
-from pyburgers.flow_law_tables.rate_tables import load_rate_table
+from pyburgers.flow_law_tables.laws import load_rate_law
+from pyburgers.flow_law_tables.table_files import load_rate_table
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import load_parameters
 from pyburgers.kinds.guessed_columns import guess_columns
@@ -77,16 +76,12 @@ def _readers() -> Iterator[Reader]:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
         if content.get("protocol") in NAMES:
             yield Reader(path, _experiment_for_a_fit)
-        elif content.get("protocol") == "peak_stress":
-            yield Reader(path, load_peak_stress)
         elif content.get("protocol") == "rates":
             yield Reader(path, load_rate_table)
         elif "candidates" in content:
             yield Reader(path, load_design_plan)
         elif "mechanisms" in content:
             yield Reader(path, load_rate_law)
-        elif path.parent.name == "peak_stress":
-            yield Reader(path, load_peak_stress_priors)
         elif path.parent.name in ("priors", "calibration"):
             yield Reader(path, load_priors)
 
@@ -337,8 +332,9 @@ OPTIONS = {
     "new": ("--protocol", "--material", "--temperature-K", "--grain-size-m", "--strain-rate-per-s"),
     "simulate": ("--parameters", "--out"),
     "design": ("--candidates", "--against", "--choose", "--draws", "--seed", "--out"),
-    "fit-rates": ("--law", "--hold-out", "--curve-priors", "--out", "--chains", "--seed"),
-    "fit-peak-stress": ("--priors", "--curve-priors", "--without", "--out", "--chains", "--seed"),
+    "fit-rates": (
+        *("--law", "--hold-out", "--curve-priors", "--without", "--out", "--chains", "--seed"),
+    ),
     "compare": ("--out", "--leave-out", "--no-refit"),
     "sbc": (
         *("--priors", "--out", "--simulations", "--ranked-draws", "--refits", "--stress-range"),

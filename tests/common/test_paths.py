@@ -18,7 +18,7 @@ from pyburgers.cli.parser import OneLineParser
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path, shown
 from pyburgers.fitting.fit import Fit
-from pyburgers.flow_law_tables.fit import PeakStressFit, is_peak_stress_run
+from pyburgers.flow_law_tables.fit import RateFit, is_rate_run
 from pyburgers.model.flow_law_prior import FlowLawPrior
 from pyburgers.model.priors import shipped_prior_file
 
@@ -77,7 +77,7 @@ def test_paths_of_the_command_line_are_expanded_where_they_come_in(
 LOADERS: dict[str, tuple[Callable[[str], object], Path]] = {
     "load_experiment": (pyburgers.load_experiment, ICE / "PIL40.toml"),
     "load_priors": (pyburgers.load_priors, shipped_prior_file("ice")),
-    "load_peak_stress": (pyburgers.load_peak_stress, ICE / "peak_stress_qi_goldsby_2021.toml"),
+    "load_rate_table": (pyburgers.load_rate_table, ICE / "rates" / "qi_goldsby_2021.toml"),
 }
 
 
@@ -99,15 +99,15 @@ def test_parameters_are_read_from_the_home_folder(home: Path) -> None:
 
 @pytest.mark.parametrize(
     "load",
-    [Fit.load, PeakStressFit.load, FlowLawPrior.load, pyburgers.load_peak_stress_priors],
-    ids=["Fit", "PeakStressFit", "FlowLawPrior", "load_peak_stress_priors"],
+    [Fit.load, RateFit.load, FlowLawPrior.load, pyburgers.load_rate_law],
+    ids=["Fit", "RateFit", "FlowLawPrior", "load_rate_law"],
 )
 def test_what_is_not_there_is_named_in_the_home_folder(
     load: Callable[[str], object], home: Path
 ) -> None:
     with pytest.raises(InputError, match=f"{home}/absent"):
         load("~/absent")
-    assert not is_peak_stress_run("~/absent")
+    assert not is_rate_run("~/absent")
 
 
 def test_fits_are_written_into_the_home_folder(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -116,15 +116,14 @@ def test_fits_are_written_into_the_home_folder(home: Path, monkeypatch: pytest.M
     def stopped(path: Path) -> None:
         raise InputError(f"in {path}")
 
-    for module in ("fitting.fit", "flow_law_tables.fit"):
+    for module in ("fitting.fit", "flow_law_tables.fit_rates"):
         monkeypatch.setattr(f"pyburgers.{module}.RunDirectory", stopped)
     test, priors = pyburgers.load_experiment(ICE / "PIL40.toml"), pyburgers.priors("ice")
-    table = pyburgers.load_peak_stress(ICE / "peak_stress_qi_goldsby_2021.toml")
-    weak = pyburgers.default_peak_stress_priors("ice")
+    table = pyburgers.load_rate_table(ICE / "rates" / "qi_goldsby_2021.toml")
     for run in (
         lambda: pyburgers.fit(test, priors, out="~/x"),
         lambda: pyburgers.fit([test, replace(test, id="b")], priors, out="~/x"),
-        lambda: pyburgers.fit_peak_stress(table, weak, out="~/x"),
+        lambda: pyburgers.fit_rates(table, out="~/x"),
     ):
         with pytest.raises(InputError, match=f"in {home}/x"):
             run()

@@ -59,7 +59,7 @@ def variables(request: pytest.FixtureRequest) -> Callable[[str], dict[str, Any]]
     given |= {"test": problem.experiment, "priors": problem.priors}
     given |= {"values": problem.experiment.true_parameters}
     fixtures = {"fit": "small_fit", "other": "other_fit", "joint": "joint"}
-    fixtures |= {"separate": "separate_joint", "peaks": "peak_stress", "creep": "creep"}
+    fixtures |= {"separate": "separate_joint", "peaks": "peaks", "creep": "creep"}
 
     def named(text: str) -> dict[str, Any]:
         words = set(re.findall(r"\w+", text))
@@ -69,10 +69,6 @@ def variables(request: pytest.FixtureRequest) -> Callable[[str], dict[str, Any]]
         if "oscillation" in words:
             folder = request.getfixturevalue("tmp_path_factory").mktemp("olivine") / "run"
             own["oscillation"] = make_olivine_fit(folder)
-        if "table" in words:
-            own["table"] = pyburgers.load_peak_stress(
-                data / "ice" / "peak_stress_qi_goldsby_2021.toml"
-            )
         if "rates" in words:
             own["rates"] = pyburgers.load_rate_table(data / "ice" / "rates" / "fan_2020.toml")
         if "law" in words:

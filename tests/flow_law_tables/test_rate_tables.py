@@ -1,7 +1,9 @@
 """Tables of steady rates and composite laws: what is read, converted, written and refused."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -10,21 +12,26 @@ from conftest import ICE
 from refusals import refusal, written
 
 from pyburgers.common.errors import InputError
-from pyburgers.flow_law_tables.rate_laws import (
+from pyburgers.flow_law_tables.laws import (
     ENHANCEMENTS,
     load_rate_law,
     rate_law,
     save_rate_law,
+    with_curve_flow_law,
     without_idle,
 )
-from pyburgers.flow_law_tables.rate_tables import (
+from pyburgers.flow_law_tables.table_files import load_rate_table, save_rate_table
+from pyburgers.flow_law_tables.tables import (
     LABELS,
     NUMBERS,
+    PeakStrain,
     RateTable,
     joined,
-    load_rate_table,
-    save_rate_table,
+    without_test,
 )
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.model.peak_test import PeakTest
+from pyburgers.model.priors import FLOW_LAW, default_priors
 
 TABLE = """\
 id = "mine"
@@ -162,6 +169,7 @@ def test_equivalents_have_the_second_invariants_of_the_tensors(
         ("reading_error = 0.05", "reeding_error = 0.05", ["reeding_error"]),
         ("temperature_error_K = 0.2", "temperature_error_K = -1", ["temperature_error_K"]),
         ('protocol = "rates"', 'protocol = "creep"', ["protocol"]),
+        ('protocol = "rates"', 'protocol = "peak_stress"', ["'rates'", 'regime = "peak"']),
         ('lab = "press"', 'lab = "creep"', ["exactly one"]),
         ('lab = "press"', 'lab = "none"', ["none"]),
         ('rows = { lab = "press" }\n', "", ["exactly one"]),
@@ -191,6 +199,65 @@ def test_every_corruption_of_rows_is_refused(
 ) -> None:
     text = refusal(write(rows=ROWS.replace(old, new)), load_rate_table)
     assert all(word in text for word in words), text
+
+
+STATED = "[peak_strain]\nmean = 0.02\nsd = 0.004\n\n[provenance]"
+
+
+def test_the_strain_of_the_peaks_is_read_saved_and_joined(write: Write, tmp_path: Path) -> None:
+    data = load_rate_table(write(("[provenance]", STATED)))
+    assert data.peak_strain == PeakStrain(0.02, 0.004)
+    assert load_rate_table(save_rate_table(data, tmp_path)).peak_strain == data.peak_strain
+    same_peaks = replace(data, id="same")
+    assert joined([data, same_peaks]).peak_strain == data.peak_strain
+    assert joined([data, replace(same_peaks, peak_strain=None)]).peak_strain is None
+    wrong = write(("[provenance]", STATED.replace("0.02", "2.0")))
+    assert "key 'mean' in [peak_strain]" in refusal(wrong, load_rate_table)
+
+
+def test_the_rows_of_a_curve_are_left_out() -> None:
+    table = load_rate_table(ICE / "rates" / "qi_goldsby_2021.toml")
+    curve = load_experiment(ICE / "PIL40.toml")
+    others = without_test(table, curve)
+    assert others.n_rows == 22
+    np.testing.assert_allclose(np.setdiff1d(table.stress, others.stress), [8.03e6])
+    with pytest.raises(InputError, match=r"no row may be PIL40 with 0\.000169 1/s, .*expected"):
+        without_test(others, curve)
+    record = load_experiment(ICE.parent / "olivine" / "olivine_twin.toml")
+    with pytest.raises(InputError, match="has no stress at a constant rate"):
+        without_test(table, record)
+    with pytest.raises(InputError, match="2 rows are left, expected at least 3"):
+        without_test(table.rows(np.arange(7, 10)), curve)
+
+
+@pytest.mark.parametrize(
+    ("change", "same"),
+    [
+        ({}, True),
+        ({"strain_rate": 1.005e-4}, True),
+        ({"stress": 7.3e6, "temperature": 260.0}, True),
+        ({"strain_rate": 1.03e-4}, False),
+        ({"stress": 8e6}, False),
+        ({"temperature": 255.0}, False),
+        ({"grain_size": 3e-4}, False),
+    ],
+)
+def test_records_that_differ_by_more_than_reporting_are_other_tests(
+    change: dict[str, float], same: bool
+) -> None:
+    one = PeakTest(strain_rate=1e-4, stress=7e6, temperature=263.0, grain_size=2.3e-4)
+    assert one.may_be(replace(one, **change)) is same
+
+
+@pytest.mark.parametrize(
+    ("name", "number"), [("stress", np.nan), ("strain_rate", -1e-6), ("temperature", 5000.0)]
+)
+def test_arrays_with_numbers_that_no_test_has_are_refused(
+    write: Write, name: str, number: float
+) -> None:
+    data = load_rate_table(write())
+    with pytest.raises(InputError, match=f"mine: .*{name.replace('_', ' ')}"):
+        replace(data, **dict[str, Any]({name: np.full(data.n_rows, number)}))
 
 
 def test_a_reading_error_is_stated_once(write: Write) -> None:
@@ -260,7 +327,9 @@ def test_measured_tables_agree_at_like_conditions() -> None:
         assert abs(one - middle) < np.log(3), name
 
 
-@pytest.mark.parametrize("name", ["ice_power_law", "ice_composite", "olivine_composite"])
+@pytest.mark.parametrize(
+    "name", ["ice_power_law", "ice_flow_law", "ice_composite", "olivine_composite"]
+)
 def test_laws_are_saved_and_read_back(name: str, tmp_path: Path) -> None:
     law = rate_law(name)
     save_rate_law(law, tmp_path / f"{name}.toml")
@@ -291,6 +360,27 @@ def test_every_corruption_of_a_law_is_refused(
     path = written(tmp_path / "law.toml", LAW.read_text(encoding="utf-8"), ((old, new),), {})
     text = refusal(path, load_rate_law)
     assert all(word in text for word in words), text
+
+
+def test_beta_of_a_law_has_the_sign_of_a_curve_s(tmp_path: Path) -> None:
+    text = (LAW.parent / "ice_flow_law.toml").read_text(encoding="utf-8")
+    changed = (("location = -7.29e-4", "location = 7.29e-4"),)
+    path = written(tmp_path / "law.toml", text, changed, {})
+    assert "so the sign is a misprint" in refusal(path, load_rate_law)
+
+
+def test_a_power_law_takes_the_priors_of_a_curve(tmp_path: Path) -> None:
+    curve = default_priors("ice")
+    law = with_curve_flow_law(rate_law("ice_power_law"), curve)
+    save_rate_law(law, tmp_path / "law.toml")
+    for name in FLOW_LAW:
+        assert law.priors[f"{name}[creep]"] == curve[name]
+        again = load_rate_law(tmp_path / "law.toml").priors[f"{name}[creep]"]
+        assert again.numbers() == pytest.approx(curve[name].numbers())
+    assert "mechanism_rate[creep]" not in law.priors.priors
+    assert law.priors["rate_scatter"] == rate_law("ice_power_law").priors["rate_scatter"]
+    with pytest.raises(InputError, match="is no power law"):
+        with_curve_flow_law(rate_law("ice_composite"), curve)
 
 
 def test_parameters_that_no_row_can_tell_are_fixed() -> None:

@@ -1,4 +1,4 @@
-"""Parts of a page about several runs of the same data, and about the flow law of peak stresses."""
+"""Parts of a page about several runs of the same data, and about the flow law of a table."""
 
 import json
 from dataclasses import replace
@@ -17,13 +17,13 @@ from pyburgers.comparison.conclusions import sentences
 from pyburgers.comparison.results import comparison_table
 from pyburgers.drawing.page_parts import PageSection
 from pyburgers.fitting.fit import Fit
-from pyburgers.flow_law_tables.fit import PeakStressFit
-from pyburgers.flow_law_tables.inputs import least_squares
+from pyburgers.flow_law_tables.fit import RateFit
+from pyburgers.flow_law_tables.softening import least_squares
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
 from pyburgers.model.priors import FLOW_LAW, with_flow_law
 from pyburgers.page.comparison_sections import LOG_RATE, comparison_sections
 from pyburgers.page.page import write_report
-from pyburgers.page.peak_stress_section import least_squares_table, peak_stress_section
+from pyburgers.page.rate_section import least_squares_table, rate_section
 
 LAW = FlowLawPrior(
     quantities=PRIOR_QUANTITIES,
@@ -133,10 +133,10 @@ def test_a_synthetic_curve_with_another_source_says_nothing_about_nature(
 
 
 def test_least_squares_of_the_measured_table_regress_what_was_measured(
-    peak_stress: PeakStressFit,
+    peaks: RateFit,
 ) -> None:
     # Of ln(rate), which was imposed, on the others it would be 3.54 and 0.58.
-    table = least_squares_table(peak_stress)
+    table = least_squares_table(peaks)
     for name, (value, error) in {
         "stress_exponent": (3.635, 0.136),
         "grain_size_exponent": (0.578, 0.089),
@@ -148,15 +148,14 @@ def test_least_squares_of_the_measured_table_regress_what_was_measured(
 
 
 def test_least_squares_leave_out_a_grain_size_that_never_changes(
-    peak_stress: PeakStressFit,
+    peaks: RateFit,
 ) -> None:
-    data = peak_stress.data
-    same = replace(data, grain_size=np.full(data.n_points, 2.3e-4))
+    data = peaks.data
+    same = replace(data, grain_size=np.full(data.n_rows, 2.3e-4))
     assert set(least_squares(same)) == {"stress_exponent"}
-    few = {name: getattr(data, name)[:3] for name in ("strain_rate", "stress", "temperature")}
-    sizes = np.array([2e-4, 2e-4, 9e-4])
-    assert least_squares(replace(data, grain_size=sizes, **few)) == {}
-    assert least_squares(replace(data, strain_rate=np.full(data.n_points, 1e-5))) == {}
+    few = replace(data.rows(np.arange(3)), grain_size=np.array([2e-4, 2e-4, 9e-4]))
+    assert least_squares(few) == {}
+    assert least_squares(replace(data, strain_rate=np.full(data.n_rows, 1e-5))) == {}
     exact = replace(data, stress=(data.strain_rate * data.grain_size**0.5 * 1e25) ** (1 / 3))
     found = least_squares(exact)
     assert found["stress_exponent"] == pytest.approx((3.0, 0.0), abs=1e-10)
@@ -166,11 +165,11 @@ def test_least_squares_leave_out_a_grain_size_that_never_changes(
 def test_all_parts_are_on_the_page_and_in_files(
     fits: list[Fit],
     sections: tuple[PageSection, ...],
-    peak_stress: PeakStressFit,
+    peaks: RateFit,
     sketched: None,
     tmp_path: Path,
 ) -> None:
-    extras = (peak_stress_section(peak_stress), *sections)
+    extras = (rate_section(peaks), *sections)
     file = write_report(fits, tmp_path, title="T", command="x", extras=extras)
     page = Page(file.read_text(encoding="utf-8"))
     assert not page.open
@@ -183,7 +182,7 @@ def test_all_parts_are_on_the_page_and_in_files(
             assert (tmp_path / "tables" / f"{extra.key}_{table.name}.csv").is_file()
     assert "flow law from the other source" in page.text
     assert "are a joint one from another source." in page.text
-    assert "23 tests (measured data" in page.text
+    assert "23 tests of 1 source (measured data" in page.text
     assert "The table states peaks at 3.0 ± 1.0 % strain" in page.text
     assert "The tests were at 263.10 to 264.05 K." in page.text
     assert "for another single one" in page.text

@@ -13,22 +13,26 @@ import numpy.typing as npt
 import pandas as pd
 import pytest
 import xarray as xr
+from conftest import ICE
 from flow_codes import READERS
 from linear_bodies import LAWS
-from oracle import dashpot_rate
+from oracle import GAS_CONSTANT, dashpot_rate
 from refusals import assert_refused
 from synthetic_fit import make_fit
 
 import pyburgers
 from pyburgers.cli.main import main
+from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
-from pyburgers.flow_law_tables.fit import PeakStressFit
+from pyburgers.flow_law_tables.fit import RateFit
+from pyburgers.flow_law_tables.fit_rates import fit_rates
 from pyburgers.kinds.problem import problem_of
 from pyburgers.model.laws import DASHPOT_LAWS, KELVIN_LAWS
 from pyburgers.model.variants import with_variant
 from pyburgers.predictions.exports import FORMATS, export
 from pyburgers.predictions.stress_cycles import Regime
+from pyburgers.sampling.options import SamplerOptions
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
@@ -306,25 +310,66 @@ def test_json_holds_the_same_draws(made: Fit) -> None:
     assert "sample" not in json.loads(*export(fit, "json"))
 
 
-def test_a_table_of_peak_stresses_has_a_law_of_undeformed_material(
-    peak_stress: PeakStressFit,
+def test_softened_tests_have_a_law_of_undeformed_material(
+    peaks: RateFit,
 ) -> None:
     with pytest.raises(InputError, match="no grain size of undeformed material"):
-        export(peak_stress, "geoparams")
+        export(peaks, "geoparams")
     with pytest.raises(InputError, match="no temperature"):
-        export(peak_stress, "icepack", grain_size=1e-3)
+        export(peaks, "icepack", grain_size=1e-3)
     with pytest.raises(InputError, match="fit of a table"):
-        export(peak_stress, "tidalpy", **SHEAR)
-    draws = peak_stress.posterior["posterior"].to_dataset()
-    known = {str(name): one.to_numpy().ravel() for name, one in draws.data_vars.items()}
+        export(peaks, "tidalpy", **SHEAR)
+    known = peaks.power_law()
     axial = np.sqrt(3) * STRESS
     expected = pyburgers.flow_rate(known, axial, temperature=255.0, grain_size=1e-3)
     typical = float(np.exp(np.log(expected).mean()) * np.sqrt(3) / 2)
     for code in ("geoparams", "icepack"):
         given: dict[str, Any] = {"temperatures": [255.0]} if code == "icepack" else {}
-        (text,) = export(peak_stress, code, grain_size=1e-3, **given)
+        (text,) = export(peaks, code, grain_size=1e-3, **given)
         assert READERS[code](text)(STRESS, typical, 255.0) == pytest.approx(typical, rel=1e-10)
         assert "Conditions of the fitted tests: temperature" in text
+
+
+def evaluated(content: dict[str, Any], draw: int, conditions: dict[str, float]) -> float:
+    """ln(rate s) of the law that an export in JSON states in words, at one draw of its sample."""
+
+    def readable(expression: str) -> str:
+        return expression.replace("[", "_").replace("]", "").replace("^", "**")
+
+    known = {
+        readable(name): value
+        for name, value in zip(content["names"], content["sample"][draw], strict=True)
+    }
+    known |= {**conditions, "R": GAS_CONSTANT, "exp": np.exp, "min": min}
+    for name, expression in content["mechanisms"].items():
+        known[name] = eval(readable(expression), {}, known)
+    law = content["flow_law"].removeprefix("strain_rate = ")
+    return float(np.log(eval(readable(law), {}, known)))
+
+
+def test_laws_of_mechanisms_are_exported_as_expressions(creep: RateFit, tmp_path: Path) -> None:
+    options = SamplerOptions(chains=1, warmup=150, draws=60, seed=1)
+    composite = fit_rates(
+        pyburgers.load_rate_table(ICE / "rates" / "goldsby_kohlstedt_1997.toml"),
+        pyburgers.rate_law("ice_composite"),
+        out=tmp_path / "run",
+        options=options,
+    )
+    for fit in (creep, composite):
+        n_draws = len(all_draws(fit.posterior["posterior"].to_dataset()["rate_scatter"]))
+        (text,) = export(fit, "json", draws=n_draws)
+        content = json.loads(text)
+        assert np.shape(content["covariance"]) == (len(content["names"]),) * 2
+        for temperature in (240.0, 262.0):  # the second is above the premelting temperatures
+            rates = fit.rates_at(temperature, 2e6, 3e-4)["log_strain_rate"].to_numpy()[:, 0]
+            at = {"temperature": temperature, "stress": 2e6, "grain_size": 3e-4}
+            first = evaluated(content, 0, at)
+            assert first == pytest.approx(rates[0], rel=1e-8)
+    with pytest.raises(InputError, match=r"cannot express 'Ice, .*expected a power law"):
+        export(composite, "aspect", grain_size=1e-3)
+    (text,) = export(creep, "aspect", grain_size=1e-3)
+    assert "of the tests, grain size 1000" in text
+    assert "dislocation" in export(composite, "latex")[0]
 
 
 def test_the_command_writes_the_mean_and_each_draw(

@@ -46,8 +46,9 @@ from pyburgers.common.draws import all_draws
 from pyburgers.drawing.page_parts import PageSection
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Task
-from pyburgers.flow_law_tables.fit import PeakStressFit
-from pyburgers.flow_law_tables.inputs import PeakStressData
+from pyburgers.flow_law_tables.fit import RateFit
+from pyburgers.flow_law_tables.laws import RateLaw
+from pyburgers.flow_law_tables.tables import RateTable
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
@@ -55,7 +56,6 @@ from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.problem import Problem
-from pyburgers.model.priors import PriorSet
 from pyburgers.page.page import write_report
 from pyburgers.predictions.attenuation import predict_attenuation
 from pyburgers.predictions.attenuation_tables import quantile_table
@@ -275,7 +275,7 @@ def test_points_that_cannot_be_read_and_parts_of_the_main_job_stop_before_it_fit
 
 def test_the_study_fits_every_experiment_and_shows_all_of_it(
     joint: Fit,
-    peak_stress: PeakStressFit,
+    peaks: RateFit,
     sections: tuple[PageSection, ...],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -286,8 +286,9 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
         assert [*ice, *olivine] == [*ICE_TWINS, *OLIVINE_RUNS]
         return sections
 
-    def of_peaks(data: PeakStressData, priors: PriorSet, **_: object) -> PeakStressFit:
-        return replace(peak_stress, data=data, priors=priors)
+    def of_peaks(data: RateTable, law: RateLaw, **_: object) -> RateFit:
+        assert law.power_law.has_beta
+        return replace(peaks, data=data)
 
     def quickly(tasks: Mapping[str, Task], folder: Path, **_: object) -> dict[str, Fit]:
         return {name: made(task.problem, folder / name) for name, task in tasks.items()}
@@ -314,7 +315,7 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
         shown.update(fits=fits, **arguments)
         return out / "index.html"
 
-    monkeypatch.setattr("study.fit_peak_stress", of_peaks)
+    monkeypatch.setattr("study.fit_rates", of_peaks)
     monkeypatch.setattr("study.fit_side_by_side", quickly)
     monkeypatch.setattr("growing_page.write_report", written)
     monkeypatch.setattr("study.study_sections", of_paper)
@@ -346,10 +347,10 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
     assert list(shown["extras"][2].paragraphs) == spectra
     assert keys[3] == "halite"
     assert shown["extras"][3].paragraphs == HALITE_RUNS
-    everything, _ = shown["told"]["peak_stress"]
+    everything, _ = shown["told"]["rates"]
     assert everything.data.id == PEAK_STRESS_TABLE
     assert keys[4].startswith("joint_")
-    assert keys[5:13] == [*of_study, "stress_floor", "peak_stress"]
+    assert keys[5:13] == [*of_study, "stress_floor", "rates"]
     assert names[:-1] == ["PIL40", "PIL72", "PIL105", "olivine_kept", "olivine_removed"]
 
 

@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import PEAK_STRESS_RUN, SMALL_RUN, Problem
+from conftest import SMALL_RUN, TABLE_RUN, Problem
 
 from pyburgers.cmdstan.draw_files import adaptation_of, read_draws
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_json
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress
+from pyburgers.flow_law_tables.fit import RateFit
+from pyburgers.flow_law_tables.fit_rates import fit_rates
 from pyburgers.sampling.repetitions import SHORTENING, adaptation, shorten_steps
 from pyburgers.sampling.run_directory import RunDirectory
 
@@ -171,17 +172,15 @@ def test_a_step_that_was_short_already_is_shortened_too(mended: Fit, tmp_path: P
     np.testing.assert_array_equal(after.metric, before.metric)
 
 
-def test_a_fit_of_peak_stresses_goes_on_too(
-    peak_stress: PeakStressFit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_fit_of_rates_goes_on_too(
+    creep: RateFit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("pyburgers.fitting.continuation.MAX_DIVERGENT_SHARE", 1.0)
-    softening = "pyburgers.flow_law_tables.fit.softening_prior"
-    monkeypatch.setattr(softening, lambda *_, **__: peak_stress.softening)
-    options = replace(PEAK_STRESS_RUN, warmup=100, draws=100, adapt_delta=0.05)
-    fit = fit_peak_stress(peak_stress.data, peak_stress.priors, out=tmp_path, options=options)
+    options = replace(TABLE_RUN, warmup=100, draws=100, adapt_delta=0.05)
+    fit = fit_rates(creep.data, out=tmp_path, options=options)
     assert fit.manifest["shortened"]
     assert next(one for one in fit.checks() if one.name == "divergences").passed
     assert (tmp_path / fit.manifest["shortened"][0]["chains"] / "chain_1" / "draws.csv").is_file()
-    again = fit_peak_stress(peak_stress.data, peak_stress.priors, out=tmp_path, options=options)
+    again = fit_rates(creep.data, out=tmp_path, options=options)
     assert again.manifest["shortened"] == fit.manifest["shortened"]
     assert again.posterior.equals(fit.posterior)

@@ -14,19 +14,15 @@ from simulated_tables import rank_curve, rank_hand_over, simulate_table
 
 from pyburgers.common.errors import SamplingError
 from pyburgers.flow_law_tables import softening
-from pyburgers.flow_law_tables.inputs import (
-    PeakStressData,
-    default_peak_stress_priors,
-    load_peak_stress,
-    without_test,
-)
+from pyburgers.flow_law_tables.laws import SCATTER, RateLaw, rate_law
 from pyburgers.flow_law_tables.softening import simulate_peaks, softening_prior
+from pyburgers.flow_law_tables.table_files import load_rate_table
+from pyburgers.flow_law_tables.tables import RateTable, without_test
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.problem import Problem
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
-from pyburgers.model.parameters import STRESS_SCATTER
 from pyburgers.model.prior_families import Prior
-from pyburgers.model.priors import PriorSet, default_priors
+from pyburgers.model.priors import default_priors
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sbc.data_sets import DataSetPlan, Simulated, calibration_priors
@@ -39,19 +35,19 @@ N_RANKED = 99
 PLAN = DataSetPlan(n_ranked=N_RANKED)
 
 
-def template() -> PeakStressData:
-    return load_peak_stress(ICE / "peak_stress_qi_goldsby_2021.toml")
+def template() -> RateTable:
+    return load_rate_table(ICE / "rates" / "qi_goldsby_2021.toml")
 
 
-def priors_with_scatter(scale: float) -> PriorSet:
-    name = STRESS_SCATTER.name
-    prior = Prior.of_family(name, "half_normal", {"scale": scale}, unit="1", source="test")
-    weak = default_peak_stress_priors("ice")
-    return replace(weak, priors=MappingProxyType({**weak.priors, name: prior}))
+def law_with_scatter(scale: float) -> RateLaw:
+    prior = Prior.of_family(SCATTER, "half_normal", {"scale": scale}, unit="1", source="test")
+    weak = rate_law("ice_flow_law")
+    priors = MappingProxyType({**weak.priors.priors, SCATTER: prior})
+    return replace(weak, priors=replace(weak.priors, priors=priors))
 
 
 def test_a_simulated_table_has_the_peaks_of_its_material() -> None:
-    table = simulate_table(template(), priors_with_scatter(1e-6), default_priors("ice"), seed=4)
+    table = simulate_table(template(), law_with_scatter(1e-6), default_priors("ice"), seed=4)
     data = table.data
     peaks = simulate_peaks(
         "ice",
@@ -71,7 +67,7 @@ def test_a_simulated_table_has_the_peaks_of_its_material() -> None:
     truth = table.truth(law)
     assert truth[0] == table.values["stress_exponent"]
     assert truth[2] == pytest.approx(float(law.log_flow_rate(table.values)), abs=1e-4)
-    again = simulate_table(template(), priors_with_scatter(1e-6), default_priors("ice"), seed=4)
+    again = simulate_table(template(), law_with_scatter(1e-6), default_priors("ice"), seed=4)
     np.testing.assert_array_equal(again.data.stress, data.stress)
 
 
@@ -79,7 +75,7 @@ def test_the_truth_is_none_of_the_materials_that_the_prior_is_simulated_with(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     curve = default_priors("ice")
-    table = simulate_table(template(), priors_with_scatter(0.1), curve, seed=4)
+    table = simulate_table(template(), law_with_scatter(0.4), curve, seed=4)
     simulated: list[Mapping[str, float]] = []
 
     def simulate_nothing(
@@ -99,10 +95,10 @@ def test_priors_that_never_look_like_the_table_are_told(monkeypatch: pytest.Monk
     monkeypatch.setattr(simulated_tables, "PRIOR_ATTEMPTS", 3)
     far = replace(template(), stress=1e4 * template().stress)
     with pytest.raises(SamplingError, match="none of 3 draws from the priors has stresses like"):
-        simulate_table(far, priors_with_scatter(0.1), default_priors("ice"), seed=1)
+        simulate_table(far, law_with_scatter(0.4), default_priors("ice"), seed=1)
 
 
-def handed_on(data: PeakStressData) -> FlowLawPrior:
+def handed_on(data: RateTable) -> FlowLawPrior:
     mean = np.array([3.8, 0.5, -9.0, -7.29e-4])
     covariance = np.diag([0.2, 0.1, 0.3, 1e-6]) ** 2
     return FlowLawPrior(
@@ -115,7 +111,7 @@ def test_the_curve_is_of_the_material_of_its_table_but_for_the_scatter(
 ) -> None:
     curve = load_constant_rate(ICE / "PIL40.toml")
     data = without_test(template(), curve)
-    table = simulate_table(data, priors_with_scatter(0.1), default_priors("ice"), seed=4)
+    table = simulate_table(data, law_with_scatter(0.4), default_priors("ice"), seed=4)
     law = handed_on(data)
     fitted: list[Simulated] = []
 
@@ -151,7 +147,7 @@ def test_the_curve_is_of_the_material_of_its_table_but_for_the_scatter(
 def test_a_table_that_was_not_sampled_well_is_fitted_longer_and_not_ranked(tmp_path: Path) -> None:
     ranked = rank_hand_over(
         template(),
-        priors_with_scatter(0.1),
+        law_with_scatter(0.4),
         default_priors("ice"),
         tmp_path,
         seed=1,
@@ -170,7 +166,7 @@ def test_the_law_of_one_more_test_ranks_uniformly(tmp_path: Path) -> None:
     found = [
         rank_hand_over(
             template(),
-            priors_with_scatter(0.1),
+            law_with_scatter(0.4),
             default_priors("ice"),
             tmp_path / str(seed),
             seed=seed,

@@ -191,9 +191,9 @@ def test_the_fastest_twin_has_few_points_around_its_peak() -> None:
 
 class TestPeakStressTable:
     def test_23_rows_with_a_citation(self) -> None:
-        with (ICE / "peak_stress_qi_goldsby_2021.toml").open("rb") as file:
+        with (ICE / "rates" / "qi_goldsby_2021.toml").open("rb") as file:
             table = tomllib.load(file)
-        rows = pd.read_csv(ICE / table["data"]["file"])
+        rows = pd.read_csv(ICE / "rates" / table["data"]["file"])
         assert list(rows["grain_size_mm"].value_counts().sort_index().items()) == [
             (0.23, 18),
             (0.63, 5),
@@ -203,7 +203,7 @@ class TestPeakStressTable:
             assert table["data"][f"{quantity}_column"] in rows.columns
 
     def test_least_squares_gives_the_published_exponents(self) -> None:
-        rows = pd.read_csv(ICE / "peak_stress_qi_goldsby_2021.csv")
+        rows = pd.read_csv(ICE / "rates" / "qi_goldsby_2021.csv")
         design = np.column_stack(
             [np.log(rows["stress_MPa"]), -np.log(rows["grain_size_mm"]), np.ones(len(rows))]
         )

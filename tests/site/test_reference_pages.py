@@ -38,11 +38,9 @@ SHIPPED = {
     "forced_oscillation": DATA / "olivine" / "olivine_twin.toml",
     "loading_history": DATA / "halite" / "halite_z3.toml",
     "attenuation": DATA / "olivine" / "attenuation_A1802.toml",
-    "peak_stress": ICE / "peak_stress_qi_goldsby_2021.toml",
     "rates": ICE / "rates" / "treverrow_2012.toml",
     "rate_law": DATA / "priors" / "rates" / "ice_composite.toml",
     "priors": DATA / "priors" / "ice.toml",
-    "peak_stress_priors": DATA / "priors" / "peak_stress" / "ice.toml",
 }
 
 REFERENCE = sorted((DATA.parent / "docs/reference").glob("*.md"))

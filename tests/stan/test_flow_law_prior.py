@@ -192,7 +192,7 @@ def test_files_that_hold_no_distribution_are_refused(
 @pytest.fixture(scope="module")
 def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run directory as far as --priors-from reads it."""
-    folder = tmp_path_factory.mktemp("peak_stress")
+    folder = tmp_path_factory.mktemp("rates")
     flow_law().save(folder / FLOW_LAW_PRIOR_FILE)
     return folder
 
@@ -219,7 +219,7 @@ def test_a_curve_is_not_fitted_with_a_flow_law_that_it_has_gone_into(
             problem_of([curve, history_twin("creep", 8)], priors, pooling_of())
         command = ["fit", str(ICE / "PIL40.toml"), "--priors-from", str(tmp_path)]
         assert main([*command, "--out", str(tmp_path / "run")]) == 2
-        assert "fit-peak-stress --without" in capsys.readouterr().err
+        assert "fit-rates --without" in capsys.readouterr().err
         assert not (tmp_path / "run").exists()
 
 
@@ -265,4 +265,4 @@ def test_a_source_that_does_not_suit_is_refused(
     error = refused(curve, "--priors", str(tmp_path / "fixed.toml"), *given)
     assert "beta is fixed by the priors" in error
     error = refused(curve, "--priors-from", str(tmp_path))
-    assert f"has no {FLOW_LAW_PRIOR_FILE}, expected a run of pyburgers fit-peak-stress" in error
+    assert f"has no {FLOW_LAW_PRIOR_FILE}, expected a run of pyburgers fit-rates" in error

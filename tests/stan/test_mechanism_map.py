@@ -10,8 +10,9 @@ import pyburgers
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.errors import InputError
-from pyburgers.flow_law_tables.rate_fit import RateFit, fit_rates
-from pyburgers.flow_law_tables.rate_tables import load_rate_table
+from pyburgers.flow_law_tables.fit import RateFit
+from pyburgers.flow_law_tables.fit_rates import fit_rates
+from pyburgers.flow_law_tables.table_files import load_rate_table
 from pyburgers.page.rate_section import mechanism_figures
 from pyburgers.sampling.options import SamplerOptions
 

@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 import oracle
 import pytest
-from conftest import ICE, PEAK_STRESS_RUN
+from conftest import ICE, TABLE_RUN
 from independent_table import TRUTHS
 
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.flow_law_tables import softening
-from pyburgers.flow_law_tables.fit import PeakStressFit
-from pyburgers.flow_law_tables.inputs import PeakStrain, load_peak_stress
+from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.flow_law_tables.softening import simulate_peaks, softening_prior
+from pyburgers.flow_law_tables.table_files import load_rate_table
+from pyburgers.flow_law_tables.tables import PeakStrain
 from pyburgers.model.priors import default_priors
 
 pytestmark = pytest.mark.usefixtures("programs")
@@ -52,13 +53,14 @@ def test_a_test_without_solution_is_told() -> None:
 
 
 def test_the_prior_of_the_softening_is_that_of_materials_with_the_table_s_peak(
-    peak_stress: PeakStressFit, monkeypatch: pytest.MonkeyPatch
+    peaks: RateFit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    table = load_peak_stress(ICE / "peak_stress_qi_goldsby_2021.toml")
+    table = load_rate_table(ICE / "rates" / "qi_goldsby_2021.toml")
     curve = default_priors("ice")
     anywhere = softening_prior(replace(table, peak_strain=None), curve, seed=1)
-    late = softening_prior(table, curve, seed=PEAK_STRESS_RUN.seed)
-    np.testing.assert_array_equal(late.coefficients, peak_stress.softening.coefficients)
+    late = softening_prior(table, curve, seed=TABLE_RUN.seed)
+    assert peaks.softening is not None
+    np.testing.assert_array_equal(late.coefficients, peaks.softening.coefficients)
     # Table 1's priors have their peaks before 2 % strain; three hundredths are stated.
     assert anywhere.peak_strain[1] < 0.012
     assert anywhere.peak_strain[1] < 0.5 * late.peak_strain[1]

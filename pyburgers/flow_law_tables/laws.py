@@ -11,15 +11,12 @@ from pydantic import Field
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import NAME, Table, read_toml, without_none, write_toml
+from pyburgers.model.display import shown_quantity
 from pyburgers.model.flow_law_prior import Conditions
-from pyburgers.model.parameters import PARAMETER_BY_NAME, RATE_PARAMETERS, Parameter
-from pyburgers.model.prior_families import Prior, PriorTable, fixed_prior, load_prior
-from pyburgers.model.priors import PriorSet, shipped_prior_files
+from pyburgers.model.parameters import Parameter
+from pyburgers.model.prior_families import Prior, PriorTable, check_beta, fixed_prior, load_prior
+from pyburgers.model.priors import FLOW_LAW, PriorSet, prior_table, shipped_prior_files
 from pyburgers.posterior.labelled_draws import own_name
-
-_BY_NAME: Mapping[str, Parameter] = MappingProxyType(
-    {**PARAMETER_BY_NAME, **{p.name: p for p in RATE_PARAMETERS}}
-)
 
 MECHANISM_PARAMETERS = (
     "mechanism_rate",
@@ -43,11 +40,24 @@ class Mechanism:
 
     `process`: number from 1; mechanisms of one process are in series.
     `premelting_temperature`: K, above which the activation enthalpy is another one; 0: nowhere.
+    `has_beta`: whether beta = ln(A)/Q, as in the law of a curve, takes the place of the rate.
     """
 
     name: str
     process: int
     premelting_temperature: float = 0.0
+    has_beta: bool = False
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Its parameters in the order of `stan/rates.stan`."""
+        first, *others = MECHANISM_PARAMETERS
+        return ("beta" if self.has_beta else first, *others)
+
+    @property
+    def stated_parameters(self) -> tuple[str, ...]:
+        """Those that a file states: without premelting there is one enthalpy."""
+        return self.parameters if self.premelting_temperature else self.parameters[:-1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +93,49 @@ class RateLaw:
         of_mechanisms = (
             own_name(name, mechanism.name)
             for mechanism in self.mechanisms
-            for name in MECHANISM_PARAMETERS
+            for name in mechanism.parameters
         )
-        return tuple(_labelled(name) for name in (*of_mechanisms, *TABLE_PARAMETERS))
+        return tuple(shown_quantity(name) for name in (*of_mechanisms, *TABLE_PARAMETERS))
+
+    @property
+    def is_power_law(self) -> bool:
+        """Whether it has one mechanism, without a premelting temperature.
+
+        Examples
+        --------
+        >>> law.is_power_law
+        True
+        """
+        return len(self.mechanisms) == 1 and not self.mechanisms[0].premelting_temperature
+
+    @property
+    def power_law(self) -> Mechanism:
+        """The only mechanism; raise InputError if it is not a power law at all temperatures.
+
+        Examples
+        --------
+        >>> law.power_law.name
+        'creep'
+        """
+        if not self.is_power_law:
+            raise InputError(
+                f"{self.priors.title!r} is no power law, expected one mechanism without a "
+                "premelting temperature."
+            )
+        return self.mechanisms[0]
+
+    @property
+    def fixed_flow_law(self) -> tuple[str, ...]:
+        """Parameters of a power law that are fixed, of which there is no joint density.
+
+        Examples
+        --------
+        >>> law.fixed_flow_law
+        ()
+        """
+        one = self.power_law
+        names = (own_name(name, one.name) for name in one.stated_parameters)
+        return tuple(name for name in names if self.priors[name].is_fixed)
 
     def at(self, **values: float) -> "RateLaw":
         """Return the law with parameters fixed at values (SI), all others at their priors' centres.
@@ -128,11 +178,47 @@ def without_idle(law: RateLaw, *, sources: bool, steady: Sequence[int]) -> RateL
     """Return a law with what no row can tell fixed: sources, enhancements by place."""
     priors = dict(law.priors.priors)
     for name in () if sources else SOURCE_SPREADS:
-        priors[name] = fixed_prior(_BY_NAME[name], 0.0, "one source")
+        priors[name] = fixed_prior(shown_quantity(name), 0.0, "one source")
     for place, name in enumerate(ENHANCEMENTS, start=1):
         if place not in steady:
-            priors[name] = fixed_prior(_BY_NAME["tertiary_enhancement"], 1.0, "no steady rate")
+            priors[name] = fixed_prior(
+                shown_quantity("tertiary_enhancement"), 1.0, "no steady rate"
+            )
     return replace(law, priors=replace(law.priors, priors=MappingProxyType(priors)))
+
+
+def with_curve_flow_law(law: RateLaw, curve: PriorSet) -> RateLaw:
+    """Take the priors of n, p, Q_M and beta of a power law from those of a curve.
+
+    If the fitted flow law replaces these priors of the curve, their information is kept. It then
+    agrees with the softening, which is simulated with them.
+
+    Parameters
+    ----------
+    law : RateLaw
+        A law of one mechanism.
+    curve : PriorSet
+        For a curve of the same material.
+
+    Raises
+    ------
+    InputError
+        If the law is no power law.
+
+    Examples
+    --------
+    >>> changed = pyburgers.with_curve_flow_law(law, pyburgers.priors("ice"))
+    """
+    one = law.power_law
+    own = {own_name(name, one.name) for name in one.parameters if name != "premelting_enthalpy"}
+    others = {name: prior for name, prior in law.priors.priors.items() if name not in own}
+    taken = {own_name(name, one.name): curve[name] for name in FLOW_LAW}
+    priors = replace(
+        law.priors,
+        priors=MappingProxyType({**taken, **others}),
+        title=f"{law.priors.title}; flow law from {curve.title}",
+    )
+    return replace(law, mechanisms=(replace(one, has_beta=True),), priors=priors)
 
 
 class _ReferenceTable(Table):
@@ -150,7 +236,7 @@ class _MechanismTable(Table):
         None, gt=0, description="the temperature above which the activation enthalpy is another one"
     )
     parameters: dict[str, PriorTable] = Field(
-        description="priors of mechanism_rate, stress_exponent, grain_size_exponent, "
+        description="priors of mechanism_rate (or beta), stress_exponent, grain_size_exponent, "
         "activation_enthalpy and, with a premelting temperature, premelting_enthalpy"
     )
 
@@ -232,15 +318,18 @@ def load_rate_law(path: str | Path) -> RateLaw:
                 f"{where}: key 'premelting_temperature_K': found {above:g}, expected more than the "
                 f"reference temperature of {file.reference.temperature_K:g} K."
             )
-        wanted = MECHANISM_PARAMETERS if above else MECHANISM_PARAMETERS[:-1]
-        found = _priors(path, where, wanted, table.parameters)
+        one = Mechanism(table.name, process, above, has_beta="beta" in table.parameters)
+        found = _priors(path, where, one.stated_parameters, table.parameters)
         if not above:
             found["premelting_enthalpy"] = fixed_prior(
-                _BY_NAME["premelting_enthalpy"], 0.0, "no premelting"
+                shown_quantity("premelting_enthalpy"), 0.0, "no premelting"
             )
-        _check_rate(where, found["mechanism_rate"])
-        priors |= {own_name(name, table.name): found[name] for name in MECHANISM_PARAMETERS}
-        mechanisms[table.name] = Mechanism(table.name, process, above)
+        if one.has_beta:
+            check_beta(f"{where}: beta", found["beta"])
+        else:
+            _check_rate(where, found["mechanism_rate"])
+        priors |= {own_name(name, table.name): found[name] for name in one.parameters}
+        mechanisms[table.name] = one
     shared = _priors(
         path, str(path), (SCATTER, *SOURCE_SPREADS, "tertiary_enhancement"), file.parameters
     )
@@ -268,20 +357,19 @@ def save_rate_law(law: RateLaw, path: Path) -> None:
     mechanisms: list[dict[str, Any]] = []
     first_of: dict[int, str] = {}
     for one in law.mechanisms:
-        wanted = MECHANISM_PARAMETERS if one.premelting_temperature else MECHANISM_PARAMETERS[:-1]
         mechanisms.append(
             {
                 "name": one.name,
                 "in_series_with": first_of.get(one.process),
                 "premelting_temperature_K": one.premelting_temperature or None,
                 "parameters": {
-                    name: _prior_table(_BY_NAME[name], priors[own_name(name, one.name)])
-                    for name in wanted
+                    name: prior_table(shown_quantity(name), priors[own_name(name, one.name)])
+                    for name in one.stated_parameters
                 },
             }
         )
         first_of.setdefault(one.process, one.name)
-    shared = {name: _BY_NAME[name] for name in (SCATTER, *SOURCE_SPREADS)}
+    shared = {name: shown_quantity(name) for name in (SCATTER, *SOURCE_SPREADS)}
     write_toml(
         path,
         {
@@ -295,9 +383,9 @@ def save_rate_law(law: RateLaw, path: Path) -> None:
             },
             "mechanisms": [without_none(one) for one in mechanisms],
             "parameters": {
-                **{name: _prior_table(p, priors[name]) for name, p in shared.items()},
-                "tertiary_enhancement": _prior_table(
-                    _BY_NAME["tertiary_enhancement"], priors[ENHANCEMENTS[0]]
+                **{name: prior_table(p, priors[name]) for name, p in shared.items()},
+                "tertiary_enhancement": prior_table(
+                    shown_quantity("tertiary_enhancement"), priors[ENHANCEMENTS[0]]
                 ),
             },
         },
@@ -314,7 +402,7 @@ def _priors(
     for name in wanted:
         if name not in tables:
             raise InputError(f"{where}: the prior of {name} is missing, expected one.")
-    return {name: load_prior(path, _BY_NAME[name], tables[name]) for name in wanted}
+    return {name: load_prior(path, shown_quantity(name), tables[name]) for name in wanted}
 
 
 def _check_rate(where: str, prior: Prior) -> None:
@@ -324,29 +412,3 @@ def _check_rate(where: str, prior: Prior) -> None:
             f"{where}: mechanism_rate: found the family {prior.family!r}, expected lognormal or "
             "fixed."
         )
-
-
-def _prior_table(parameter: Parameter, prior: Prior) -> dict[str, Any]:
-    """Return the table of a prior in a file, in SI."""
-    return {
-        "family": prior.family,
-        **prior.numbers(),
-        "unit": parameter.si_unit,
-        "source": prior.source,
-        "read_off": list(prior.read_off) or None,
-    }
-
-
-def _labelled(name: str) -> Parameter:
-    """Return a parameter under the name of its prior, with the mechanism in symbol and label."""
-    base, bracket, owner = name.partition("[")
-    parameter = _BY_NAME[base]
-    if not bracket:
-        return parameter
-    owner = owner.removesuffix("]")
-    return replace(
-        parameter,
-        name=name,
-        symbol=rf"{parameter.symbol}[{owner}]",
-        label=f"{parameter.label}, {owner}",
-    )

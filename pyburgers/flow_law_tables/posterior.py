@@ -9,10 +9,10 @@ import numpy.typing as npt
 import xarray as xr
 
 from pyburgers.cmdstan.draw_files import Draws, read_draws
-from pyburgers.flow_law_tables.rate_data import GRID_STRESSES, Line, lines
-from pyburgers.flow_law_tables.rate_description import LOG_READ
-from pyburgers.flow_law_tables.rate_laws import RateLaw
-from pyburgers.flow_law_tables.rate_tables import RateTable
+from pyburgers.flow_law_tables.description import LOG_READ
+from pyburgers.flow_law_tables.laws import RateLaw
+from pyburgers.flow_law_tables.program_data import GRID_STRESSES, Line, groups, lines
+from pyburgers.flow_law_tables.tables import RateTable
 from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.posterior.labelled_draws import (
@@ -26,6 +26,10 @@ from pyburgers.sampling.run_directory import RunDirectory
 
 FLOW_RATE_OF_TEST = "log_flow_rate_of_test"
 """ln(flow rate s) of another test at the mean conditions, among the predictions."""
+
+SOFTENING = "softening"
+"""The softening at the mean conditions and its slopes (`stan/statistics/softening.stan`), among the
+predictions."""
 
 
 def build_posterior(
@@ -41,6 +45,10 @@ def build_posterior(
     }
     used = data.rows(~np.isin(data.source, manifest["held_out"]))
     point = {"point": np.arange(used.n_rows)}
+    names, grouped = zip(*groups(used), strict=True)
+    of_group = np.empty(used.n_rows, dtype=np.int64)
+    for number, rows in enumerate(grouped):
+        of_group[rows] = number
     contents["observed_data"] = xr.Dataset({LOG_READ: ("point", used.log_read)}, coords=point)
     contents["constant_data"] = xr.Dataset(
         {
@@ -50,6 +58,7 @@ def build_posterior(
             },
             "stress_is_imposed": ("point", used.stress_is_imposed.astype(np.int64)),
             "source": ("point", *_numbered(used)),
+            "group": ("point", of_group, {"names": json.dumps(names)}),
         },
         coords=point,
     )
@@ -91,7 +100,7 @@ def _drawn_groups(
         "residuals": xr.Dataset(
             {name: at_rows(name, used) for name in ("residual", "residual_replicated", "deviation")}
         ),
-        "predictions": _predictions(chains, lines(data)),
+        "predictions": _predictions(chains, lines(data), law),
     }
     if len(data.sources) > 1:
         groups[DRIVING_ERRORS] = xr.Dataset(
@@ -124,17 +133,27 @@ def _numbered(data: RateTable) -> tuple[npt.NDArray[np.int64], dict[str, str]]:
     return numbers, {"names": json.dumps(data.sources)}
 
 
-def _predictions(chains: Draws, drawn: Sequence[Line]) -> xr.Dataset:
-    """Return the rates of the drawn lines (1/s) and the flow rate of another test."""
+def _predictions(chains: Draws, drawn: Sequence[Line], law: RateLaw) -> xr.Dataset:
+    """Return the rates of the drawn lines (1/s), the flow rate of another test, and the law.
+
+    The law has a row for each mechanism as `stan/physics/composite_law.stan` has it; beta (mol/J)
+    is that of its rates without premelting.
+    """
     dims = ("chain", "draw")
-    rates = chains["grid_log_rate"].reshape(
-        *chains["grid_log_rate"].shape[:2], len(drawn), GRID_STRESSES
-    )
+    names = {"log_strain_rate": "grid_log_rate", "log_test_rate": "grid_test_log_rate"}
+    lines_of = {
+        key: chains[name].reshape(*chains[name].shape[:2], len(drawn), GRID_STRESSES)
+        for key, name in names.items()
+        if name in chains
+    }
     return xr.Dataset(
         {
-            "log_strain_rate": ((*dims, "line", "position"), rates),
+            **{key: ((*dims, "line", "position"), rates) for key, rates in lines_of.items()},
             "stress": (("line", "position"), np.array([line.stress for line in drawn])),
             FLOW_RATE_OF_TEST: (dims, chains["mean_flow_log_rate_of_test"]),
-            "peak_softening": (dims, chains["peak_softening"]),
-        }
+            SOFTENING: ((*dims, "slope"), chains["softening"]),
+            "law": ((*dims, "mechanism", "column"), chains["law"]),
+            "beta": ((*dims, "mechanism"), chains["beta"]),
+        },
+        coords={"mechanism": [one.name for one in law.mechanisms]},
     )

@@ -7,14 +7,17 @@ import numpy as np
 
 from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.errors import InputError
-from pyburgers.common.units import counted
-from pyburgers.flow_law_tables.rate_laws import MECHANISM_PARAMETERS, RateLaw, without_idle
-from pyburgers.flow_law_tables.rate_tables import RateTable
+from pyburgers.common.units import counted, number
+from pyburgers.flow_law_tables.laws import Mechanism, RateLaw, without_idle
 from pyburgers.flow_law_tables.softening import N_SOFTENING, SofteningPrior
+from pyburgers.flow_law_tables.tables import RateTable
+from pyburgers.kinds.problem import plain_quantity, replaced_by_flow
 from pyburgers.kinds.program_data import prior_block
 from pyburgers.kinds.stan_data import StanData
 from pyburgers.model.arrhenius import GAS_CONSTANT
+from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
 from pyburgers.model.prior_families import FAMILIES
+from pyburgers.posterior.labelled_draws import own_name
 
 ROWS_TO_CENTRE = 48.0
 """Rows of a source, times sources, at which a bias is sampled half as it is, half over the spread.
@@ -32,6 +35,9 @@ MOST_LINES = 6
 
 LEAST_RANGE = 2.0
 """Range of temperatures (K) below which all rows belong to one line."""
+
+GROUP_TEMPERATURES = 2.0
+"""Widest gap (K) between sorted temperatures of tests of one group."""
 
 GRID_STRESSES = 30
 """Stresses of each line."""
@@ -67,6 +73,28 @@ def lines(data: RateTable) -> tuple[Line, ...]:
         grid = np.geomspace(stress.min() / GRID_MARGIN, stress.max() * GRID_MARGIN, GRID_STRESSES)
         found.append(Line(rows, at.temperature, at.grain_size, grid))
     return tuple(found)
+
+
+def groups(data: RateTable) -> list[tuple[str, IntArray]]:
+    """Return rows that may lie off the law together, each time behind words that say which.
+
+    They are the sources. The tests of a single source are split by grain size, and at gaps of
+    temperature wider than `GROUP_TEMPERATURES`.
+    """
+    if len(data.sources) > 1:
+        return [(f"the rows of {one}", np.flatnonzero(data.source == one)) for one in data.sources]
+    found = []
+    known = np.nan_to_num(data.grain_size)  # an unknown grain size is one of its own
+    for size in np.unique(known):
+        alike = np.flatnonzero(known == size)
+        ordered = alike[np.argsort(data.temperature[alike], kind="stable")]
+        gaps = np.flatnonzero(np.diff(data.temperature[ordered]) > GROUP_TEMPERATURES) + 1
+        for rows in np.split(ordered, gaps):
+            tests = f"the {rows.size} tests" if rows.size > 1 else "the test"
+            grains = f"{number(size * LENGTH_FACTOR)} {LENGTH_UNIT} and " if size else ""
+            words = f"{tests} at {grains}about {data.temperature[rows].mean():.4g} K"
+            found.append((words, rows))
+    return found
 
 
 def usable_rows(data: RateTable, law: RateLaw) -> RateTable:
@@ -137,6 +165,7 @@ def rate_data(
         ],
         "n_mechanisms": len(law.mechanisms),
         "process": [one.process for one in law.mechanisms],
+        "has_beta": [int(one.has_beta) for one in law.mechanisms],
         "premelting_temperature": [one.premelting_temperature for one in law.mechanisms],
         "reference_stress": reference.stress,
         "reference_grain_size": reference.grain_size,
@@ -162,29 +191,39 @@ def _coordinate_block(law: RateLaw) -> StanData:
     """Return the plain coordinates of the free parameters."""
     place = {p.name: k for k, p in enumerate(law.parameters, start=1)}
     free = [name for name in place if not law.priors[name].is_fixed]
+    flows = {_from_flow(law, one): k for k, one in enumerate(law.mechanisms, start=1)}
+    flow_of = [flows.get(name, 0) for name in free]
+    through_flow = {k for k, one in enumerate(law.mechanisms, start=1) if one.has_beta}
     rows = [
-        (0.0, prior.location, prior.lower, prior.upper)
-        if prior.family == "lognormal"
-        else (prior.location, prior.scale, prior.lower, prior.upper)
-        for prior in (law.priors[name] for name in free)
+        (0.0, 1.0, -np.inf, np.inf)
+        if mechanism in through_flow
+        else plain_quantity(law.priors[name])
+        for name, mechanism in zip(free, flow_of, strict=True)
     ]
     return {
         "n_coordinates": len(free),
         "own_parameter": [place[name] for name in free],
+        "flow_of": flow_of,
         "quantity": np.array(rows).reshape(len(free), 4).tolist(),
     }
+
+
+def _from_flow(law: RateLaw, mechanism: Mechanism) -> str | None:
+    """Return what follows from the rate at mean conditions: the rate, or Q or beta, if it may."""
+    of_law = ("activation_enthalpy", "beta") if mechanism.has_beta else ("mechanism_rate",)
+    return replaced_by_flow(law.priors, [own_name(one, mechanism.name) for one in of_law])
 
 
 def start_of_chain(stan_data: StanData, seed: int, chain: int) -> dict[str, list[float]]:
     """Draw a start of one chain near the middle of the priors, and no bias of any source."""
     rng = np.random.default_rng([seed, chain])
     n_biases = stan_data["n_sources"] if stan_data["n_sources"] > 1 else 0
-    n_law = stan_data["n_mechanisms"] * len(MECHANISM_PARAMETERS)
     centre, width = _prior_coordinates(stan_data)
     start = centre + 0.5 * width * rng.standard_normal(centre.size)
-    for k, place in enumerate(stan_data["own_parameter"]):
-        if place <= n_law and place % len(MECHANISM_PARAMETERS) == 1:
+    for k, mechanism in enumerate(stan_data["flow_of"]):
+        if mechanism and not stan_data["has_beta"][mechanism - 1]:
             # At the mean conditions of the table the rate of the law is that of its rows.
+            place = stan_data["own_parameter"][k]
             rate, *slopes = stan_data["prior_location"][place - 1 : place + 3]
             there = np.array(slopes) @ (np.array(stan_data["mean_conditions"]) * SIGNS)
             start[k] += stan_data["mean_log_rate"] - np.log(rate) - there

@@ -1,0 +1,173 @@
+"""Fit a composite flow law to tables of steady rates, papers and laboratories as a level.
+
+A run has the files of a fit of a curve (`pyburgers.sampling.run_directory`), with the table and
+the law in ``inputs/``; with the softening of a curve, `FLOW_LAW_PRIOR_FILE` is beside the draws.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+
+from pyburgers.cmdstan.program import load_program
+from pyburgers.cmdstan.toolchain import stan_directory
+from pyburgers.common.atomic_files import write_json
+from pyburgers.common.errors import InputError
+from pyburgers.common.paths import given_path
+from pyburgers.fitting.continuation import sample_until_good
+from pyburgers.fitting.sampled_fit import write_tables
+from pyburgers.flow_law_tables.fit import LAW_FILE, SOFTENING_FILE, RateFit, flow_law_prior
+from pyburgers.flow_law_tables.laws import RateLaw, rate_law, save_rate_law
+from pyburgers.flow_law_tables.program_data import (
+    first_metric,
+    law_for,
+    rate_data,
+    start_of_chain,
+    usable_rows,
+)
+from pyburgers.flow_law_tables.softening import softening_prior
+from pyburgers.flow_law_tables.table_files import save_rate_table
+from pyburgers.flow_law_tables.tables import RateTable, in_order_of_tests, joined
+from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE
+from pyburgers.model.priors import PriorSet, note_other_material
+from pyburgers.posterior.labelled_draws import own_name
+from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.run import complete_chains, fingerprint, run_record
+from pyburgers.sampling.run_directory import RunDirectory
+
+WARMUP, TARGET_ACCEPTANCE = 1000, 0.95
+"""Defaults where the options leave them open."""
+
+FIRST_WINDOW = 150
+"""Draws to which the metric first adapts: fewer than twice the coordinates of sixteen sources make
+a metric that is far too narrow across most of them."""
+
+
+def fit_rates(
+    tables: RateTable | Sequence[RateTable],
+    law: RateLaw | None = None,
+    *,
+    out: str | Path,
+    held_out: Collection[str] = (),
+    curve: PriorSet | None = None,
+    options: SamplerOptions | None = None,
+    use_likelihood: bool = True,
+    command: str = "pyburgers.fit_rates(...)",
+) -> RateFit:
+    """Fit a composite flow law to one table of steady rates or to several together.
+
+    Parameters
+    ----------
+    tables : RateTable or sequence of RateTable
+        Tables of one material.
+    law : RateLaw, optional
+        Mechanisms and priors; default those that come with the package: the material's power law,
+        or with `curve` its flow law with beta.
+    out : path
+        Run directory. An earlier run with the same inputs there is continued.
+    held_out : collection of str
+        Sources that are predicted in place of being fitted.
+    curve : PriorSet, optional
+        Priors of every parameter of a curve. They soften the tests
+        (`pyburgers.flow_law_tables.softening`). The law is then that of undeformed material, a
+        prior for curves. The law has one mechanism, and beta as a parameter.
+    options : SamplerOptions, optional
+        Chains, iterations, seed; the coordinates are always the plain ones.
+    use_likelihood : bool
+        False samples the prior.
+    command : str
+        Command that repeats the run, for the manifest.
+
+    Raises
+    ------
+    InputError
+        If an input is wrong or `out` holds something else.
+    SamplingError
+        If no chain finished.
+
+    Examples
+    --------
+    >>> result = pyburgers.fit_rates(rates, out="runs/fan_2020", options=options)
+    """
+    run = RunDirectory(given_path(out))
+    data = joined([tables] if isinstance(tables, RateTable) else list(tables))
+    kind = "power_law" if curve is None else "flow_law"
+    law = rate_law(f"{data.material}_{kind}") if law is None else law
+    note_other_material(law.priors, data.material)
+    unknown = [name for name in held_out if name not in data.sources]
+    if unknown or len(held_out) == len(data.sources):
+        raise InputError(
+            f"{data.id}: found {', '.join(sorted(held_out))} to be held out, expected some but not "
+            f"all of {', '.join(data.sources)}."
+        )
+    data = in_order_of_tests(usable_rows(data, law))
+    options = options or SamplerOptions()
+    softening = None
+    if curve is not None:
+        note_other_material(curve, data.material)
+        _refuse_softening(law)
+        used = data.rows(~np.isin(data.source, list(held_out)))
+        softening = softening_prior(used, curve, seed=options.seed)
+    options = replace(
+        options,
+        warmup=options.warmup or WARMUP,
+        adapt_delta=options.adapt_delta or TARGET_ACCEPTANCE,
+        coordinates="plain",
+    )
+    known = law_for(data, law, held_out)
+    stan_data = rate_data(
+        data, known, held_out=held_out, softening=softening, use_likelihood=use_likelihood
+    )
+    model = load_program(stan_directory() / "rates.stan")
+    identity = fingerprint(stan_data, options, model.recipe)
+
+    def sample(more_draws: int | None) -> RateFit:
+        with run.claimed(identity):
+            save_rate_table(data, run.inputs)
+            save_rate_law(law, run.inputs / LAW_FILE)
+            if softening is not None:
+                softening.save(run.inputs / SOFTENING_FILE)
+            write_json(run.stan_data_file, stan_data)
+            write_json(run.metric_file, {"inv_metric": first_metric(stan_data)})
+            run.update_manifest(
+                run_record(
+                    run,
+                    {
+                        "sampler": asdict(options),
+                        "use_likelihood": use_likelihood,
+                        "held_out": sorted(held_out),
+                        "first_window": FIRST_WINDOW,
+                    },
+                    name=data.id,
+                    data_kind=data.provenance.kind,
+                    identity=identity,
+                    command=command,
+                )
+            )
+            complete_chains(
+                model,
+                run,
+                options,
+                lambda chain: start_of_chain(stan_data, options.seed, chain),
+                more_draws=more_draws,
+            )
+        return RateFit.load(run.path)
+
+    result = sample_until_good(sample, options)
+    if softening is not None and not law.fixed_flow_law:
+        flow_law_prior(result).save(run.path / FLOW_LAW_PRIOR_FILE)
+        run.note_hash(run.path / FLOW_LAW_PRIOR_FILE)
+    write_tables(result)
+    return replace(result, manifest=run.read_manifest())
+
+
+def _refuse_softening(law: RateLaw) -> None:
+    """Refuse a law that is not the flow law of a curve: beta and p are part of it."""
+    one = law.power_law
+    exponent = law.priors[own_name("grain_size_exponent", one.name)]
+    if not one.has_beta or (exponent.is_fixed and exponent.location == 0):
+        raise InputError(
+            f"{law.priors.title!r} is not the flow law of a curve, expected a law with beta and a "
+            "grain size exponent, such as ice_flow_law."
+        )

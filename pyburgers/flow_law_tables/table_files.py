@@ -1,0 +1,248 @@
+"""Tables of rates in files: a TOML file beside a text file of columns, read into SI and written."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from pyburgers.common.array_types import FloatArray
+from pyburgers.common.columns import (
+    WRITTEN_LAYOUT,
+    Cell,
+    Column,
+    DataFile,
+    TextFilesTable,
+    read_columns,
+    write_columns,
+)
+from pyburgers.common.errors import InputError
+from pyburgers.common.paths import given_path
+from pyburgers.common.toml_files import NAME, Table, all_of, checked, read_tables, write_toml
+from pyburgers.common.units import counted
+from pyburgers.flow_law_tables.tables import (
+    AXIAL_EQUIVALENT,
+    IN_SHEAR,
+    KIND,
+    LABELS,
+    LEAST_ROWS,
+    MAY_BE_LEFT_OUT,
+    SI_COLUMNS,
+    Geometry,
+    Imposed,
+    Measure,
+    PeakStrain,
+    RateTable,
+    Regime,
+    check_values,
+    rows_alike,
+)
+from pyburgers.kinds.conditions import unlikely_stress
+from pyburgers.kinds.experiment import Provenance
+from pyburgers.kinds.experiment_file import ProvenanceTable
+
+
+class _DataTable(TextFilesTable):
+    file: DataFile = Field(description="the data file, or the columns")
+    temperature_column: Column
+    temperature_unit: str = Field(description="K or C")
+    stress_column: Column
+    stress_unit: str = Field(description="Pa, MPa or GPa")
+    strain_rate_column: Column
+    strain_rate_unit: str = Field(description="1/s or 1e-6/s")
+    grain_size_column: Column | None = None
+    grain_size_unit: str | None = Field(None, description="m, mm or um")
+    reading_error_column: Column | None = None
+    reading_error_unit: str | None = Field(None, description="1 or percent of the reading")
+
+
+class _TestsTable(Table):
+    rows: dict[str, Cell] = Field(
+        default_factory=dict, description="the rows that are meant: cells by column; default all"
+    )
+    imposed: Imposed = Field(description="stress or strain_rate; the other was read")
+    regime: Regime = Field(description="minimum (of the rate), peak (of the stress) or steady")
+    geometry: Geometry = Field(description="compression, tension, shear or torsion")
+    measure: Measure = Field(
+        "applied",
+        description="what stress and rate are: applied, octahedral, or axial equivalents",
+    )
+    source: str | None = Field(
+        None, pattern=NAME, description="the paper or laboratory; default the table's id"
+    )
+    reading_error: float | None = Field(
+        None, ge=0, lt=1, description="relative error of what was read"
+    )
+    temperature_error_K: float = Field(  # noqa: N815 (the key of the file, K for kelvin)
+        0.0, ge=0, lt=50, description="the standard deviation of temperatures in kelvin"
+    )
+    grain_size_error: float = Field(0.0, ge=0, lt=1, description="relative error of grain sizes")
+
+
+class _PeakStrainTable(Table):
+    mean: float = Field(gt=0, lt=1, description="mean strain of the peaks, a fraction")
+    sd: float = Field(gt=0, lt=1, description="standard deviation of what is known of the mean")
+
+
+class _RateFile(Table):
+    id: str = Field(pattern=NAME, description="the table's name, part of file names")
+    material: str = Field(min_length=1, description="the material, such as ice")
+    protocol: Literal["rates"] = Field(description="the kind of table")
+    data: _DataTable = Field(description="the table that says where the columns are")
+    tests: list[_TestsTable] = Field(min_length=1, description="how the tests were made")
+    peak_strain: _PeakStrainTable | None = Field(
+        None, description="at which strain the tests peak, where it was read"
+    )
+    provenance: ProvenanceTable = Field(description="the table that says where data come from")
+
+
+def load_rate_table(source: str | Path | Mapping[str, Any]) -> RateTable:
+    """Read and check a table of steady rates.
+
+    Parameters
+    ----------
+    source : str, Path or mapping
+        A TOML file, or what it holds; key ``file`` of ``data`` may be the columns themselves, such
+        as a DataFrame as ``dict(frame)``.
+
+    Raises
+    ------
+    InputError
+        If a file, key, unit or number is wrong, or there are fewer than three rows. Every row
+        belongs to exactly one of the tables ``[[tests]]``.
+
+    Examples
+    --------
+    >>> rates = pyburgers.load_rate_table(data / "ice" / "rates" / "fan_2020.toml")
+    """
+    path = Path("table") if isinstance(source, Mapping) else given_path(source)
+    content = source if isinstance(source, Mapping) else read_tables(path)
+    # Of a file of another kind none of the keys that it lacks is worth a word.
+    if content.get("protocol", KIND) != KIND:
+        raise InputError(
+            f"{path}: key 'protocol': found {content['protocol']!r}, expected {KIND!r}. In a "
+            'table of peak stresses each of [[tests]] has imposed = "strain_rate" and '
+            'regime = "peak".'
+        )
+    file = checked(path, content, _RateFile)
+    file.data.check_pairs(path, *MAY_BE_LEFT_OUT)
+    for tests in file.tests:
+        if tests.reading_error is not None and file.data.reading_error_column is not None:
+            raise InputError(
+                f"{path}: found 'reading_error' in [[tests]] and 'reading_error_column' in [data], "
+                "expected one of them."
+            )
+    whole, notes = _numbers(path, file.data)
+    parts = all_of(*(partial(_part, path, file, tests) for tests in file.tests))
+    _check_parts(path, whole, parts)
+    values = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    n_rows = values["stress"].size
+    if n_rows < LEAST_ROWS:
+        raise InputError(f"{path}: found {n_rows} rows, expected at least {LEAST_ROWS}.")
+    peak = file.peak_strain
+    return RateTable(
+        id=file.id,
+        material=file.material,
+        **values,
+        provenance=Provenance(**file.provenance.model_dump()),
+        peak_strain=None if peak is None else PeakStrain(peak.mean, peak.sd),
+        notices=(*notes, *unlikely_stress(file.material, float(values["stress"].max()))),
+    )
+
+
+def save_rate_table(data: RateTable, directory: Path) -> Path:
+    """Write ``rates.toml``, which is returned, and ``rates.csv``, in axial equivalents."""
+    kinds, number = rows_alike(data)
+    columns = {name: getattr(data, name) for name in SI_COLUMNS}
+    write_columns(directory / "rates.csv", {**columns, "tests": number.astype(np.float64)})
+    table: dict[str, Any] = {
+        "id": data.id,
+        "material": data.material,
+        "protocol": KIND,
+        "data": {
+            "file": "rates.csv",
+            **WRITTEN_LAYOUT,
+            **{f"{name}_column": name for name in SI_COLUMNS},
+            **{f"{name}_unit": unit for name, (_, unit) in SI_COLUMNS.items()},
+        },
+        "tests": [
+            {
+                "rows": {"tests": str(float(k))},
+                "measure": "axial",
+                **dict(zip(LABELS, one, strict=False)),
+                "temperature_error_K": one[-2],
+                "grain_size_error": one[-1],
+            }
+            for k, one in enumerate(kinds)
+        ],
+        **({} if data.peak_strain is None else {"peak_strain": asdict(data.peak_strain)}),
+        "provenance": asdict(data.provenance),
+    }
+    target = directory / "rates.toml"
+    write_toml(target, table)
+    return target
+
+
+def _numbers(
+    path: Path, data: _DataTable, rows: Mapping[str, str] = MappingProxyType({})
+) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
+    """Read the columns of some rows in SI units, and notes on them; NaN for no grain size."""
+    chosen = data.model_copy(update={"rows": {**data.rows, **rows}})
+    there = [
+        name
+        for name in SI_COLUMNS
+        if name not in MAY_BE_LEFT_OUT or getattr(data, f"{name}_column") is not None
+    ]
+    keys = {f"{name}_column": (f"{name}_unit", SI_COLUMNS[name][0]) for name in there}
+    read, notes = read_columns(path, chosen, keys, may_be_empty={"grain_size_column"})
+    values = dict(zip(there, read.values(), strict=True))
+    check_values(str(data.source(path)), values)
+    return values, notes
+
+
+def _part(path: Path, file: _RateFile, tests: _TestsTable) -> dict[str, npt.NDArray[Any]]:
+    """Return the arrays of the rows that a table [[tests]] is about."""
+    values, _ = _numbers(path, file.data, tests.rows)
+    n_rows = values["stress"].size
+    by_geometry = "shear" if tests.geometry in IN_SHEAR else "axial"
+    stress, rate = AXIAL_EQUIVALENT[by_geometry if tests.measure == "applied" else tests.measure]
+    return {
+        "grain_size": np.full(n_rows, np.nan),
+        "reading_error": np.full(n_rows, tests.reading_error or 0.0),
+        **values,
+        "stress": stress * values["stress"],
+        "strain_rate": rate * values["strain_rate"],
+        "temperature_error": np.full(n_rows, tests.temperature_error_K),
+        "grain_size_error": np.full(n_rows, tests.grain_size_error),
+        "imposed": np.full(n_rows, tests.imposed),
+        "regime": np.full(n_rows, tests.regime),
+        "geometry": np.full(n_rows, tests.geometry),
+        "source": np.full(n_rows, tests.source or file.id),
+    }
+
+
+def _check_parts(
+    path: Path, whole: Mapping[str, FloatArray], parts: Sequence[Mapping[str, npt.NDArray[Any]]]
+) -> None:
+    """Refuse a row that no table [[tests]] is about, or several are, and contradictory ones."""
+    found = sum(part["stress"].size for part in parts)
+    rows = whole["stress"].size
+    temperatures = np.sort(np.concatenate([part["temperature"] for part in parts]))
+    if found != rows or not np.array_equal(temperatures, np.sort(whole["temperature"])):
+        raise InputError(
+            f"{path}: the tables [[tests]] are about {counted(found, 'row')} of {rows}, expected "
+            "every row in exactly one of them; check their keys 'rows'."
+        )
+    for k, part in enumerate(parts, start=1):
+        imposed, regime = str(part["imposed"][0]), str(part["regime"][0])
+        if (imposed, regime) in (("stress", "peak"), ("strain_rate", "minimum")):
+            expected = "minimum or steady" if imposed == "stress" else "peak or steady"
+            raise InputError(
+                f"{path}: [[tests]] {k}: key 'regime': found {regime!r} of tests at imposed "
+                f"{imposed.replace('_', ' ')}, expected {expected}."
+            )

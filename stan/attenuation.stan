@@ -9,6 +9,7 @@ functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
 #include physics/dashpot_laws.stan
+#include physics/hardening.stan
 #include physics/kelvin_laws.stan
 #include physics/relaxation.stan
 #include physics/stress_cycles.stan

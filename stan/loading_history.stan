@@ -17,6 +17,7 @@ functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
 #include physics/dashpot_laws.stan
+#include physics/hardening.stan
 #include physics/kelvin_laws.stan
 #include physics/relaxation.stan
 #include physics/stress_cycles.stan
@@ -64,7 +65,9 @@ transformed data {
   int n_reading_grid = reading_grid_end[n_tests + 1];
   // What some free parameter changes; the rest is constant to the solver.
   array[n_parameters()] int is_free = free_in_any_test(own_parameter, pooled_parameter);
-  array[size(varying_rates(is_free, element))] int varying = varying_rates(is_free, element);
+  int hardens = any_backstress(prior_location);
+  array[size(varying_rates(is_free, element, hardens))] int varying
+    = varying_rates(is_free, element, hardens);
   array[leg_end[n_tests + 1]] vector[n_history_rates()] fixed;
   array[n_tests] vector[n_history_constants()] test;
   array[n_tests] vector[n_parameters()] prior_mass

@@ -15,6 +15,7 @@ functions {
 #include physics/relaxation.stan
 #include physics/microstructure.stan
 #include solvers/radau_leg.stan
+#include physics/hardening.stan
 #include kinds/loading_history_rates.stan
 #include kinds/loading_history_legs.stan
 #include kinds/loading_history_dynamics.stan

@@ -4,11 +4,14 @@ from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
 from pyburgers.checks.discrepancies import Leftover
-from pyburgers.model.laws import laws_to_try_first
+from pyburgers.model.laws import HARDENING_SWITCH, laws_to_try_first
 from pyburgers.posterior.labelled_draws import free_parameters
 
-LAWS_OF_HISTORIES = {"peak_strength": "kelvin=two_elements"}
-"""Histories show transients, and so whether there is more than one relaxation time."""
+LAWS_OF_HISTORIES = {
+    "peak_strength": "kelvin=two_elements",
+    HARDENING_SWITCH: "hardening=backstress",
+}
+"""Histories show transients: whether there is more than one relaxation time, or a backstress."""
 
 LET_CORRELATE = (
     "for wider, honest intervals let residuals correlate (--variant residuals=autocorrelated)"

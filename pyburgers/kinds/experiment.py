@@ -217,7 +217,10 @@ class Experiment(ABC):
 
     protocol: ClassVar[str]
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
-        {"kelvin": tuple(law.name for law in KELVIN_LAWS.values() if not law.times)}
+        {
+            "kelvin": tuple(law.name for law in KELVIN_LAWS.values() if not law.times),
+            "hardening": ("none",),
+        }
     )
     parts_name: ClassVar[str] = "parts"
     residual_correlation: ClassVar[str] = "residual_correlation_strain"

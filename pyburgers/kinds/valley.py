@@ -295,6 +295,8 @@ def _check_priors(
     if DASHPOT_LAWS[variant.maxwell].own_stress:
         law = variant.maxwell.replace("_", " ")
         raise ChartUnsuited(f"the stress at a rate is no product of powers with maxwell = {law}")
+    if variant.hardening != "none":
+        raise ChartUnsuited("the stress at a rate depends on the backstress")
     if not solved:
         raise ChartUnsuited("neither grain size nor fabric evolves")
     for name in solved:

@@ -15,6 +15,7 @@ from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.model.kelvin_elements import element_rows
 from pyburgers.model.laws import (
+    HARDENING_SWITCH,
     NONLINEAR_KELVIN_PARAMETERS,
     RELAXATION_TIMES,
     SPECTRUM_PARAMETERS,
@@ -111,6 +112,15 @@ def parameter_columns(
         )
         for p in PROGRAM_PARAMETERS
     ]
+
+
+def require_no_backstress(parameters: Mapping[str, npt.ArrayLike]) -> None:
+    """Raise `InputError` if the dashpot has a backstress, which stress cycles move in time."""
+    if np.any(np.asarray(parameters.get(HARDENING_SWITCH, 0.0)) != 0):
+        raise InputError(
+            f"{HARDENING_SWITCH}: found values other than 0, expected a dashpot without a "
+            "backstress; fit and simulate stress cycles as a loading history (stress_series)."
+        )
 
 
 def require_linear(parameters: Mapping[str, npt.ArrayLike]) -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pyburgers.common.errors import InputError
 from pyburgers.model.laws import KELVIN_LAWS, KELVIN_SWITCHES, NONLINEAR_KELVIN_PARAMETERS
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PLACE, STANDARD_VALUES
-from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
+from pyburgers.model.prior_families import Prior, fixed_prior, is_standard
 
 
 def kelvin_law(priors: Mapping[str, Prior], where: str) -> str:
@@ -14,9 +14,9 @@ def kelvin_law(priors: Mapping[str, Prior], where: str) -> str:
 
     Raises InputError if parameters of laws are free that do not go together.
     """
-    on = [name for name in KELVIN_SWITCHES if not _is_standard(priors, name)]
+    on = [name for name in KELVIN_SWITCHES if not is_standard(priors, name)]
     for law in KELVIN_LAWS.values():
-        if {*law.switches} == {*on} and all(_is_standard(priors, name) for name in law.without):
+        if {*law.switches} == {*on} and all(is_standard(priors, name) for name in law.without):
             return law.name
     raise InputError(
         f"{where}: found effects of {' and '.join(on)} in the priors, expected one law of the "
@@ -31,7 +31,7 @@ def nonlinear_kelvin_law(priors: Iterable[Mapping[str, Prior]]) -> int:
     """
     sets = list(priors)
     for name in NONLINEAR_KELVIN_PARAMETERS:
-        if not all(_is_standard(own, name) for own in sets):
+        if not all(is_standard(own, name) for own in sets):
             return PLACE[name]
     return 0
 
@@ -79,10 +79,6 @@ def changes_for(
         replace(freed[name], **wanted.weak_priors.get(name, {}))
         for name in wanted.parameters
         if name not in priors
-        or (_is_standard(priors, name) and (name in switches or name not in present.parameters))
+        or (is_standard(priors, name) and (name in switches or name not in present.parameters))
     ]
     return [*fixed, *put_in]
-
-
-def _is_standard(priors: Mapping[str, Prior], name: str) -> bool:
-    return name not in priors or is_fixed_at(priors[name], STANDARD_VALUES[name])

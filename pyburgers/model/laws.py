@@ -1,8 +1,9 @@
-"""Laws of the dashpot and of the Kelvin part: a record for each.
+"""Laws of the dashpot, of its hardening and of the Kelvin part: a record for each.
 
 Priors, choices, export, advice and tables of combinations follow from the records. The equations
-are in `stan/physics/dashpot_laws.stan`, `stan/physics/kelvin_laws.stan` and
-`stan/physics/relaxation.stan`, the parameters in `pyburgers.model.parameters`.
+are in `stan/physics/dashpot_laws.stan`, `stan/physics/hardening.stan`,
+`stan/physics/kelvin_laws.stan` and `stan/physics/relaxation.stan`, the parameters in
+`pyburgers.model.parameters`.
 """
 
 from collections.abc import Mapping
@@ -225,6 +226,34 @@ DASHPOT_STRESSES: Mapping[str, DashpotLaw] = MappingProxyType(
     {law.parameters[0]: law for law in DASHPOT_LAWS.values() if law.own_stress}
 )
 """Laws of the dashpot by their own stress."""
+
+
+HARDENING_LAWS: Mapping[str, Law] = MappingProxyType(
+    {
+        law.name: law
+        for law in (
+            Law("none", (), ""),
+            Law(
+                "backstress",
+                (
+                    "hardening_modulus",
+                    "backstress_limit",
+                    "recovery_rate",
+                    "recovery_exponent",
+                ),
+                "backstress_rate = hardening_modulus*(strain_rate"
+                " - abs(strain_rate)*backstress/backstress_limit)"
+                " - recovery_rate*backstress*abs(backstress/backstress_limit)"
+                "^(recovery_exponent - 1)*exp(-recovery_activation_enthalpy/R"
+                "*(1/temperature - 1/kelvin_reference_temperature))",
+            ),
+        )
+    }
+)
+"""Laws of the hardening of the dashpot by name; the first parameter is 0 without the law."""
+
+HARDENING_SWITCH = "hardening_modulus"
+"""Parameter that takes the backstress out at 0."""
 
 
 def laws_in_closed_form() -> Mapping[str, tuple[str, ...]]:

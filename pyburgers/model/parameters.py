@@ -92,7 +92,7 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
     Parameter(
         "kelvin_reference_temperature",
         r"T_0",
-        "temperature of the Kelvin viscosity",
+        "temperature of the Kelvin viscosity and of the recovery rate",
         "temperature",
         "K",
         standard=273.15,
@@ -214,6 +214,39 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         "MPa",
         standard=0.0,
     ),
+    Parameter(
+        "hardening_modulus",
+        r"H",
+        "hardening modulus of the backstress",
+        "stress",
+        "GPa",
+        standard=0.0,
+    ),
+    Parameter(
+        "backstress_limit",
+        r"\sigma_{max}",
+        "limit of the backstress by dynamic recovery",
+        "stress",
+        "MPa",
+        standard=1e6,
+    ),
+    Parameter(
+        "recovery_rate",
+        r"r",
+        "rate of static recovery at the limit of the backstress",
+        "strain rate",
+        "1e-6/s",
+        standard=0.0,
+    ),
+    Parameter("recovery_exponent", r"m_r", "exponent of static recovery", standard=1.0),
+    Parameter(
+        "recovery_activation_enthalpy",
+        r"Q_r",
+        "activation enthalpy of static recovery",
+        "molar energy",
+        "kJ/mol",
+        standard=0.0,
+    ),
 )
 """Parameters of variants (`docs/variants.md`), which a prior file may name."""
 
@@ -290,6 +323,9 @@ GIVEN_TOGETHER: Mapping[str, tuple[str, ...]] = MappingProxyType(
         PIEZOMETER[0]: PIEZOMETER[1:],
         "relaxation_time_decades": ("relaxation_exponent",),
         "peak_strength": ("peak_time_decades", "peak_width"),
+        "hardening_modulus": ("backstress_limit",),
+        "recovery_exponent": (),
+        "recovery_activation_enthalpy": ("kelvin_reference_temperature",),
     }
 )
 """Where the first is not left without effect, the others have to be given too."""

@@ -19,7 +19,11 @@ from scipy.special import ndtri_exp
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, factor_to_si
-from pyburgers.model.laws import DASHPOT_STRESSES, NONLINEAR_KELVIN_PARAMETERS
+from pyburgers.model.laws import (
+    DASHPOT_STRESSES,
+    HARDENING_SWITCH,
+    NONLINEAR_KELVIN_PARAMETERS,
+)
 from pyburgers.model.parameters import BELOW_ONE, CONDITIONS, CONSTANTS, STANDARD_VALUES, Parameter
 
 if TYPE_CHECKING:
@@ -85,6 +89,8 @@ BOUNDED_AWAY_FROM_ZERO = frozenset(
         "critical_strain_fabric",
         *DASHPOT_STRESSES,
         *NONLINEAR_KELVIN_PARAMETERS,
+        HARDENING_SWITCH,
+        "backstress_limit",
         "relaxation_exponent",
         "peak_width",
     }
@@ -101,6 +107,10 @@ LOWER_LIMITS: Mapping[str, tuple[float, str]] = MappingProxyType(
         "kelvin_stress_exponent": (
             1.0,
             "at least 1, a linear dashpot, because below it creep starts infinitely fast",
+        ),
+        "recovery_exponent": (
+            1.0,
+            "at least 1, because below it a small backstress recovers infinitely fast",
         ),
     }
 )
@@ -308,6 +318,11 @@ def fixed_prior(parameter: Parameter, value: float, source: str) -> Prior:
     return Prior.of_family(
         parameter.name, "fixed", {"value": value}, unit=parameter.si_unit, source=source
     )
+
+
+def is_standard(priors: Mapping[str, Prior], name: str) -> bool:
+    """Whether priors leave a parameter of a variant at its standard value."""
+    return name not in priors or is_fixed_at(priors[name], STANDARD_VALUES[name])
 
 
 def is_fixed_at(prior: Prior, value: float) -> bool:

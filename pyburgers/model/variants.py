@@ -14,8 +14,21 @@ import numpy as np
 
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError, nearest
+from pyburgers.model.dashpot_laws import beta_of_linear, dashpot_law
+from pyburgers.model.hardening import (
+    changes_of_hardening,
+    check_linear_hardening,
+    hardening_law,
+    held_by_hardening,
+    medians_of_hardening,
+)
 from pyburgers.model.kelvin_laws import changes_for, kelvin_law
-from pyburgers.model.laws import DASHPOT_LAWS, DASHPOT_STRESSES, KELVIN_LAWS
+from pyburgers.model.laws import (
+    DASHPOT_LAWS,
+    DASHPOT_STRESSES,
+    HARDENING_LAWS,
+    KELVIN_LAWS,
+)
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PIEZOMETER
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 from pyburgers.model.priors import PriorSet, priors_of_freed_parameters
@@ -88,6 +101,8 @@ class ModelVariant:
         Crystal fabric; oscillating tests have a constant one.
     residuals : {"independent", "autocorrelated"}
         From point to point, or along strain or time.
+    hardening : {"none", "backstress"}
+        Whether the dashpot of the Maxwell element flows by the stress less a backstress.
 
     Examples
     --------
@@ -100,6 +115,7 @@ class ModelVariant:
     grain_size: Literal["evolving", "constant", "piezometric"] = "evolving"
     fabric: Literal["evolving", "constant"] = "evolving"
     residuals: Literal["independent", "autocorrelated"] = "independent"
+    hardening: str = "none"
 
     def record(self) -> dict[str, str]:
         """Return the choices by name, as manifests hold them.
@@ -113,11 +129,12 @@ class ModelVariant:
 
     @property
     def text(self) -> str:
-        """Every choice in words."""
+        """Every choice in words but for those of nothing."""
         words = {"kelvin": "Kelvin part", "maxwell": "Maxwell dashpot"}
         return ", ".join(
             f"{words.get(part, part)} {choice}".replace("_", " ")
             for part, choice in self.record().items()
+            if choice != "none"
         )
 
     @property
@@ -142,6 +159,7 @@ CHOICES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "grain_size": ("evolving", "constant", "piezometric"),
         "fabric": ("evolving", "constant"),
         "residuals": ("independent", "autocorrelated"),
+        "hardening": (*HARDENING_LAWS,),
     }
 )
 """Names of the parts and of the laws that each may follow."""
@@ -211,16 +229,16 @@ def variant_of(priors: PriorSet, experiment: Test) -> ModelVariant:
     >>> pyburgers.variant_of(pyburgers.priors("ice"), test).short_text
     'standard'
     """
-    constant_fabric = not _allows(experiment, "fabric", "evolving") or is_fixed_at(
-        priors["steady_state_fabric_factor"], 1.0
-    )
+    has_fabric = _allows(experiment, "fabric", "evolving")
+    constant_fabric = not has_fabric or is_fixed_at(priors["steady_state_fabric_factor"], 1.0)
     independent = is_fixed_at(priors[experiment.residual_correlation], 0.0)
     return ModelVariant(
-        maxwell=_maxwell_law(priors, experiment),
+        maxwell=dashpot_law(priors.priors, experiment.id),
         grain_size=_grain_size_law(priors, experiment),
         fabric="constant" if constant_fabric else "evolving",
         residuals="independent" if independent else "autocorrelated",
         kelvin=kelvin_law(priors.priors, experiment.id),
+        hardening=hardening_law(priors.priors),
     )
 
 
@@ -260,13 +278,16 @@ def check_laws(priors: PriorSet, experiment: Test) -> None:
             f"{', '.join(PIEZOMETER[:-1])} and {PIEZOMETER[-1]} in them, or the variant "
             "grain_size=constant."
         )
-    for part, law in (("kelvin", variant.kelvin), ("maxwell", variant.maxwell)):
+    for part in ("kelvin", "maxwell", "hardening"):
+        law = variant.record()[part]
         if not _allows(experiment, part, law):
             raise InputError(
                 f"{experiment.id}: {part}={law} is not for tests of the protocol "
                 f"{experiment.protocol}, expected {' or '.join(experiment.laws[part])}; tests that "
                 "are given as loading histories take more laws (docs/variants.md)."
             )
+    if "hardening" in experiment.laws:
+        check_linear_hardening(priors.priors, experiment.protocol, experiment.id)
 
 
 def _allows(experiment: Test, part: str, law: str) -> bool:
@@ -282,19 +303,6 @@ def _check_names(choices: Mapping[str, str], where: str) -> None:
             raise InputError(
                 f"{where}: unknown law {choice!r} of {part}, {nearest(choice, CHOICES[part])}"
             )
-
-
-def _maxwell_law(priors: PriorSet, experiment: Test) -> str:
-    """Tell the law of the dashpot, which has at most one stress of its own."""
-    on = [name for name in DASHPOT_STRESSES if not is_fixed_at(priors[name], 0.0)]
-    if len(on) > 1:
-        raise InputError(
-            f"{experiment.id}: found effects of {' and '.join(on)} in the priors, expected one law "
-            "of the dashpot."
-        )
-    if on:
-        return DASHPOT_STRESSES[on[0]].name
-    return "linear" if is_fixed_at(priors["stress_exponent"], 1.0) else "power_law"
 
 
 def _grain_size_law(
@@ -361,16 +369,19 @@ def _choose_maxwell(priors: PriorSet, experiment: Test, choice: str) -> PriorSet
             f"expected a normal one without bounds or a fixed value, found {beta.family!r}; write "
             "a prior file with stress_exponent fixed at 1 instead."
         )
-    mean, spread = exponent.mean_sd()
     enthalpy = priors["activation_enthalpy"].location
-    per_exponent = np.log(_largest_stress(experiment)) / enthalpy
-    moved = replace(
-        beta,
-        location=float(beta.location + (mean - 1) * per_exponent),
-        scale=0.0 if beta.is_fixed else float(np.hypot(beta.scale, spread * per_exponent)),
-        source=f"Variant maxwell=linear: moved to n = 1 at the largest stress; {beta.source}",
-    )
+    moved = beta_of_linear(beta, exponent, np.log(_largest_stress(experiment)) / enthalpy)
     return priors.exchanging(_fixed("stress_exponent", 1.0, "maxwell=linear"), moved)
+
+
+def _choose_hardening(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
+    """Free the numbers of a law; tests of a kind that names it take its linear form."""
+    is_linear = "hardening" in experiment.laws
+    stress = 0.0 if is_linear else _largest_stress(experiment)
+    medians = medians_of_hardening(priors.priors, stress, _duration(experiment))
+    held = held_by_hardening(priors.priors, experiment.temperature, is_linear=is_linear)
+    freed = priors_of_freed_parameters()
+    return priors.exchanging(*changes_of_hardening(choice, priors.priors, freed, medians, held))
 
 
 def _choose_grain_size(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
@@ -413,10 +424,9 @@ def _choose_residuals(priors: PriorSet, experiment: Test, choice: str) -> PriorS
     """
     name = experiment.residual_correlation
     independent = is_fixed_at(priors[name], 0.0)
-    in_time = name == "residual_correlation_time"
     if choice == "independent":
         # In time residuals correlate unless priors say otherwise.
-        said = not in_time or name in priors.priors
+        said = name != "residual_correlation_time" or name in priors.priors
         return (
             priors if independent and said else priors.exchanging(_fixed(name, 0.0, "independent"))
         )
@@ -424,9 +434,8 @@ def _choose_residuals(priors: PriorSet, experiment: Test, choice: str) -> PriorS
         return priors
     freed = priors_of_freed_parameters()
     correlation = freed[name]
-    if in_time and experiment.n_points > 1:
-        tenth = float(f"{0.1 * np.ptp(experiment.position):.0e}")
-        correlation = replace(correlation, location=tenth)
+    if duration := _duration(experiment):
+        correlation = replace(correlation, location=float(f"{0.1 * duration:.0e}"))
     share = priors["residual_correlated_share"]
     said = share.parameter in priors.priors and not is_fixed_at(share, 1.0)
     return priors.exchanging(correlation, share if said else freed[share.parameter])
@@ -439,9 +448,16 @@ _CHANGES = MappingProxyType(
         "grain_size": _choose_grain_size,
         "fabric": _choose_fabric,
         "residuals": _choose_residuals,
+        "hardening": _choose_hardening,
     }
 )
 """What each choice does to the priors."""
+
+
+def _duration(experiment: Test) -> float:
+    """Time (s) between first and last reading, where readings lie along time; else 0."""
+    in_time = experiment.residual_correlation == "residual_correlation_time"
+    return float(np.ptp(experiment.position)) if in_time and experiment.n_points > 1 else 0.0
 
 
 def _largest_stress(experiment: Test) -> float:

@@ -55,6 +55,7 @@ DEFINITIONS = {
     "Maxwell time": "Time in which flow makes as much strain as the elastic one.",
     "relaxation times": "Times after which strain that comes late has come.",
     **{law.name.replace("_", " "): law.words for law in DASHPOT_LAWS.values() if law.words},
+    "backstress": "Stress that flow has stored, and that opposes the flow.",
     "breakdown stress": "Stress at which a hyperbolic sine turns exponential.",
     "compliance": "Strain over stress.",
     "Debye peak": "Attenuation of a single relaxation time against the period.",

@@ -29,7 +29,7 @@ from pyburgers.common.draws import FloatArray
 from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.common.units import UNITS
 from pyburgers.kinds.kind import FittedTest
-from pyburgers.model.closed_forms import closed_forms, require_linear
+from pyburgers.model.closed_forms import closed_forms, require_linear, require_no_backstress
 from pyburgers.model.display import STRESS_UNIT
 from pyburgers.predictions.assumptions import (
     CRITICAL_SHARE,
@@ -126,6 +126,7 @@ def attenuation_spectrum(
     frequency = checked_frequencies(frequencies)
     hold_time = checked_hold_time(hold_time)
     require_linear(parameters)
+    require_no_backstress(parameters)
     found = closed_forms(
         draws,
         size,

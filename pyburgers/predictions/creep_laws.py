@@ -170,6 +170,12 @@ def creep_laws(fit: SampledFit, stated: Stated, code: str) -> CreepLaws:
         state = f"{whose}, grain size {number(stated.grain_size * LENGTH_FACTOR)} {LENGTH_UNIT}"
     else:
         assert isinstance(fit, Fit)
+        if fit.variant.hardening != "none":
+            raise InputError(
+                f"{code}: cannot express the backstress of the fit, which changes with time, "
+                "expected a dashpot without one; fit with --variant hardening=none, or use "
+                "--format json."
+            )
         if DASHPOT_LAWS[fit.variant.maxwell].own_stress:
             raise InputError(
                 f"{code}: cannot express the dashpot {fit.variant.maxwell!r} of the fit, expected "

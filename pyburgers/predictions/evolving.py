@@ -30,6 +30,7 @@ from pyburgers.kinds.stan_data import SolverOptions, solver_block
 from pyburgers.model.closed_forms import (
     closed_forms,
     parameter_columns,
+    require_no_backstress,
     require_one_relaxation_time,
 )
 from pyburgers.predictions.attenuation import attenuation_spectrum, condition_columns, flat_draws
@@ -168,6 +169,7 @@ def solve_imposed_stress(
     """
     checked_frequencies([frequency])
     require_one_relaxation_time(parameters)
+    require_no_backstress(parameters)
     check_given_together(
         {name: float(np.max(parameters[name])) for name in OTHER_PARAMETERS if name in parameters},
         "parameters",

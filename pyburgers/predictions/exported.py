@@ -24,7 +24,7 @@ from pyburgers.flow_law_tables.tables import RateTable
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.display import shown_quantity, unit_text
-from pyburgers.model.laws import DASHPOT_LAWS, KELVIN_LAWS
+from pyburgers.model.laws import DASHPOT_LAWS, HARDENING_LAWS, KELVIN_LAWS
 from pyburgers.model.parameters import CONDITIONS, STANDARD_VALUES
 from pyburgers.model.prior_families import Prior, is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR, PriorSet
@@ -40,6 +40,7 @@ VARIABLES: Mapping[str, str] = MappingProxyType(
         "initial_grain_size": "m",
         "fabric_factor": "1",
         "kelvin_strain": "1",
+        "backstress": "Pa",
         "time": "s",
         "R": f"{GAS_CONSTANT:.10g} J/(mol K)",
     }
@@ -57,8 +58,8 @@ def undeformed(grain_size: str) -> dict[str, str]:
 def laws_of(prior_set: PriorSet, experiment: Test) -> dict[str, object]:
     """Return the laws of a fit of a test by name, and the microstructures that they hold for.
 
-    Flow, elastic and Kelvin law are expressions; ``microstructure`` gives grain size and fabric
-    factor before the test and in the steady state.
+    Flow, hardening, elastic and Kelvin law are expressions; ``microstructure`` gives grain size and
+    fabric factor before the test and in the steady state.
     """
     priors, variant = prior_set.priors, variant_of(prior_set, experiment)
     start = f"{experiment.initial_grain_size:.10g}"
@@ -68,9 +69,14 @@ def laws_of(prior_set: PriorSet, experiment: Test) -> dict[str, object]:
         "piezometric": "piezometer_reference_grain_size"
         "*(sqrt(stress^2 + piezometer_stress_floor^2)/1e6)^-piezometer_exponent",
     }[variant.grain_size]
+    flow_law = DASHPOT_LAWS[variant.maxwell].flow_law
+    hardening = HARDENING_LAWS[variant.hardening]
+    if hardening.parameters:
+        flow_law = re.sub(r"\bstress\b", "(stress - backstress)", flow_law)
     fabric = "1" if variant.fabric == "constant" else "steady_state_fabric_factor"
     return {
-        "flow_law": DASHPOT_LAWS[variant.maxwell].flow_law,
+        "flow_law": flow_law,
+        **({"hardening_law": hardening.expression} if hardening.parameters else {}),
         "elastic_law": _elastic_law(priors),
         "kelvin_law": _kelvin_law(variant.kelvin, priors),
         "microstructure": {

@@ -11,7 +11,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.units import number
 from pyburgers.model.closed_forms import RELAXATION_PARAMETERS
 from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
-from pyburgers.model.laws import DASHPOT_STRESSES
+from pyburgers.model.laws import DASHPOT_STRESSES, HARDENING_SWITCH
 from pyburgers.model.parameters import PIEZOMETER
 
 PARAMETER_NAMES = (
@@ -36,6 +36,7 @@ EVOLUTION = (
 OTHER_PARAMETERS = (
     *RELAXATION_PARAMETERS,
     *DASHPOT_STRESSES,
+    HARDENING_SWITCH,
     "modulus_temperature_coefficient",
     "modulus_reference_temperature",
     *PIEZOMETER,

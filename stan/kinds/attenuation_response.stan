@@ -58,6 +58,17 @@ vector log_tan_delta_and_modulus(vector parameter, data vector frequency,
   vector[n] storage = conversion[1] ./ maxwell_modulus_at(parameter, temperature)
                       - conversion[2] + conversion[3] * kelvin[ : , 1];
   vector[n] loss = conversion[3] * (kelvin[ : , 2] + exp(log_of_fluidity) ./ frequency);
+  if (has_backstress(parameter)) {
+    for (i in 1 : n) {
+      row_vector[2] dashpot
+        = backstress_compliance(frequency[i], exp(log_of_fluidity[i]),
+                                parameter[i_hardening_modulus()],
+                                recovery_rate_at(parameter, temperature[i],
+                                                 parameter[i_kelvin_reference_temperature()]));
+      storage[i] += conversion[3] * dashpot[1];
+      loss[i] = conversion[3] * (kelvin[i, 2] + dashpot[2]);
+    }
+  }
   return append_row(log(loss) - log(storage), -0.5 * log(square(storage) + square(loss)));
 }
 

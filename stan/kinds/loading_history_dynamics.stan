@@ -46,9 +46,9 @@ matrix history_states(vector parameter, data vector constant, data array[] int v
                       data real initial_grain_size, data int solver,
                       data real tolerance, data int max_num_steps) {
   array[n_history_rates()] int place = place_among(varying);
-  int n_states = 5 + n_summed(element);
+  int n_states = 6 + n_summed(element);
   matrix[size(time), n_states] solution;
-  row_vector[n_states] state = append_col([0, 0, 0, 0, 1],
+  row_vector[n_states] state = append_col([0, 0, 0, 0, 1, 0],
                                           rep_row_vector(0, n_summed(element)));
   int before = 0;
   for (k in 1 : rows(leg)) {
@@ -122,7 +122,7 @@ matrix history_response(matrix states, vector parameter, data vector test) {
  * @param states of history_states()
  * @return columns: stress as read (Pa), strain (that of the apparatus included), Kelvin strain, path
  *   strain of the specimen, dashpot strain, d/d_0 (1 where it follows no piezometer), rate of the
- *   Kelvin strain (1/s)
+ *   Kelvin strain (1/s), backstress (Pa)
  */
 matrix history_solution(matrix states, vector parameter, data vector constant,
                         data array[] int varying, data matrix leg, data array[] vector fixed,
@@ -131,13 +131,14 @@ matrix history_solution(matrix states, vector parameter, data vector constant,
   array[n_history_rates()] int place = place_among(varying);
   real strain_scale = test[c_strain_scale()];
   real kelvin = history_compliances(parameter, test)[1];
-  matrix[rows(states), 7] solution;
+  matrix[rows(states), 8] solution;
   int before = 0;
   solution[ : , 1 : 2] = history_response(states, parameter, test);
   solution[ : , 3] = strain_scale * kelvin * states[ : , 2];
   solution[ : , 4] = strain_scale * states[ : , 4];
   solution[ : , 5] = strain_scale * states[ : , 3];
   solution[ : , 6] = states[ : , 5];
+  solution[ : , 8] = test[c_stress_scale()] / stress_reading_factor(parameter) * states[ : , 6];
   for (k in 1 : rows(leg)) {
     vector[size(varying)] rates
       = history_rates(parameter, constant, leg[k, l_duration()], leg[k, l_temperature()],
@@ -216,7 +217,7 @@ real history_strain_rate(row_vector state, data row_vector leg, vector parameter
   real elastic = 1 / (factor * parameter[i_maxwell_modulus()]);
   real stress_rate = leg[l_rate()];
   real inelastic = state[7]
-                   + dashpot_rate_at(state[1] / factor, grain_size, fabric_factor, parameter,
+                   + dashpot_rate_at(state[1] / factor - state[8], grain_size, fabric_factor, parameter,
                                      true_temperature(parameter, leg[l_temperature()]));
   if (leg[l_driven()] == 2) {
     // The area changes with the strain of the specimen.

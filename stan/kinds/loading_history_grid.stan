@@ -1,7 +1,7 @@
   // The solution on the grid, and what follows from it.
   for (e in 1 : n_tests) {
     array[grid_end[e + 1] - grid_end[e]] int here = part(grid_end, e);
-    matrix[size(here), 7] solution
+    matrix[size(here), 8] solution
       = history_solution(history_states(parameter[e], prior_location[e], varying,
                                         leg[part(leg_end, e)], fixed[part(leg_end, e)], test[e],
                                         element, grid_time_in_leg[here],
@@ -17,7 +17,7 @@
     for (k in part(leg_end, e)) {
       for (i in 1 : n_grid_in_leg[k]) {
         int at = grid_end[e] + j + i;
-        row_vector[7] state = solution[j + i];
+        row_vector[8] state = solution[j + i];
         grid_stress[at] = state[1];
         grid_strain[at] = state[2] + parameter[e][i_strain_offset()];
         grid_kelvin_strain[at] = state[3];

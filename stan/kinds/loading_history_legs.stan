@@ -1,10 +1,10 @@
 /**
- * States along a leg of a loading history (loading_history_rates.stan): y, z, x, g and u as columns,
+ * States along a leg of a loading history (loading_history_rates.stan): y, z, x, g, u and b as columns,
  * at given times and, in the last row, at the end; behind them, where the Kelvin part is a sum of
  * elements, its z_k.
  *
  * Strain driven, at the rate r in the unit e/D, the solver follows y, z and, where they are needed,
- * u and g:
+ * u, b and g:
  *
  *   dy/dt = (r - v_K - v_d)/(S/(E_M e) + C S/e).
  *
@@ -13,13 +13,13 @@
  * the microstructure does not change while stress relaxes.
  *
  * Stress driven, y = y_0 + r t with r in the unit S/D, it follows x, g and, where they are needed,
- * z and u:
+ * z, u and b:
  *
  *   dx/dt = v_d,  dg/dt = |(S/(E_M e)) r + v_K + v_d|.
  *
  * x and g are counted from the start of the leg, so that its solver starts from numbers that are
  * data; a linear Kelvin element has a closed form. While strain only grows, the path strain grows
- * with it and is known from the others, so that x alone is left:
+ * with it and is known from the others, so that x is left, and b where it is needed:
  *
  *   g = g_0 + (S/(E_M e)) (y - y_0) + (S/(E_K e)) (z - z_0) + x.
  *
@@ -27,7 +27,7 @@
  *
  * Force driven, the true stress follows from the strain s of the specimen, in the unit e: at constant
  * volume y = f exp(-e s), with f = f_0 + r t the force over the first area. The solver follows s, z,
- * g and, where it is needed, u:
+ * g and, where they are needed, u and b:
  *
  *   ds/dt = [(S/(E_M e)) r exp(-e s) + v_K + v_d]/[1 + (S/E_M) y],  dg/dt = |ds/dt|.
  */
@@ -43,43 +43,10 @@ int first_after(data array[] real time, data real other) {
 }
 
 /**
- * z under a linear Kelvin element after a time t under y = y_0 + r t.
- *
- * @param start z at t = 0
- * @param decay per unit time
- */
-real linear_kelvin_strain(real t, real start, real y_0, real r, real decay) {
-  real gone = -expm1(-decay * t);
-  real settling = start + (y_0 - start) * gone;
-  return r == 0 ? settling : settling + r * (t - gone / decay);
-}
-
-/**
- * z_k of a sum of elements: as linear_kelvin_strain().
- *
- * @param elements of history_elements()
- */
-vector linear_kelvin_strains(real t, vector start, real y_0, real r, matrix elements) {
-  vector[num_elements(start)] z;
-  for (k in 1 : num_elements(start)) {
-    z[k] = linear_kelvin_strain(t, start[k], y_0, r, elements[k, 1]);
-  }
-  return z;
-}
-
-/** Number of z_k that a leg follows beside z: none where the Kelvin part is one element. */
-int n_summed(data matrix element) { return rows(element) > 1 ? rows(element) : 0; }
-
-/** z of each element of the Kelvin part at a row of states. */
-vector kelvin_states(row_vector state, data matrix element) {
-  return rows(element) > 1 ? to_vector(state[6 : ]) : to_vector(state[2 : 2]);
-}
-
-/**
  * Right-hand side of a strain-driven leg.
  *
- * @param state [y, z] or, of a sum of elements, [y, z_k], then u where the grain size follows a piezometer, then g where the
- *   apparatus is compliant
+ * @param state [y, z] or, of a sum of elements, [y, z_k], then u where the grain size follows a
+ *   piezometer, b where there is a backstress, and g where the apparatus is compliant
  * @param start_path g at the start of the leg
  * @param rate r
  */
@@ -92,12 +59,15 @@ vector strain_driven_rhs(real t, vector state, real start_path, vector varying, 
   real apparatus = history_rate(h_apparatus_compliance(), varying, place, fixed);
   real path = compliant ? state[n_states] : start_path + magnitude(rate) * t;
   real u = test[c_piezometer()] > 0 ? state[2 + n_kelvin] : 1;
+  int place_of_b = n_states - compliant;
+  real b = test[c_hardens()] > 0 ? state[place_of_b] : 0;
+  real x_rate = history_dashpot_rate(state[1] - b, path, u, varying, place, fixed, test);
   matrix[n_kelvin, 2] elements = history_elements(element, varying, place, fixed);
   vector[n_kelvin] z_rates = history_kelvin_rates(state[1], segment(state, 2, n_kelvin), elements,
                                                   varying, place, fixed, test);
   real z_rate = dot_product(elements[ : , 2], z_rates);
   real y_rate = (rate - history_rate(h_kelvin_compliance(), varying, place, fixed) * z_rate
-                 - history_dashpot_rate(state[1], path, u, varying, place, fixed, test))
+                 - x_rate)
                 / (history_rate(h_spring_compliance(), varying, place, fixed) + apparatus);
   real path_rate = magnitude(rate - apparatus * y_rate);
   vector[n_states] slope;
@@ -106,6 +76,9 @@ vector strain_driven_rhs(real t, vector state, real start_path, vector varying, 
   if (test[c_piezometer()] > 0) {
     slope[2 + n_kelvin] = history_grain_growth(state[1], u, path_rate, varying, place, fixed,
                                                test);
+  }
+  if (test[c_hardens()] > 0) {
+    slope[place_of_b] = history_backstress_rate(b, x_rate, varying, place, fixed);
   }
   if (compliant) {
     slope[n_states] = path_rate;
@@ -117,7 +90,7 @@ vector strain_driven_rhs(real t, vector state, real start_path, vector varying, 
  * Right-hand side of a stress-driven leg.
  *
  * @param state [x, g] since the start of the leg, then z where the Kelvin element is no linear one,
- *   then u where the grain size follows a piezometer
+ *   then u where the grain size follows a piezometer, then b where there is a backstress
  * @param start_path, start_kelvin g, and z of each element, at the start of the leg
  * @param y_0, rate y at the start, and r
  */
@@ -132,11 +105,13 @@ vector stress_driven_rhs(real t, vector state, real start_path, vector start_kel
   vector[n_kelvin] z = solves_kelvin
                        ? rep_vector(state[3], 1)
                        : linear_kelvin_strains(t, start_kelvin, y_0, rate, elements);
-  real u = test[c_piezometer()] > 0 ? state[n_states] : 1;
+  int hardens = test[c_hardens()] > 0;
+  real u = test[c_piezometer()] > 0 ? state[n_states - hardens] : 1;
+  real b = hardens ? state[n_states] : 0;
   real z_rate
     = dot_product(elements[ : , 2],
                   history_kelvin_rates(y, z, elements, varying, place, fixed, test));
-  real x_rate = history_dashpot_rate(y, start_path + state[2], u, varying, place, fixed, test);
+  real x_rate = history_dashpot_rate(y - b, start_path + state[2], u, varying, place, fixed, test);
   real path_rate
     = magnitude(history_rate(h_spring_compliance(), varying, place, fixed) * rate
                 + history_rate(h_kelvin_compliance(), varying, place, fixed) * z_rate + x_rate);
@@ -146,7 +121,11 @@ vector stress_driven_rhs(real t, vector state, real start_path, vector start_kel
     slope[3] = z_rate; // of one element
   }
   if (test[c_piezometer()] > 0) {
-    slope[n_states] = history_grain_growth(y, u, path_rate, varying, place, fixed, test);
+    slope[n_states - hardens] = history_grain_growth(y, u, path_rate, varying, place, fixed,
+                                                     test);
+  }
+  if (hardens) {
+    slope[n_states] = history_backstress_rate(b, x_rate, varying, place, fixed);
   }
   return slope;
 }
@@ -155,7 +134,7 @@ vector stress_driven_rhs(real t, vector state, real start_path, vector start_kel
  * Right-hand side of a stress-driven leg in which strain only grows (see the head of this file),
  * with a linear Kelvin part and no piezometer.
  *
- * @param state [x] since the start of the leg
+ * @param state [x] since the start of the leg, then b where there is a backstress
  * @param start_path g less the elastic and the Kelvin strain of the specimen at the start of the leg
  */
 vector growing_strain_rhs(real t, vector state, real start_path, vector start_kelvin,
@@ -171,12 +150,19 @@ vector growing_strain_rhs(real t, vector state, real start_path, vector start_ke
     z = dot_product(elements[ : , 2],
                     linear_kelvin_strains(t, start_kelvin, y_0, rate, elements));
   }
-  return [history_dashpot_rate(y,
-                               start_path
-                               + history_rate(h_spring_compliance(), varying, place, fixed) * y
-                               + history_rate(h_kelvin_compliance(), varying, place, fixed) * z
-                               + state[1],
-                               1, varying, place, fixed, test)]';
+  int hardens = test[c_hardens()] > 0;
+  real b = hardens ? state[2] : 0;
+  vector[1 + hardens] slope;
+  slope[1] = history_dashpot_rate(y - b,
+                                  start_path
+                                  + history_rate(h_spring_compliance(), varying, place, fixed) * y
+                                  + history_rate(h_kelvin_compliance(), varying, place, fixed) * z
+                                  + state[1],
+                                  1, varying, place, fixed, test);
+  if (hardens) {
+    slope[2] = history_backstress_rate(b, slope[1], varying, place, fixed);
+  }
+  return slope;
 }
 
 /** Whether strain only grows in a stress-driven leg: see the head of this file. */
@@ -200,7 +186,8 @@ matrix strain_driven_leg(row_vector start, data int at_rest, data array[] real t
   int has_grains = test[c_piezometer()] > 0;
   int compliant = in_use(h_apparatus_compliance(), place, fixed, 0);
   int n_kelvin = rows(element);
-  int n_states = 1 + n_kelvin + has_grains + compliant;
+  int hardens = test[c_hardens()] > 0;
+  int n_states = 1 + n_kelvin + has_grains + hardens + compliant;
   vector[n_kelvin] weight = history_elements(element, varying, place, fixed)[ : , 2];
   real kelvin = history_rate(h_kelvin_compliance(), varying, place, fixed);
   real elastic = history_rate(h_spring_compliance(), varying, place, fixed)
@@ -209,10 +196,12 @@ matrix strain_driven_leg(row_vector start, data int at_rest, data array[] real t
   int n = size(time) + 1 - n_at_start;
   array[n] real after_start = append_array(time[n_at_start + 1 : ], {1.0});
   vector[n_states] from = append_row(append_row(start[1], kelvin_states(start, element)),
-                                     append_row(to_vector(segment(start, 5, has_grains)),
+                                     append_row(to_vector(segment(start, 6 - has_grains,
+                                                                  has_grains + hardens)),
                                                 to_vector(segment(start, 4, compliant))));
   array[n] vector[n_states] solved
-    = fast_history_leg(0, {1, compliant ? n_states - 1 : -1, has_grains ? 2 : -1},
+    = fast_history_leg(0, {1, compliant ? n_states - 1 : -1, has_grains ? 2 : -1,
+                           hardens ? n_states - 1 - compliant : -1},
                        append_array(time[n_at_start + 1 : ], {1.0}), 0, rate,
                        from, compliant ? 0 : start[4], 0, varying, place, fixed, test,
                        element, solver, tolerance);
@@ -223,7 +212,7 @@ matrix strain_driven_leg(row_vector start, data int at_rest, data array[] real t
       solved = ode_bdf_tol(strain_driven_rhs,
                            append_row(rep_vector(0, 1 + n_kelvin),
                                       append_row(rep_vector(1, has_grains),
-                                                 rep_vector(0, compliant))),
+                                                 rep_vector(0, hardens + compliant))),
                            0, after_start, tolerance, tolerance, max_num_steps, 0.0, varying,
                            rate, place, fixed, test, element);
     } else {
@@ -245,8 +234,9 @@ matrix strain_driven_leg(row_vector start, data int at_rest, data array[] real t
     states[at, 4] = compliant
                     ? solved[i][n_states] : start[4] + magnitude(rate) * after_start[i];
     states[at, 5] = has_grains ? solved[i][2 + n_kelvin] : start[5];
+    states[at, 6] = hardens ? solved[i][n_states - compliant] : 0;
     if (n_summed(element) > 0) {
-      states[at, 6 : ] = to_row_vector(segment(solved[i], 2, n_kelvin));
+      states[at, 7 : ] = to_row_vector(segment(solved[i], 2, n_kelvin));
     }
   }
   return states;
@@ -267,7 +257,8 @@ matrix stress_driven_leg(row_vector start, data int at_rest, data array[] real t
   int n_kelvin = rows(element);
   vector[n_kelvin] start_kelvin = kelvin_states(start, element);
   int grows = !has_grains && !solves_kelvin && strain_only_grows(start_kelvin, y_0, rate);
-  int n_states = grows ? 1 : 2 + solves_kelvin + has_grains;
+  int hardens = test[c_hardens()] > 0;
+  int n_states = (grows ? 1 : 2 + solves_kelvin + has_grains) + hardens;
   real spring = history_rate(h_spring_compliance(), varying, place, fixed);
   real kelvin = history_rate(h_kelvin_compliance(), varying, place, fixed);
   matrix[n_kelvin, 2] elements = history_elements(element, varying, place, fixed);
@@ -276,12 +267,11 @@ matrix stress_driven_leg(row_vector start, data int at_rest, data array[] real t
   int n = size(time) + 1 - n_at_start;
   array[n] real after_start = append_array(time[n_at_start + 1 : ], {1.0});
   vector[n_states] from
-    = grows ? rep_vector(0, 1)
-            : append_row(rep_vector(0, 2),
-                         append_row(segment(start, 2, solves_kelvin)',
-                                    to_vector(segment(start, 5, has_grains))));
+    = append_row(append_row(rep_vector(0, grows ? 1 : 2), segment(start, 2, solves_kelvin)'),
+                 to_vector(segment(start, 6 - has_grains, has_grains + hardens)));
   array[n] vector[n_states] solved
-    = fast_history_leg(1, {solves_kelvin ? 2 : -1, grows ? -1 : 1, has_grains ? n_states - 1 : -1},
+    = fast_history_leg(1, {solves_kelvin ? 2 : -1, grows ? -1 : 1,
+                           has_grains ? n_states - 1 - hardens : -1, hardens ? n_states - 1 : -1},
                        append_array(time[n_at_start + 1 : ], {1.0}), y_0, rate, from, grows ? before : start[4], start[2], varying,
                        place, fixed, test, element, solver, tolerance);
   matrix[size(time) + 1, num_elements(start)] states;
@@ -289,18 +279,22 @@ matrix stress_driven_leg(row_vector start, data int at_rest, data array[] real t
   // sensitivities to it. A jump of the stress at the start moves the grain size of a piezometer.
   if (is_nan(solved[1][1])) {
     if (grows && at_rest) {
-      solved = ode_bdf_tol(growing_strain_rhs, rep_vector(0, 1), 0, after_start, tolerance,
+      solved = ode_bdf_tol(growing_strain_rhs, rep_vector(0, n_states), 0, after_start, tolerance,
                            tolerance, max_num_steps, 0.0, rep_vector(0, n_kelvin), varying, y_0,
                            rate, place, fixed, test, element);
-    } else if (grows) {
+    } else if (grows && !hardens) {
       solved = ode_bdf_tol(growing_strain_rhs, rep_vector(0, 1), 0, after_start, tolerance,
                            tolerance, max_num_steps, before, start_kelvin, varying, y_0, rate, place,
                            fixed, test, element);
+    } else if (grows) {
+      solved = ode_bdf_tol(growing_strain_rhs, from, 0, after_start, tolerance, tolerance,
+                           max_num_steps, before, start_kelvin, varying, y_0, rate, place, fixed, test,
+                           element);
     } else if (!has_grains && at_rest) {
-      solved = ode_bdf_tol(stress_driven_rhs, rep_vector(0, 2 + solves_kelvin), 0, after_start,
+      solved = ode_bdf_tol(stress_driven_rhs, rep_vector(0, n_states), 0, after_start,
                            tolerance, tolerance, max_num_steps, start[4], rep_vector(0, n_kelvin),
                            varying, y_0, rate, place, fixed, test, element);
-    } else if (!has_grains && !solves_kelvin) {
+    } else if (!has_grains && !solves_kelvin && !hardens) {
       solved = ode_bdf_tol(stress_driven_rhs, rep_vector(0, 2), 0, after_start, tolerance,
                            tolerance, max_num_steps, start[4], start_kelvin, varying, y_0, rate,
                            place, fixed, test, element);
@@ -319,7 +313,7 @@ matrix stress_driven_leg(row_vector start, data int at_rest, data array[] real t
     if (n_summed(element) > 0) {
       vector[n_kelvin] z = linear_kelvin_strains(t, start_kelvin, y_0, rate, elements);
       states[at, 2] = dot_product(elements[ : , 2], z);
-      states[at, 6 : ] = to_row_vector(z);
+      states[at, 7 : ] = to_row_vector(z);
     } else {
       states[at, 2] = solves_kelvin
                       ? solved[i][3]
@@ -329,7 +323,8 @@ matrix stress_driven_leg(row_vector start, data int at_rest, data array[] real t
     states[at, 4] = grows
                     ? before + spring * states[at, 1] + kelvin * states[at, 2] + solved[i][1]
                     : start[4] + solved[i][2];
-    states[at, 5] = has_grains ? solved[i][n_states] : start[5];
+    states[at, 5] = has_grains ? solved[i][n_states - hardens] : start[5];
+    states[at, 6] = hardens ? solved[i][n_states] : 0;
   }
   return states;
 }
@@ -358,7 +353,8 @@ real stress_under_force(row_vector state, data real force, vector varying,
 /**
  * Right-hand side of a force-driven leg.
  *
- * @param state [s, z of each element, g], then u where the grain size follows a piezometer
+ * @param state [s, z of each element, g], then u where the grain size follows a piezometer, then b
+ *   where there is a backstress
  * @param force, rate f at the start, and r
  */
 vector force_driven_rhs(real t, vector state, vector varying, data real force, data real rate,
@@ -369,7 +365,10 @@ vector force_driven_rhs(real t, vector state, vector varying, data real force, d
   real spring = history_rate(h_spring_compliance(), varying, place, fixed);
   real area = exp(-test[c_strain_scale()] * state[1]); // the first one over that of now
   real y = (force + rate * t) * area;
-  real u = test[c_piezometer()] > 0 ? state[n_states] : 1;
+  int hardens = test[c_hardens()] > 0;
+  real u = test[c_piezometer()] > 0 ? state[n_states - hardens] : 1;
+  real b = hardens ? state[n_states] : 0;
+  real x_rate = history_dashpot_rate(y - b, state[n_kelvin + 2], u, varying, place, fixed, test);
   matrix[n_kelvin, 2] elements = history_elements(element, varying, place, fixed);
   vector[n_states] slope;
   slope[2 : n_kelvin + 1]
@@ -377,12 +376,15 @@ vector force_driven_rhs(real t, vector state, vector varying, data real force, d
   slope[1] = (spring * rate * area
               + history_rate(h_kelvin_compliance(), varying, place, fixed)
                 * dot_product(elements[ : , 2], slope[2 : n_kelvin + 1])
-              + history_dashpot_rate(y, state[n_kelvin + 2], u, varying, place, fixed, test))
+              + x_rate)
              / (1 + test[c_strain_scale()] * spring * y);
   slope[n_kelvin + 2] = magnitude(slope[1]);
   if (test[c_piezometer()] > 0) {
-    slope[n_states] = history_grain_growth(y, u, slope[n_kelvin + 2], varying, place, fixed,
-                                           test);
+    slope[n_states - hardens] = history_grain_growth(y, u, slope[n_kelvin + 2], varying, place,
+                                                     fixed, test);
+  }
+  if (hardens) {
+    slope[n_states] = history_backstress_rate(b, x_rate, varying, place, fixed);
   }
   return slope;
 }
@@ -403,12 +405,14 @@ matrix force_driven_leg(row_vector start, data array[] real time, data real forc
   int n_at_start = first_after(time, 0) - 1;
   int n = size(time) + 1 - n_at_start;
   array[n] real after_start = append_array(time[n_at_start + 1 : ], {1.0});
-  int n_states = n_kelvin + 2 + has_grains;
+  int hardens = test[c_hardens()] > 0;
+  int n_states = n_kelvin + 2 + has_grains + hardens;
   vector[n_states] from = append_row(append_row(specimen_strain(start, varying, place, fixed),
                                                 kelvin_states(start, element)),
-                                     to_vector(segment(start, 4, 1 + has_grains)));
+                                     append_row(to_vector(segment(start, 4, 1 + has_grains)),
+                                                to_vector(segment(start, 6, hardens))));
   array[n] vector[n_states] solved
-    = fast_history_leg(2, {1, 2, has_grains ? 3 : -1},
+    = fast_history_leg(2, {1, 2, has_grains ? 3 : -1, hardens ? n_states - 1 : -1},
                        append_array(time[n_at_start + 1 : ], {1.0}), force, rate, from, 0, 0,
                        varying, place, fixed, test, element, solver, tolerance);
   matrix[size(time) + 1, num_elements(start)] states;
@@ -428,8 +432,9 @@ matrix force_driven_leg(row_vector start, data array[] real time, data real forc
     states[at, 3] = solved[i][1] - specimen_strain(states[at], varying, place, fixed);
     states[at, 4 : 4 + has_grains]
       = to_row_vector(segment(solved[i], n_kelvin + 2, 1 + has_grains));
+    states[at, 6] = hardens ? solved[i][n_states] : 0;
     if (n_summed(element) > 0) {
-      states[at, 6 : ] = to_row_vector(segment(solved[i], 2, n_kelvin));
+      states[at, 7 : ] = to_row_vector(segment(solved[i], 2, n_kelvin));
     }
   }
   return states;

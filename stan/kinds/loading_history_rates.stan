@@ -6,6 +6,7 @@
  * over its duration D, and all states are O(1):
  *
  *   y = stress/S,  z = E_K kelvin_strain/S,  x = dashpot_strain/e,  g = path_strain/e,  u = d/d_0,
+ *   b = backstress/S,
  *
  * with S a stress and e a strain of the test (data), path_strain = integral of |strain rate| of the
  * specimen. In the unit e/D of strain rates,
@@ -15,7 +16,8 @@
  *
  * v_0 the rate of the undeformed dashpot at stress S. With a power-law Kelvin element its linear
  * driving stress stands for q (physics/kelvin_laws.stan), with another law of the dashpot
- * (physics/dashpot_laws.stan) the equivalent stress for y in v_d. A Kelvin part with many relaxation times
+ * (physics/dashpot_laws.stan) the equivalent stress for y in v_d. A backstress (physics/hardening.stan)
+ * leaves y - b of y there. A Kelvin part with many relaxation times
  * (physics/relaxation.stan) is a sum of elements, each with a z_k of its own:
  *
  *   dz_k/dt = c_k (D E_K/eta_K) (y - z_k),  z = sum of w_k z_k.
@@ -25,7 +27,7 @@
  * rest, as the whole microstructure where it is constant, is data.
  */
 
-int n_history_rates() { return 14 + n_relaxation_numbers(); }
+int n_history_rates() { return 18 + n_relaxation_numbers(); }
 
 int h_log_dashpot_rate() { return 1; } // ln v_0
 int h_stress_exponent() { return 2; } // n
@@ -41,10 +43,14 @@ int h_fabric_decay() { return 11; } // e/epsilon_c2
 int h_kelvin_law() { return 12; } // parameter of a Kelvin element that is not linear
 int h_dashpot_stress() { return 13; } // of another law than the power law (physics/dashpot_laws.stan), over S
 int h_stress_scale() { return 14; } // S, Pa
-int h_relaxation() { return 15; } // the first of relaxation_numbers()
+int h_hardening() { return 15; } // H e/S, and the other numbers of backstress_rate() behind it
+int h_backstress_limit() { return 16; } // sigma_max/S
+int h_recovery() { return 17; } // D r
+int h_recovery_exponent() { return 18; } // m
+int h_relaxation() { return 19; } // the first of relaxation_numbers()
 
 /** Places in the constants of a test, which are data. */
-int n_history_constants() { return 8; }
+int n_history_constants() { return 9; }
 
 int c_stress_scale() { return 1; } // S as the load cell reads it, Pa
 int c_strain_scale() { return 2; } // e
@@ -54,6 +60,7 @@ int c_piezometer_exponent() { return 5; }
 int c_piezometer_stress_floor() { return 6; } // Pa
 int c_dashpot_law() { return 7; } // of dashpot_law()
 int c_kelvin_law() { return 8; } // of kelvin_law_at()
+int c_hardens() { return 9; } // 1: the dashpot has a backstress
 
 /** Constants of a test: see their places. */
 vector history_constants(data vector constant, data real initial_grain_size,
@@ -62,7 +69,7 @@ vector history_constants(data vector constant, data real initial_grain_size,
   return [stress_scale, strain_scale, constant[i_kelvin_reference_stress()],
           constant[i_piezometer_reference_grain_size()] / initial_grain_size,
           constant[i_piezometer_exponent()], constant[i_piezometer_stress_floor()],
-          dashpot_law(constant), kelvin_law]';
+          dashpot_law(constant), kelvin_law, has_backstress(constant)]';
 }
 
 /** Compliances in the units of the states: S/(E_K e), S/(E_M e), C S/e. */
@@ -106,7 +113,12 @@ vector history_rates(vector parameter, data vector constant, data real duration,
           1 - parameter[i_steady_state_fabric_factor()],
           strain_scale / parameter[i_critical_strain_fabric()],
           kelvin_law_number(parameter, test[c_kelvin_law()]),
-          dashpot_stress(parameter, dashpot_law(constant)) / stress_scale, stress_scale]',
+          dashpot_stress(parameter, dashpot_law(constant)) / stress_scale, stress_scale,
+          parameter[i_hardening_modulus()] * strain_scale / stress_scale,
+          parameter[i_backstress_limit()] / stress_scale,
+          duration * recovery_rate_at(parameter, at_temperature,
+                                      constant[i_kelvin_reference_temperature()]),
+          parameter[i_recovery_exponent()]]',
          relaxation_numbers(parameter));
 }
 
@@ -115,8 +127,9 @@ vector history_rates(vector parameter, data vector constant, data real duration,
  *
  * @param is_free of each parameter, whether it is inferred in any test
  * @param element elements of the Kelvin part (history_elements())
+ * @param hardens 1: the dashpot has a backstress in some test
  */
-array[] int varying_rates(data array[] int is_free, data matrix element) {
+array[] int varying_rates(data array[] int is_free, data matrix element, data int hardens) {
   array[n_history_rates()] int varies = rep_array(0, n_history_rates());
   int n_varying = 0;
   varies[h_log_dashpot_rate()]
@@ -141,6 +154,14 @@ array[] int varying_rates(data array[] int is_free, data matrix element) {
   varies[h_stress_scale()] = is_free[i_stress_calibration_error()];
   varies[h_dashpot_stress()] = max(is_free[append_array(dashpot_stresses(),
                                                         {i_stress_calibration_error()})]);
+  if (hardens) {
+    varies[h_hardening()] = max(is_free[{i_hardening_modulus(), i_stress_calibration_error()}]);
+    varies[h_backstress_limit()] = max(is_free[{i_backstress_limit(),
+                                                i_stress_calibration_error()}]);
+    varies[h_recovery()] = max(is_free[{i_recovery_rate(), i_recovery_activation_enthalpy(),
+                                        i_temperature_error()}]);
+    varies[h_recovery_exponent()] = is_free[i_recovery_exponent()];
+  }
   varies[h_relaxation() : ] = relaxation_numbers_vary(is_free, element);
   n_varying = sum(varies);
   {
@@ -224,8 +245,42 @@ vector history_kelvin_rates(real y, vector z, matrix elements, vector varying,
 }
 
 /**
+ * z under a linear Kelvin element after a time t under y = y_0 + r t.
+ *
+ * @param start z at t = 0
+ * @param decay per unit time
+ */
+real linear_kelvin_strain(real t, real start, real y_0, real r, real decay) {
+  real gone = -expm1(-decay * t);
+  real settling = start + (y_0 - start) * gone;
+  return r == 0 ? settling : settling + r * (t - gone / decay);
+}
+
+/**
+ * z_k of a sum of elements: as linear_kelvin_strain().
+ *
+ * @param elements of history_elements()
+ */
+vector linear_kelvin_strains(real t, vector start, real y_0, real r, matrix elements) {
+  vector[num_elements(start)] z;
+  for (k in 1 : num_elements(start)) {
+    z[k] = linear_kelvin_strain(t, start[k], y_0, r, elements[k, 1]);
+  }
+  return z;
+}
+
+/** Number of z_k that a leg follows beside z: none where the Kelvin part is one element. */
+int n_summed(data matrix element) { return rows(element) > 1 ? rows(element) : 0; }
+
+/** z of each element of the Kelvin part at a row of states. */
+vector kelvin_states(row_vector state, data matrix element) {
+  return rows(element) > 1 ? to_vector(state[7 : ]) : to_vector(state[2 : 2]);
+}
+
+/**
  * Rate of the dashpot, v_d.
  *
+ * @param y less the backstress
  * @param g path strain over e
  * @param u d/d_0 where the grain size follows a piezometer; elsewhere it has no effect
  */
@@ -271,6 +326,15 @@ real history_grain_growth(real y, real u, real path_rate, vector varying,
             - u);
 }
 
+/** db/dt of a backstress, 0 without one. */
+real history_backstress_rate(real b, real dashpot_rate, vector varying, data array[] int place,
+                             data vector fixed) {
+  return backstress_rate(b, dashpot_rate, history_rate(h_hardening(), varying, place, fixed),
+                         history_rate(h_backstress_limit(), varying, place, fixed),
+                         history_rate(h_recovery(), varying, place, fixed),
+                         history_rate(h_recovery_exponent(), varying, place, fixed));
+}
+
 /** Magnitude; of 0 with the slope 0. */
 real magnitude(real x) {
   return x < 0 ? -x : (x > 0 ? x : 0);
@@ -281,7 +345,7 @@ real magnitude(real x) {
  * elements, or the method does not converge.
  *
  * @param driven by strain 0, by stress 1, by force 2
- * @param state places of z, g and u among the states, from 0; -1: no state
+ * @param state places of z, g, u and b among the states, from 0; -1: no state
  * @param y_0, rate y or f at the start, and r
  * @param start_path, start_kelvin g and z at the start (solvers/radau_leg.stan)
  */
@@ -293,15 +357,20 @@ array[] vector fast_history_leg(data int driven, data array[] int state, data ar
   array[size(time)] vector[num_elements(start)] states;
   if (solver == 1 && rows(element) == 1) {
     vector[num_elements(start)] from = start;
-    vector[17] argument;
+    int hardens = state[4] >= 0;
+    vector[17 + 4 * hardens] argument;
     for (k in 1 : 13) {
       argument[k] = history_rate(k, varying, place, fixed);
     }
     argument[15] = history_rate(h_stress_scale(), varying, place, fixed);
     argument[14] = log(argument[15] / test[c_kelvin_reference()]);
     argument[16 : 17] = [start_path, start_kelvin]';
+    for (k in 1 : 4 * hardens) {
+      argument[17 + k] = history_rate(h_hardening() + k - 1, varying, place, fixed);
+    }
     return radau_leg({driven, place_of_dashpot_law(test[c_dashpot_law()]),
-                      place_of_kelvin_law(test[c_kelvin_law()]), state[1], state[2], state[3]},
+                      place_of_kelvin_law(test[c_kelvin_law()]), state[1], state[2], state[3],
+                      state[4]},
                      {y_0, rate, test[c_strain_scale()], test[c_piezometer()],
                       test[c_piezometer_exponent()], test[c_piezometer_stress_floor()]},
                      time, tolerance, from, argument);

@@ -1,5 +1,5 @@
         // States of a history, and its readings without and with scatter of this deviation.
-        matrix[output_end[e + 1] - output_end[e], 5 + n_summed(element)] states
+        matrix[output_end[e + 1] - output_end[e], 6 + n_summed(element)] states
           = history_states(parameter[e], prior_location[e], varying, leg[part(leg_end, e)],
                            fixed[part(leg_end, e)], test[e], element,
                            output_time_in_leg[part(output_end, e)],

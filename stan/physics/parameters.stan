@@ -4,7 +4,7 @@
  * Priors, fixed values and `parameter` in the programs have this order. Those of variants have
  * standard values that leave them without effect (docs/variants.md).
  */
-int n_parameters() { return 41; }
+int n_parameters() { return 46; }
 
 int i_maxwell_modulus() { return 1; } // E_M, Pa
 int i_kelvin_modulus() { return 2; } // E_K, Pa
@@ -57,9 +57,16 @@ int i_kelvin_reference_grain_size() { return 38; } // d_K, m, always fixed
 
 int i_threshold_stress() { return 39; } // sigma_t, Pa; 0: the dashpot has no threshold
 
+// Of the backstress, physics/hardening.stan
+int i_hardening_modulus() { return 40; } // H, Pa; 0: the dashpot has no backstress
+int i_backstress_limit() { return 41; } // sigma_max, Pa
+int i_recovery_rate() { return 42; } // r, 1/s, at sigma_max and T_0
+int i_recovery_exponent() { return 43; } // m
+int i_recovery_activation_enthalpy() { return 44; } // Q_r, J/mol
+
 // Of the conditions of a test; 0 where they are taken as known
-int i_temperature_error() { return 40; } // true less stated temperature, K
-int i_stress_calibration_error() { return 41; } // c: the load cell reads 1 + c times the stress
+int i_temperature_error() { return 45; } // true less stated temperature, K
+int i_stress_calibration_error() { return 46; } // c: the load cell reads 1 + c times the stress
 
 /** Temperature of a test (K): the stated one and its error. */
 real true_temperature(vector parameter, data real stated) {

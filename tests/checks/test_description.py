@@ -193,7 +193,10 @@ ADVICE: dict[str, tuple[dict[str, xr.Dataset], tuple[str, ...], tuple[str, ...]]
             history_groups(trend(), segment=np.zeros(POINTS), is_strain=True),
             *("breakdown_stress", "residual_correlation_time"),
         ),
-        ("(--variant kelvin=power_law or --variant kelvin=two_elements)",),
+        (
+            "(--variant kelvin=power_law or --variant kelvin=two_elements or --variant "
+            "hardening=backstress)",
+        ),
         ("residuals=autocorrelated",),
     ),
 }

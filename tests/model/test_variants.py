@@ -69,6 +69,7 @@ EVERY_CHOICE = {
     "grain_size": "constant",
     "fabric": "constant",
     "residuals": "autocorrelated",
+    "hardening": "none",
 }
 
 
@@ -101,7 +102,8 @@ def test_a_choice_changes_its_part_alone(
 ) -> None:
     changed = with_variant(priors, ice, {part: law})
     assert variant_of(changed, ice).record() == ModelVariant().record() | {part: law}
-    assert variant_of(changed, ice).short_text == f"{part}={law}"
+    expected = "standard" if law == "none" else f"{part}={law}"
+    assert variant_of(changed, ice).short_text == expected
 
 
 def test_all_choices_survive_a_prior_file(
@@ -384,6 +386,7 @@ VARIANT_TABLES = {
     "kelvin_grain_size_exponent": '"normal"\nlocation = 1.2\nscale = 0.3\nlower = 0\nunit = "1"',
     "kelvin_reference_grain_size": '"fixed"\nvalue = 10.0\nunit = "um"',
     "threshold_stress": '"fixed"\nvalue = 0.0\nunit = "MPa"',
+    "recovery_activation_enthalpy": '"fixed"\nvalue = 60\nunit = "kJ/mol"',
 }
 
 
@@ -428,6 +431,10 @@ def test_prior_files_may_name_the_parameters_of_variants(tmp_path: Path) -> None
         ),
         ({"peak_width": None}, r"\[parameters.peak_width\] is missing"),
         ({"relaxation_exponent": None}, "because relaxation_time_decades is not fixed"),
+        (
+            {"recovery_exponent": '"fixed"\nvalue = 0.9\nunit = "1"'},
+            "key 'value': found 0.9, expected at least 1",
+        ),
     ],
 )
 def test_wrong_tables_are_named(

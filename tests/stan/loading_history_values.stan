@@ -3,6 +3,7 @@ functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
 #include physics/dashpot_laws.stan
+#include physics/hardening.stan
 #include physics/kelvin_laws.stan
 #include physics/relaxation.stan
 #include physics/microstructure.stan
@@ -33,7 +34,7 @@ transformed data {
     = fixed_rates(parameter, leg, initial_grain_size, test);
 }
 generated quantities {
-  matrix[n_times, 7] solution
+  matrix[n_times, 8] solution
     = history_solution(history_states(parameter, parameter, rep_array(0, 0), leg, fixed, test,
                                       element, time, n_in_leg, initial_grain_size, 0, tolerance,
                                       1000000),

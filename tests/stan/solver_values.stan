@@ -3,6 +3,7 @@ functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
 #include physics/dashpot_laws.stan
+#include physics/hardening.stan
 #include physics/kelvin_laws.stan
 #include physics/relaxation.stan
 #include physics/microstructure.stan
@@ -60,7 +61,9 @@ transformed data {
   for (k in free) {
     is_free[k] = 1;
   }
-  array[size(varying_rates(is_free, element))] int varying = varying_rates(is_free, element);
+  int hardens = has_backstress(parameter[1]');
+  array[size(varying_rates(is_free, element, hardens))] int varying
+    = varying_rates(is_free, element, hardens);
 }
 parameters {
   vector[n_sets * n_free] coordinate;

@@ -61,6 +61,7 @@ LAWS: tuple[Mapping[str, str], ...] = (
     {"maxwell": "hyperbolic_sine"},
     {"maxwell": "threshold_stress"},
 )
+HARDENING = {"hardening": "backstress"}
 # The first also says that there is a piezometer: at 5 MPa grains of 60 micrometres are wanted.
 PIEZOMETER = {
     "piezometer_reference_grain_size": 5e-4,
@@ -71,9 +72,13 @@ COMPLIANT = {"apparatus_compliance": 5e-11}
 CASES = (
     *(Case("data/ice/PIL40.toml", ICE, laws) for laws in LAWS),
     *(Case("data/dunite/dunite_4581.toml", DUNITE, laws) for laws in LAWS),
-    *(Case("data/calibration/ice_creep.toml", ICE, laws) for laws in LAWS),
-    *(Case("data/calibration/ice_mixed.toml", ICE, laws) for laws in LAWS),
-    Case("data/halite/halite_z3.toml", HALITE),
+    *(Case("data/calibration/ice_creep.toml", ICE, laws) for laws in (*LAWS, HARDENING)),
+    *(Case("data/calibration/ice_mixed.toml", ICE, laws) for laws in (*LAWS, HARDENING)),
+    *(Case("data/halite/halite_z3.toml", HALITE, laws) for laws in ({}, HARDENING)),
+    *(
+        Case("data/calibration/ice_mixed.toml", ICE, {**HARDENING, **laws}, PIEZOMETER | COMPLIANT)
+        for laws in LAWS
+    ),
     Case("data/ice/PIL40.toml", ICE, constants=PIEZOMETER),
     Case("data/calibration/ice_mixed.toml", ICE, constants=COMPLIANT),
     Case("data/calibration/ice_mixed.toml", ICE, {"kelvin": "power_law"}, PIEZOMETER | COMPLIANT),

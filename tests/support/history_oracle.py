@@ -11,8 +11,8 @@ from pyburgers.kinds.loading_history.stages import Leg
 
 FloatArray = npt.NDArray[np.float64]
 
-STRESS, STRAIN, KELVIN, DASHPOT, PATH, GRAINS, FABRIC = range(7)
-"""Rows of a solution: Pa, fractions, m, and F."""
+STRESS, STRAIN, KELVIN, DASHPOT, PATH, GRAINS, FABRIC, BACKSTRESS = range(8)
+"""Rows of a solution: Pa, fractions, m, F and Pa."""
 
 
 def history(
@@ -21,12 +21,12 @@ def history(
     legs: Sequence[Leg],
     times: Sequence[FloatArray],
 ) -> FloatArray:
-    """Solution of a test that starts at rest, at times (s) of each leg, shape (7, n_times).
+    """Solution of a test that starts at rest, at times (s) of each leg, shape (8, n_times).
 
     Every state has a rate of its own: nothing is known in advance, nothing is eliminated.
     """
     elastic = 1 / parameters["maxwell_modulus"]
-    state = np.array([0.0, 0.0, 0.0, 0.0, 0.0, initial_grain_size, 1.0])
+    state = np.array([0.0, 0.0, 0.0, 0.0, 0.0, initial_grain_size, 1.0, 0.0])
     parts = []
     for leg, wanted in zip(legs, times, strict=True):
         if leg.driven == "stress":
@@ -44,7 +44,7 @@ def history(
             method="LSODA",
             rtol=1e-11,
             args=(parameters, leg),
-            atol=1e-13 * np.array([1e8, 1, 1, 1, 1, 1e-3, 1]),
+            atol=1e-13 * np.array([1e8, 1, 1, 1, 1, 1e-3, 1, 1e8]),
             t_eval=(outputs := np.unique(np.append(since, duration))),
         )
         assert solved.success, solved.message
@@ -72,7 +72,8 @@ def _rates(
     apparatus = parameters.get("apparatus_compliance", 0.0)
     elastic = 1 / parameters["maxwell_modulus"]
     kelvin = oracle.kelvin_rate(parameters, leg.temperature, stress, state[KELVIN])
-    dashpot = float(oracle.dashpot_rate(parameters, leg.temperature, stress, grains, fabric))
+    effective = stress - state[BACKSTRESS]
+    dashpot = float(oracle.dashpot_rate(parameters, leg.temperature, effective, grains, fabric))
     if leg.driven == "stress":
         stress_rate = leg.rate
     else:
@@ -90,5 +91,6 @@ def _rates(
             abs(specimen)
             * (parameters["steady_state_fabric_factor"] - fabric)
             / parameters["critical_strain_fabric"],
+            oracle.backstress_rate(parameters, leg.temperature, state[BACKSTRESS], dashpot),
         ]
     )

@@ -68,6 +68,23 @@ def kelvin_rate(
     return float(rate)
 
 
+def backstress_rate(
+    parameters: Mapping[str, float], temperature: float, backstress: float, dashpot_rate: float
+) -> float:
+    """Storage by flow less dynamic recovery and static recovery (Pa/s)."""
+    modulus = parameters.get("hardening_modulus", 0.0)
+    if modulus == 0.0:
+        return 0.0
+    slower = 1 / temperature - 1 / parameters["kelvin_reference_temperature"]
+    activated = np.exp(-parameters["recovery_activation_enthalpy"] / GAS_CONSTANT * slower)
+    share = backstress / parameters["backstress_limit"]
+    static = parameters["recovery_rate"] * activated * backstress
+    return float(
+        modulus * (dashpot_rate - abs(dashpot_rate) * share)
+        - static * abs(share) ** (parameters["recovery_exponent"] - 1)
+    )
+
+
 def wanted_grain_size(parameters: Mapping[str, float], stress: float) -> float:
     """Grain size (m) that grains evolve to: d_ss, or that of a piezometer."""
     at_one_megapascal = parameters.get("piezometer_reference_grain_size", 0.0)

@@ -16,6 +16,7 @@ from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.read_quantities import LOG_MODULUS, LOG_TAN_DELTA, Quantity
+from pyburgers.model.variants import variant_of
 
 POSITIVE = ("kelvin_modulus", "kelvin_viscosity")
 """Parameters whose logarithms are shifted."""
@@ -289,7 +290,7 @@ class AttenuationLikelihood(Likelihood[AttenuationExperiment]):
         return {"reading_grid_end": ends(sizes), **found}
 
     def check_priors(self, experiment: AttenuationExperiment, priors: PriorSet) -> None:
-        """Refuse readings without error or scatter, and a nonlinear dashpot without amplitudes."""
+        """Refuse readings without errors, and dashpots that need other stresses than are stated."""
         for name, stated in experiment.noises.items():
             if stated is None and is_fixed_at(priors[name], 0.0):
                 raise InputError(
@@ -301,6 +302,13 @@ class AttenuationLikelihood(Likelihood[AttenuationExperiment]):
                 f"{experiment.id}: the amplitude of the stress is not stated, so that only a "
                 "linear dashpot is known to answer it, found a stress exponent other than 1 in "
                 f"the priors {priors.title!r}, expected amplitudes or the variant maxwell=linear."
+            )
+        if variant_of(priors, experiment).hardening != "none" and np.any(
+            experiment.conditions.median_stress != 0
+        ):
+            raise InputError(
+                f"{experiment.id}: hardening=backstress takes cycles about zero stress, found a "
+                "median stress, expected none or the variant hardening=none."
             )
 
     def as_history(self, experiment: AttenuationExperiment) -> AttenuationExperiment:

@@ -34,6 +34,10 @@ enum Argument {
   stress_scale,     // S, Pa
   start_path,       // g at the start; where strain only grows, less what the load has stretched
   start_kelvin,     // z at the start, where it is not a state
+  hardening,        // H e/S; this one and the others are given where there is a backstress
+  backstress_limit, // sigma_max/S
+  recovery,         // D r
+  recovery_exponent,
   n_arguments
 };
 
@@ -48,15 +52,15 @@ enum KelvinLaw { linear, kelvin_power_law };
 struct Leg {
   int driven;
   int dashpot_law, kelvin_law;
-  int z, g, u; // places among the states, -1: not solved for
+  int z, g, u, b; // places among the states, -1: not solved for
   double y_0;  // y or f at the start
   double rate; // r
   double strain_scale;
   double piezometer, piezometer_exponent, piezometer_floor; // d_1/d_0, m, Pa
 
-  /** The entries are in the order above. */
+  /** The entries are in the order above; without a backstress there may be none for b. */
   Leg(const std::vector<int> &law, const std::vector<double> &known)
-      : driven(law[0]), dashpot_law(law[1]), kelvin_law(law[2]), z(law[3]), g(law[4]), u(law[5]), y_0(known[0]), rate(known[1]), strain_scale(known[2]), piezometer(known[3]),
+      : driven(law[0]), dashpot_law(law[1]), kelvin_law(law[2]), z(law[3]), g(law[4]), u(law[5]), b(law.size() > 6 ? law[6] : -1), y_0(known[0]), rate(known[1]), strain_scale(known[2]), piezometer(known[3]),
         piezometer_exponent(known[4]), piezometer_floor(known[5]) {}
 
   /** Whether these laws are known here. */
@@ -129,6 +133,29 @@ struct Flow {
   }
 };
 
+/** db/dt of the backstress. */
+struct Backstress {
+  double rate, by_flow, by_backstress, by_hardening, by_limit, by_recovery, by_exponent;
+
+  void set(double b, double flow_rate, const double *x) {
+    const double limit = x[backstress_limit];
+    const double stored = flow_rate - std::fabs(flow_rate) * b / limit;
+    // r sgn(b) |b/limit|^m, and its part |b/limit|^(m - 1) at any b
+    const double ratio = std::fabs(b) / limit;
+    const double slower = std::pow(ratio, x[recovery_exponent] - 1);
+    const double share = b / limit * slower;
+    const double recovery_slope = x[recovery] * x[recovery_exponent] * slower;
+    rate = x[hardening] * stored - limit * x[recovery] * share;
+    by_flow = x[hardening] * (1 - (flow_rate < 0 ? -b : b) / limit);
+    by_backstress = -x[hardening] * std::fabs(flow_rate) / limit - recovery_slope;
+    by_hardening = stored;
+    by_limit = x[hardening] * std::fabs(flow_rate) * b / (limit * limit) - x[recovery] * share
+               + recovery_slope * b / limit;
+    by_recovery = -limit * share;
+    by_exponent = ratio > 0 ? -limit * x[recovery] * share * std::log(ratio) : 0;
+  }
+};
+
 /** dz/dt of the Kelvin element under the driving stress q. */
 struct Kelvin {
   double rate, by_stress, by_decay, by_exponent, by_log_unit;
@@ -166,8 +193,8 @@ struct Piezometer {
 };
 
 /**
- * Rates of a leg with N states, in the order of kinds/loading_history_legs.stan: y, z, u, g where
- * strain is imposed; x, g, z, u under a stress; s, z, g, u under a force.
+ * Rates of a leg with N states, in the order of kinds/loading_history_legs.stan: y, z, u, b, g where
+ * strain is imposed; x, g, z, u, b under a stress; s, z, g, u, b under a force.
  */
 template <int N>
 class LegRates {
@@ -176,21 +203,23 @@ class LegRates {
 
   struct Point {
     double t, state[N], rate[N];
-    double y, z, path, u, area;
+    double y, z, path, u, b, area;
     double z_by_decay, z_by_start; // where it is not a state
     double path_rate, sign, denominator;
     Relative fabric, grains;
     Flow flow;
     Kelvin kelvin;
+    Backstress backstress;
     Piezometer wanted;
   };
 
-  LegRates(const Leg &leg, const double *arguments) : leg_(leg) {
-    std::copy_n(arguments, static_cast<int>(n_arguments), x_);
+  LegRates(const Leg &leg, const Eigen::VectorXd &arguments) : leg_(leg), x_{} {
+    std::copy_n(arguments.data(), arguments.size(), x_);
   }
 
   void prepare(Point &p) const {
     p.u = 1;
+    p.b = 0;
     p.area = 1;
     p.z_by_decay = p.z_by_start = 0;
     if (leg_.driven == by_stress) {
@@ -215,6 +244,9 @@ class LegRates {
     if (leg_.z >= 0) {
       p.z = p.state[leg_.z];
     }
+    if (leg_.b >= 0) {
+      p.b = p.state[leg_.b];
+    }
     if (leg_.u >= 0) {
       p.u = p.state[leg_.u];
       p.wanted.set(p.y, x_[stress_scale], leg_);
@@ -227,8 +259,8 @@ class LegRates {
       set_microstructure(p);
     }
     p.kelvin.set(p.y - p.z, leg_.kelvin_law, x_);
-    p.flow.set(p.y, p.fabric.log, leg_.u >= 0 ? std::log(p.u) : p.grains.log, leg_.dashpot_law,
-               x_);
+    p.flow.set(p.y - p.b, p.fabric.log, leg_.u >= 0 ? std::log(p.u) : p.grains.log,
+               leg_.dashpot_law, x_);
     const double inelastic = x_[kelvin_compliance] * p.kelvin.rate + p.flow.rate;
     double strain_rate;
     if (leg_.driven == by_strain) {
@@ -250,6 +282,10 @@ class LegRates {
     }
     if (leg_.g >= 0) {
       p.rate[leg_.g] = p.path_rate;
+    }
+    if (leg_.b >= 0) {
+      p.backstress.set(p.b, p.flow.rate, x_);
+      p.rate[leg_.b] = p.backstress.rate;
     }
     if (leg_.u >= 0) {
       p.rate[leg_.u] = p.path_rate * x_[grain_size_decay] * (p.wanted.value - p.u);
@@ -298,6 +334,17 @@ class LegRates {
       }
     }
     kelvin_rate += inelastic * x_[kelvin_compliance];
+    if (leg_.b >= 0) {
+      const double storage = by_rate[leg_.b];
+      flow_rate += storage * p.backstress.by_flow;
+      by_state[leg_.b] += storage * p.backstress.by_backstress - flow_rate * p.flow.by_stress;
+      if (args) {
+        by_x[hardening] += storage * p.backstress.by_hardening;
+        by_x[backstress_limit] += storage * p.backstress.by_limit;
+        by_x[recovery] += storage * p.backstress.by_recovery;
+        by_x[recovery_exponent] += storage * p.backstress.by_exponent;
+      }
+    }
     const double log_fabric = flow_rate * p.flow.by_log_fabric;
     const double log_grain_size = -flow_rate * p.flow.rate * x_[grain_size_exponent];
     double path = log_fabric * p.fabric.by_path;

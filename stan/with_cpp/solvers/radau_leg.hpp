@@ -20,7 +20,7 @@ std::vector<Eigen::Matrix<T, -1, 1>> without_solution(std::size_t n_times, int n
 template <int N>
 Outputs solve_leg(const Leg &leg, const std::vector<double> &time, double tolerance,
                   const Eigen::VectorXd &start, const Eigen::VectorXd &argument) {
-  const Trajectory<LegRates<N>> trajectory({leg, argument.data()}, tolerance);
+  const Trajectory<LegRates<N>> trajectory({leg, argument}, tolerance);
   std::vector<Step<LegRates<N>>> steps;
   steps.reserve(time.size() + 16);
   Outputs states;
@@ -43,7 +43,7 @@ std::vector<stan::math::vector_v> solve_leg(const Leg &leg, const std::vector<do
   using State = typename Trajectory<Rates>::State;
   const State start_value = start.val();
   const Eigen::VectorXd argument_value = argument.val();
-  const Trajectory<Rates> trajectory({leg, argument_value.data()}, tolerance);
+  const Trajectory<Rates> trajectory({leg, argument_value}, tolerance);
   // In the arena, which Stan frees; the callback below holds pointers alone.
   std::vector<Step<Rates>, stan::math::arena_allocator<Step<Rates>>> steps;
   steps.reserve(time.size() + 16);
@@ -65,11 +65,12 @@ std::vector<stan::math::vector_v> solve_leg(const Leg &leg, const std::vector<do
   if (!solved) {
     return without_solution<stan::math::var>(n_times, N);
   }
-  vari **input = memory.alloc_array<vari *>(N + n_arguments);
+  const int n_given = argument.size();
+  vari **input = memory.alloc_array<vari *>(N + n_given);
   for (int a = 0; a < N; ++a) {
     input[a] = start[a].vi_;
   }
-  for (int k = 0; k < n_arguments; ++k) {
+  for (int k = 0; k < n_given; ++k) {
     input[N + k] = argument[k].vi_;
   }
   const Step<Rates> *step = steps.data();
@@ -86,7 +87,7 @@ std::vector<stan::math::vector_v> solve_leg(const Leg &leg, const std::vector<do
     for (int a = 0; a < N; ++a) {
       input[a]->adj_ += by_state[a];
     }
-    for (int k = 0; k < n_arguments; ++k) {
+    for (int k = 0; k < n_given; ++k) {
       input[N + k]->adj_ += by_argument[k];
     }
   });
@@ -113,6 +114,8 @@ std::vector<Eigen::Matrix<stan::promote_args_t<T_start, T_argument>, -1, 1>> rad
       return solve_leg<3>(leg, time, tolerance, from, with);
     case 4:
       return solve_leg<4>(leg, time, tolerance, from, with);
+    case 5:
+      return solve_leg<5>(leg, time, tolerance, from, with);
     default:
       return without_solution<stan::promote_args_t<T_start, T_argument>>(time.size(), start.size());
   }

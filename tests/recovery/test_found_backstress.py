@@ -1,0 +1,44 @@
+"""A backstress is found again in synthetic tests that load, unload, relax and creep."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from history_twins import TRUTH, history_twin
+
+from pyburgers import SamplerOptions, fit, priors, with_variant
+from pyburgers.model.laws import HARDENING_LAWS
+from pyburgers.model.parameters import PARAMETER_BY_NAME
+from pyburgers.model.prior_families import fixed_prior
+
+BACKSTRESS = {
+    "hardening_modulus": 1e9,
+    "backstress_limit": 4e6,
+    "recovery_rate": 1e-3,
+    "recovery_exponent": 2.0,
+    "recovery_activation_enthalpy": 65e3,
+    "kelvin_reference_temperature": 260.0,
+}
+MICROSTRUCTURE = (
+    "steady_state_grain_size",
+    "steady_state_fabric_factor",
+    "critical_strain_grain_size",
+    "critical_strain_fabric",
+)
+OPTIONS = SamplerOptions(chains=2, warmup=300, draws=500, seed=3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["mixed", "load and unload"])
+def test_the_numbers_of_a_backstress_are_found_again(name: str, tmp_path: Path) -> None:
+    truth = {**TRUTH, **BACKSTRESS, "residual_correlated_share": 0.0}
+    test = history_twin(name, 40, values=truth)
+    known = [fixed_prior(PARAMETER_BY_NAME[one], truth[one], "known") for one in MICROSTRUCTURE]
+    choices = {"residuals": "independent", "hardening": "backstress"}
+    chosen = with_variant(priors("ice").exchanging(*known), test, choices)
+    draws = fit(test, chosen, out=tmp_path / "run", options=OPTIONS).posterior["posterior"]
+    for parameter in HARDENING_LAWS["backstress"].parameters:
+        low, high = np.quantile(draws[parameter], [0.005, 0.995])
+        assert low < truth[parameter] < high, parameter
+    # The data say how fast flow stores it: ln H has a standard deviation of 1 in the prior.
+    assert np.log(draws["hardening_modulus"]).std() < 0.5

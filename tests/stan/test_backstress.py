@@ -1,0 +1,298 @@
+"""A dashpot with a backstress: limits, steady states, density, gradients, priors, refusals."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import history_oracle
+import numpy as np
+import numpy.typing as npt
+import oracle
+import pytest
+from conftest import ICE
+from evaluated_laws import value_of
+from history_twins import GRAIN_SIZE, TEMPERATURE, TRUTH, history_twin, residual_covariance
+from log_density import assert_gradient_is_slope, program_with
+from scipy import stats
+from scipy.optimize import brentq
+from stan_data import parameters_in
+
+from pyburgers import Regime, attenuation_spectrum, load_experiment
+from pyburgers.common.errors import InputError
+from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
+from pyburgers.kinds.attenuation.files import load_attenuation
+from pyburgers.kinds.forward import simulate
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
+from pyburgers.kinds.loading_history.stages import Stage, legs_of
+from pyburgers.kinds.problem import problem_of
+from pyburgers.kinds.program_data import given_parameters, program_data
+from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.model.arrhenius import GAS_CONSTANT
+from pyburgers.model.laws import HARDENING_LAWS
+from pyburgers.model.priors import default_priors
+from pyburgers.model.variants import variant_of, with_variant
+from pyburgers.predictions.evolving import solve_imposed_stress
+from pyburgers.predictions.exported import laws_of
+
+FloatArray = npt.NDArray[np.float64]
+pytestmark = pytest.mark.usefixtures("programs")
+
+EXACT = SolverOptions(tolerance=1e-13, max_num_steps=10_000_000)
+CHOICE = {"hardening": "backstress"}
+PARAMETERS = HARDENING_LAWS["backstress"].parameters
+ENDLESS = {"backstress_limit": 1e25}
+FROZEN = {
+    **TRUTH,
+    "grain_size_exponent": 0.0,
+    "steady_state_fabric_factor": 1.0,
+    "activation_enthalpy": 60e3,
+}
+STIFF = {"kelvin_modulus": 1e20, "kelvin_viscosity": 1e22}
+BACKSTRESS = {
+    "hardening_modulus": 4e8,
+    "backstress_limit": 4e6,
+    "recovery_rate": 2e-3,
+    "recovery_exponent": 2.5,
+    "recovery_activation_enthalpy": 60e3,
+    "kelvin_reference_temperature": 265.0,
+}
+
+
+def beta(rate: float, stress: float, exponent: float) -> float:
+    """Of a dashpot of the frozen material that has a rate (1/s) at a stress (Pa)."""
+    log_factor = np.log(rate) - exponent * np.log(stress)
+    return float(log_factor / 60e3 + 1 / (GAS_CONSTANT * TEMPERATURE))
+
+
+def flowing(rate: float, stress: float, exponent: float, **others: float) -> dict[str, float]:
+    flow = {"stress_exponent": exponent, "beta": beta(rate, stress, exponent)}
+    return {**FROZEN, **STIFF, **flow, **others}
+
+
+def of_one_stage(control: str, value: float, duration: float) -> HistoryExperiment:
+    return replace(
+        history_twin("creep", 2),
+        stages=(Stage(control, 0.0, duration, TEMPERATURE, value),),  # type: ignore[arg-type]
+        time=np.empty(0),
+        reading_stage=np.empty(0, dtype=np.int64),
+        reading=np.empty(0),
+    )
+
+
+@pytest.mark.parametrize("name", ["creep", "load and unload", "relaxation", "mixed"])
+def test_without_recovery_a_linear_dashpot_is_a_kelvin_element(name: str) -> None:
+    test = history_twin(name, 30)
+    modulus, viscosity = 0.8e9, 1.2e11
+    no_flow = {**flowing(1e-30, 1e6, 1.0), "kelvin_modulus": modulus, "kelvin_viscosity": viscosity}
+    kelvin = simulate(test, no_flow, solver=EXACT)
+    dashpot = flowing(1e6 / viscosity, 1e6, 1.0, hardening_modulus=modulus, **ENDLESS)
+    hardened = simulate(test, dashpot, solver=EXACT)
+    for column in ("stress_Pa", "strain"):
+        scale = np.abs(kelvin[column]).max()
+        np.testing.assert_allclose(hardened[column], kelvin[column], rtol=0, atol=1e-8 * scale)
+    assert kelvin["kelvin_strain"].max() > 1e-4
+    assert np.abs(hardened["kelvin_strain"]).max() < 1e-12
+
+
+def test_creep_of_a_power_law_without_recovery_has_the_closed_form() -> None:
+    """The effective stress q = stress - H strain has dq/dt = -H A q^n."""
+    stress, exponent, modulus = 5e6, 3.5, 2e9
+    rate = 1e-5  # at the stress
+    values = flowing(rate, stress, exponent, hardening_modulus=modulus, **ENDLESS)
+    time = np.geomspace(1.0, 1e5, 30)
+    found = simulate(of_one_stage("stress", stress, 1e5), values, at=time, solver=EXACT)
+    slowing = (exponent - 1) * modulus * rate * stress**-exponent * time
+    effective = (stress ** (1 - exponent) + slowing) ** (1 / (1 - exponent))
+    expected = (stress - effective) / modulus + stress / values["maxwell_modulus"]
+    np.testing.assert_allclose(found["strain"], expected, rtol=1e-8)
+    assert effective[-1] < 0.5 * stress
+
+
+@pytest.mark.parametrize("exponent", [1.0, 3.0])
+@pytest.mark.parametrize("recovery", [0.0, 2e-3])
+def test_a_steady_stress_balances_storage_and_recovery(recovery: float, exponent: float) -> None:
+    rate = 1e-4
+    others = {**BACKSTRESS, "recovery_rate": recovery, "hardening_modulus": 4e9}
+    values = flowing(rate, 3e6, exponent, **others)
+    found = simulate(of_one_stage("strain_rate", rate, 4e3), values, at=[4e3], solver=EXACT)
+    slower = 1 / TEMPERATURE - 1 / values["kelvin_reference_temperature"]
+    here = recovery * np.exp(-60e3 / GAS_CONSTANT * slower)
+
+    def balance(share: float) -> float:
+        lost = here * values["backstress_limit"] * share ** values["recovery_exponent"]
+        return float(values["hardening_modulus"] * rate * (1 - share) - lost)
+
+    share = brentq(balance, 0.0, 1.0, xtol=1e-14)
+    expected = 3e6 + share * values["backstress_limit"]
+    assert found["stress_Pa"].item() == pytest.approx(expected, rel=1e-8)
+
+
+def test_the_log_likelihood_is_that_of_the_independent_solution(tmp_path: Path) -> None:
+    test = history_twin("mixed", 16)
+    problem = problem_of([test], with_variant(default_priors("ice"), test, CHOICE))
+    data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
+    program = program_with(problem.likelihood.program, data, tmp_path / "program")
+    at = np.array(0.2 * np.random.default_rng(4).standard_normal(data["n_coordinates"]))
+    columns = program.columns_at({"coordinate": at.tolist()})
+    values = parameters_in(columns)
+    assert values["hardening_modulus"] > 0
+    legs = legs_of(test.stages)
+    times = [test.time[test.reading_stage == stage] for stage in range(len(legs))]
+    solution = history_oracle.history(values, GRAIN_SIZE, legs, times)
+    is_strain = test.response_is_strain
+    model = np.where(is_strain, solution[history_oracle.STRAIN], solution[history_oracle.STRESS])
+    covariance = residual_covariance(values, test.time, test.reading_stage, is_strain)
+    noise = np.sqrt(np.diag(covariance))  # Pa, or of strain
+    residual = (test.response - model) / noise
+    standard = stats.multivariate_normal(cov=covariance / np.outer(noise, noise))
+    expected = standard.logpdf(residual) - np.log(noise).sum()
+    found = sum(columns[f"log_lik.{i + 1}"] for i in range(test.n_points))
+    assert found == pytest.approx(expected, abs=1e-3)
+
+
+@pytest.mark.parametrize("others", [{}, {"maxwell": "linear"}, {"kelvin": "power_law"}])
+def test_gradients_are_slopes_of_the_density(others: Mapping[str, str], tmp_path: Path) -> None:
+    test = history_twin("mixed", 16)
+    priors = with_variant(default_priors("ice"), test, {**others, **CHOICE})
+    problem = problem_of([test], priors)
+    data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
+    program = program_with(problem.likelihood.program, data, tmp_path / "program")
+    point = np.array(0.1 * np.random.default_rng(2).standard_normal(data["n_coordinates"]))
+    names = list(problem.layout.names)
+    assert_gradient_is_slope(program, point, [names.index(name) for name in PARAMETERS])
+
+
+def test_an_exponent_below_one_is_refused() -> None:
+    values = {**TRUTH, **BACKSTRESS, "recovery_exponent": 0.9}
+    with pytest.raises(InputError, match=r"recovery_exponent is 0\.9, expected at least 1"):
+        simulate(history_twin("creep", 4), values)
+
+
+def test_weak_priors_follow_the_test() -> None:
+    test, priors = history_twin("mixed", 16), default_priors("ice")
+    changed = with_variant(priors, test, CHOICE)
+    assert variant_of(changed, test) == replace(variant_of(priors, test), hardening="backstress")
+    assert set(changed.free) - set(priors.free) == {*PARAMETERS}
+    medians = {name: changed[name].location for name in PARAMETERS[:3]}
+    modulus = priors["kelvin_modulus"].mean_sd()[0]
+    half, often = 0.5 * test.largest_stress, 10 / np.ptp(test.time)
+    rounded = [float(f"{one:.0e}") for one in (modulus, half, often)]  # to one digit
+    assert medians == dict(zip(PARAMETERS[:3], rounded, strict=True))
+    enthalpy = priors["activation_enthalpy"].mean_sd()[0]
+    assert changed["recovery_activation_enthalpy"].location == enthalpy
+    assert with_variant(changed, test, CHOICE) == changed
+    back = with_variant(changed, test, {"hardening": "none"})
+    assert back.free == priors.free
+    assert with_variant(back, test, CHOICE).free == changed.free
+
+
+def test_a_test_at_constant_rate_takes_it_as_a_history_alone() -> None:
+    test = load_experiment(ICE / "PIL40.toml")
+    with pytest.raises(InputError, match="hardening=backstress is not for tests of"):
+        with_variant(default_priors("ice"), test, CHOICE)
+
+
+SPECTRUM = """
+id = "spectrum"
+material = "ice"
+protocol = "attenuation"
+temperature_K = 260.0
+initial_grain_size_m = 230e-6
+attenuation.deformation = "axial"
+spectra = [{ periods_s = [30.0, 300.0, 3000.0] }]
+provenance = { kind = "synthetic", source = "imagined" }
+"""
+LINEAR_FORM = {"hardening_modulus": 2e9, "recovery_rate": 2e-3, "recovery_exponent": 1.0}
+
+
+def spectrum(folder: Path, text: str = SPECTRUM) -> AttenuationExperiment:
+    (folder / "spectrum.toml").write_text(text, encoding="utf-8")
+    return load_attenuation(folder / "spectrum.toml")
+
+
+def complex_compliance(
+    test: HistoryExperiment, values: Mapping[str, float], period: float
+) -> complex:
+    """Fundamental of the strain over that of the stress in the last four cycles, 1/Pa."""
+    time = test.end_time + period * np.linspace(-4.0, 0.0, 1600, endpoint=False)
+    found = simulate(test, values, at=time, solver=EXACT)
+    wave = np.exp(2j * np.pi * time / period)
+    drift = np.linspace(-1, 1, time.size)
+    terms = np.column_stack([wave.real, wave.imag, drift**0, drift, drift**2])
+    parts = [np.linalg.lstsq(terms, found[name], rcond=None)[0] for name in ("strain", "stress_Pa")]
+    strain, stress = (complex(one[0], one[1]) for one in parts)
+    return complex(np.conj(strain / stress))
+
+
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_small_cycles_in_time_have_the_compliance_of_a_table(place: int, tmp_path: Path) -> None:
+    table = spectrum(tmp_path)
+    period = [30.0, 300.0, 3000.0][place]
+    linear = flowing(5e-6, 1e6, 1.0, kelvin_modulus=5e9, kelvin_viscosity=1e11)
+    values = {**linear, **BACKSTRESS, **LINEAR_FORM}
+    both = simulate(table, values, at=[*table.conditions.place, *(1 + table.conditions.place)])
+    log_tan_delta, log_modulus = both["log_reading"].to_numpy().reshape(2, 3)[:, place]
+    # As many cycles as the slowest part needs to settle.
+    n_cycles = 10 + int(np.ceil(2e3 / period))
+    knots = np.linspace(0.0, n_cycles, 200 * n_cycles + 1)
+    stress = 100.0 * np.sin(2 * np.pi * knots)
+    test = of_one_stage("stress_series", 0.0, n_cycles * period)
+    legs = tuple(zip(knots * period, stress, strict=True))
+    test = replace(test, stages=(replace(test.stages[0], knots=legs),))
+    found = complex_compliance(test, values, period)
+    assert -found.imag / found.real == pytest.approx(np.exp(log_tan_delta), rel=1e-4)
+    assert 1 / abs(found) == pytest.approx(np.exp(log_modulus), rel=1e-4)
+    without = simulate(table, linear, at=[*table.conditions.place])["log_reading"].to_numpy()
+    assert abs(without[place] - log_tan_delta) > 3e-3
+
+
+def test_tables_take_the_linear_form_about_zero_stress_alone(tmp_path: Path) -> None:
+    table, priors = spectrum(tmp_path), default_priors("ice", "attenuation")
+    with pytest.raises(InputError, match="about zero stress a power law neither flows nor"):
+        with_variant(priors, table, CHOICE)
+    twin = load_attenuation(ICE / "attenuation_twin.toml")
+    linear = with_variant(priors, twin, {"maxwell": "linear", **CHOICE})
+    assert {"hardening_modulus", "recovery_rate"} == {*linear.free} & {*PARAMETERS}
+    with pytest.raises(InputError, match="recovery_exponent fixed at 1"):
+        simulate(table, {**flowing(1e-5, 1e6, 1.0), **BACKSTRESS})
+    with pytest.raises(InputError, match="takes cycles about zero stress"):
+        problem_of([twin], linear)
+
+
+def test_stress_cycles_refuse_it() -> None:
+    values = {**TRUTH, **BACKSTRESS}
+    regime = Regime(2e6, 1e6)
+    with pytest.raises(InputError, match="hardening_modulus: found values other than 0"):
+        attenuation_spectrum(values, [1e-3], [regime], temperature=263.0, grain_size=2e-4)
+    with pytest.raises(InputError, match="hardening_modulus: found values other than 0"):
+        solve_imposed_stress(
+            {name: np.array([value]) for name, value in values.items()},
+            regime,
+            1e-3,
+            np.array([0.0, 1.0]),
+            temperature=263.0,
+            grain_size=np.array([2e-4]),
+            fabric_factor=np.ones(1),
+            hold_time=10.0,
+            evolving=False,
+            solver=EXACT,
+        )
+
+
+def test_exported_laws_are_those_of_the_program() -> None:
+    test, values = history_twin("creep", 4), {**TRUTH, **BACKSTRESS}
+    laws = laws_of(given_parameters("ice", values), test)
+    factor = values["beta"] * values["activation_enthalpy"]
+    names = {**values, "R": GAS_CONSTANT, "temperature": TEMPERATURE, "fabric_factor": 0.9}
+    names |= {"grain_size": GRAIN_SIZE, "ln_flow_law_factor": factor, "stress": 5e6}
+    for backstress in (0.0, 2e6):
+        here = {**names, "backstress": backstress}
+        flow = value_of(str(laws["flow_law"]), here)
+        expected = oracle.dashpot_rate(
+            values, TEMPERATURE, np.array(5e6 - backstress), np.array(GRAIN_SIZE), np.array(0.9)
+        )
+        assert flow == pytest.approx(float(expected), rel=1e-9)
+        stored = value_of(str(laws["hardening_law"]), {**here, "strain_rate": flow})
+        assert stored == pytest.approx(
+            oracle.backstress_rate(values, TEMPERATURE, backstress, flow), rel=1e-9
+        )

@@ -81,6 +81,9 @@ from .page.rate_section import rate_section as rate_section
 from .predictions.attenuation import attenuation_spectrum as attenuation_spectrum
 from .predictions.attenuation import predict_attenuation as predict_attenuation
 from .predictions.closed_forms import flow_rate as flow_rate
+from .predictions.collection import FittedRock as FittedRock
+from .predictions.collection import collection as collection
+from .predictions.collection import collection_names as collection_names
 from .predictions.designs import Candidate as Candidate
 from .predictions.designs import Design as Design
 from .predictions.designs import DesignPlan as DesignPlan

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pyburgers import Fit, PageSection, write_report
+from pyburgers import Fit, PageSection, RateFit, write_report
 
 
 @dataclass(eq=False)
@@ -24,6 +24,8 @@ class GrowingPage:
         What is still to come besides fits, in words; empty if nothing is.
     extras : sequence of PageSection
         Parts beside the fits that are there already.
+    told : mapping of str to sequence of RateFit
+        Fits that one of the extras is about, by its key.
     """
 
     out: Path
@@ -33,6 +35,7 @@ class GrowingPage:
     shown: Sequence[str]
     at_the_end: str
     extras: Sequence[PageSection] = ()
+    told: Mapping[str, Sequence[RateFit]] = field(default_factory=dict)
     _found: dict[str, Fit] = field(default_factory=dict, init=False)
     _drawn: dict[Path, str] = field(default_factory=dict, init=False)
 
@@ -48,7 +51,7 @@ class GrowingPage:
         if fits:
             missing = {one: test for one, test in self.tests.items() if one not in self._found}
             more = {self.at_the_end: ""} if self.at_the_end else {}
-            self.write(fits, to_come={**missing, **more}, extras=self.extras)
+            self.write(fits, to_come={**missing, **more}, extras=self.extras, told=self.told)
 
     def write(self, fits: Sequence[Fit], **parts: Any) -> Path:
         """Write the page, with parts as for `pyburgers.write_report`, and return it."""

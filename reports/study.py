@@ -31,6 +31,7 @@ from pyburgers import (
     InputError,
     MeasuredAttenuation,
     OscillationExperiment,
+    PageSection,
     PyburgersError,
     RateFit,
     RateLaw,
@@ -81,6 +82,9 @@ OLIVINE_RUNS: Mapping[Literal["kept", "removed"], str] = {
 COMBINED_TWIN, COMBINED_RUN = "PIL40", "PIL40_with_peak_stress"
 """Test that is fitted once more with the flow law of the peak stresses as prior, and that fit,
 which is compared by standard deviations alone and therefore short under every preset."""
+
+ICE_TABLES, ICE_RATES = ("fan_2020", "qi_2017", "qi_goldsby_2021"), "measured_ice"
+"""Tables of measured rates of ice that creeps by dislocations, and the fit of their power law."""
 
 PEAK_STRESS_TABLE = "qi_goldsby_2021"
 HANDED_ON_RUN = f"{PEAK_STRESS_TABLE}_handed_on"
@@ -170,6 +174,13 @@ class Study:
             begun, self.runs, workers=self.workers, command=self.command, after=after
         )
 
+    def fit_measured_ice(self) -> tuple[PageSection, RateFit]:
+        """Fit a power law to measured rates of ice; return its part of the page, which is first."""
+        logger.info(f"Fitting measured rates of ice: {', '.join(ICE_TABLES)}.")
+        tables = [load_rate_table(DATA / "ice" / "rates" / f"{name}.toml") for name in ICE_TABLES]
+        fit = fit_rates(tables, out=self.runs / ICE_RATES, command=self.command)
+        return replace(rate_section(fit, ICE_RATES), after_fits=False), fit
+
     def fit_peak_stresses(self) -> tuple[RateFit, RateFit]:
         """Fit all measured peak stresses, and those whose flow law is handed on."""
         found = []
@@ -212,15 +223,17 @@ def twin_tasks(preset: str) -> dict[str, Task]:
 
 
 def main_part(study: Study) -> Path:
-    """Fit one test of each kind of `MAIN`, predict attenuation of ice, and return the page."""
+    """Fit measured ice and the tests of `MAIN`, predict attenuation of ice, return the page."""
     every = {**twin_tasks(study.preset), **dunite_tasks(PRESETS[study.preset])}
     tasks = {name: every[name] for name in MAIN}
     page = study.page("dunite, ice and olivine", tasks, MAIN, "the attenuation of ice")
+    of_ice, rates = study.fit_measured_ice()
+    page.extras, page.told = [of_ice], {of_ice.key: [rates]}
 
     def add(name: str, fit: Fit) -> None:
         if name in ICE_TWINS:
             logger.info("Predicting attenuation.")
-            page.extras = [ice_attenuation_section({name: fit}, study.measured)]
+            page.extras = [of_ice, ice_attenuation_section({name: fit}, study.measured)]
             page.at_the_end = ""
         page.add(name, fit)
 
@@ -231,12 +244,14 @@ def main_part(study: Study) -> Path:
 def whole_study(study: Study) -> Path:
     """Do all fits, show what several of them say together, and return the page.
 
-    The page has the fits, those of measured dunite first and with them which law describes steps of
-    the strain rate and what two tests predict of others, measured attenuation of olivine and what
-    two laws make of it, measured creep of rock salt and where each law misses it, attenuation as
-    the ice fits predict it, what the treatment of the olivine record changes, the paper's
-    statements, the flow law of measured peak stresses, and what that adds to one of the curves.
+    The page has measured rates of ice, then the fits, those of measured dunite first and with them
+    which law describes steps of the strain rate and what two tests predict of others, measured
+    attenuation of olivine and what two laws make of it, measured creep of rock salt and where each
+    law misses it, attenuation as the ice fits predict it, what the treatment of the olivine record
+    changes, the paper's statements, the flow law of measured peak stresses, and what that adds to
+    one of the curves.
     """
+    of_ice, rates = study.fit_measured_ice()
     peak_stress, handed_on = study.fit_peak_stresses()
     twins = {**twin_tasks(study.preset), COMBINED_RUN: combined_task(handed_on)}
     dunite, spectra, halite = _measured_tasks(study.preset)
@@ -259,6 +274,7 @@ def whole_study(study: Study) -> Path:
         fits,
         joints=[joint],
         extras=(
+            of_ice,
             rate_steps_section({name: found[name] for name in STEPPED}),
             predictions_section(joint, predicted_tests()),
             of_spectra,
@@ -273,6 +289,7 @@ def whole_study(study: Study) -> Path:
             *comparison_sections([joint, *fits]),
         ),
         told={
+            of_ice.key: [rates],
             of_spectra.key: [found[name] for name in spectra],
             of_halite.key: [found[name] for name in halite],
             of_peaks.key: [peak_stress, handed_on],

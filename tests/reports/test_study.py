@@ -28,6 +28,8 @@ from olivine_spectra import LAWS, run_name
 from page import Page
 from study import (
     COMBINED_RUN,
+    ICE_RATES,
+    ICE_TABLES,
     ICE_TWINS,
     MAIN,
     MAX_MINUTES,
@@ -286,7 +288,14 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
         assert [*ice, *olivine] == [*ICE_TWINS, *OLIVINE_RUNS]
         return sections
 
-    def of_peaks(data: RateTable, law: RateLaw, **_: object) -> RateFit:
+    def of_rates(
+        data: RateTable | Sequence[RateTable], law: RateLaw | None = None, **_: object
+    ) -> RateFit:
+        if isinstance(data, Sequence):  # measured ice, of the material's law
+            assert [one.id for one in data] == list(ICE_TABLES)
+            assert law is None
+            return peaks
+        assert law is not None
         assert law.power_law.has_beta
         return replace(peaks, data=data)
 
@@ -315,7 +324,7 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
         shown.update(fits=fits, **arguments)
         return out / "index.html"
 
-    monkeypatch.setattr("study.fit_rates", of_peaks)
+    monkeypatch.setattr("study.fit_rates", of_rates)
     monkeypatch.setattr("study.fit_side_by_side", quickly)
     monkeypatch.setattr("growing_page.write_report", written)
     monkeypatch.setattr("study.study_sections", of_paper)
@@ -339,14 +348,16 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
     assert shown["joints"] == [joint]
     assert shown["command"] == "make study"
     keys = [section.key for section in shown["extras"]]
+    assert keys.pop(0) == ICE_RATES
+    assert shown["told"][ICE_RATES] == [peaks]
     of_study = ["statements", "counterparts", "model", "attenuation", "preparation", "background"]
     assert keys[0] == "rate_steps"
     assert keys[1] == "predicted_tests"
     assert keys[2] == "spectra"
     spectra = [run_name(law, without_hottest=part) for law in LAWS for part in (False, True)]
-    assert list(shown["extras"][2].paragraphs) == spectra
+    assert list(shown["extras"][3].paragraphs) == spectra
     assert keys[3] == "halite"
-    assert shown["extras"][3].paragraphs == HALITE_RUNS
+    assert shown["extras"][4].paragraphs == HALITE_RUNS
     everything, _ = shown["told"]["rates"]
     assert everything.data.id == PEAK_STRESS_TABLE
     assert keys[4].startswith("joint_")
@@ -355,7 +366,7 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
 
 
 def test_the_main_part_is_on_its_page_after_each_of_its_fits(
-    ice: dict[str, Fit], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ice: dict[str, Fit], peaks: RateFit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pages: list[tuple[list[str], dict[str, Any]]] = []
 
@@ -373,6 +384,7 @@ def test_the_main_part_is_on_its_page_after_each_of_its_fits(
         pages.append(([fit.experiment.id for fit in fits], parts))
         return out / "index.html"
 
+    monkeypatch.setattr("study.fit_rates", lambda *_, **__: peaks)
     monkeypatch.setattr("study.fit_side_by_side", quickly)
     monkeypatch.setattr("study.ice_attenuation_section", no_attenuation)
     monkeypatch.setattr("growing_page.write_report", written)
@@ -382,7 +394,9 @@ def test_the_main_part_is_on_its_page_after_each_of_its_fits(
         assert shown == list(MAIN[:number])
         rest = [*MAIN[number:], *([] if has_ice else ["the attenuation of ice"])]
         assert list(parts["to_come"]) == rest
-        assert [section.key for section in parts["extras"]] == ["attenuation"] * has_ice
+        keys = [section.key for section in parts["extras"]]
+        assert keys == [ICE_RATES, *["attenuation"] * has_ice]
+        assert parts["told"] == {ICE_RATES: [peaks]}
     assert len(pages) == len(MAIN)
 
 

@@ -35,6 +35,7 @@ class AnyTest:
     temperature: float
     initial_grain_size: float
     largest_stress: float
+    duration: float = 0.02
 
     @property
     def position(self) -> npt.NDArray[np.float64]:

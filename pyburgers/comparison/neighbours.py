@@ -27,7 +27,7 @@ def what_a_yes_leaves_open(fit: Fit) -> tuple[str, ...]:
     if not laws:
         return ()
     said = (
-        f"This yes does not exclude {' or '.join(laws)}: under another law parameters may lie "
+        f"This yes does not exclude {', '.join(laws)}: under another law parameters may lie "
         "outside of the intervals above."
     )
     if fit.is_joint or fit.is_part:

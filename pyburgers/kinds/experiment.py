@@ -256,6 +256,11 @@ class Experiment(ABC):
         """Positions of the readings on the clock of the protocol (SI), shape (n_points,)."""
 
     @property
+    def duration(self) -> float:
+        """Time (s) between the first and the last reading; 0 if readings have no times."""
+        return 0.0
+
+    @property
     @abstractmethod
     def response(self) -> FloatArray:
         """Readings for comparison with the model (SI unit), shape (n_points,)."""
@@ -313,9 +318,7 @@ class Experiment(ABC):
                 f"{self.id}: points cannot be left out one by one, expected a comparison without "
                 f"fitting again, because {self.points_together}."
             )
-        left: dict[str, Any] = {
-            name: np.delete(getattr(self, name), point) for name in self.of_points
-        }
+        left: dict[str, Any] = {n: np.delete(getattr(self, n), point) for n in self.of_points}
         return replace(self, **left)
 
     @property

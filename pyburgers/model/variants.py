@@ -80,6 +80,10 @@ class Test(Protocol):
         """Number of points."""
 
     @property
+    def duration(self) -> float:
+        """Time (s) between the first and the last point; 0 if points have no times."""
+
+    @property
     def largest_stress(self) -> float:
         """Largest |σ| (Pa), where there are points."""
 
@@ -378,7 +382,7 @@ def _choose_hardening(priors: PriorSet, experiment: Test, choice: str) -> PriorS
     """Free the numbers of a law; tests of a kind that names it take its linear form."""
     is_linear = "hardening" in experiment.laws
     stress = 0.0 if is_linear else _largest_stress(experiment)
-    medians = medians_of_hardening(priors.priors, stress, _duration(experiment))
+    medians = medians_of_hardening(priors.priors, stress, experiment.duration)
     held = held_by_hardening(priors.priors, experiment.temperature, is_linear=is_linear)
     freed = priors_of_freed_parameters()
     return priors.exchanging(*changes_of_hardening(choice, priors.priors, freed, medians, held))
@@ -434,8 +438,8 @@ def _choose_residuals(priors: PriorSet, experiment: Test, choice: str) -> PriorS
         return priors
     freed = priors_of_freed_parameters()
     correlation = freed[name]
-    if duration := _duration(experiment):
-        correlation = replace(correlation, location=float(f"{0.1 * duration:.0e}"))
+    if name == "residual_correlation_time" and experiment.duration > 0:
+        correlation = replace(correlation, location=float(f"{0.1 * experiment.duration:.0e}"))
     share = priors["residual_correlated_share"]
     said = share.parameter in priors.priors and not is_fixed_at(share, 1.0)
     return priors.exchanging(correlation, share if said else freed[share.parameter])
@@ -452,12 +456,6 @@ _CHANGES = MappingProxyType(
     }
 )
 """What each choice does to the priors."""
-
-
-def _duration(experiment: Test) -> float:
-    """Time (s) between first and last reading, where readings lie along time; else 0."""
-    in_time = experiment.residual_correlation == "residual_correlation_time"
-    return float(np.ptp(experiment.position)) if in_time and experiment.n_points > 1 else 0.0
 
 
 def _largest_stress(experiment: Test) -> float:

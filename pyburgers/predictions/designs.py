@@ -19,6 +19,7 @@ from scipy import linalg
 
 from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import NAME, Table, read_toml
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.prediction import Prediction
@@ -121,18 +122,18 @@ class DesignPlan:
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """What candidates are expected to tell.
+    """Expected results of candidate tests.
 
     Attributes
     ----------
     table : DataFrame
         A row for each candidate: ``hours``, ``largest_stress_MPa`` (95 % of the draws stay below),
-        ``beyond_limits`` (a sentence, or empty), for each parameter ``PARAMETER_width``, its
-        expected standard deviation over the present one, and if there is another law
-        ``told_apart``, the share of simulated tests that are given to the law behind them.
+        ``beyond_limits`` (a sentence, or empty). ``PARAMETER_width`` is the expected standard
+        deviation of a parameter over the present one. With another law, ``told_apart`` is the
+        share of simulated tests that are given to the law behind them.
     together : DataFrame
-        A row for each step of a choice one after the other: the ``candidate`` that narrows most
-        beside those above it, and the widths after it.
+        A row for each step: the ``candidate`` that narrows most beside those above it, and the
+        widths after it.
     cautions : tuple of str
         Doubts about the fit and the predictions.
 
@@ -171,7 +172,7 @@ def load_design_plan(path: str | Path) -> DesignPlan:
     >>> list(plan.candidates)[:2]
     ['again', 'slower']
     """
-    path = Path(path)
+    path = given_path(path)
     file = read_toml(path, _PlanFile)
     if unknown := [name for name in file.about if name not in PARAMETER_BY_NAME]:
         raise InputError(
@@ -205,7 +206,7 @@ def design(
     Parameters
     ----------
     fit : Fit
-        What is known now.
+        The present knowledge.
     plan : DesignPlan
         Candidates, and the parameters to be narrowed.
     against : Fit, optional
@@ -224,8 +225,8 @@ def design(
     Raises
     ------
     InputError
-        If a parameter is not inferred by the fit, is not shared by its tests, or is fixed; if there
-        are too few draws; or if new readings of a candidate have no noise.
+        If a parameter is fixed or not shared by the tests, draws are too few, or new readings
+        have no noise.
 
     Examples
     --------

@@ -26,6 +26,7 @@ def test_neighbours_are_laws_that_the_kind_of_test_can_have(small_fit: Fit) -> N
     experiment = small_fit.experiment
     assert neighbouring_laws(ModelVariant(), experiment) == (
         "kelvin=power_law",
+        "kelvin=andrade",
         "maxwell=hyperbolic_sine",
     )
     other = ModelVariant(kelvin="power_law", maxwell="hyperbolic_sine")
@@ -37,7 +38,7 @@ def test_a_yes_says_what_it_does_not_exclude_and_how_to_see(
 ) -> None:
     monkeypatch.setattr(Fit, "verdicts", lambda _: described(Outcome.YES))
     sentence, make, compare = what_a_yes_leaves_open(small_fit)
-    assert "does not exclude kelvin=power_law or maxwell=hyperbolic_sine" in sentence
+    assert "does not exclude kelvin=power_law, kelvin=andrade, maxwell=hyperbolic_sine:" in sentence
     words = shlex.split(make)
     assert words[:2] == ["pyburgers", "fit"]
     assert all(Path(words[k]).is_file() for k in (2, words.index("--priors") + 1))

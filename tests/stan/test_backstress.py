@@ -22,6 +22,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.forward import simulate
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Stage, legs_of
 from pyburgers.kinds.problem import problem_of
@@ -186,10 +187,23 @@ def test_weak_priors_follow_the_test() -> None:
     assert with_variant(back, test, CHOICE).free == changed.free
 
 
-def test_a_test_at_constant_rate_takes_it_as_a_history_alone() -> None:
-    test = load_experiment(ICE / "PIL40.toml")
-    with pytest.raises(InputError, match="hardening=backstress is not for tests of"):
-        with_variant(default_priors("ice"), test, CHOICE)
+def test_a_curve_takes_it_as_the_history_that_it_is() -> None:
+    curve = load_experiment(ICE / "PIL40.toml")
+    history = likelihood_of(curve).as_history(curve)
+    assert history.duration == curve.duration
+    of_curve, of_history = (
+        with_variant(default_priors("ice"), test, CHOICE) for test in (curve, history)
+    )
+    assert [of_curve[name] for name in PARAMETERS] == [of_history[name] for name in PARAMETERS]
+    strain = np.array([1e-4, 0.003, 0.03, 0.2])
+    values = {**FROZEN, **BACKSTRESS}
+    stress = simulate(curve, values, at=strain)["stress_Pa"]
+    # Strain over the one rate of the test is time.
+    time = strain * curve.duration / np.ptp(curve.position)
+    expected = simulate(history, values, at=time)["stress_Pa"]
+    np.testing.assert_allclose(stress, expected, rtol=1e-7)
+    without = simulate(curve, FROZEN, at=strain)["stress_Pa"]
+    assert np.abs(stress / without - 1).max() > 0.1
 
 
 SPECTRUM = """

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -63,6 +64,7 @@ class ConstantRateExperiment(Experiment):
     """
 
     protocol: ClassVar[str] = "constant_rate"
+    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType({})
     of_points: ClassVar[tuple[str, ...]] = ("strain", "stress")
     segments: tuple[RateSegment, ...]
     strain: FloatArray
@@ -74,6 +76,11 @@ class ConstantRateExperiment(Experiment):
     def position(self) -> FloatArray:
         """Strains of the stresses."""
         return self.strain
+
+    @property
+    def duration(self) -> float:
+        """Time (s) between the first and the last reading."""
+        return float(np.ptp(self.time_at(self.strain))) if self.n_points else 0.0
 
     @property
     def span(self) -> tuple[float, float]:

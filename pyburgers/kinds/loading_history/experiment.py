@@ -95,6 +95,11 @@ class HistoryExperiment(Experiment):
         return self.time
 
     @property
+    def duration(self) -> float:
+        """Time (s) between the first and the last reading."""
+        return float(np.ptp(self.time)) if self.n_points else 0.0
+
+    @property
     def span(self) -> tuple[float, float]:
         """Start and end of the test (s)."""
         return self.stages[0].start_time, self.end_time

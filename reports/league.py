@@ -214,11 +214,11 @@ def last_part_sentence(table: pd.DataFrame) -> str:
         return "No fit without the last part of its test is finished and was sampled well."
     good = predicted[predicted["last_as_expected"] == "yes"]
     best = predicted.loc[predicted.groupby("test")["last_density"].idxmax()]
-    winners = ", ".join(f"{row['law']} for {row['test']}" for row in best.to_dict("records"))
+    winners = ", ".join(f"{row['law']} ({row['test']})" for row in best.to_dict("records"))
     return (
         "The last segment of a stepped test, or the hottest spectrum of a table, is predicted from "
         f"the other readings. Of {len(predicted)} such predictions, by fits that were sampled "
-        f"well, {len(good)} are as good as their draws expect. The highest density has {winners}."
+        f"well, {len(good)} are as good as their draws expect. Best by density: {winners}."
     )
 
 

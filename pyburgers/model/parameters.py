@@ -360,7 +360,7 @@ RATE_PARAMETERS: tuple[Parameter, ...] = (
         r"\dot\epsilon_1",
         "rate at the reference conditions",
         "strain rate",
-        "1/s",
+        "1e-6/s",
     ),
     Parameter(
         "premelting_enthalpy",

@@ -43,6 +43,8 @@ from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.model.variants import variant_of, with_variant
+from pyburgers.predictions.collection import LAWS
+from pyburgers.predictions.exported import laws_of
 
 DATA = pyburgers.shipped_folder("data")
 SHIPPED = DATA / "collection"
@@ -365,6 +367,13 @@ def test_a_shipped_law_is_whole(name: str) -> None:
     ]
     assert not describing or about["law"] == describing[0]
     assert about["manifest"]["command"] == "python reports/collection.py"
+
+
+@pytest.mark.parametrize("choices", [{}, {"hardening": "backstress"}])
+def test_every_law_that_an_export_states_is_read(choices: Mapping[str, str]) -> None:
+    test = experiment_of("dunite_4581")
+    priors = with_variant(pyburgers.priors("dunite"), test, choices)
+    assert {*laws_of(priors, test)} <= {*LAWS}
 
 
 def test_the_collection_is_small_and_in_the_order_of_its_page() -> None:

@@ -17,6 +17,7 @@ from scipy import stats
 from stan_data import one_test_data, parameters_in
 from truth_as_mode import at_truth
 
+from pyburgers.checks.fit_checks import Outcome
 from pyburgers.drawing.view import views
 from pyburgers.fitting.charts_at_modes import at_mode, density_of, find_mode
 from pyburgers.fitting.fit import Fit, fit
@@ -300,4 +301,9 @@ def test_the_truth_of_a_twin_is_recovered(
     record_property("quantiles", below.to_dict())
     tail = 2 * below.where(below < 0.5, 1 - below)
     assert tail[tail < 0.05 / len(tail)].to_dict() == {}
-    assert [check.sentence for check in result.checks() if not check.passed] == []
+    # A correlated share of 0.6 cannot be told from a misfit, and the size of residuals says so.
+    unsure = (
+        ("size of residuals", Outcome.CANNOT_TELL) if result.variant.residuals_correlate else None
+    )
+    wrong = [one for one in result.checks() if not one.passed and (one.name, one.outcome) != unsure]
+    assert [check.sentence for check in wrong] == []

@@ -24,7 +24,7 @@ from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
-from pyburgers.kinds.loading_history.stages import Stage, legs_of
+from pyburgers.kinds.loading_history.stages import Control, Stage, legs_of
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import given_parameters, program_data
 from pyburgers.kinds.stan_data import SolverOptions
@@ -70,10 +70,10 @@ def flowing(rate: float, stress: float, exponent: float, **others: float) -> dic
     return {**FROZEN, **STIFF, **flow, **others}
 
 
-def of_one_stage(control: str, value: float, duration: float) -> HistoryExperiment:
+def of_one_stage(control: Control, value: float, duration: float) -> HistoryExperiment:
     return replace(
         history_twin("creep", 2),
-        stages=(Stage(control, 0.0, duration, TEMPERATURE, value),),  # type: ignore[arg-type]
+        stages=(Stage(control, 0.0, duration, TEMPERATURE, value),),
         time=np.empty(0),
         reading_stage=np.empty(0, dtype=np.int64),
         reading=np.empty(0),

@@ -75,9 +75,6 @@ def advise_on_histories(free: Collection[str], *, is_last: bool) -> str:
 
 
 def _laws_to_try(free: Collection[str], more: Mapping[str, str] = MappingProxyType({})) -> str:
-    """Return as options the laws that a fit does not have yet; empty for none.
-
-    They answer stresses and rates otherwise; a law is named by the parameter that is free in it.
-    """
+    """Return as options the laws, named by a parameter free in them, that a fit does not have."""
     laws = {**laws_to_try_first(), **more}
     return " or ".join(f"--variant {law}" for name, law in laws.items() if name not in free)

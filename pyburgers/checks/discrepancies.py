@@ -169,10 +169,7 @@ class Judged:
     n_replicates: int
 
     def outcome(self, row: "pd.Series[float]") -> Outcome:
-        """Whether the model is right in a discrepancy: what is printed decides.
-
-        Of fewer replicates than 1/`LEVEL` the limit is too uncertain for a no.
-        """
+        """Whether the model is right in a discrepancy: what is printed decides."""
         if row["found"] <= row["at_most"]:
             return Outcome.YES
         return Outcome.NO if self.n_replicates * LEVEL >= 1 else Outcome.CANNOT_TELL
@@ -250,18 +247,12 @@ def beside_replicates(pairs: Mapping[tuple[str, str], Pair]) -> Judged:
 
 
 def family_probability(probability: float, least: FloatArray) -> float:
-    """Return the probability that the worst discrepancy of a replicate is as improbable.
-
-    The least probability of each refitted replicate has the shape (replicates,).
-    """
+    """Return the probability that the worst discrepancy of a replicate is as improbable."""
     return float(Tail.of(-np.log(least)).share(-np.log(probability)))
 
 
 def _largest_mean(tail: Tail, about_mean: FloatArray, allowed: float) -> float:
-    """Return the largest mean of a discrepancy that has a probability, its spread as it is.
-
-    The spread is that of the data less their mean, shape (draws,).
-    """
+    """Return the largest mean with a probability, given a spread (draws,) about the mean."""
     # Of several means with the probability the largest.
     least = allowed * (1.0 - 1e-9)
     return float(

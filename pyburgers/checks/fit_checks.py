@@ -46,11 +46,7 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, eq=False)
 class CheckedDraws:
-    """Labelled draws, and what the sampler reports, for checks.
-
-    Diverged before counts the trajectories that had diverged each time that chains went on with
-    shorter steps; other modes are those that the climbs to the posterior mode met beside it.
-    """
+    """Labelled draws, with numbers that diverged each time before, and modes that climbs met."""
 
     posterior: xr.DataTree
     failures: tuple[ChainFailure, ...] = ()
@@ -78,10 +74,7 @@ class Finding:
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """A check; called with draws it gives its result.
-
-    Below its least number of draws, or of readings of the longest test, a check cannot tell.
-    """
+    """A check; below its least draws, or readings of the longest test, it cannot tell."""
 
     name: str
     kind: CheckKind
@@ -236,11 +229,9 @@ def check_effective_sample_size(draws: CheckedDraws) -> Finding:
 
 
 def influence(draws: xr.Dataset, diverging: xr.DataArray) -> dict[str, float]:
-    """Return how far each quantity would move if divergences stood for draws that were missed.
+    """Return moves of quantities if each divergence stood for `MISSED_DRAWS` more draws.
 
-    `draws` and `diverging` have dimensions chain and draw; each draw whose trajectory diverged is
-    counted `MISSED_DRAWS` times more. The move is that of the mean in standard deviations, or the
-    relative one of the standard deviation, whichever is larger; infinite if draws never moved.
+    The larger of the move of the mean, in sd, and the relative one of the sd.
     """
     weights = 1.0 + MISSED_DRAWS * diverging
     weights = weights / weights.sum()

@@ -54,11 +54,7 @@ def check_other_modes(draws: CheckedDraws) -> Finding:
 
 
 def _row(mode: OtherMode, posterior: xr.DataTree) -> dict[str, float | str]:
-    """Return the weight of a mode, and the parameter that is furthest from all draws there.
-
-    It lies beyond them by a share of their range, of logarithms where all are positive; below 0 it
-    lies among them.
-    """
+    """Return the weight of a mode, and its parameter furthest beyond all draws, in their range."""
     rows: list[dict[str, float | str]] = []
     for values, test in zip(mode.values.values(), groups_of_tests(posterior).values(), strict=True):
         for name, value in values.items():

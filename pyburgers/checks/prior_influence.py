@@ -60,11 +60,7 @@ class Origin(StrEnum):
 
 @dataclass(frozen=True)
 class Bound:
-    """A bound of a prior (SI) at which the posterior piles up.
-
-    The share is that of the draws within `NEAR_BOUND` standard deviations of the bound. A bound
-    is physical if the model itself ends there, such as at zero.
-    """
+    """A bound of a prior at which the posterior piles up."""
 
     side: Literal["lower", "upper"]
     value: float  # SI
@@ -192,11 +188,7 @@ def prior_influence(
 def _moves(
     name: str, values: FloatArray, columns: Mapping[str, FloatArray]
 ) -> tuple[dict[str, float], float]:
-    """Return how far each prior moves a quantity, and the share that chance alone gives.
-
-    Shifts of draws against the scores, around the end, keep how draws follow one another and
-    nothing else.
-    """
+    """Return how far each prior moves a quantity, and its share by chance, from shifted draws."""
     sd = float(np.std(values, ddof=1))
     if sd == 0:  # a derived quantity of known parameters
         return dict.fromkeys(columns, 0.0), 0.0
@@ -217,11 +209,7 @@ def _move(standard: FloatArray, scores: FloatArray) -> float:
 
 
 def _surprise(scores: FloatArray | None, family: int) -> tuple[float | None, float]:
-    """Return how far a posterior is from its prior, and the probability of that in a whole fit.
-
-    Before the data are known the posterior mean of a score varies by what the data take off the
-    variance of the prior, which is 1.
-    """
+    """Return how far a posterior is from its prior, and the probability of that in a whole fit."""
     if scores is None:
         return None, 1.0
     mean, left = float(scores.mean()), float(scores.var(ddof=1))

@@ -55,21 +55,14 @@ def refitted_means(observed: FloatArray, noise: FloatArray, *, correlated: bool)
 
 
 def scale_of(means: FloatArray) -> FloatArray:
-    """Return the size of each replicate's means over that of all, shape (replicates, 1).
-
-    Noise and widths of a replicate go with it.
-    """
+    """Return each replicate's size over that of all, (replicates, 1), with which noise goes."""
     squares = np.mean(means**2, axis=1, keepdims=True)
     size: FloatArray = np.sqrt(squares / max(float(squares.mean()), TINY))
     return size
 
 
 def refitted_residuals(observed: FloatArray, means: FloatArray) -> Iterator[FloatArray]:
-    """Yield residuals of replicated data at draws of their own posteriors.
-
-    Residuals of the data have the shape (draws, n), means (replicates, n); each part has the
-    shape (some replicates, `DRAWS_OF_REFIT`, n).
-    """
+    """Yield residuals (some replicates, `DRAWS_OF_REFIT`, n) from data (draws, n) and means."""
     deviation = (observed - observed.mean(axis=0))[evenly(len(observed), DRAWS_OF_REFIT)]
     scale = scale_of(means)
     step = max(1, CHUNK // deviation.size)

@@ -16,10 +16,7 @@ FEWEST_NEIGHBOURS = 5
 
 
 def autocorrelation(residuals: FloatArray, joined: BoolArray) -> FloatArray:
-    """Return the lag-1 autocorrelation about zero of residuals (..., n), shape (...,).
-
-    Joined says which of the n - 1 pairs of neighbours are of one segment, and so count.
-    """
+    """Return the lag-1 autocorrelation of residuals (..., n) over the `joined` (n - 1,) pairs."""
     pairs = residuals[..., 1:] * residuals[..., :-1]
     found: FloatArray = pairs @ joined / np.maximum((residuals**2).sum(-1), TINY)
     return found
@@ -39,10 +36,7 @@ def signed_ranks(residuals: FloatArray) -> FloatArray:
 
 
 def longest_runs(residuals: FloatArray, joined: BoolArray) -> FloatArray:
-    """Return the longest run of one sign in one segment of residuals (draws, n), shape (draws,).
-
-    Joined is that of `autocorrelation`.
-    """
+    """Return the longest run of one sign over `joined` pairs of residuals (draws, n), (draws,)."""
     positive = residuals > 0
     run = np.ones(residuals.shape[0])
     longest = run.copy()
@@ -54,10 +48,7 @@ def longest_runs(residuals: FloatArray, joined: BoolArray) -> FloatArray:
 
 
 def longest_run(residuals: FloatArray, joined: BoolArray) -> tuple[int, int]:
-    """Return first and last point, from 0, of the longest run of one sign in one segment.
-
-    Residuals have the shape (n,); joined is that of `autocorrelation`.
-    """
+    """Return first and last point, from 0, of the longest run of one sign of residuals (n,)."""
     ends = np.flatnonzero((np.diff(residuals > 0) != 0) | ~joined) + 1
     edges = np.concatenate([[0], ends, [residuals.size]])
     longest = int(np.diff(edges).argmax())
@@ -74,11 +65,7 @@ def largest_residual(residuals: FloatArray) -> FloatArray:
 
 
 def offsets(residuals: FloatArray, quantity: npt.NDArray[np.int64]) -> FloatArray:
-    """Return how far residuals (draws, n) of each quantity lie from zero, (quantities, draws).
-
-    It is the mean residual in its standard errors, were residuals of the quantity independent
-    and about zero: at most the root of their number.
-    """
+    """Return mean residuals (draws, n) of each quantity in standard errors, (quantities, draws)."""
     found = []
     for one in np.unique(quantity):
         here = residuals[:, quantity == one]

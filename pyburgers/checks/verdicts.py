@@ -58,11 +58,7 @@ def verdicts_record(results: Sequence[CheckResult]) -> dict[str, Any]:
 
 
 def verdicts(results: Sequence[CheckResult]) -> dict[CheckKind, Verdict]:
-    """Answer both questions from the results of the checks of a fit.
-
-    One failed check is enough for a no. A yes needs that every check of the question could
-    tell, and about the data also that the draws are usable.
-    """
+    """Answer both questions: no if a check failed, yes if all could tell from usable draws."""
     return {kind: _verdict(kind, results) for kind in CheckKind}
 
 

@@ -95,10 +95,7 @@ def check(path: Path) -> int:
 
 
 def all_errors(path: Path, content: Mapping[str, Any]) -> tuple[list[str], object]:
-    """Read a file, and as much of it as can be read where keys of it are wrong.
-
-    Return `loaded`: what it was read into; None where there are errors.
-    """
+    """Return errors of a file, with keys put right, and what it was read into, None with errors."""
     load = _reader(content)
     try:
         return [], load(path)
@@ -135,10 +132,7 @@ def _is_plan(content: Mapping[str, Any]) -> bool:
 
 
 def _mended(content: Mapping[str, Any], error: StructureError) -> dict[str, Any] | None:
-    """Return the content with its keys put right, None where nothing can stand in for one.
-
-    What an unknown key holds goes to the key that is missing beside it, if they are alike.
-    """
+    """Return content with keys put right from alike ones or stand-ins; None without a stand-in."""
     mended = deepcopy(dict(content))
     missing = [location for location, unknown in error.faults if not unknown]
     for location, unknown in error.faults:

@@ -128,8 +128,7 @@ def _run(arguments: Sequence[str]) -> int:
 def _signals_heard() -> Iterator[None]:
     """Have signals end the command at once until it runs, then by an interrupt of what it does.
 
-    Nothing has to be stopped before, and modules that are interrupted while they are imported
-    swallow that or break. A second signal ends the command at once. What is ignored stays ignored.
+    Modules that are interrupted while they are imported swallow that or break.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -164,10 +163,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 @contextmanager
 def _temporary_files() -> Iterator[None]:
-    """Have temporary files of libraries lie in a folder that the next command clears after a kill.
-
-    If there is no such folder, `pyburgers doctor` says why.
-    """
+    """Have temporary files of libraries lie in a folder that is cleared after a kill."""
     before = tempfile.tempdir, os.environ.get("TMPDIR")
     with ExitStack() as folders:
         with suppress(OSError):

@@ -161,10 +161,7 @@ def _check_file_name(file: str) -> str:
 
 
 def _write_checked(draft: Path, out: Path, text: str, file: str) -> None:
-    """Write an experiment file; `draft` lies beside `out`, whose name it gets.
-
-    Where the text file `file` alone is at fault, comments at the top of the draft say so.
-    """
+    """Write a draft beside `out`; comments at its top name faults of the text file `file`."""
     draft.write_text(text, encoding="utf-8")
     try:
         errors, _ = all_errors(draft, read_tables(draft))
@@ -225,10 +222,7 @@ def _chosen_column(table: TextTable, tied: GuessedColumn) -> str | int:
 
 
 def _guess_protocol(columns: Columns) -> tuple[str, str]:
-    """Return the protocol that a text file looks like, and why: of several that it suits the last.
-
-    Any curve suits the first one.
-    """
+    """Return the last protocol that a text file suits, and why; any curve suits the first."""
     return next(
         (name, reason)
         for name in reversed(NAMES)
@@ -311,12 +305,7 @@ def _temperature(columns: Columns) -> float | None:
 
 @dataclass(frozen=True)
 class _Draft:
-    """A file that is being asked about.
-
-    `protocol`, `new_file`: the kind of test.
-    `test`: what is known of it, with the answers that options give.
-    `proposed`: answers that the text file suggests, whatever the kind of test.
-    """
+    """A file that is being asked about, with answers that options give and the file suggests."""
 
     protocol: str
     new_file: NewFile

@@ -11,10 +11,7 @@ from pyburgers.sampling.run_directory import WRITTEN, RunDirectory
 
 
 def check_output(out: Path, *inputs: Path | None, beside: Sequence[str] = ()) -> None:
-    """Check, before anything is done, that a file may be written.
-
-    Raises InputError if it is no name of a file, or one of the files that would be written is read.
-    """
+    """Refuse a folder as `out`, or files that would be written but are read."""
     files = [out, *(out.with_name(f"{out.stem}{ending}") for ending in beside if out.name)]
     for file in files:
         if file.exists() and not file.is_file():

@@ -78,10 +78,7 @@ class OneLineParser(argparse.ArgumentParser):
         self.register("type", Path, _path)
 
     def error(self, message: str) -> NoReturn:
-        """Refuse the arguments.
-
-        Raises InputError always; it names the help of the command.
-        """
+        """Refuse the arguments with the help of the command."""
         if message.startswith(_REQUIRED):
             message = f"missing: {self._with_help(message.removeprefix(_REQUIRED))}"
         raise InputError(f"{message.rstrip('.')}; see `{self.prog} --help`.")
@@ -109,10 +106,7 @@ class OneLineParser(argparse.ArgumentParser):
         return value
 
     def require_own(self, option: str) -> None:
-        """Check that an option ahead of the command is one of the program itself.
-
-        Raises InputError if it is not; the message names the option that was meant.
-        """
+        """Refuse an option ahead of the command that is none of the program itself."""
         name = option.split("=")[0]
         own = [text for action in self._actions for text in action.option_strings]
         if any(text.startswith(name) for text in own):  # they may be shortened
@@ -122,10 +116,7 @@ class OneLineParser(argparse.ArgumentParser):
         raise InputError(f"unknown option {name}, {end}")
 
     def parse_all(self, arguments: Sequence[str]) -> argparse.Namespace:
-        """Parse arguments, all of which have to be known.
-
-        Raises InputError if one is not; the message names the option that was meant.
-        """
+        """Parse arguments, all of which have to be known."""
         parsed, unknown = self.parse_known_args(arguments)
         if not unknown:
             return parsed

@@ -126,10 +126,7 @@ def _add_attenuation_options(command: argparse.ArgumentParser) -> None:
 
 
 def with_default(arguments: Sequence[str]) -> list[str]:
-    """Return the arguments of the command with what is predicted, a test where nothing is said.
-
-    Raise InputError if there is one alone, which is neither a run nor a prediction.
-    """
+    """Return the arguments with what is predicted: a test unless another word says so."""
     named = arguments[:1] and arguments[0] in (TEST, ATTENUATION, "-h", "--help")
     if named or not arguments:
         return list(arguments)

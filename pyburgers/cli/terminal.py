@@ -49,11 +49,7 @@ def print_table(table: pd.DataFrame, keys: Sequence[str]) -> None:
 def print_checks(
     checks: Sequence[CheckResult], conflicts: Sequence[str] = (), decisions: Sequence[str] = ()
 ) -> int:
-    """Print both verdicts on a run with the checks behind them; return the exit code.
-
-    Conflicts of prior and data, and numbers that the data do not decide, follow. They do not count
-    for the code.
-    """
+    """Print verdicts with checks, conflicts and decisions; return the code of the verdicts."""
     console, answers = _console(), verdicts(checks)
     for kind, verdict in answers.items():
         colour = COLOURS[verdict.outcome]

@@ -54,11 +54,7 @@ def _part(text: str) -> tuple[int, int]:
 
 @contextmanager
 def workers_of(options: argparse.Namespace) -> Iterator[Workers]:
-    """Return who does the tasks while the block runs.
-
-    Raises InputError if there are no such workers, or Dask is not installed; SystemFailureError if
-    the scheduler was lost, or workers again and again.
-    """
+    """Return who does the tasks while the block runs."""
     address: str | None = options.scheduler
     if address is None:
         yield Workers(jobs=options.jobs, part=options.part)

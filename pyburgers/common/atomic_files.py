@@ -50,10 +50,7 @@ def flush_to_disk(path: Path) -> None:
 
 
 def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
-    """Let `write` fill a temporary file beside `path`, then rename it over `path`.
-
-    The temporary name keeps the suffix. Raise OSError, which names `path`, if it cannot be written.
-    """
+    """Let `write` fill a temporary file of the same suffix beside `path`, then rename it."""
     temporary = path.with_name(f"{UNFINISHED}{uuid.uuid4().hex}{path.suffix}")
     try:
         write(temporary)

@@ -74,10 +74,7 @@ def is_unit(cell: str) -> bool:
 
 
 def as_number(cell: str) -> float | None:
-    """Return the number that a person reads in a cell: also with a decimal comma, or an odd minus.
-
-    None where there is none, or not a finite one.
-    """
+    """Return the finite number in a cell, also with decimal comma or odd minus; None without."""
     text = re.sub(f"[{MINUS_SIGNS}]", "-", cell.strip())
     if DECIMAL_COMMA.fullmatch(text):
         text = text.replace(",", ".")
@@ -93,10 +90,7 @@ def number_in(text: str) -> float | None:
 
 
 def missing_numbers(cells: Sequence[str], stated: Sequence[str] | None = None) -> set[str]:
-    """Return those cells of a column, as they are written, that stand for no reading.
-
-    Unless it is stated: words, and numbers below all others by several times their range.
-    """
+    """Return cells for no reading: stated ones, or words and numbers far below all others."""
     if stated is not None:
         return set(stated) & set(cells)
     if not any(_MAY_BE_MISSING.fullmatch(cell) for cell in cells):
@@ -156,11 +150,7 @@ def has_date(cell: str) -> bool:
 
 
 def seconds_of(cells: Sequence[str]) -> tuple[list[float], bool] | None:
-    """Return the times of cells (s, NaN without stamp), and whether 12 AM was read as noon.
-
-    Dates are read in the order in which times grow, and a clock that passes midnight goes on. None
-    where they can be read in more than one way.
-    """
+    """Return times (s, NaN without stamp), and if 12 AM is noon; None if there are several ways."""
     found = [_matched(cell) for cell in cells]
     stamps = [stamp for stamp in found if stamp is not None]
     dated = any(stamp["date"] is not None for stamp in stamps)

@@ -187,10 +187,7 @@ def read_columns(
 
 
 def may_be_quoted(file: Path, path: Path) -> bool:
-    """Tell whether messages may show content of a file that the TOML file `path` names.
-
-    It lies in the same folder or below, or its name is that of a table.
-    """
+    """Tell whether `file` lies beside the TOML file `path`, or below, or is named as a table is."""
     inside = file.resolve().is_relative_to(path.resolve().parent)
     return inside or file.suffix.lower() in TABLE_ENDINGS
 
@@ -345,10 +342,7 @@ def _column(
     column: str | int,
     may_be_empty: bool,
 ) -> FloatArray:
-    """Return the numbers in one column, NaN for no reading; of many bad cells the first are named.
-
-    An empty cell is no reading where it may be empty, or where something else stood in it.
-    """
+    """Return the numbers in a column, NaN for no reading; raise InputError of bad cells."""
     cells = table.cleaned(index)
     values, sentences = [], list[str]()
     for k in chosen:
@@ -384,11 +378,7 @@ WRITTEN_LAYOUT = MappingProxyType({"separator": ",", "header": True, "missing": 
 def data_files(
     data: Mapping[str, Any] | None,
 ) -> tuple[dict[str, Any] | None, dict[str, str]]:
-    """Return a table [data] that names files for its columns in memory, and their texts by name.
-
-    The columns of the key ``file`` go to ``experiment.csv``, of ``NAME_file`` to
-    ``experiment_NAME.csv``.
-    """
+    """Return a table [data] that names files for columns in memory, and their texts by name."""
     if data is None:
         return None, {}
     named: dict[str, Any] = {**data, **WRITTEN_LAYOUT}
@@ -401,10 +391,7 @@ def data_files(
 
 
 def columns_text(columns: Mapping[str, Sequence[float] | FloatArray]) -> str:
-    """Return columns with a header, separated by commas, that read back to the same numbers.
-
-    The cells of NaN are empty.
-    """
+    """Return columns with a header, comma-separated, that read back equal; NaN is an empty cell."""
     rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
     lines = [",".join(columns), *(",".join(map(_written, row)) for row in rows)]
     return "\n".join(lines) + "\n"

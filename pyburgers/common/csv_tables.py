@@ -33,10 +33,7 @@ def comment_lines(notes: Iterable[str]) -> str:
 
 
 def cell_of_text(text: str) -> str:
-    """Return a text that is no formula: an apostrophe stands before one that would be.
-
-    Ends of lines are those that a cell in quotes may hold.
-    """
+    """Return a text that is no formula: an apostrophe stands before one that would be."""
     text = "\n".join(re.split("\r\n?", text))
     is_formula = text.startswith(FORMULA_STARTS) and number_in(text) is None
     return f"'{text}" if is_formula else text

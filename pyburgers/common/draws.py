@@ -31,8 +31,5 @@ def evenly_spaced(rows: npt.NDArray[Number], at_most: int) -> npt.NDArray[Number
 
 
 def central_band(draws: FloatArray) -> FloatArray:
-    """Lower end, median and upper end of the central 90 % of draws, shape (3, ...).
-
-    Draws have shape (n, ...). NaN, which draws without solution have, does not count.
-    """
+    """Return lower end, median and upper end of the central 90 % of draws (n, ...), without NaN."""
     return np.asarray(np.nanquantile(draws, [TAIL, 0.5, 1.0 - TAIL], axis=0))

@@ -47,11 +47,7 @@ class InputError(PyburgersError):
 
 
 class StructureError(InputError):
-    """Keys of a file are missing, unknown, or hold something of another type.
-
-    Each key has one of `sentences`. `faults` say where each key is, and whether it is unknown
-    there.
-    """
+    """Keys at fault, a sentence each; `faults` say where they are and whether they are unknown."""
 
     def __init__(
         self, *sentences: str, faults: Sequence[tuple[tuple[int | str, ...], bool]]

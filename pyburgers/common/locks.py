@@ -18,11 +18,10 @@ logger = logging.getLogger(__name__)
 def process_lock(
     path: Path, taken: str, remedy: str = "", *, patience: float = -1
 ) -> Iterator[None]:
-    """Hold a lock between processes and threads; `taken` says what its holder does.
+    """Hold a lock between processes; `taken` says what its holder does.
 
-    If another process holds it, say so with the name of the lock, the process and its host, and
-    wait. Raise InputError with the `remedy` after the `patience` (s); by default wait without end.
-    On a file system without flock, the file itself is the lock.
+    If another process holds it after `patience` (s), raise InputError with the `remedy`; by default
+    wait. On a file system without flock, the file itself is the lock.
     """
     lock = filelock.FileLock(path)
     try:

@@ -86,11 +86,7 @@ def in_notebook() -> bool:
 
 
 def is_watched() -> bool:
-    """Whether a person looks at what this process says: in a notebook, or on a terminal.
-
-    Processes beside each other would write over each other. A level of the logger ``pyburgers``
-    above INFO asks for quiet.
-    """
+    """Whether a person watches this process, on a terminal or in a notebook, and wants messages."""
     is_quiet = logging.getLogger(PACKAGE).level > logging.INFO
     return not is_quiet and parent_process() is None and (in_notebook() or sys.stderr.isatty())
 

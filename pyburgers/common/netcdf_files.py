@@ -19,11 +19,7 @@ _ONE_AT_A_TIME = Lock()
 def write_netcdf(
     path: Path, tree: xr.DataTree, encoding: Mapping[str, Mapping[Any, Any]] | None = None
 ) -> None:
-    """Write labelled arrays in one step to `path`, whose folder must exist.
-
-    `encoding` says how to write variables, by group and name, as xarray takes it. Raise OSError if
-    the file cannot be written.
-    """
+    """Write labelled arrays to `path` in one step; `encoding` of variables is by group and name."""
     # In memory first: where the disk is full, HDF5 brings the process down.
     with _ONE_AT_A_TIME:
         written = bytes(tree.to_netcdf(engine=_ENGINE, encoding=encoding))

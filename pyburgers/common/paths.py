@@ -7,11 +7,7 @@ from pathlib import Path
 
 
 def given_path(path: str | Path) -> Path:
-    """Return the absolute path that a user means: ``~`` at its start is the home folder.
-
-    Every path from a user comes through here: libraries differ about ``~``, and a process may
-    change its folder. The home of a user who is not known stays as it is.
-    """
+    """Return the absolute path that a user means; ``~`` at its start is a known user's home."""
     return Path(os.path.expanduser(path)).absolute()  # noqa: PTH111 - pathlib's refuses unknown users
 
 

@@ -49,11 +49,7 @@ def cores() -> int:
 
 @dataclass(eq=False)
 class Running:
-    """A program that runs, or has run, beside this process; what it prints goes to `console`.
-
-    It has started when `time.monotonic` was `started` (s), and has run for `seconds` (s) when it
-    ends. It is `out_of_time` if it was stopped at a time limit.
-    """
+    """A program, `started` on `time.monotonic` (s); what it prints goes to `console`."""
 
     process: subprocess.Popen[bytes]
     console: Path
@@ -73,10 +69,7 @@ class Running:
         return None if self.out_of_time or code is None or code >= 0 else signal.Signals(-code).name
 
     def require_not_killed(self) -> None:
-        """Check that the program has ended by itself.
-
-        Raises SystemFailureError if the system killed it.
-        """
+        """Raise SystemFailureError if the system killed the program."""
         if self.killed_by is not None:
             raise SystemFailureError(
                 f"A program was killed by the system ({self.killed_by}); {FREE_MEMORY}"
@@ -143,12 +136,7 @@ def start(
     environment: Mapping[str, str] | None = None,
     folder: Path | None = None,
 ) -> Running:
-    """Start a program that reads nothing and whose console goes to a file.
-
-    Its environment is that of this process, or the given one; its working folder likewise. Raises
-    InputError if a path among the arguments has a line break; SystemFailureError if the system does
-    not start it.
-    """
+    """Start a program that reads nothing, in its own environment and folder if these are given."""
     for part in command:
         if len(part.splitlines()) > 1:
             raise InputError(
@@ -181,11 +169,7 @@ def start(
 def side_by_side(
     starting: Iterator[Running], *, at_once: int, limit: float | None = None
 ) -> Generator[tuple[list[Running], list[Running]], None, None]:
-    """Run programs to their ends, `at_once` of them, each stopped after `limit` (s).
-
-    Yield at every look the programs that ran before, and those that have ended since. All stop when
-    the generator is closed.
-    """
+    """Run programs, `at_once`, each at most `limit` s; yield those that ran and have ended."""
     running: list[Running] = []
     try:
         while True:

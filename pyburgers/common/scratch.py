@@ -21,11 +21,7 @@ LEAST_AGE = 60.0
 
 @contextmanager
 def scratch_folder(parent: Path | None = None, prefix: str = PREFIX) -> Iterator[Path]:
-    """Give a new folder for as long as the block runs, by default in that of temporary files.
-
-    The process holds a lock on the folder. A folder without a lock was left by a killed process.
-    If it is older than `LEAST_AGE`, the first call of another process in `parent` removes it.
-    """
+    """Give a new folder, locked by this process, for the block; clear abandoned ones once."""
     parent = parent or Path(tempfile.gettempdir())
     _clear_once(parent, prefix, os.getpid())
     while True:

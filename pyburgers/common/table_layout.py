@@ -38,12 +38,7 @@ SAVE_AS_CSV = "save the sheet as CSV UTF-8"
 
 @dataclass(frozen=True)
 class Sheet:
-    """Lines of a text, or rows of a sheet of a workbook.
-
-    `name`: of the sheet of a workbook; empty for a text.
-    `lines`: the lines of a text; empty for a workbook.
-    `rows`: the cells of a workbook; empty for a text.
-    """
+    """Lines of a text, without a name, or rows of a named sheet of a workbook."""
 
     name: str
     lines: Sequence[str] = ()
@@ -146,11 +141,8 @@ MAX_SMALL_TABLE_SHARE = 0.1
 
 @dataclass(frozen=True)
 class Layout:
-    """What the rows of a file are.
+    """What the rows of a file are, of which most have `width` cells (`TextTable` says more).
 
-    `width`: how many cells most rows of numbers have.
-    `names`, `hidden_names`, `units`, `rows`: as of `pyburgers.common.text_tables.TextTable`.
-    `notes`, `problems`: what was done to find the table; what keeps it from being found.
     `first_line`: line of the names, or else of the first row.
     """
 

@@ -114,11 +114,7 @@ def run_tasks(
 
 
 def _elsewhere(work: Callable[..., Outcome], *arguments: object) -> Outcome:
-    """Call a function on a worker of somebody else's executor.
-
-    xarray would lock each file through the scheduler of Dask, though the folder of a task is its
-    own.
-    """
+    """Call on another's executor, without the locks of files that xarray takes through Dask."""
     dask = sys.modules.get("dask")
     with nullcontext() if dask is None else dask.config.set(scheduler="synchronous"):
         return work(*arguments)
@@ -165,10 +161,7 @@ def _kill(processes: Iterable[psutil.Process]) -> None:
 
 
 def _end_with_parent() -> None:
-    """Have this process and its programs end when the parent does, however it does.
-
-    An interrupt that the terminal sends to all of them is the parent's business.
-    """
+    """Have this process and its programs end with the parent, not at a terminal's interrupt."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = parent_process()
     assert parent is not None  # processes of the pool have one

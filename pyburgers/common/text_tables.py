@@ -122,10 +122,7 @@ class TextTable:
         return [value for value in map(as_number, cells) if value is not None]
 
     def cleaned(self, index: int) -> list[str]:
-        """Return the cells of a column in the form of numbers; those that hold none as they are.
-
-        Time stamps become seconds, decimal commas points; no reading, and no cell, is empty.
-        """
+        """Return cells as numbers, time stamps as seconds; empty without a reading."""
         if index in self._stamps:
             return self._stamps[index][0]
         missing = self._missing[index]
@@ -175,10 +172,7 @@ class TextTable:
 
     @cached_property
     def _stamps(self) -> dict[int, tuple[list[str], bool]]:
-        """Seconds, as text, of the columns of time stamps that can be read in one way.
-
-        And whether 12 AM was read as noon.
-        """
+        """Seconds, as text, of columns of time stamps, and whether 12 AM was read as noon."""
         kinds, date = self._clocks
         found = {}
         for index in kinds:

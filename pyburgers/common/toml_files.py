@@ -23,10 +23,7 @@ from pyburgers.common.units import UNIT_TABLE, UNITS, Unit
 
 
 def all_of(*steps: Callable[[], Any]) -> list[Any]:
-    """Take steps that do not need each other; return what they return.
-
-    Raise one InputError with what all of them say if steps raise it.
-    """
+    """Take independent steps; return what they return, or raise the InputErrors of all as one."""
     found, sentences = [], list[str]()
     for step in steps:
         try:
@@ -110,10 +107,7 @@ def read_toml(
 
 
 def read_tables(path: Path) -> dict[str, Any]:
-    """Read a TOML file, whatever it holds.
-
-    Of a file with another ending the InputError names the command that describes readings.
-    """
+    """Read a TOML file; of another one the InputError names the command that describes readings."""
     try:
         return _tables(path)
     except InputError:
@@ -154,11 +148,7 @@ def read_json_table(path: Path, structure: type[TableT]) -> TableT:
 
 
 def checked(path: Path, table: Mapping[str, Any], structure: type[TableT]) -> TableT:
-    """Return the contents of a file as `structure`.
-
-    Raise StructureError if they do not have it: a sentence for each key at fault, unknown keys
-    before all others.
-    """
+    """Return contents as `structure`, or raise StructureError, unknown keys before all others."""
     try:
         return structure.model_validate(table)
     except ValidationError as error:

@@ -14,10 +14,7 @@ from typing import SupportsIndex
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit of files: a number x in it is `zero` + `factor` x in SI.
-
-    `spelling` is a pattern that finds it in names of columns in lower case, if names may say it.
-    """
+    """A unit: x in it is `zero` + `factor` x in SI; `spelling` finds it in lower-case names."""
 
     factor: float = 1.0
     spelling: str = ""

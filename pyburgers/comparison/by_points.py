@@ -107,10 +107,8 @@ def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Compariso
 def leave_one_out(posterior: xr.DataTree) -> LeaveOneOut:
     """Return the elpd of every point by Pareto smoothed importance sampling.
 
-    ArviZ's function has one relative efficiency for all points, and takes draws in another
-    container in each major version. If residuals are correlated, the density of a point given
-    all others is used (Bürkner, Gabry and Vehtari 2021, Computational Statistics 36,
-    1243-1261).
+    ArviZ has one relative efficiency for all points. If residuals correlate, the density given all
+    others is used (Bürkner, Gabry and Vehtari 2021, Computational Statistics 36, 1243-1261).
     """
     pointwise = pointwise_log_density(posterior)
     by_point = all_draws(pointwise).T
@@ -145,10 +143,7 @@ def _all_tests(results: Sequence[LeaveOneOut], doubts: tuple[str, ...]) -> Leave
 def leave_out_exactly(
     one: Fit, result: LeaveOneOut, points: Sequence[int], folder: Path
 ) -> LeaveOneOut:
-    """Replace the elpd of points, numbered from 0, by that of fits without them in ``point_K``.
-
-    Finished fits are used again. Raises `InputError` if such points cannot be left out.
-    """
+    """Replace the elpd of points, from 0, by that of fits without them, kept in ``point_K``."""
     elpd, exact, doubts = result.elpd.copy(), result.exact.copy(), result.doubts
     for point in points:
         logger.info(

@@ -69,10 +69,7 @@ def compare_by_test(
 
 
 def fit_without_tests(joints: Mapping[str, Fit], *, workers: Workers, command: str) -> None:
-    """Repeat joint fits without each test, with the same prior densities, in ``leave_out/TEST``.
-
-    Fits that are there are continued. Raises as `compare_by_test` does.
-    """
+    """Repeat or continue joint fits without each test in ``leave_out/TEST``, priors the same."""
     for joint in joints.values():
         check_several_tests(joint)
     check_same_data(joints)

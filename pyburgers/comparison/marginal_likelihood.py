@@ -88,13 +88,10 @@ def log_integral(
     *,
     seed: int,
 ) -> LogIntegral:
-    """Integrate a density over all of space from draws of it, (n_chains, n_draws, n_dimensions).
+    """Integrate a density, nearly normal, from draws of it, (n_chains, n_draws, n_dimensions).
 
-    The draws are in coordinates in which the density is not far from normal. Its logarithm is
-    known up to a factor, at the draws (n_chains, n_draws) and as a function of points
-    (n_points, n_dimensions). The error takes autocorrelation into account. Raises `InputError`
-    if there are too few draws, and `SamplingError` if draws have no spread or no proposal has a
-    density.
+    Its logarithm is known up to a factor, at the draws (n_chains, n_draws) and as a function of
+    points (n_points, n_dimensions). The error takes autocorrelation into account.
     """
     n_dimensions = draws.shape[2]
     middle = draws.shape[1] // 2
@@ -141,12 +138,10 @@ def _from_half(
 
 
 def bridge(at_draws: FloatArray, at_proposals: FloatArray) -> LogIntegral:
-    """Combine draws of a density and of a proposal in the optimal way.
+    """Combine ln(density/proposal) at draws (n_chains, n_draws) and proposals (n,) optimally.
 
-    Given is ln of unnormalised density over proposal density, at draws of the former (n_chains,
-    n_draws) and at independent draws of the latter (n_proposals,). The error is that of
-    Frühwirth-Schnatter (2004, The Econometrics Journal 7, 143-167), to first order, with the
-    effective number of draws. Raises `SamplingError` if no proposal has a density.
+    The error is that of Frühwirth-Schnatter (2004, The Econometrics Journal 7, 143-167), to first
+    order, with the effective number of draws.
     """
     if not np.isfinite(at_proposals).any():
         raise SamplingError(

@@ -16,10 +16,7 @@ MOVED = " moved"
 
 
 def what_a_yes_leaves_open(fit: Fit) -> tuple[str, ...]:
-    """Return a sentence on laws that a yes does not exclude, then commands that try them.
-
-    It is empty if the model is not shown to describe the data.
-    """
+    """Return a sentence on laws that a yes does not exclude, then commands; none without a yes."""
     if fit.verdicts()[CheckKind.DESCRIPTION].outcome is not Outcome.YES:
         return ()
     first = next(iter(fit.tests().values())).experiment
@@ -59,12 +56,7 @@ def _command(*words: str | Path) -> str:
 
 
 def parameter_shifts(fits: Mapping[str, Fit]) -> pd.DataFrame:
-    """Return how far each parameter moves from the first fit of the data to the others.
-
-    The index is parameter, of those that all fits infer. Columns are unit, mean and sd of the
-    first fit (SI), then for each other fit ``NAME mean`` and ``NAME moved``, the difference of
-    the means over the sd.
-    """
+    """Return unit, mean, sd of the first fit; of others the mean, and its move over that sd."""
     summaries = {name: fit.summary("SI") for name, fit in fits.items()}
     (_, first), *others = summaries.items()
     table = first[["unit", "mean", "sd"]]

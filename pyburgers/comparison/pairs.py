@@ -27,11 +27,7 @@ class PairOutcome(StrEnum):
 
 @dataclass(frozen=True)
 class Pair:
-    """Two fits of the same data, the higher elpd first, and how far apart they are.
-
-    The doubt says why these numbers decide nothing, in words after "because"; it is empty if
-    they do.
-    """
+    """Two fits, the higher elpd first; a doubt says after "because" why numbers do not decide."""
 
     better: str
     worse: str
@@ -41,12 +37,7 @@ class Pair:
 
     @property
     def outcome(self) -> PairOutcome:
-        """What the difference and its error come to.
-
-        Better from `NO_DIFFERENCE` and `CLEAR` errors on; alike where `CLEAR` errors more would
-        still be less than `NO_DIFFERENCE`; between them a comparison cannot tell, nor where the
-        numbers are in doubt.
-        """
+        """Better beyond `NO_DIFFERENCE` and `CLEAR` errors; alike if both together stay below."""
         if self.doubt or not math.isfinite(self.error):
             return PairOutcome.CANNOT_TELL
         if self.difference >= max(NO_DIFFERENCE, CLEAR * self.error):
@@ -73,11 +64,7 @@ class Pair:
 
 
 def doubt_about(units: str, n_units: int, unreliable: Sequence[str]) -> str:
-    """Say why the numbers of two fits decide nothing, as `Pair.doubt`.
-
-    Units, such as "2 tests", are those of the standard error; unreliable fits are those whose
-    elpd may be far off.
-    """
+    """Say as `Pair.doubt` that units, such as "2 tests", are few or fits unreliable."""
     reasons = []
     if n_units < LEAST_UNITS:
         reasons.append(f"a standard error over {units} says nothing")
@@ -89,10 +76,7 @@ def doubt_about(units: str, n_units: int, unreliable: Sequence[str]) -> str:
 def weight_sentence(
     best: str, other: str, weights: tuple[float, float], gains: FloatArray, *, unit: str = "points"
 ) -> str | None:
-    """Say why a fit of lower elpd has the larger weight in the best mixture; None if it has not.
-
-    Gains (n,) say what the other predicts better than the best, in log density, by unit.
-    """
+    """Say why a fit of lower elpd weighs more, given its gains (n,); None if it does not."""
     if weights[1] <= weights[0]:
         return None
     won = gains > 0

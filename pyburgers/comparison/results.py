@@ -61,10 +61,7 @@ class LogIntegral:
 
     @classmethod
     def mean(cls, one: Self, other: Self) -> Self:
-        """Mean of two independent estimates.
-
-        Its error is the larger of what their own errors say and what their distance says.
-        """
+        """Mean of two independent estimates; its error is at least half their distance."""
         stated = 0.5 * float(np.hypot(one.error, other.error))
         return cls(0.5 * (one.value + other.value), max(stated, 0.5 * abs(one.value - other.value)))
 
@@ -193,10 +190,7 @@ class Comparison:
 
 
 def _pair(results: Mapping[str, LeaveOneOut]) -> Pair:
-    """Relate two fits of the same points, by name and the better first.
-
-    Where points may be far off, what the others say has to be the same.
-    """
+    """Relate two fits of the same points, the better first; reliable points must say the same."""
     (better, one), (worse, other) = results.items()
     failed = [name for name, result in results.items() if result.doubts]
     unreliable = one.unreliable | other.unreliable

@@ -90,11 +90,7 @@ def origins(fits: Mapping[str, Fit], *, command: str) -> dict[str, Any]:
 
 
 def stacking_weights(elpd: FloatArray) -> FloatArray:
-    """Return weights of a mixture of predictions that maximise its leave-one-out density.
-
-    The elpd has the shape (n_fits, n_points); the weights are not negative and add up to 1.
-    ArviZ weighs only results of its own leave-one-out.
-    """
+    """Return weights of a mixture, the best for its leave-one-out elpd (n_fits, n_points)."""
     # Any factor common to all fits at a point drops out.
     density = np.exp(elpd - elpd.max(axis=0))
     weights: FloatArray = np.full(len(elpd), 1.0 / len(elpd))

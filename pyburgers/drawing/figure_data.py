@@ -19,11 +19,7 @@ COLUMNS = ("panel", "x label", "y label", "series", "x", "y")
 
 
 def figure_data(figure: Figure) -> pd.DataFrame:
-    """Return a row for each point of lines, dots and outlines of areas, in the units of the axes.
-
-    A series has its name in the legend, or else its kind and number. Thin lines of single draws
-    are left out, and a figure whose dots are single draws has no rows: the run directory has them.
-    """
+    """Return a row for each point of lines, dots and outlines, but for lines of single draws."""
     dots = [one for axes in figure.axes for one in (*axes.lines, *axes.collections)]
     if any(isinstance(one, Line2D | PathCollection) and one.get_rasterized() for one in dots):
         return pd.DataFrame(columns=list(COLUMNS))
@@ -52,10 +48,7 @@ def name_series(figure: Figure) -> None:
 
 
 def panel_scales(figure: Figure) -> list[list[object]]:
-    """Return left, top, right and bottom (shares of the figure) and both axes of each panel.
-
-    An axis has its ends, or their decadic logarithms, 1 if these are logarithms, and its unit.
-    """
+    """Return left, top, right and bottom (shares of the figure) and both axes of each panel."""
     found: list[list[object]] = []
     for panel, axes in enumerate(figure.axes):
         place = axes.get_position()

@@ -44,11 +44,7 @@ def curve_of(
     clock_factor: float = 1.0,
     rows: BoolArray | slice = slice(None),
 ) -> FittedCurve:
-    """Return the curve of a quantity from the readings of it, some rows of all, and predictions.
-
-    Noise is the parameter with its scatter; the label is that of residuals, and factors turn SI
-    units into those that are shown.
-    """
+    """Return the curve of a quantity from the readings of it, some rows of all, and predictions."""
     return FittedCurve(
         **vars(read),
         grid=positions(fit) * clock_factor,

@@ -56,12 +56,9 @@ _BETWEEN = re.compile(r">\s+<")
 
 @dataclass(frozen=True, eq=False)
 class InlineSvg:
-    """A picture as a part of a page.
+    """A picture as a part of a page: its size in points, and what stands in the svg element.
 
-    `width`, `height`: its size in points.
-    `content`: what stands inside the svg element.
-    `panels`: what the page's script has to know of its panels, as JSON.
-    `colours`: six digits of colours that the page has no name for; they stand as ``--c-DIGITS``.
+    `panels`: JSON for the page's script. `colours`: six digits each, written as ``--c-DIGITS``.
     """
 
     width: float
@@ -72,11 +69,7 @@ class InlineSvg:
 
 
 def inline_svg(picture: str, key: str) -> InlineSvg:
-    """Make a part of a page of a picture (`pyburgers.drawing.style.image`).
-
-    The ids of the part begin with `key`, unique on the page. Raise ValueError if there is no svg
-    element with a view box.
-    """
+    """Make a part of a page, whose ids begin with `key`, of a picture (`style.image`)."""
     found = _ROOT.fullmatch(_DROPPED.sub("", picture).strip())
     if found is None:
         raise ValueError(f"picture {key}: found no svg element with a view box.")
@@ -104,10 +97,7 @@ def dark_colours(pictures: Iterable[InlineSvg]) -> dict[str, str]:
 
 
 def on_dark(digits: str) -> str:
-    """Return a colour of the same hue whose contrast with the dark ground is that with white.
-
-    Its `digits` are two hexadecimal ones each of red, green and blue.
-    """
+    """Return the colour of the hue of six digits with the contrast on dark that it has on white."""
     coded = np.array([int(digits[k : k + 2], 16) / 255 for k in (0, 2, 4)])
     linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
     before = float(linear @ LUMINANCE)

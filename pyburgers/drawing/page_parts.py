@@ -83,10 +83,7 @@ def recipe(
 
 
 def text_table(table: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:
-    """Return rows as text: by heading a format of the row's columns, ``{q5:.3g} to {q95:.3g}``.
-
-    A cell is empty if one of its numbers is NaN.
-    """
+    """Return text by heading from formats of the row's columns; a cell with a NaN is empty."""
     rows = table.to_dict("records")
     cells = [{heading: _cell(form, row) for heading, form in columns.items()} for row in rows]
     return pd.DataFrame(cells, columns=list(columns))

@@ -121,10 +121,7 @@ def band_text(draws: FloatArray, unit: str) -> str:
 
 
 def draw_curve(axes: Axes, curve: FittedCurve, *, is_read: bool = True) -> None:
-    """Draw data, retrodictions, predictive median and band, and where the imposed changes.
-
-    A quantity that is not read has neither data nor a band.
-    """
+    """Draw data and band, if the quantity is read, retrodictions, median and marks."""
     if is_read:
         low, _, high = central_band(curve.replicated)
         band = axes.fill_between(curve.grid, low, high, color=ORANGE, alpha=0.35, linewidth=0)
@@ -238,10 +235,7 @@ def draw_band_panel(
     label: str,
     level: tuple[float, str] | None = None,
 ) -> None:
-    """Draw medians and bands of draws, shape (n_draws, n), each with its colour and label.
-
-    The level is a number to compare with, and its label.
-    """
+    """Draw medians and bands of draws, shape (n_draws, n), each with its colour and label."""
     for values, colour, name in bands:
         draw_band(axes, position, values, colour, name)
     if level is not None:

@@ -82,11 +82,7 @@ ImageFormat: TypeAlias = Literal["png", "svg"]
 
 
 def image(figure: Figure, kind: ImageFormat) -> bytes:
-    """Render a figure; the same figure gives the same bytes.
-
-    The layout is made once: its engine moves panels a little each time, and takes as long as the
-    drawing.
-    """
+    """Render a figure; the same figure gives the same bytes."""
     # Tick labels are made when a figure is drawn, so the style has to hold here as well.
     with style():
         engine = figure.get_layout_engine()
@@ -125,10 +121,7 @@ def write_images(figure: Figure, path: Path) -> str:
 
 
 def write_page_images(figure: Figure, path: Path) -> str:
-    """Write a figure as PNG and SVG with its data as CSV, and return the SVG.
-
-    `inline_svg` makes a part of a page of it. A figure without `figure_data` has no CSV.
-    """
+    """Write a figure as PNG, SVG and, with `figure_data`, CSV; return the SVG."""
     vector = write_images(figure, path)
     data = figure_data(figure)
     if len(data):

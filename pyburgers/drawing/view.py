@@ -21,16 +21,10 @@ from pyburgers.kinds.likelihood import NAMES
 
 @dataclass(frozen=True)
 class View:
-    """How the page shows a kind of test.
+    """How the page shows a kind of test; its functions take a test or a fit of one.
 
-    `figures`: figures of a fit beside those of its posterior, the curve first.
-    `read`: returns the readings of a test along its clock.
-    `curve`: returns the response of a fitted test along its clock, measured and as the fit has it.
-    `facts`: returns what the page says about a test: names and values.
-    `reference_text`: what the page says about the kind's `Likelihood.reference`.
-    `tables`: returns tables of a fit beside those that every fit has.
-    `joint_figures`: returns figures of the tests of a joint fit beside those that every joint fit
-        has.
+    `figures`: those beside the posterior's, the curve first. `read`, `curve`: readings along the
+    clock, and with the response of the fit. `reference_text`: about `Likelihood.reference`.
     """
 
     figures: tuple[FigureRecipe, ...]

@@ -278,10 +278,7 @@ def _numbers(
 
 
 def _shapes(conditions: pd.DataFrame) -> dict[str, FloatArray]:
-    """Return orthonormal slope and bend (n, 2) by condition with three values or more.
-
-    They have no level; rows without a grain size have no part in those along it.
-    """
+    """Return orthonormal slope and bend (n, 2), without level, by condition of enough values."""
     found = {}
     for name in ALONG:
         values = conditions[name.replace(" ", "_")].to_numpy()

@@ -117,11 +117,7 @@ def mechanism_map(
     stress: FloatArray | None = None,
     grain_size: FloatArray | float | None = None,
 ) -> MechanismMap:
-    """Count in which draws of a law each mechanism leads, see `RateFit.mechanism_map`.
-
-    `posterior`: labelled draws of the law. `used`: the rows that were fitted. Temperature (K),
-    stress (Pa) and grain size (m) have the shapes (n,) or (), (m,) and () or (n,).
-    """
+    """Count in which draws of `posterior` each mechanism leads (`RateFit.mechanism_map`)."""
     if temperature is None:
         low, high = used.temperature.min() - 30.0, used.temperature.max()
         temperature = np.linspace(low, high, 45) if np.ndim(grain_size or 0) == 0 else high

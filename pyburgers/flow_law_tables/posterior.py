@@ -134,11 +134,7 @@ def _numbered(data: RateTable) -> tuple[npt.NDArray[np.int64], dict[str, str]]:
 
 
 def _predictions(chains: Draws, drawn: Sequence[Line], law: RateLaw) -> xr.Dataset:
-    """Return the rates of the drawn lines (1/s), the flow rate of another test, and the law.
-
-    The law has a row for each mechanism as `stan/physics/composite_law.stan` has it; beta (mol/J)
-    is that of its rates without premelting.
-    """
+    """Return drawn rates (1/s), the flow rate of a test, beta (mol/J), and the law by mechanism."""
     dims = ("chain", "draw")
     names = {"log_strain_rate": "grid_log_rate", "log_test_rate": "grid_test_log_rate"}
     lines_of = {

@@ -76,11 +76,7 @@ def lines(data: RateTable) -> tuple[Line, ...]:
 
 
 def groups(data: RateTable) -> list[tuple[str, IntArray]]:
-    """Return rows that may lie off the law together, each time behind words that say which.
-
-    They are the sources. The tests of a single source are split by grain size, and at gaps of
-    temperature wider than `GROUP_TEMPERATURES`.
-    """
+    """Return sources, or tests of one source by grain size and gap of temperature, behind words."""
     if len(data.sources) > 1:
         return [(f"the rows of {one}", np.flatnonzero(data.source == one)) for one in data.sources]
     found = []

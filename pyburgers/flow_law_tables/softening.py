@@ -120,10 +120,7 @@ class Peaks:
 
 
 def least_squares(data: RateTable) -> dict[str, tuple[float, float]]:
-    """Return exponents with standard errors from ln(stress) by ln(rate) and ln(grain size).
-
-    The result is empty if rows are too few, or too much alike, to tell.
-    """
+    """Return exponents and errors from ln(stress) by ln(rate), ln(grain size), if rows tell."""
     columns = [np.ones(data.n_rows), np.log(data.strain_rate)]
     if np.ptp(data.grain_size) > 0:
         columns.append(np.log(data.grain_size))
@@ -154,11 +151,7 @@ def simulate_peaks(
     temperature: FloatArray,
     peak_stress: FloatArray | None = None,
 ) -> Peaks:
-    """Solve tests of materials (SI) from rest to 20 % strain and find their peaks.
-
-    Conditions (n_conditions,) are SI. Given peak stresses (Pa) set Q_M of each material. Raise
-    SamplingError if the solver finds no solution.
-    """
+    """Find peaks of materials under conditions (n,), SI; given peak stresses (Pa) set their Q_M."""
     given = [given_parameters(material, one) for one in values]
     wanted = np.zeros(strain_rate.size) if peak_stress is None else peak_stress
     found = load_program(stan_directory() / "peaks.stan").evaluate(
@@ -187,12 +180,7 @@ def simulate_peaks(
 
 
 def softening_prior(data: RateTable, curve: PriorSet, *, seed: int) -> SofteningPrior:
-    """Simulate the softening at the peaks of a table with the priors of a curve.
-
-    Every material drawn has the mean peak stress of the table, by its Q_M, and the strain of the
-    peaks if it is stated; n and p are drawn where the table has them. Raise InputError if next to
-    no material has such a peak.
-    """
+    """Simulate softening with a curve's priors, at a table's mean peak stress and stated strain."""
     rng = np.random.default_rng(seed)
     curve = curve.resolved(float(data.stress.max()))
     if data.peak_strain is None:
@@ -279,10 +267,7 @@ def _principal_axes(data: RateTable) -> tuple[FloatArray, FloatArray]:
 def _peaks_about(
     data: RateTable, materials: Sequence[Mapping[str, float]], shifts: FloatArray
 ) -> Peaks:
-    """Find peaks at shifts (n_conditions, 3) from the mean conditions of a table.
-
-    Shifts are those of ln(strain rate), ln(peak stress) and ln(grain size).
-    """
+    """Find peaks at shifts (n, 3) of ln(rate), ln(peak stress), ln(grain size) from the mean."""
     at, factors = data.mean_conditions, np.exp(shifts.T)
     return simulate_peaks(
         data.material,

@@ -24,12 +24,7 @@ logger = logging.getLogger(__name__)
 
 
 def shown_fits(campaign: Campaign, out: Path) -> tuple[list[Fit], PageSection]:
-    """Return the complete fits that the page of a campaign shows, and its part about all of them.
-
-    Of fits that differ only in their seed the page has the first, and a table of the largest
-    difference between seeds. A damaged fit is named and left out. Raises InputError if no fit is
-    complete.
-    """
+    """Return complete fits of a campaign, the first seed of each model, and the part about all."""
     table = status_table(campaign, out)
     complete: dict[Combination, Fit] = {}
     for one in campaign.tasks:

@@ -157,10 +157,7 @@ def _points_to_fit_again(comparison: Comparison, fits: Mapping[str, Fit]) -> tup
 
 
 def by_tests_section(joints: Mapping[str, Fit], keys: Mapping[str, str]) -> tuple[PageSection, ...]:
-    """Return how well joint fits of the same data, by name, predict whole tests that were left out.
-
-    `pyburgers compare --leave-out tests` leaves them out.
-    """
+    """Return how well joint fits of the same data, by name, predict tests that were left out."""
     first, one = next(iter(joints.items()))
     comparison = compare_kept_by_test(joints) if one.is_joint else None
     if comparison is None:
@@ -223,10 +220,7 @@ def _with_errors(values: pd.Series, errors: pd.Series) -> list[str]:
 def flow_law_source_section(
     fits: Mapping[str, Fit], keys: Mapping[str, str]
 ) -> tuple[PageSection, ...]:
-    """Return what a flow law from another source adds to a curve, by name of the fit.
-
-    It is about the first fit with a joint prior of the flow law and the first without.
-    """
+    """Compare the first fit with a joint prior of the flow law with the first fit without one."""
     laws = {name: fit.priors.flow_law for name, fit in fits.items() if not fit.is_joint}
     alone = next((name for name, law in laws.items() if law is None), None)
     both, law = next(((name, law) for name, law in laws.items() if law is not None), (None, None))
@@ -327,10 +321,7 @@ def _temperature_correction(
 
 
 def flow_law_sources_table(draws: Mapping[str, Mapping[str, FloatArray]]) -> pd.DataFrame:
-    """Return mean and standard deviation (SI) of draws by source and quantity.
-
-    Index quantity; columns ``SOURCE mean`` and ``SOURCE sd``.
-    """
+    """Return mean and sd (SI) of draws: rows quantities, columns ``SOURCE mean``, ``SOURCE sd``."""
     quantities = next(iter(draws.values()))
     rows = {
         quantity: {

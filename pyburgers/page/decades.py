@@ -22,11 +22,7 @@ _QUANTILES = np.linspace(0.0005, 0.9995, 1000)
 
 
 def spans_decades(draws: FloatArray) -> bool:
-    """Tell whether draws of a quantity, of any shape, go over decades and lie evenly in them.
-
-    A share that may be anything up to 1 goes over decades too, most of them near zero; it is read
-    in its own unit, as what lies more evenly there than by its logarithm.
-    """
+    """Tell whether draws of a quantity, of any shape, go over decades and lie evenly in them."""
     ends = np.quantile(draws, [0.05, 0.5, 0.95])
     if not 0 < ends[0] * 10**DECADES <= ends[2]:
         return False

@@ -38,18 +38,9 @@ DOUBTFUL = (Origin.PRIOR, Origin.CONFLICT, Origin.BOUND, Origin.CANNOT_TELL)
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """What the page says about one fit.
+    """What the page says about one fit; `fixed` has texts by symbol, quantity, mean and unit.
 
-    `key`: name of its files and its anchor, unique on the page.
-    `name`: how the page calls it.
-    `fit`: the fit.
-    `entry`: what the top of the page says about it.
-    `parameters`, `priors`, `sampler`: tables as text.
-    `fixed`: what is not inferred: texts by symbol, quantity, mean, unit.
-    `truth`: comparison with the truth (`pyburgers.page.tables.truth_table`), for synthetic data.
-    `more_tables`: tables of the protocol.
-    `illustrations`: figures.
-    `same_data_as`: one before it on the page that tells what its data are, else None.
+    `same_data_as`: a section before it on the page that tells what its data are, else None.
     """
 
     key: str
@@ -84,10 +75,7 @@ class Section:
 
     @property
     def found(self) -> list[tuple[str, list[dict[Hashable, Any]]]]:
-        """What data decide: an opening of a sentence, and the rows of the table that end it.
-
-        There is nothing without likelihood, nor if the posterior was not sampled well.
-        """
+        """Return openings of sentences with rows that data decide; none unless sampled well."""
         outcome = self.entry.verdicts[CheckKind.SAMPLING].outcome
         if tables.DECISION not in self.parameters or outcome is not Outcome.YES:
             return []
@@ -132,10 +120,7 @@ class Section:
 
 
 def write_section(key: str, name: str, fit: Fit, out: Path) -> Section:
-    """Write the tables of one fit, draw its figures, and gather what the page shows of it.
-
-    The fit is of one test, or of a test of a joint fit; key and name are those of the page.
-    """
+    """Write the tables of one fit, draw its figures, and gather what the page shows of it."""
     summary, checks = fit.summary("SI"), fit.checks()
     truth = tables.truth_table(fit)
     sampler = tables.sampler_table(fit)
@@ -174,12 +159,7 @@ def write_section(key: str, name: str, fit: Fit, out: Path) -> Section:
 
 @dataclass(frozen=True)
 class Said:
-    """What is said of one or several fits of the same data.
-
-    `lines`: sentences.
-    `of`: names of the fits, none where the section is about one fit alone.
-    `outcome`: the answer that the sentences are about, if they are about one.
-    """
+    """Sentences `lines` on the fits named `of`; no names if the section is about one fit."""
 
     lines: tuple[str, ...]
     of: tuple[str, ...]
@@ -302,10 +282,7 @@ class SameData:
 
 
 def by_data(named: Iterable[tuple[str, str, Fit]]) -> list[list[tuple[str, str, Fit]]]:
-    """Put fits of the same data, with their keys and names, together in the order of the first.
-
-    Equal readings of which some were measured and some computed are different data.
-    """
+    """Put fits of equal readings, also in being measured or computed, together in their order."""
     found: dict[tuple[str, str], list[tuple[str, str, Fit]]] = {}
     for one in named:
         fit = one[2]

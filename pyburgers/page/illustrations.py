@@ -18,12 +18,7 @@ FIGURES_A_PROCESS = 4
 
 @dataclass(frozen=True, eq=False)
 class Illustration:
-    """A figure for a page.
-
-    `text`: its name, title and caption, and what draws it.
-    `file`: where it is written as PNG; beside it as SVG.
-    `result`: what it shows, in a sentence.
-    """
+    """A figure for a page: its `file` as PNG, beside it as SVG, and its `result` in a sentence."""
 
     text: PageFigure
     file: Path
@@ -51,13 +46,7 @@ def illustrate(
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A figure as it stands in a page.
-
-    `svg`: what is drawn.
-    `number`: its number, from 1 at the top of the page.
-    `explained_by`: an earlier figure with the same caption, which stands there; None if there is
-        none.
-    """
+    """A figure in a page, numbered from 1, and an earlier one with the same caption or None."""
 
     svg: InlineSvg
     number: int
@@ -72,11 +61,7 @@ class Picture:
 def write_figures(
     illustrations: Sequence[Illustration], out: Path, jobs: int | None, by_file: dict[Path, str]
 ) -> dict[str, Picture]:
-    """Write every figure as PNG and SVG, and return what stands in the page, by anchors.
-
-    Pictures that `by_file` holds are not drawn again; the others are added to it. None as the
-    number of processes takes one for each core, if there are many figures.
-    """
+    """Write figures, add them to `by_file`, and return those in the page by anchor."""
     missing = [one for one in illustrations if one.file not in by_file]
     workers = Workers(jobs=jobs)
     if workers.processes(len(missing) // FIGURES_A_PROCESS) == 1:

@@ -79,11 +79,7 @@ def _moments(fit: Fit, quantity: str) -> tuple[float, float]:
 
 
 def shown_pooling_table(table: pd.DataFrame) -> pd.DataFrame:
-    """Return `pooling_table` as text in display units.
-
-    A row for each quantity in the joint fit, a shared parameter standing once, under the first
-    test; and where there are separate fits one below it for theirs.
-    """
+    """Return `pooling_table` in display units: for a quantity a row, and one of separate fits."""
     tests = list(dict.fromkeys(table["test"]))
     ratios = {str(name): float(ratio) for name, ratio in sd_ratios(table).items()}
     rows = []
@@ -173,10 +169,7 @@ def joint_sections(joints: Sequence[Fit], separate: Sequence[Fit]) -> tuple[Page
 
 
 def joint_section(key: str, name: str, joint: Fit, separate: Sequence[Fit]) -> PageSection:
-    """Return the part of a page about a joint fit, by its key and name on the page.
-
-    Fits of single tests are set beside it where they are of the same data.
-    """
+    """Return the part of a page about a joint fit, by its key and name on the page."""
     checks, table = joint.checks(), pooling_table(joint, separate)
     entry = joint_entry(key, name, joint)
     told = " ".join(line for kind in CheckKind for line in entry.doubts(kind))

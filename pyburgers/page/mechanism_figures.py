@@ -126,10 +126,7 @@ def _draw_box(axes: Axes, found: MechanismMap, conditions: NaturalConditions) ->
 
 
 def _colours(probability: FloatArray) -> FloatArray:
-    """Colours (m, n, 3) of the leading mechanism, the fuller the more probable it is.
-
-    `probability` has the shape (m, n, n_mechanisms).
-    """
+    """Return colours (m, n, 3) of the leading mechanism by `probability` (m, n, n_mechanisms)."""
     base = np.array([to_rgb(one) for one in MECHANISM_COLOURS])[: probability.shape[-1]]
     least = 1.0 / probability.shape[-1]
     surety = (probability.max(axis=-1) - least) / (1.0 - least)

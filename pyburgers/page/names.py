@@ -13,10 +13,7 @@ _NOT_IN_FILES = re.compile(r"[^A-Za-z0-9_.+-]")
 
 
 def page_keys(fits: Sequence[SampledFit]) -> list[str]:
-    """Return keys of fits: the run directory, of a test of a joint fit with the test behind it.
-
-    Raises `InputError` if one fit is there twice.
-    """
+    """Return keys of fits: the run directory, of a test of a joint fit with the test behind it."""
     directories = list(dict.fromkeys(fit.directory.path.resolve() for fit in fits))
     names = dict(zip(directories, names_of_runs(directories), strict=True))
     keys = [
@@ -30,10 +27,7 @@ def page_keys(fits: Sequence[SampledFit]) -> list[str]:
 
 
 def page_names(fits: Sequence[SampledFit]) -> list[str]:
-    """Return what a page calls fits: ``dunite 4581, kelvin power law`` of the run of that name.
-
-    Names that would be alike stay those of the run directories.
-    """
+    """Return what a page calls fits: ``dunite 4581, kelvin power law`` of the run of that name."""
     keys = page_keys(fits)
     names = [in_words(key, fit.manifest["experiment"]) for key, fit in zip(keys, fits, strict=True)]
     count = Counter(names)
@@ -54,10 +48,7 @@ def _spaced(text: str) -> str:
 
 
 def file_key(name: str) -> str:
-    """Return a name as a part of file names and anchors, which cannot leave their folder.
-
-    Names that differ only in what these cannot hold stay different.
-    """
+    """Return a name as a part of file names and anchors, which cannot leave their folder."""
     text = name.replace(": ", ".")
     safe = _NOT_IN_FILES.sub("_", text).lstrip(".")
     if safe == text:
@@ -71,10 +62,7 @@ def joint_key(name: str) -> str:
 
 
 def names_of_runs(directories: Sequence[Path]) -> list[str]:
-    """Name runs by their folders, with as many of the folders above as tell them apart.
-
-    Raises `InputError` if two are the same.
-    """
+    """Name runs by their folders, with as many of the folders above as tell them apart."""
     parts = [directory.resolve().parts for directory in directories]
     for depth in range(1, max(map(len, parts), default=1) + 1):
         names = ["_".join(part[-depth:]) for part in parts]

@@ -33,17 +33,10 @@ SHOWN_CONFLICTS = 2
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """What the top of the page says about one fit.
+    """What the top of the page says about one fit; `key` is the anchor of its section.
 
-    `key`: anchor of its section.
-    `name`: how the page calls it.
-    `is_synthetic`: whether nobody measured its data.
-    `verdicts`: both answers.
-    `checks`: what is behind them.
-    `conflict`: what prior and data disagree about, in words, else None.
-    `decisions`: sentences about numbers that a bound or another prior decides, and priors read off
-        the data.
-    `row`: its row of the table, as text.
+    `conflict`: what prior and data disagree about, in words, else None. `decisions`: sentences
+    about numbers that a bound or another prior decides, and priors read off the data.
     """
 
     key: str
@@ -75,11 +68,7 @@ class Entry:
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """The answer to one of the two questions for all fits of a page.
-
-    `kind`: the question.
-    `doubtful`: fits whose answer is not yes.
-    """
+    """The answer to one of the two questions for all fits; that of `doubtful` ones is not yes."""
 
     kind: CheckKind
     doubtful: tuple[Entry, ...]
@@ -107,12 +96,7 @@ def answers(entries: Sequence[Entry]) -> tuple[Answer, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Remedy:
-    """What to do about checks that did not pass.
-
-    `check`: name of the check.
-    `text`: the usual remedy.
-    `entries`: the fits that it would help.
-    """
+    """What to do about a check that `entries` did not pass."""
 
     check: str
     text: str
@@ -136,11 +120,7 @@ def entry_of(
     checks: Sequence[CheckResult],
     influences: Mapping[str, Influence],
 ) -> Entry:
-    """Gather what the top of the page says about a fit of one test or table.
-
-    A test may be one of a joint fit. Key and name are those of the part of the page about it;
-    influences are empty without likelihood.
-    """
+    """Gather what the top of the page says about a fit; without likelihood influences are empty."""
     answered, kind = verdicts(checks), fit.provenance.kind
     row = {
         "run": name,
@@ -156,10 +136,7 @@ def entry_of(
 
 
 def joint_entry(key: str, name: str, joint: Fit) -> Entry:
-    """Gather what the top of the page says about a joint fit as a whole.
-
-    Its tests tell of conflicts themselves.
-    """
+    """Gather what the top of the page says about a joint fit as a whole."""
     checks = joint.checks()
     answered = verdicts(checks)
     kinds = [test.provenance.kind for test in joint.problem.experiments]

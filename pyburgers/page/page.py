@@ -228,10 +228,7 @@ def page_about(
     tables: Mapping[str, RateFit] = MappingProxyType({}),
     jobs: int | None = 1,
 ) -> Path:
-    """Write a page about fits of one test or of several, some parts first, as `write_report` does.
-
-    Joint fits and fits of the same data get their parts too.
-    """
+    """Write a page about fits, tests of joint fits and fits of the same data, some parts first."""
     joints = [fit for fit in fits if fit.is_joint]
     alone = [fit for fit in fits if not fit.is_joint]
     tests = [*(fit for joint in joints for fit in joint.tests().values()), *alone]

@@ -226,15 +226,10 @@ def _density_limits(
 def density(
     draws: FloatArray, lower: float, upper: float, *, least_bandwidth: float = 0.0
 ) -> tuple[FloatArray, FloatArray]:
-    """Kernel density estimate that loses no mass at hard bounds.
+    """Return positions and a kernel density, (DENSITY_POINTS,), that loses no mass at hard bounds.
 
-    Return positions and the density in the inverse of their unit, both of shape (DENSITY_POINTS,).
-    Draws, shape (n,), lie within the bounds `lower` and `upper`, which may be infinite.
-    `least_bandwidth` is the floor under the kernel's standard deviation.
-
-    A fine histogram is smoothed with a Gaussian kernel and reflected at the ends, which are the
-    bounds where draws come near them. Draws that are all equal give a narrow spike. (ArviZ's would
-    need limits and bandwidth given all the same, and has none for such draws.)
+    A fine histogram of the draws (n,) is smoothed with a Gaussian kernel of at least
+    `least_bandwidth`, and reflected at the ends. ArviZ has none for draws that are all equal.
     """
     spreads = [float(np.std(draws)), float(stats.iqr(draws)) / 1.349]
     spread = min((s for s in spreads if s > 0), default=0.0)

@@ -213,10 +213,7 @@ def _temperature_text(fit: RateFit) -> str:
 
 
 def least_squares_table(fit: RateFit) -> pd.DataFrame:
-    """Return exponents by least squares and by the fit, of parameters that the table can tell.
-
-    Index parameter; columns least_squares, standard_error, mean, sd.
-    """
+    """Return least_squares, standard_error, and mean and sd of the fit, by parameter."""
     draws = fit.power_law()
     rows = {
         name: {
@@ -251,10 +248,7 @@ def _mean_and_sd(draws: FloatArray) -> str:
 
 
 def law_table(fit: RateFit) -> pd.DataFrame:
-    """Return posterior beside prior of a law as text, with the columns of `posterior_row`.
-
-    Spreads of sources and enhancements that no row can tell are left out.
-    """
+    """Return posterior beside prior of what rows can tell as text, columns of `posterior_row`."""
     summary, rows = fit.summary("SI"), []
     there = fit.posterior["posterior"].to_dataset()
     for quantity in (*fit.law.parameters, REFERENCE_FLOW_RATE_QUANTITY):

@@ -28,15 +28,9 @@ INTERVALS = (50, 90, 95)
 def parameter_table(
     summary: pd.DataFrame, priors: PriorSet, fixed: Sequence[Prior] = ()
 ) -> pd.DataFrame:
-    """Posterior beside prior, a row for each sampled quantity, then the fixed parameters.
+    """Return posterior beside prior as text: sampled quantities, then the `fixed` parameters.
 
-    `summary` is the posterior table in SI units (`Fit.summary`), `priors` the resolved ones of the
-    fit. `fixed` are the parameters to name
-    (`pyburgers.kinds.program_data.fixed_in_effect`).
-
-    All cells are text. Columns are symbol, quantity, unit, mean, sd, with a likelihood `DECISION`,
-    then 5 %, 95 % and prior. Then come sd / prior sd (how much of the prior's width is left), ESS
-    bulk, ESS tail and R-hat. The reference stress has no prior of its own.
+    `summary` is that of `Fit.summary` in SI units. With a likelihood there is a column `DECISION`.
     """
     rows = [
         {
@@ -60,10 +54,7 @@ def result_table(
     priors: PriorSet,
     truth: pd.DataFrame | None,
 ) -> pd.DataFrame:
-    """Return `parameter_table` without `SAMPLER_COLUMNS` and fixed parameters, as a page shows it.
-
-    With a `truth_table` of synthetic data it has the columns truth and off by (sd).
-    """
+    """Return `parameter_table` without sampler and fixed parameters, with the truth if known."""
     names = [*map(str, summary.index)]
     table = parameter_table(summary, priors).drop(columns=list(SAMPLER_COLUMNS))
     if truth is not None:

@@ -31,13 +31,11 @@ def critical_strain(
     fabric_factor: FloatArray,
     final_grain_size: FloatArray,
 ) -> FloatArray:
-    """Return the smaller critical strain of what evolves from a microstructure.
+    """Return the smaller critical strain of what evolves: infinite if nothing, NaN if unknown.
 
-    Grain size or fabric at its steady state evolves no more. If it will change by several times its
-    own size, it does so in as many times less strain, and its critical strain is divided by that
-    number: so do grains under a piezometer at low stress. The result is infinite where nothing
-    evolves, and NaN without `EVOLUTION`. Grain size (m) and fabric have the shape of the draws, the
-    final grain size and the result that of the draws and regimes.
+    A size that will change several times reaches its share in as many times less strain. Grain size
+    (m) and fabric have the shape of the draws, `final_grain_size` and the result a last axis of
+    regimes.
     """
     if any(name not in parameters for name in EVOLUTION):
         return np.full(final_grain_size.shape, np.nan)
@@ -97,10 +95,7 @@ def likely_fails(spectrum: xr.Dataset) -> npt.NDArray[np.bool_]:
 
 
 def frozen_limit_texts(spectrum: xr.Dataset) -> list[str]:
-    """Say for each regime in which share of draws the hold fails, and up to which cycles most do.
-
-    Where no cycle fails in most draws, it is said in which share the slowest one does.
-    """
+    """Say by regime in which share of draws the hold fails, and up to which cycles most do."""
     ordered = spectrum.sortby("frequency")
     frequency = ordered["frequency"].to_numpy()
     by_hold = probability(hold_fails(ordered)).to_numpy()

@@ -295,10 +295,7 @@ def flat_draws(values: xr.DataArray) -> FloatArray:
 
 
 def condition_columns(spectrum: xr.Dataset) -> dict[str, FloatArray]:
-    """Return the first columns of tables with a row for each regime and frequency.
-
-    They are median_stress_MPa, amplitude_MPa and frequency_Hz.
-    """
+    """Return columns median_stress_MPa, amplitude_MPa, frequency_Hz by regime, then frequency."""
     frequency = spectrum["frequency"].to_numpy()
     stresses = {
         f"{name}_{STRESS_UNIT}": spectrum[name].to_numpy() / UNITS["stress"][STRESS_UNIT]

@@ -90,11 +90,7 @@ def attenuation(
     comparison: xr.Dataset | None = None,
     measured: MeasuredAttenuation | None = None,
 ) -> Figure:
-    """Draw median and bands of attenuation against frequency, a colour for each regime.
-
-    A comparison is of `pyburgers.predictions.evolving.evolving_attenuation` in the same
-    regimes; measured points are drawn over it.
-    """
+    """Draw bands of attenuation by regime, a solution in time and measured points over them."""
     spectrum = spectrum.sortby("frequency")
     with figure_of(8.0, 5.6) as figure:
         axes = figure.subplots()
@@ -204,10 +200,7 @@ def amplitude_dependence(spectrum: xr.Dataset, title: str) -> Figure:
 
 
 def _draw_evolving(axes: Axes, comparison: xr.Dataset) -> list[Line2D]:
-    """Draw median and 90 % of draws of what was solved in time; return the legend.
-
-    What is infinite is drawn above all else, a median as a triangle.
-    """
+    """Draw bands of what was solved in time, infinite medians as triangles; return the legend."""
     frequency = comparison["frequency"].to_numpy()
     quantiles = evolving_quantiles(comparison["tan_delta_evolving"])
     finite = quantiles[np.isfinite(quantiles)]
@@ -254,11 +247,9 @@ def _failing_handles(spectrum: xr.Dataset) -> list[Line2D]:
 def _draw_bands(
     axes: Axes, spectrum: xr.Dataset, values: FloatArray, opacities: Sequence[float]
 ) -> list[Line2D]:
-    """Draw a median and nested bands for each regime; return what is in the legend.
+    """Draw medians, pale where frozen microstructure fails, and bands; return the legend.
 
-    Values have the shape (n_draws, n_regimes, n_frequencies); opacities are those of the 90 %
-    band and, if there is a second, of the 50 % band. Medians are drawn pale first, then again
-    where frozen microstructure does not fail.
+    Values (n_draws, n_regimes, n_frequencies); opacities are of the 90 % band, and of the 50 % one.
     """
     frequency = spectrum["frequency"].to_numpy()
     marker = "o" if frequency.size < FEW_FREQUENCIES else ""

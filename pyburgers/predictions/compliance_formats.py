@@ -29,10 +29,7 @@ ANY_REGIME = Regime(0.0, 1.0)
 
 @dataclass(frozen=True, eq=False)
 class ShearCompliances:
-    """Compliances in shear of all draws.
-
-    `frequency` (n,) in Hz, `storage` and `loss` (n_draws, n) in 1/Pa; `notes` are sentences.
-    """
+    """Storage and loss of all draws in shear (n_draws, n), 1/Pa, at frequencies (n,), Hz."""
 
     frequency: FloatArray
     storage: FloatArray
@@ -56,10 +53,7 @@ class ComplianceFormat:
 
 
 def shear_compliances(fit: SampledFit, stated: Stated, code: str) -> ShearCompliances:
-    """Return the compliances in shear under a stated regime of axial stress.
-
-    Raises `InputError` if the fit has no elements, or if regime or Poisson's ratio is missing.
-    """
+    """Return the compliances in shear under a stated regime of axial stress."""
     if not isinstance(fit, Fit):
         raise InputError(f"{code}: found a fit of a table, expected one of tests with elements.")
     if stated.poisson_ratio is None:

@@ -129,10 +129,7 @@ class CreepLaws:
 
 
 def rate_factors(laws: Sequence[CreepLaw], temperatures: Sequence[float]) -> FloatArray:
-    """Return A exp(-Q/(R T)) d^-p of laws at temperatures (K), shape (n_laws, n_temperatures).
-
-    They are of second invariants in MPa^-n a^-1, and come from the Stan program.
-    """
+    """Return A exp(-Q/(R T)) d^-p of second invariants (MPa^-n a^-1), (n_laws, n_temperatures)."""
     log_factor, exponent, grain_size_exponent, energy, size = np.array([*map(astuple, laws)]).T
     parameters = {
         "stress_exponent": exponent,
@@ -148,10 +145,7 @@ def rate_factors(laws: Sequence[CreepLaw], temperatures: Sequence[float]) -> Flo
 
 
 def creep_laws(fit: SampledFit, stated: Stated, code: str) -> CreepLaws:
-    """Return the creep laws of all draws in a stated state.
-
-    Raises `InputError` if the dashpot is no power law, or if its state evolves and none is stated.
-    """
+    """Return the creep laws of all draws in a stated state, if the dashpot is a power law."""
     if isinstance(fit, RateFit):
         if not fit.law.is_power_law:
             raise InputError(
@@ -198,10 +192,7 @@ def creep_laws(fit: SampledFit, stated: Stated, code: str) -> CreepLaws:
 
 
 def stated_material(fit: Fit, stated: Stated, code: str) -> Material:
-    """Return the material in its stated state.
-
-    Raises `InputError` if its microstructure evolves and the state is not stated.
-    """
+    """Return the material in its state, which has to be stated if its microstructure evolves."""
     variant, chosen = fit.variant, stated.microstructure
     open_grains = variant.grain_size != "constant" and stated.grain_size is None
     open_fabric = variant.fabric != "constant" and stated.fabric_factor is None

@@ -310,10 +310,7 @@ def _common_draws(predictions: Sequence[Prediction]) -> npt.NDArray[np.int64]:
 def _readings(
     prediction: Prediction, n: int, kept: npt.NDArray[np.int64]
 ) -> tuple[FloatArray, FloatArray]:
-    """Solutions and new readings of a test for `kept` draws, each (n_kept, at most `n` readings).
-
-    Readings are evenly spaced along the clock, those of each quantity that is read.
-    """
+    """Solutions and new readings for `kept` draws, each (n_kept, at most `n` readings)."""
     at = np.isin(prediction.posterior["posterior"]["fit_draw"].to_numpy(), kept)
     signals, readings = [], []
     for answer in answers(prediction):
@@ -328,10 +325,9 @@ def _readings(
 def telling_combinations(
     name: str, signal: FloatArray, readings: FloatArray, solutions: FloatArray
 ) -> FloatArray:
-    """Combine readings so that solutions differ most, compared with the noise.
+    """Combine `readings` (m, k) to (m, n_features) so that `solutions` (m, k) differ beyond noise.
 
-    `signal` (n, k): solutions of the first n rows of `readings` (m, k), whose differences are the
-    noise. `solutions` (m, k): those of all rows. The result has the shape (m, n_features).
+    `signal` (n, k): solutions of the first n readings, whose differences are the noise.
     """
     noise = np.atleast_2d(np.cov((readings[: len(signal)] - signal).T))
     scale = np.sqrt(np.diag(noise))
@@ -372,11 +368,7 @@ def expected_width(truth: FloatArray, features: FloatArray) -> float:
 
 
 def share_told_apart(features: FloatArray, n_first: int) -> float:
-    """Share of tests that their readings give to the law behind them, of two laws alike likely.
-
-    Of `features` (n, k) the first `n_first` are from the first law. Each law is a normal
-    distribution of features; half is what guesses reach.
-    """
+    """Share of rows of `features` (n, k), `n_first` of one law, given to the right one of two."""
     number = np.r_[np.arange(n_first), np.arange(len(features) - n_first)]
     is_first = np.arange(len(features)) < n_first
     right = np.empty(len(features), bool)

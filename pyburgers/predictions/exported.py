@@ -56,11 +56,7 @@ def undeformed(grain_size: str) -> dict[str, str]:
 
 
 def laws_of(prior_set: PriorSet, experiment: Test) -> dict[str, object]:
-    """Return the laws of a fit of a test by name, and the microstructures that they hold for.
-
-    Flow, hardening, elastic and Kelvin law are expressions; ``microstructure`` gives grain size and
-    fabric factor before the test and in the steady state.
-    """
+    """Return expressions of the laws of a fit, and initial and steady microstructure, by name."""
     priors, variant = prior_set.priors, variant_of(prior_set, experiment)
     start = f"{experiment.initial_grain_size:.10g}"
     grain_size = {
@@ -154,11 +150,7 @@ class Exported:
 
 
 def exported(fit: Fit | RateFit) -> Exported:
-    """Return what other codes need of a fit of one test or of tables of rates.
-
-    The law of tables is that of all tests, which scatter about it. With beta it has the names of a
-    curve's flow law, else those of its mechanisms. Raises `InputError` of a joint fit.
-    """
+    """Return what other codes need of a fit; beta gives tables the names of a curve's flow law."""
     about: Experiment | RateTable
     own: dict[str, str] = {}
     if isinstance(fit, Fit):
@@ -308,10 +300,7 @@ def as_csv(one: Exported) -> str:
 
 
 def as_latex(one: Exported) -> str:
-    """Return a table of means and standard deviations in display units, with correlations.
-
-    Needs the package booktabs.
-    """
+    """Return a booktabs table of means and sd in display units, with correlations."""
     free = [k for k, sd in enumerate(one.sd) if sd > 0]
     lines = [
         f"% {one.test}, {one.material}, model {one.variant}",

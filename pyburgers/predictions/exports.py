@@ -38,11 +38,7 @@ CYCLES = ("frequencies", "regime", "poisson_ratio", "elastic_modulus")
 
 @dataclass(frozen=True)
 class Format:
-    """A format of an export.
-
-    `texts` gives the file of the mean and one of each kept draw; `uses` are choices that it needs
-    or takes (fields of `Stated`, and "draws").
-    """
+    """A format: `texts` of the mean and kept draws, and choices that it `uses`."""
 
     texts: Callable[[AnyFit, Stated, Kept], tuple[str, ...]]
     uses: tuple[str, ...] = ()
@@ -107,10 +103,7 @@ def _heads(one: Exported, code: str, mean: str, kept: Kept) -> Iterator[tuple[st
 
 
 def _caution_lines(one: Exported, ranges: Ranges, at: Sequence[float]) -> list[str]:
-    """Return both verdicts, who decides the flow law, and the conditions of the tests.
-
-    `at` are the temperatures (K) of the file, if it is of some.
-    """
+    """Return verdicts, who decides, and conditions of tests, given temperatures (K) of the file."""
     decided = []
     of_curve = [name for name in (*FLOW_LAW, LOG_FACTOR) if name in one.names]
     for name in of_curve if LOG_FACTOR in of_curve else one.names:

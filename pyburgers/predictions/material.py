@@ -56,11 +56,7 @@ def fitted_material(
     elastic_modulus_sd: float = 0.0,
     seed: int = 1,
 ) -> Material:
-    """Return the material of a fit, in a chosen state.
-
-    Arguments are those of `pyburgers.predict_attenuation`. Raises `InputError` if the
-    microstructure is unknown, the modulus out of range, or the fit a joint one.
-    """
+    """Return the material of a fit, by arguments of `pyburgers.predict_attenuation`."""
     if microstructure not in get_args(Microstructure):
         expected = " or ".join(map(repr, get_args(Microstructure)))
         raise InputError(f"microstructure: found {microstructure!r}, expected {expected}.")

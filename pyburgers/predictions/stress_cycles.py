@@ -106,10 +106,7 @@ _PAPER_REGIME_BY_NAME = {number(r.median_stress * STRESS_FACTOR): r for r in PAP
 
 
 def regimes_named(names: Sequence[str]) -> tuple[Regime, ...]:
-    """Return some of the paper's regimes by their median stress in MPa, such as ``"1.5"``.
-
-    Raises `InputError` if there is none of a name.
-    """
+    """Return some of the paper's regimes by their median stress in MPa, such as ``"1.5"``."""
     for name in names:
         if name not in _PAPER_REGIME_BY_NAME:
             raise InputError(
@@ -125,10 +122,7 @@ def checked_inputs(
     grain_size: npt.ArrayLike,
     fabric_factor: npt.ArrayLike,
 ) -> tuple[dict[str, FloatArray], FloatArray, FloatArray]:
-    """Return draws, grain size (m) and fabric factor as arrays of one shape.
-
-    Raises `InputError` if a parameter is missing, shapes differ or a condition is not positive.
-    """
+    """Return draws, grain size (m) and fabric factor of one shape, or refuse them."""
     missing = [name for name in PARAMETER_NAMES if name not in parameters]
     if missing:
         raise InputError(f"parameters: {missing[0]!r} is missing, expected its draws.")

@@ -102,11 +102,7 @@ class Simulated:
 
 
 def calibration_priors(material: str, protocol: str | None = None) -> PriorSet:
-    """Return the priors that a material's program is calibrated with.
-
-    Those of the protocol where it has its own; those in ``data/priors/calibration``, whose noise is
-    never next to none; or the material's own. Raises InputError if the material has none.
-    """
+    """Return a material's priors: its protocol's, those in calibration/, or its own."""
     if protocol is not None and material in shipped_prior_files(protocol):
         return default_priors(material, protocol)
     files = shipped_prior_files("calibration")
@@ -114,11 +110,7 @@ def calibration_priors(material: str, protocol: str | None = None) -> PriorSet:
 
 
 def check_template(problem: Problem, strain_range: Range | None = None) -> None:
-    """Check that data of a problem can be simulated as the program assumes them.
-
-    Raises InputError if a prior differs between the tests or no parameter is free. A range for
-    strains that no test reads is an error too.
-    """
+    """Refuse priors that differ between tests, none free, or a strain range without strains."""
     first, tests = problem.priors[0], problem.experiments
     if strain_range is not None and all(one.largest_strain_read is None for one in tests):
         raise InputError(f"strain_range: found no test in {problem.name} in which strain is read.")
@@ -141,12 +133,7 @@ def simulate_from_prior(
     stress_range: Range | None = None,
     strain_range: Range | None = None,
 ) -> Simulated:
-    """Draw parameters from the prior and simulate the data of every test of a problem.
-
-    A draw without a solution within the limits of a fit's solver (`SolverOptions`) is replaced by
-    the next one: the sampler rejects such parameters too. Raises SamplingError if none of
-    `PRIOR_ATTEMPTS` draws has a solution within the ranges.
-    """
+    """Simulate the tests at the first draw from the prior with a solution within the ranges."""
     rng = np.random.default_rng(seed)
     n_unsolvable = n_outside = 0
     for _ in range(PRIOR_ATTEMPTS):
@@ -228,12 +215,7 @@ def fit_and_rank(
     plan: DataSetPlan,
     before: Replication | None = None,
 ) -> Replication:
-    """Fit simulated data until the fit has converged, and rank the true values.
-
-    The fits go into the folder `out`. If an earlier call ended with `before`, only repetitions
-    follow. A fit that has not converged after its longest try is not ranked: its draws are not
-    those of the posterior. Raises SystemFailureError if the system killed a chain.
-    """
+    """Fit simulated data in `out`, after `before`, until converged, then rank the truth."""
     found: dict[str, Any] = {
         "seed": seed,
         "n_draws": plan.n_ranked,
@@ -271,11 +253,7 @@ def fit_and_rank(
 
 
 def lengthened(options: SamplerOptions, n_refits: int, failed: Sequence[str]) -> SamplerOptions:
-    """Return settings of a repetition: longer, after divergences with steps that diverge less.
-
-    Repetition 0 is the first fit, whose warm-up and target are known numbers; `failed` names the
-    checks that the fit before the repetition failed.
-    """
+    """Return settings of a repetition (0 is the first fit): longer, stricter after divergences."""
     assert options.warmup is not None
     assert options.adapt_delta is not None
     # A stricter target mends nothing else: steps would only be too short.
@@ -302,10 +280,7 @@ def not_converged(result: Fit, n_ranked: int) -> tuple[str, ...]:
 def rank_truth(
     result: Fit, simulated: Simulated, template: Problem, n_thinned: int
 ) -> dict[str, int]:
-    """Count the thinned draws of a fit that lie below the truth, for every ranked quantity.
-
-    The tests of the template are driven by what drove the simulation, and give the names.
-    """
+    """Count thinned draws below the truth for every quantity, named and driven by the template."""
     draws = result.posterior["posterior"].to_dataset()
     solver, problem = SolverOptions(**result.manifest["solver"]), simulated.problem
     truths = [

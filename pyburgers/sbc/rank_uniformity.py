@@ -48,11 +48,7 @@ class RankVerdict:
 
 @dataclass(frozen=True, eq=False)
 class RankBands:
-    """Limits, shape (n_draws,), of the number of ranks that are at most 0, 1, ..., n_draws - 1.
-
-    There are `n_ranks` data sets. The lower and upper limits are for a quantity by itself, and for
-    all quantities together.
-    """
+    """Limits (n_draws,) of the number of ranks of at most 0, 1, ..., of one quantity and of all."""
 
     n_ranks: int
     n_draws: int
@@ -115,11 +111,10 @@ def _what_is_wrong(mean: float, spread: float, n_ranks: int) -> str:
 def simultaneous_band(
     n_ranks: int, n_draws: int, *, probability: float, seed: int = 1
 ) -> tuple[IntArray, IntArray]:
-    """Band that holds the whole empirical distribution of uniform ranks with a probability.
+    """Return limits (n_draws,) that hold the distribution of uniform ranks with a probability.
 
-    Returns the lower and upper limits, shape (n_draws,), of a `RankBands`. They are pointwise
-    binomial intervals whose common level is set by simulation (Säilynoja, Bürkner and Vehtari 2022,
-    Statistics and Computing 32, 32).
+    They are binomial intervals, their common level simulated (Säilynoja, Bürkner and Vehtari
+    2022, Statistics and Computing 32, 32).
     """
     rng = np.random.default_rng(seed)
     law = stats.binom(n_ranks, np.arange(1, n_draws + 1) / (n_draws + 1))

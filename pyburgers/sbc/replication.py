@@ -94,10 +94,7 @@ def replication_table(replications: Iterable[Replication], ranked: Sequence[str]
 
 
 def read_replication_table(file: Path, n_draws: int) -> tuple[Replication, ...]:
-    """Return the data sets of a table that `replication_table` has made.
-
-    Raises InputError if it is no such table.
-    """
+    """Return the data sets of a table that `replication_table` has made."""
     try:
         with file.open(encoding="utf-8", newline="") as lines:
             return tuple(_of_row(row, n_draws) for row in csv.DictReader(lines))
@@ -120,10 +117,7 @@ def _of_row(row: Mapping[str, str], n_draws: int) -> Replication:
 
 
 def replications(run: RunDirectory, seeds: Iterable[int], n_draws: int) -> tuple[Replication, ...]:
-    """Read the data sets that are done, of those without a file what the table of results has.
-
-    Raises InputError if a file of one, or the table, was damaged.
-    """
+    """Read the data sets that are done, of those without a file what the table of results has."""
     seeds = tuple(seeds)
     done = {one.seed: one for one in _tabled(run, n_draws)}
     files = {seed: simulation_file(run, seed) for seed in seeds}
@@ -134,11 +128,7 @@ def replications(run: RunDirectory, seeds: Iterable[int], n_draws: int) -> tuple
 
 
 def take_from_table(run: RunDirectory, seeds: Container[int], n_draws: int) -> None:
-    """Write the files of data sets that only the table of results has.
-
-    So a calibration goes on from its results alone, on another machine. Raises InputError if the
-    table was damaged.
-    """
+    """Write the files of data sets that only the table of results, perhaps elsewhere made, has."""
     for one in _tabled(run, n_draws):
         file = simulation_file(run, one.seed)
         if one.seed in seeds and not file.exists():

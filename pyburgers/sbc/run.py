@@ -63,19 +63,13 @@ SYSTEM_ATTEMPTS = 3
 
 @dataclass(frozen=True)
 class CalibrationPlan(DataSetPlan):
-    """The data sets of a calibration; their number is fixed with the first one.
-
-    The seed is that of the first data set; the others follow on, by 1.
-    """
+    """The data sets of a calibration; their number is fixed with the first one, of this seed."""
 
     simulations: int = 200
     seed: int = 1
 
     def __post_init__(self) -> None:
-        """Check the values.
-
-        Raises InputError if one is out of range.
-        """
+        """Refuse values out of range."""
         draws = self.sampler.chains * self.sampler.draws
         for name, value, least, most in (
             ("simulations", self.simulations, 1, 10**6),
@@ -123,11 +117,7 @@ class _CalibrationManifest(RecordedHashes):
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """A calibration, finished or as far as it has come.
-
-    The template has the conditions and points of the data sets, and the priors of the truths. There
-    is a replication for each data set that is done, by seed. `command` regenerates or continues it.
-    """
+    """A calibration, as far as it has come, with templates, priors of truths, and the command."""
 
     template: Problem
     plan: CalibrationPlan
@@ -174,12 +164,8 @@ def calibrate(
 ) -> Calibration:
     """Simulate data sets from the prior, fit each, and rank the truths; continue where one stopped.
 
-    Data sets are like the templates, fitted jointly if there are several; their stresses serve to
-    resolve a relative noise prior. An earlier calibration of the same inputs in the folder `out` is
-    continued. If the plan has more repetitions than before, only these are added. If this call does
-    a part of the data sets, others may do the other parts at the same time. Raises InputError if an
-    input is wrong or `out` holds something else, and SamplingError if the priors have no solvable
-    draws. Raises SystemFailureError if a process was killed, or chains again and again.
+    Stresses of the templates serve to resolve a relative noise prior. If the plan has more
+    repetitions than before, only these are added.
     """
     tests = [templates] if isinstance(templates, Experiment) else list(templates)
     problem = problem_of(tests, priors, pooling_for(tests, pool))
@@ -225,10 +211,7 @@ def _write_inputs(run: RunDirectory, problem: Problem, plan: CalibrationPlan, co
 
 
 def load_calibration(folder: Path) -> Calibration:
-    """Return a calibration as far as it has come.
-
-    Raises InputError if the folder holds none, or a file of it was damaged or has changed.
-    """
+    """Return a calibration as far as it has come."""
     run = RunDirectory(folder)
     if run.read_manifest().get("kind") != CALIBRATION_KIND:
         raise InputError(f"{folder}: holds no calibration, expected a folder of pyburgers sbc.")
@@ -320,11 +303,7 @@ def _run_missing(run: RunDirectory, plan: CalibrationPlan, workers: Workers) -> 
 
 
 def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:
-    """Do one data set, in a process of its own, and write its file; return the outcome in a word.
-
-    The process reads the inputs itself. Chains that the system ends say nothing about the data
-    set: they are run again.
-    """
+    """Do a data set in a process, again if the system ends chains; return how it went."""
     run = RunDirectory(path)
     file = simulation_file(run, seed)
     scratch = scratch_of(file)

@@ -80,11 +80,7 @@ def minimum_rates(fit: FittedTest) -> pd.DataFrame:
 def _times_inside(
     experiment: HistoryExperiment, interval: CreepInterval, time: FloatArray
 ) -> IntArray:
-    """Return which times of a solution lie in an interval.
-
-    Where it meets another part of its stage the rate jumps, and a solution has both sides of a jump
-    only where stages meet: such times are left out.
-    """
+    """Return which times lie in an interval, without corners inside a stage: there rates jump."""
     stage = experiment.stages[interval.stage]
     begun = (time > interval.start_time) | (interval.start_time == stage.start_time)
     goes_on = (time < interval.end_time) | (interval.end_time == stage.end_time)
@@ -92,11 +88,7 @@ def _times_inside(
 
 
 def _measured(experiment: HistoryExperiment, interval: CreepInterval) -> dict[str, float]:
-    """Return the least slope (1/s) of strain readings in an interval, with its standard error.
-
-    Slopes are those of least squares over `WINDOW` of the interval or `LEAST_READINGS`, whichever
-    is longer, from each reading on.
-    """
+    """Return the least slope (1/s) of strain readings over `WINDOW`, with its standard error."""
     here = (experiment.reading_stage == interval.stage) & experiment.response_is_strain
     here &= (experiment.time >= interval.start_time) & (experiment.time <= interval.end_time)
     time, strain = experiment.time[here], experiment.reading[here]

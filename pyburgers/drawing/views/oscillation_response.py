@@ -22,10 +22,7 @@ from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_FACTOR, S
 
 @dataclass(frozen=True)
 class ObservedResponse:
-    """Fundamental of the stress of a prepared record: amplitude (Pa), and lag of the strain (rad).
-
-    The lag, in [-pi, pi], is the phase of the stress minus that of the driving strain.
-    """
+    """Amplitude (Pa) of the stress; lag (rad, -pi to pi): its phase minus that of the strain."""
 
     amplitude: float
     amplitude_standard_error: float

@@ -16,7 +16,6 @@ from functools import lru_cache, partial
 from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 from scipy.optimize import bisect
@@ -34,6 +33,7 @@ from pyburgers.checks.residual_numbers import (
     signed_ranks,
 )
 from pyburgers.checks.tails import Tail
+from pyburgers.common.array_types import IntArray
 from pyburgers.common.draws import TAIL, FloatArray, all_draws
 from pyburgers.common.units import span_text
 from pyburgers.kinds.likelihood import Likelihood, likelihoods
@@ -113,8 +113,8 @@ class Leftover:
     group: xr.DataTree
     likelihood: Likelihood[Any]
     position: FloatArray
-    segment: npt.NDArray[np.int64]
-    quantity: npt.NDArray[np.int64]
+    segment: IntArray
+    quantity: IntArray
     observed: FloatArray
     weight: FloatArray
     discrepancies: dict[str, Pair] = field(repr=False)
@@ -309,7 +309,7 @@ def _leftover(name: str, group: xr.DataTree, number: int) -> Leftover:
     return Leftover(name, group, likelihood, position, segment, quantity, observed, weight, enough)
 
 
-def _of_one_size(replicated: FloatArray, quantity: npt.NDArray[np.int64]) -> FloatArray:
+def _of_one_size(replicated: FloatArray, quantity: IntArray) -> FloatArray:
     """Weights of readings, shape (n,), that make residuals of all quantities as large."""
     sizes = {k: float(np.sqrt((replicated[:, quantity == k] ** 2).mean())) for k in set(quantity)}
     largest = max(sizes.values())
@@ -359,9 +359,9 @@ def _outside(values: FloatArray, band: FloatArray) -> FloatArray:
 
 def _numbers(
     residuals: FloatArray,
-    segment: npt.NDArray[np.int64],
+    segment: IntArray,
     position: FloatArray,
-    quantity: npt.NDArray[np.int64],
+    quantity: IntArray,
 ) -> dict[str, FloatArray]:
     """Discrepancies that residuals alone say, each of shape (draws,)."""
     joined = np.diff(segment) == 0

@@ -11,9 +11,9 @@ place of new chains).
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
 from pyburgers.checks.residual_numbers import TINY
+from pyburgers.common.array_types import IntArray
 from pyburgers.common.draws import FloatArray
 
 MOST_REPLICATES = 2000
@@ -26,7 +26,7 @@ CHUNK = 2_000_000
 """Numbers held at a time."""
 
 
-def evenly(n_draws: int, wanted: int) -> npt.NDArray[np.int64]:
+def evenly(n_draws: int, wanted: int) -> IntArray:
     """Return positions of draws, evenly spaced, all where there are no more than wanted."""
     return np.linspace(0, n_draws - 1, min(n_draws, wanted)).astype(np.int64)
 

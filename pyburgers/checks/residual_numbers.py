@@ -1,12 +1,10 @@
 """Numbers that residuals along a clock have: how they go together, how large the largest is."""
 
 import numpy as np
-import numpy.typing as npt
 
+from pyburgers.common.array_types import BoolArray, IntArray
 from pyburgers.common.draws import FloatArray
 from pyburgers.kinds.loading_history.driver import distances_from_neighbours
-
-BoolArray = npt.NDArray[np.bool_]
 
 TINY = 1e-100
 """Keeps residuals that are exactly 0 from a division by 0."""
@@ -64,7 +62,7 @@ def largest_residual(residuals: FloatArray) -> FloatArray:
     return found
 
 
-def offsets(residuals: FloatArray, quantity: npt.NDArray[np.int64]) -> FloatArray:
+def offsets(residuals: FloatArray, quantity: IntArray) -> FloatArray:
     """Return mean residuals (draws, n) of each quantity in standard errors, (quantities, draws)."""
     found = []
     for one in np.unique(quantity):
@@ -77,8 +75,8 @@ def offsets(residuals: FloatArray, quantity: npt.NDArray[np.int64]) -> FloatArra
 def over_scatter(
     residuals: FloatArray,
     position: FloatArray,
-    segment: npt.NDArray[np.int64],
-    quantity: npt.NDArray[np.int64],
+    segment: IntArray,
+    quantity: IntArray,
     least: FloatArray,
 ) -> FloatArray:
     """Return the root mean square of residuals over the error that their neighbours tell.
@@ -105,7 +103,7 @@ def over_scatter(
 
 
 def segment_parts(
-    residuals: FloatArray, segment: npt.NDArray[np.int64], position: FloatArray
+    residuals: FloatArray, segment: IntArray, position: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return trend and spread of residuals (draws, n) in each segment, (segments, draws).
 

@@ -62,15 +62,11 @@ def print_checks(
                 console.print(
                     word.append(printable(f"{check.name}: {check.sentence}"), ""), soft_wrap=True
                 )
-    if conflicts:
-        heading = Text("\nDo prior and data agree? ", "bold").append("NO", COLOURS[Outcome.NO])
-        console.print(heading, soft_wrap=True)
-        for conflict in conflicts:
-            console.print(printable(conflict), soft_wrap=True)
-    if decisions:
-        console.print(Text("\nNumbers that the data alone do not decide", "bold"), soft_wrap=True)
-        for decision in decisions:
-            console.print(printable(decision), soft_wrap=True)
+    disagree = Text("\nDo prior and data agree? ", "bold").append("NO", COLOURS[Outcome.NO])
+    undecided = Text("\nNumbers that the data alone do not decide", "bold")
+    for heading, lines in ((disagree, conflicts), (undecided, decisions)):
+        for line in (heading, *map(printable, lines)) if lines else ():
+            console.print(line, soft_wrap=True)
     if answers[CheckKind.SAMPLING].outcome is not Outcome.YES:
         return EXIT_CHECK_FAILED
     asked = any(check.check.kind is CheckKind.DESCRIPTION for check in checks)

@@ -13,7 +13,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 from scipy.special import logsumexp
 
@@ -22,9 +21,13 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.common.units import counted
-from pyburgers.comparison.doubts import sampling_doubts
 from pyburgers.comparison.results import Comparison, LeaveOneOut
-from pyburgers.comparison.same_data import check_same_data, stacking_weights, tests_of
+from pyburgers.comparison.same_data import (
+    best_first,
+    check_same_data,
+    sampling_doubts,
+    tests_of,
+)
 from pyburgers.fitting.fit import Fit, fit_problem
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import likelihood_of
@@ -40,8 +43,6 @@ from pyburgers.posterior.labelled_draws import (
 from pyburgers.sampling.options import recorded_options
 
 logger = logging.getLogger(__name__)
-
-BoolArray = npt.NDArray[np.bool_]
 
 
 def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Comparison:
@@ -92,11 +93,11 @@ def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Compariso
             else:
                 result = leave_out_exactly(one, result, flagged, refits / name)
         found[name] = result
-    ordered = dict(sorted(found.items(), key=lambda item: -item[1].total))
+    ordered, weights = best_first(found)
     first = tests_of(next(iter(fits.values())))
     return Comparison(
         results=ordered,
-        weights=stacking_weights(np.array([result.elpd for result in ordered.values()])),
+        weights=weights,
         position=_positions(first),
         clock=likelihood_of(first[0].experiment).clock,
         variants={name: one.variant.short_text for name, one in fits.items()},

@@ -10,23 +10,19 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from pyburgers.checks.prior_sentences import read_off_sentences
 from pyburgers.common.errors import InputError
 from pyburgers.common.tasks import ALL_HERE, Workers
-from pyburgers.comparison.doubts import sampling_doubts
 from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
 from pyburgers.comparison.results import ComparisonByTest, LeaveOneTestOut
-from pyburgers.comparison.same_data import check_same_data, stacking_weights
+from pyburgers.comparison.same_data import best_first, check_same_data, sampling_doubts
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Task, run_fits
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.sampling.manifest import COMPLETE
 from pyburgers.sampling.options import recorded_options
 from pyburgers.sampling.run_directory import RunDirectory
-
-IntArray = npt.NDArray[np.int64]
 
 LEFT_OUT_FOLDER = "leave_out"
 """Folder in a run of the fits without single tests, by their names."""
@@ -107,12 +103,8 @@ def compare_kept_by_test(joints: Mapping[str, Fit]) -> ComparisonByTest | None:
 
 def _ordered(found: Mapping[str, LeaveOneTestOut], joints: Mapping[str, Fit]) -> ComparisonByTest:
     """Put results in order, the best first, and weigh them."""
-    ordered = dict(sorted(found.items(), key=lambda item: -item[1].total))
-    return ComparisonByTest(
-        results=ordered,
-        weights=stacking_weights(np.array([result.elpd for result in ordered.values()])),
-        variants={name: joints[name].variant.short_text for name in ordered},
-    )
+    variants = {name: joints[name].variant.short_text for name in found}
+    return ComparisonByTest(*best_first(found), variants)
 
 
 def _folders_without(joint: Fit) -> dict[str, Path]:

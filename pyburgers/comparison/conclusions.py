@@ -4,9 +4,9 @@ import itertools
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
 from pyburgers.checks.fit_checks import PARETO_K_LIMIT
+from pyburgers.common.array_types import BoolArray
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.units import count_points
 from pyburgers.comparison.pairs import (
@@ -21,8 +21,6 @@ from pyburgers.comparison.results import (
     ComparisonByTest,
     difference_by_test,
 )
-
-BoolArray = npt.NDArray[np.bool_]
 
 
 def pairs_by_test(comparison: ComparisonByTest) -> tuple[Pair, ...]:

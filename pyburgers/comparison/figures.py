@@ -9,9 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pyburgers.checks.fit_checks import PARETO_K_LIMIT
-from pyburgers.common.draws import FloatArray
+from pyburgers.common.array_types import BoolArray, FloatArray
 from pyburgers.comparison.results import (
-    BoolArray,
     Comparison,
     ComparisonByTest,
     LeaveOneOut,

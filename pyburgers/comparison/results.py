@@ -13,6 +13,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import PARETO_K_LIMIT
+from pyburgers.common.array_types import BoolArray, IntArray
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.units import count_points
 from pyburgers.comparison.pairs import (
@@ -24,9 +25,6 @@ from pyburgers.comparison.pairs import (
     doubt_about,
 )
 from pyburgers.model.read_quantities import Quantity
-
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.int64]
 
 LARGEST_ERROR = 1.0
 """Monte Carlo error of the log density of a test from which it is flagged."""

@@ -1,20 +1,37 @@
-"""Which fits, of one test or of several, are of the same data, and how they are weighed."""
+"""Which fits are of the same data, how they are weighed, and what speaks against their draws."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
+from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.common.atomic_files import sha256_of_json
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
+from pyburgers.comparison.results import LeaveOneOut, LeaveOneTestOut
 from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.posterior.labelled_draws import MICROSTRUCTURE
 from pyburgers.sampling.run import decisive
+
+Result = TypeVar("Result", LeaveOneOut, LeaveOneTestOut)
 
 STACKING_TOLERANCE = 1e-8
 MAX_STACKING_STEPS = 100_000
 """Stacking weights are settled when a step changes none by more than the tolerance."""
+
+
+def sampling_doubts(one: SampledFit, name: str, consequence: str) -> tuple[str, ...]:
+    """Say which checks of its draws a fit of something failed, and what that means here."""
+    failed = [
+        result.name
+        for result in one.checks()
+        if not result.passed and result.check.kind is CheckKind.SAMPLING
+    ]
+    if not failed:
+        return ()
+    return (f"The fit of {name} failed its check of {' and '.join(failed)}: {consequence}.",)
 
 
 def tests_of(one: Fit) -> tuple[Fit, ...]:
@@ -87,6 +104,12 @@ def origins(fits: Mapping[str, Fit], *, command: str) -> dict[str, Any]:
         },
         "data": data_hash(next(iter(fits.values()))),
     }
+
+
+def best_first(found: Mapping[str, Result]) -> tuple[dict[str, Result], FloatArray]:
+    """Return results in order of falling elpd, and their `stacking_weights`."""
+    ordered = dict(sorted(found.items(), key=lambda item: -item[1].total))
+    return ordered, stacking_weights(np.array([result.elpd for result in ordered.values()]))
 
 
 def stacking_weights(elpd: FloatArray) -> FloatArray:

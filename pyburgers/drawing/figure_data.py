@@ -4,7 +4,6 @@ import re
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -13,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-FloatArray = npt.NDArray[np.float64]
+from pyburgers.common.array_types import FloatArray
 
 COLUMNS = ("panel", "x label", "y label", "series", "x", "y")
 

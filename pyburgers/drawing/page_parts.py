@@ -75,11 +75,10 @@ def recipe(
     title: str,
     caption: str | Callable[[FittedTest], str],
     result: Callable[[FittedTest], str],
-    *,
-    suits: Callable[[FittedTest], bool] = lambda _: True,
+    **suits: Callable[[FittedTest], bool],
 ) -> Callable[[Callable[[FittedTest], Figure]], FigureRecipe]:
     """Make a `FigureRecipe` of the function below, which draws the figure of a fit."""
-    return lambda draw: FigureRecipe(name, title, caption, draw, result, suits)
+    return lambda draw: FigureRecipe(name, title, caption, draw, result, **suits)
 
 
 def text_table(table: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:

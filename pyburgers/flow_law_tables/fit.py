@@ -68,13 +68,7 @@ class RateFit(SampledFit):
 
     @property
     def used(self) -> RateTable:
-        """The rows that were fitted.
-
-        Examples
-        --------
-        >>> creep.used.n_rows
-        14
-        """
+        """The rows that were fitted."""
         return self.data.rows(~np.isin(self.data.source, self.manifest["held_out"]))
 
     @property

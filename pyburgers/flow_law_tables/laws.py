@@ -99,24 +99,12 @@ class RateLaw:
 
     @property
     def is_power_law(self) -> bool:
-        """Whether it has one mechanism, without a premelting temperature.
-
-        Examples
-        --------
-        >>> law.is_power_law
-        True
-        """
+        """Whether it has one mechanism, without a premelting temperature."""
         return len(self.mechanisms) == 1 and not self.mechanisms[0].premelting_temperature
 
     @property
     def power_law(self) -> Mechanism:
-        """The only mechanism; raise InputError if it is not a power law at all temperatures.
-
-        Examples
-        --------
-        >>> law.power_law.name
-        'creep'
-        """
+        """The only mechanism; raise InputError if it is not a power law at all temperatures."""
         if not self.is_power_law:
             raise InputError(
                 f"{self.priors.title!r} is no power law, expected one mechanism without a "
@@ -126,13 +114,7 @@ class RateLaw:
 
     @property
     def fixed_flow_law(self) -> tuple[str, ...]:
-        """Parameters of a power law that are fixed, of which there is no joint density.
-
-        Examples
-        --------
-        >>> law.fixed_flow_law
-        ()
-        """
+        """Parameters of a power law that are fixed, of which there is no joint density."""
         one = self.power_law
         names = (own_name(name, one.name) for name in one.stated_parameters)
         return tuple(name for name in names if self.priors[name].is_fixed)
@@ -161,13 +143,7 @@ class RateLaw:
 
     @property
     def needs_grain_size(self) -> bool:
-        """Whether a rate depends on grain size.
-
-        Examples
-        --------
-        >>> law.needs_grain_size
-        True
-        """
+        """Whether a rate depends on grain size."""
         exponents = (
             self.priors[own_name("grain_size_exponent", one.name)] for one in self.mechanisms
         )

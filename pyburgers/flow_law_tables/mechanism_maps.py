@@ -98,13 +98,7 @@ class MechanismMap:
 
     @property
     def over_grain_size(self) -> bool:
-        """Whether the map is over grain size in place of temperature.
-
-        Examples
-        --------
-        >>> creep.mechanism_map().over_grain_size
-        False
-        """
+        """Whether the map is over grain size in place of temperature."""
         return self.grain_size.size > 1
 
 

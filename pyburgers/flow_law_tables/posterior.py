@@ -5,10 +5,10 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from pyburgers.cmdstan.draw_files import Draws, read_draws
+from pyburgers.common.array_types import IntArray
 from pyburgers.flow_law_tables.description import LOG_READ
 from pyburgers.flow_law_tables.laws import RateLaw
 from pyburgers.flow_law_tables.program_data import GRID_STRESSES, Line, groups, lines
@@ -127,7 +127,7 @@ def _drawn_groups(
     return groups
 
 
-def _numbered(data: RateTable) -> tuple[npt.NDArray[np.int64], dict[str, str]]:
+def _numbered(data: RateTable) -> tuple[IntArray, dict[str, str]]:
     """Return the number of the source of each row, and the names as the attribute ``names``."""
     numbers = np.array([data.sources.index(one) for one in data.source], dtype=np.int64)
     return numbers, {"names": json.dumps(data.sources)}

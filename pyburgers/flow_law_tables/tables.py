@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.common.array_types import BoolArray, FloatArray
+from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import counted
 from pyburgers.kinds.experiment import Experiment, Provenance, impossible_conditions
@@ -144,7 +144,7 @@ class RateTable:
         return np.log(np.where(self.stress_is_imposed, self.strain_rate, self.stress))
 
     @property
-    def enhancement_place(self) -> npt.NDArray[np.int64]:
+    def enhancement_place(self) -> IntArray:
         """Which steady rate exceeds the least one: 0 none, 1 axial, 2 in shear; shape (n,)."""
         in_shear = np.isin(self.geometry, IN_SHEAR)
         return np.where(self.regime == "steady", 1 + in_shear, 0).astype(np.int64)
@@ -253,7 +253,7 @@ def without_test(data: RateTable, experiment: Experiment) -> RateTable:
     return data.rows(kept)
 
 
-def rows_alike(data: RateTable) -> tuple[list[tuple[Any, ...]], npt.NDArray[np.int64]]:
+def rows_alike(data: RateTable) -> tuple[list[tuple[Any, ...]], IntArray]:
     """Return what rows have in common, each once, and which of these each row has."""
     errors = [data.temperature_error, data.grain_size_error]
     columns = [getattr(data, name).tolist() for name in LABELS] + [one.tolist() for one in errors]

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -12,6 +11,7 @@ from matplotlib.lines import Line2D
 
 from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.checks.prior_sentences import decision_columns, decision_text
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.draws import BAND, TAIL, all_draws
 from pyburgers.common.units import number, with_error
 from pyburgers.comparison.same_data import fits_alone
@@ -347,7 +347,7 @@ def intervals(joint: Fit, separate: Sequence[Fit]) -> Figure:
     return figure
 
 
-def _draws_of(fit: Fit, quantity: str) -> npt.NDArray[np.float64]:
+def _draws_of(fit: Fit, quantity: str) -> FloatArray:
     """Return draws (SI)."""
     return all_draws(fit.posterior["posterior"].to_dataset()[quantity])
 

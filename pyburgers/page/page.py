@@ -9,7 +9,6 @@ from pathlib import Path
 from types import MappingProxyType
 
 import jinja2
-import pandas as pd
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.checks.prior_sentences import CONFLICT_MEANING, SHARE_TEXT
@@ -152,8 +151,8 @@ def write_report(
         groups,
         illustrated,
         pictures,
-        entries=entries,
-        told_entries=told_entries,
+        entries,
+        told_entries,
         runs=runs_table(named),
         references=bibtex(all_fits),
         title=title,
@@ -269,16 +268,11 @@ def render_page(
     groups: Sequence[SameData],
     extras: Sequence[tuple[PageSection, tuple[Illustration, ...]]],
     pictures: Mapping[str, Picture],
-    *,
     entries: Sequence[Entry],
     told_entries: Sequence[Entry],
-    runs: pd.DataFrame,
-    references: str,
-    title: str,
-    command: str,
-    to_come: Sequence[str],
+    **told: object,
 ) -> str:
-    """Fill the page's template; everything that comes from files is escaped."""
+    """Fill the page's template, also with what is `told` as it is; texts of files are escaped."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("pyburgers"),
         autoescape=True,
@@ -291,9 +285,7 @@ def render_page(
     first = {section.key: section.illustrations[0] for section in sections}
     first |= {extra.key: figures[0] for extra, figures in extras if figures}
     return environment.get_template("report.html").render(
-        title=title,
-        command=command,
-        to_come=to_come,
+        **told,
         groups=groups,
         extras=extras,
         pictures=pictures,
@@ -318,8 +310,6 @@ def render_page(
         # The first part of the page that has a paragraph in its details tells it.
         told_by={text: extra for extra, _ in reversed(extras) for text in extra.details},
         made_alike=_made_alike(sections),
-        runs=runs,
-        references=references,
         is_of_one_fit=len(entries) == 1 and not any(not extra.after_fits for extra, _ in extras),
         findings=[
             one

@@ -9,9 +9,9 @@ of the smaller critical strain of what still evolves (`critical_strain`).
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from pyburgers.common.array_types import BoolArray
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, number
@@ -87,10 +87,10 @@ def probability(of_draws: xr.DataArray) -> xr.DataArray:
     return of_draws.mean([name for name in of_draws.dims if name not in ("regime", "frequency")])
 
 
-def likely_fails(spectrum: xr.Dataset) -> npt.NDArray[np.bool_]:
+def likely_fails(spectrum: xr.Dataset) -> BoolArray:
     """Where frozen microstructure fails in most draws, shape (n_regimes, n_frequencies)."""
     share = probability(spectrum["frozen_fails"]).transpose("regime", "frequency").to_numpy()
-    marked: npt.NDArray[np.bool_] = share >= LIKELY
+    marked: BoolArray = share >= LIKELY
     return marked
 
 

@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from pyburgers.common.array_types import BoolArray
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.common.units import UNITS
@@ -49,8 +50,6 @@ from pyburgers.predictions.stress_cycles import (
     checked_hold_time,
     checked_inputs,
 )
-
-BoolArray = npt.NDArray[np.bool_]
 
 DEFAULT_FREQUENCIES: tuple[float, ...] = tuple(np.geomspace(1e-4, 1.0, 60).tolist())
 """Frequencies (Hz) of the paper's Fig. 6."""

@@ -7,9 +7,9 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from pyburgers.checks.fit_checks import Outcome
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.paths import shipped_folder
 from pyburgers.common.toml_files import read_json
@@ -72,9 +72,9 @@ class FittedRock:
     names: tuple[str, ...]
     units: tuple[str, ...]
     decided_by: tuple[str, ...]
-    mean: npt.NDArray[np.float64]
-    covariance: npt.NDArray[np.float64]
-    draws: npt.NDArray[np.float64]
+    mean: FloatArray
+    covariance: FloatArray
+    draws: FloatArray
     record: Mapping[str, Any]
 
 

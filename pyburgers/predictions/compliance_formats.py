@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.csv_tables import comment_lines, csv_text
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
@@ -20,8 +20,6 @@ from pyburgers.predictions.assumptions import elastic_modulus_sentence, frozen_s
 from pyburgers.predictions.attenuation import DEFAULT_FREQUENCIES, material_spectrum
 from pyburgers.predictions.creep_laws import Stated, stated_material
 from pyburgers.predictions.stress_cycles import Regime
-
-FloatArray = npt.NDArray[np.float64]
 
 ANY_REGIME = Regime(0.0, 1.0)
 """Stress cycles of a linear dashpot, whose fluidity no stress changes."""

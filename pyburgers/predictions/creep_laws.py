@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, number
@@ -25,8 +25,6 @@ from pyburgers.model.priors import FLOW_LAW
 from pyburgers.predictions.closed_forms import flow_rate
 from pyburgers.predictions.material import Material, fitted_material
 from pyburgers.predictions.stress_cycles import Regime
-
-FloatArray = npt.NDArray[np.float64]
 
 RATE_INVARIANT = float(np.sqrt(3)) / 2
 """Second invariant of the rate of axial compression, over that rate."""

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 from pydantic import Field
 from scipy import linalg
 
+from pyburgers.common.array_types import IntArray
 from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
@@ -294,7 +294,7 @@ def _check(fit: Fit, about: Sequence[str], draws: int) -> None:
         raise InputError(f"draws: found {draws}, expected at least {LEAST_DRAWS}.")
 
 
-def _common_draws(predictions: Sequence[Prediction]) -> npt.NDArray[np.int64]:
+def _common_draws(predictions: Sequence[Prediction]) -> IntArray:
     """Numbers of the draws of a fit, from 0 through all chains, that have every solution."""
     kept = predictions[0].posterior["posterior"]["fit_draw"].to_numpy()
     for prediction in predictions[1:]:
@@ -307,9 +307,7 @@ def _common_draws(predictions: Sequence[Prediction]) -> npt.NDArray[np.int64]:
     return np.asarray(kept)
 
 
-def _readings(
-    prediction: Prediction, n: int, kept: npt.NDArray[np.int64]
-) -> tuple[FloatArray, FloatArray]:
+def _readings(prediction: Prediction, n: int, kept: IntArray) -> tuple[FloatArray, FloatArray]:
     """Solutions and new readings for `kept` draws, each (n_kept, at most `n` readings)."""
     at = np.isin(prediction.posterior["posterior"]["fit_draw"].to_numpy(), kept)
     signals, readings = [], []

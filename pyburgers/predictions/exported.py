@@ -9,10 +9,10 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from pyburgers.checks.prior_sentences import decision_columns, decision_text, symbol_of
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.draws import all_draws
 from pyburgers.common.units import rounded
@@ -134,17 +134,17 @@ class Exported:
     sampled_well: str
     describes_data: str
     names: tuple[str, ...]
-    mean: npt.NDArray[np.float64]
-    covariance: npt.NDArray[np.float64]
+    mean: FloatArray
+    covariance: FloatArray
     n_draws: int
     decided_by: tuple[str, ...]
     by_prior_of: tuple[str, ...]
     notes: tuple[str, ...]
     laws: Mapping[str, object]
-    draws: npt.NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
+    draws: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
-    def sd(self) -> npt.NDArray[np.float64]:
+    def sd(self) -> FloatArray:
         """Posterior standard deviations."""
         return np.sqrt(np.diag(self.covariance))
 
@@ -196,7 +196,7 @@ def exported(fit: Fit | RateFit) -> Exported:
     )
 
 
-def _draws_of(fit: SampledFit, names: Iterable[str]) -> dict[str, npt.NDArray[np.float64]]:
+def _draws_of(fit: SampledFit, names: Iterable[str]) -> dict[str, FloatArray]:
     """Return draws (n_draws,) by name."""
     draws = fit.posterior["posterior"].to_dataset()
     return {name: all_draws(draws[name]) for name in names}
@@ -204,7 +204,7 @@ def _draws_of(fit: SampledFit, names: Iterable[str]) -> dict[str, npt.NDArray[np
 
 def _law_of_tables(
     fit: RateFit,
-) -> tuple[dict[str, npt.NDArray[np.float64]], dict[str, str], dict[str, object]]:
+) -> tuple[dict[str, FloatArray], dict[str, str], dict[str, object]]:
     """Return draws (n_draws,) by name, names of their priors if they are others, and the laws."""
     law, scatter = fit.law, _draws_of(fit, [SCATTER])
     microstructure = {"microstructure": {"undeformed": undeformed("initial_grain_size")}}

@@ -7,8 +7,8 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-import numpy.typing as npt
 
+from pyburgers.common.array_types import IntArray
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.paths import given_path
@@ -29,7 +29,7 @@ from pyburgers.predictions.exported import LOG_FACTOR, Exported, as_csv, as_json
 from pyburgers.predictions.stress_cycles import Regime
 
 AnyFit = Fit | RateFit
-Kept = npt.NDArray[np.int64]
+Kept = IntArray
 
 STATE = ("microstructure", "grain_size", "fabric_factor")
 CYCLES = ("frequencies", "regime", "poisson_ratio", "elastic_modulus")

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
+from pyburgers.common.array_types import IntArray
 from pyburgers.common.draws import FloatArray, evenly_spaced
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, number
@@ -29,8 +29,8 @@ class Material:
     temperature: float
     grain_size: FloatArray
     fabric_factor: FloatArray
-    chain: npt.NDArray[np.int64]
-    draw: npt.NDArray[np.int64]
+    chain: IntArray
+    draw: IntArray
     attributes: Mapping[str, str]
 
     def thinned(self, at_most: int) -> tuple[dict[str, FloatArray], FloatArray, FloatArray]:

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 from scipy import stats
 
-IntArray = npt.NDArray[np.int64]
+from pyburgers.common.array_types import IntArray
 
 N_BAND_SIMULATIONS = 20_000
 

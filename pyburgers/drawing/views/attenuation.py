@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 from markupsafe import Markup
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 
+from pyburgers.common.array_types import IntArray
 from pyburgers.common.draws import FloatArray
 from pyburgers.drawing.fitted import curve_of, mean_of, positions, predicted
 from pyburgers.drawing.fitted import residuals as residuals_of
@@ -47,7 +47,7 @@ class _Spectrum:
     period: FloatArray  # s, of the predictions, shape (n,)
     tan_delta: FloatArray  # of draws, shape (n_draws, n)
     modulus: FloatArray  # Pa, of draws, shape (n_draws, n)
-    rows: npt.NDArray[np.int64]  # of the table
+    rows: IntArray  # of the table
 
     @property
     def label(self) -> str:

@@ -5,7 +5,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -53,8 +52,6 @@ from pyburgers.model.display import (
     time_unit,
 )
 from pyburgers.model.read_quantities import Quantity
-
-IntArray = npt.NDArray[np.int64]
 
 STAGE_COLOURS = (BLUE, VERMILION, "#009E73", PURPLE, ORANGE, "#56B4E9")
 

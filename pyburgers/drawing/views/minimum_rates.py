@@ -1,11 +1,11 @@
 """Minimum creep rates of a fit of a loading history, and the strains at them."""
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 from markupsafe import Markup
 from scipy.stats import linregress
 
+from pyburgers.common.array_types import IntArray
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.units import rounded, span_text
 from pyburgers.drawing.fitted import positions, predicted
@@ -26,8 +26,6 @@ from pyburgers.model.display import (
     STRESS_UNIT,
     time_unit,
 )
-
-IntArray = npt.NDArray[np.int64]
 
 SAME_RATE = 1e-3
 """How much faster, as a share, the end of an interval may creep than its slowest time and still be

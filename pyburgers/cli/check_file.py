@@ -127,8 +127,8 @@ def _reader(content: Mapping[str, Any]) -> Callable[[Path], object]:
 
 
 def _is_plan(content: Mapping[str, Any]) -> bool:
-    """Whether a file is the plan of a campaign; no other kind names tests."""
-    return "tests" in content and "protocol" not in content
+    """Whether a file is the plan of a campaign or of a design: it names other input files."""
+    return bool({"tests", "candidates"} & content.keys()) and "protocol" not in content
 
 
 def _mended(content: Mapping[str, Any], error: StructureError) -> dict[str, Any] | None:

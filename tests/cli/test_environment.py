@@ -410,12 +410,3 @@ def test_toml_that_asks_too_much_is_refused(
         text + '\nid = "x"\nmaterial = "ice"\nprotocol = "constant_rate"\n', encoding="utf-8"
     )
     assert_refused(main(["fit", str(file)]), capsys, "test.toml")
-
-
-@pytest.mark.parametrize("name", ["..", ".", ".hidden", "-x", "a/b", "a\\b", "", "x" * 101])
-def test_an_id_cannot_leave_its_folder(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    text = (ICE / "PIL40.toml").read_text(encoding="utf-8").replace('"PIL40"', repr(name))
-    (tmp_path / "test.toml").write_text(text, encoding="utf-8")
-    assert_refused(main(["fit", str(tmp_path / "test.toml")]), capsys, "'id'")

@@ -71,28 +71,3 @@ def test_a_softened_table_has_a_prior_to_hand_on_and_is_exported(
     capsys.readouterr()
     code = main(["export", str(out), "--test", "PIL40"])
     assert_refused(code, capsys, "--test: found PIL40, expected none")
-
-
-def test_wrong_tables_laws_and_sources_are_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    fan = str(RATES / "fan_2020.toml")
-
-    def run(*arguments: str) -> int:
-        return main(["fit-rates", *arguments, "--out", str(tmp_path / "run")])
-
-    assert_refused(run(str(tmp_path / "none.toml")), capsys, "does not exist")
-    assert_refused(run(str(ICE / "PIL40.toml")), capsys, "key 'protocol'", "PIL40.toml")
-    assert_refused(run(fan, "--chains", "0"), capsys, "chains is 0")
-    curve = ("--curve-priors", str(ICE.parent / "priors" / "rates" / "ice_power_law.toml"))
-    assert_refused(run(fan, *curve), capsys, "unknown key")
-    assert_refused(run(fan, "--curve-priors", "basalt"), capsys, "basalt", "halite")
-    assert_refused(run(fan, "--law", "ice_glen"), capsys, "ice_glen", "ice_power_law")
-    assert_refused(run(fan, "--hold-out", "glen_1955"), capsys, "glen_1955", "fan_2020")
-    assert_refused(run(fan, fan), capsys, "once")
-    prior = str(ICE.parent / "priors" / "ice.toml")
-    assert_refused(
-        run(fan, "--law", "ice_composite", "--curve-priors", prior), capsys, "no power law"
-    )
-    assert main(["check-file", fan]) == 0
-    assert main(["check-file", str(ICE.parent / "priors" / "rates" / "ice_composite.toml")]) == 0

@@ -146,24 +146,6 @@ def test_the_same_numbers_in_two_units_are_no_rivals(table: Table) -> None:
     assert columns["time"].unit == "s"
 
 
-def test_a_column_that_an_option_names_has_to_be_there(
-    table: Table, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = table(strain=PERCENT, stress=CURVE)
-    command = ["new", str(path), *KNOWN, *RATE, "--stress-column"]
-    assert_refused([*command, "sigma"], capsys, "expected a column of")
-    assert main([*command, "stress"]) == 0
-
-
-@pytest.mark.parametrize("text", ["Test: 1\n\n", "a 1\nb 2\nc 3\n", "a,b,1\nc,d,2\n"])
-def test_columns_of_text_without_names_hold_no_quantity(
-    text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "readings.csv"
-    path.write_text(text)
-    assert_refused(["new", str(path), *KNOWN, *RATE], capsys, "found no column that looks like")
-
-
 @pytest.mark.parametrize("stress", ["sigma1 (MPa)", "Axial stress (MPa)", "Stress (MPa)"])
 def test_the_total_stress_along_the_axis_is_no_differential_stress(
     stress: str, table: Table, capsys: pytest.CaptureFixture[str]
@@ -350,35 +332,6 @@ def test_a_spectrum_without_periods_asks_for_them(
     path = table(**{"X (s)": FREQUENCY, "1/Q": 0.02})
     assert_refused(["new", str(path), *KNOWN, *AXIAL], capsys, "give --period-column")
     assert main(["new", str(path), *KNOWN, *AXIAL, "--period-column", "X (s)"]) == 0
-
-
-@pytest.mark.parametrize(
-    ("stress", "unit", "words"),
-    [
-        ("Stress (MPa)", "MPa", None),
-        ("sigma", "MPa", None),
-        ("Load (MPa)", "GPa", "whose name says the unit 'MPa'"),
-        ("Load (lbs)", "MPa", "whose name says another unit"),
-    ],
-)
-def test_a_stated_unit_that_contradicts_the_name_of_its_column_is_told(
-    stress: str,
-    unit: str,
-    words: str | None,
-    table: Table,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    path = table(strain=PERCENT / 100, sigma=CURVE)
-    assert main(["new", str(path), *KNOWN, *RATE]) == 0
-    file = path.with_suffix(".toml")
-    text = file.read_text("utf-8").replace('"sigma"', f'"{stress}"')
-    file.write_text(text.replace('stress_unit = "MPa"', f'stress_unit = "{unit}"'), "utf-8")
-    path.write_text(path.read_text("utf-8").replace("sigma", stress), "utf-8")
-    capsys.readouterr()
-    main(["check-file", str(file)])
-    told = [line for line in capsys.readouterr().out.splitlines() if "whose name says" in line]
-    assert bool(told) == (words is not None)
-    assert (words or "") in "".join(told)
 
 
 def test_an_answer_that_the_file_cannot_hold_is_asked_for_again_with_the_reason(

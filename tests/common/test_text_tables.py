@@ -183,35 +183,6 @@ def test_a_time_stamp_with_two_meanings_is_no_time_and_is_told(cells: str, tmp_p
     assert "can be read in more than one way: write them as 2024-03-01 09:00:00" in table.notes[0]
 
 
-PROBLEMS = {
-    "thousands": ("strain,stress\n0.01,999\n0.015,1,020\n", "line 3: found 3 cells (0.015,1,020)"),
-    "decimal commas": ("strain,stress\n1,05,100,5\n2,05,101,5\n", "line 2: found 4 cells"),
-    "without names": (
-        "0.01,1\n0.02,2\n0.03,1,020\n",
-        "expected at most 2, as many as there are col",
-    ),
-    "doubtful commas": (
-        "strain\tstress\n1\t1,020\n2\t1,100\n",
-        "may separate thousands or decimals",
-    ),
-    "words": ("Time Axial strain\n0 1\n1 2\n", "found 3 words for names"),
-    "an open quotation mark": (
-        'a,b\n0,1\n1,"2\n2,3\n',
-        "line 3: found a quotation mark that is not",
-    ),
-    "two tables": (
-        "time,e\n0,1\n1,2\n\nStage 2\ntime,e\n0,1\n1,2\n",
-        "found 2 tables (lines 2 to 3, lines 7 to 8) with text between them, such as 'Stage 2'",
-    ),
-    "text among readings": ("time,e\n0,1\n1,2\n2,3\nx,y\n3,4\n", "such as 'x y' in line 5"),
-}
-
-
-@pytest.mark.parametrize(("text", "words"), PROBLEMS.values(), ids=PROBLEMS)
-def test_what_cannot_be_told_is_a_problem(text: str, words: str, tmp_path: Path) -> None:
-    assert any(words in problem for problem in looked_at(tmp_path, text).problems)
-
-
 def test_numbers_like_a_sentinel_are_readings_where_others_are_near(tmp_path: Path) -> None:
     assert looked_at(tmp_path, "t,e\n0,-9000\n1,-9999\n2,-9500\n").numbers("e")[1] == -9999
 

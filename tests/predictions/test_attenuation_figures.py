@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from synthetic_fit import make_fit
 
-from pyburgers.common.errors import InputError
 from pyburgers.drawing.style import image
 from pyburgers.predictions.assumptions import likely_fails
 from pyburgers.predictions.attenuation import predict_attenuation
@@ -192,27 +191,6 @@ def test_points_are_read_with_and_without_what_is_optional(tmp_path: Path) -> No
     bare = load_measured_attenuation(write(tmp_path, "frequency_Hz,tan_delta\n0.01,0.2\n"))
     assert bare.series == ("measured",)
     assert bare.standard_deviation.tolist() == [0.0]
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("tan_delta\n0.1\n", "column 'frequency_Hz' is missing, expected frequency_Hz, tan_delta"),
-        ("frequency_Hz,tan_delta,q\n1,1,1\n", "found column 'q', expected frequency_Hz"),
-        ("frequency_Hz,tan_delta\n", "found no points, expected at least one row"),
-        ("frequency_Hz,tan_delta\n1,1\n-1,1\n", "'frequency_Hz', point 2: found '-1', expected a"),
-        ("frequency_Hz,tan_delta\n1,x\n", "column 'tan_delta', point 1: found 'x', expected a"),
-        (
-            "frequency_Hz,tan_delta,tan_delta_sd\n1,1,-2\n",
-            "found '-2', expected zero or a positive",
-        ),
-    ],
-)
-def test_a_file_that_does_not_fit_is_refused(tmp_path: Path, text: str, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        load_measured_attenuation(write(tmp_path, text))
-    with pytest.raises(InputError, match=r"absent\.csv does not exist"):
-        load_measured_attenuation(tmp_path / "absent.csv")
 
 
 def test_points_are_drawn_over_the_spectrum(tmp_path: Path) -> None:

@@ -20,7 +20,6 @@ from pyburgers.predictions.designs import (
     DesignPlan,
     design,
     expected_width,
-    load_design_plan,
     share_told_apart,
     telling_combinations,
 )
@@ -110,23 +109,6 @@ def test_designs_that_cannot_be_judged_are_refused(small_fit: Fit, separate_join
         design(separate_joint, plan)
     with pytest.raises(InputError, match="found 20, expected at least 200"):
         design(small_fit, plan, draws=20)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (('"kelvin_modulus"', '"stiffness"'), "about: found 'stiffness'"),
-        (("hours = 48.0", "hours = -1"), "hours"),
-        (('"again.toml"', '"nothing.toml"'), "nothing.toml does not exist"),
-        (("[candidates.again]", "[candidates.again]\nreading = 3"), "reading"),
-    ],
-)
-def test_wrong_plans_are_refused(change: tuple[str, str], message: str, tmp_path: Path) -> None:
-    for file in PLAN.parent.glob("*.toml"):
-        text = file.read_text(encoding="utf-8")
-        (tmp_path / file.name).write_text(text.replace(*change), encoding="utf-8")
-    with pytest.raises(InputError, match=message):
-        load_design_plan(tmp_path / PLAN.name)
 
 
 def test_command(small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import xarray as xr
 from figure_texts import texts
@@ -22,8 +21,6 @@ from pyburgers.predictions.other_tests import (
     score_sentence,
     score_table,
 )
-
-FloatArray = npt.NDArray[np.float64]
 
 NOISE = 1e5
 

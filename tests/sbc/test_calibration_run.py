@@ -346,23 +346,3 @@ def test_what_was_damaged_or_changed_is_told(
         RunDirectory(out).write_manifest(read_json(out / name))
     capsys.readouterr()
     assert_refused(main(["sbc", "--results-of", str(out)]), capsys, word)
-
-
-def test_bad_numbers_and_files_are_refused(
-    small_problem: Problem, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "out"
-    for options, words in (
-        (("--simulations", "0"), "simulations is 0"),
-        (("--ranked-draws", "121"), "ranked_draws is 121, expected a number from 3 to 120"),
-        (("--jobs", "0"), "jobs is 0"),
-        (("--coordinates", "sheared"), "sheared coordinates are not for tests"),
-        (("--strain-range", "30", "3"), "strain_range is 0.3 to 0.03"),
-        (("--strain-range", "3", "30"), "found no test in PIL40 in which strain is read"),
-    ):
-        assert_refused(main(command(small_problem, out, *options)), capsys, words)
-    assert_refused(main(["sbc", str(tmp_path / "none.toml")]), capsys, "does not exist")
-    assert_refused(main(["sbc"]), capsys, "found no template")
-    outside = command(small_problem, out, "--stress-range", "5", "1")
-    assert_refused(main(outside), capsys, "stress_range is 5e+06 to 1e+06 Pa")
-    assert not out.exists()

@@ -151,16 +151,6 @@ def test_the_prior_alone_in_the_default_directory(
     assert (ratio.dropna() > 0.6).all()
 
 
-@pytest.mark.usefixtures("sketched")
-def test_a_report_of_a_run(
-    small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    page = tmp_path / "page"
-    assert main(["report", str(small_fit.directory.path), "--out", str(page)]) == 0
-    assert str(page / "index.html") in capsys.readouterr().out
-    assert "PIL40" in (page / "index.html").read_text(encoding="utf-8")
-
-
 def test_simulate_writes_the_promised_columns(
     programs: None, parameters: Parameters, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -11,6 +11,7 @@ from conftest import copy_of
 from refusals import assert_refused
 
 from pyburgers.cli.main import main
+from pyburgers.comparison.neighbours import parameter_shifts
 from pyburgers.fitting.fit import Fit
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
@@ -27,6 +28,8 @@ def test_a_comparison_is_a_table_points_a_record_and_a_figure(
     printed = capsys.readouterr().out
     assert "Cannot tell which of" in printed
     assert str(out) in printed
+    assert "How far each parameter moves from" in printed
+    assert str(parameter_shifts({"one": small_fit, "other": long_fit}).index[0]) in printed
     table = pd.read_csv(out / "comparison.csv", index_col="fit")
     assert set(table.index) == names
     assert code == 3
@@ -48,17 +51,6 @@ def test_points_with_heavy_tails_are_left_out_in_earnest(long_fit: Fit, tmp_path
     assert table["left_out"].tolist() == table["high_k"].tolist()
     refits = list((tmp_path / "out").glob("refits/*/point_*"))
     assert len(refits) == table["left_out"].sum()
-
-
-def test_a_folder_that_is_no_run_and_a_file_for_a_folder_are_refused(
-    small_fit: Fit, long_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    runs = [str(one.directory.path) for one in (small_fit, long_fit)]
-    code = main(["compare", runs[0], str(tmp_path)])
-    assert_refused(code, capsys, "not a run directory")
-    (tmp_path / "file").write_text("", encoding="utf-8")
-    code = main(["compare", *runs, "--out", str(tmp_path / "file"), "--no-refit"])
-    assert_refused(code, capsys, "--out", "cannot be written")
 
 
 @pytest.fixture
@@ -110,16 +102,17 @@ def test_one_joint_run_will_do_to_leave_tests_out(
 def test_runs_that_cannot_be_compared_are_refused(
     joints: dict[str, str],
     small_fit: Fit,
+    long_fit: Fit,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     run, out = joints["shared"], ("--out", str(tmp_path / "out"))
+    single_again = str(long_fit.directory.path)
     single, by_test = str(small_fit.directory.path), ("--leave-out", "tests")
-    assert_refused(main(["compare", run, *out]), capsys, "found 1 fit, expected at least two")
     assert_refused(main(["compare", run, single, *out]), capsys, "other data", "PIL40+other")
     assert_refused(main(["compare", run, single, *by_test, *out]), capsys, "is not a joint fit")
-    assert_refused(main(["compare", run, *by_test, "--no-refit", *out]), capsys, "--no-refit")
     assert not (tmp_path / "out").exists()
     (tmp_path / "file").write_text("", encoding="utf-8")
-    code = main(["compare", run, *by_test, "--out", str(tmp_path / "file")])
-    assert_refused(code, capsys, "--out", "cannot be written")
+    for arguments in ([run, *by_test], [single, single_again, "--no-refit"]):
+        code = main(["compare", *arguments, "--out", str(tmp_path / "file")])
+        assert_refused(code, capsys, "--out", "cannot be written")

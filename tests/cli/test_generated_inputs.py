@@ -47,8 +47,9 @@ from pyburgers.sbc.replication import read_replication_table
 
 DATA = Path(__file__).parents[2] / "data"
 LIMIT_S = 10.0
-FEW, MANY = 0.03, 1.0
-"""Share of the 10,000 inputs."""
+FEW_AND_ALL = pytest.mark.parametrize(
+    "share", [0.03, pytest.param(1.0, marks=pytest.mark.slow)], ids=["few", "all"]
+)
 
 
 @dataclass(frozen=True)
@@ -381,29 +382,22 @@ def options(number: int) -> None:
     run()
 
 
-SHARES = [
-    pytest.param(changed_keys, 4000, id="keys"),
-    pytest.param(changed_files, 1500, id="files"),
-    pytest.param(changed_columns, 1500, id="columns"),
-    pytest.param(tables, 1700, id="tables"),
-    pytest.param(manifests, 300, id="manifests"),
-    pytest.param(other_files, 500, id="others"),
-]
-
-
+@FEW_AND_ALL
 @pytest.mark.parametrize(
-    ("generate", "number"), SHARES, ids=lambda one: getattr(one, "__name__", "")
+    ("generate", "number"),
+    [
+        pytest.param(changed_keys, 4000, id="keys"),
+        pytest.param(changed_files, 1500, id="files"),
+        pytest.param(changed_columns, 1500, id="columns"),
+        pytest.param(tables, 1700, id="tables"),
+        pytest.param(manifests, 300, id="manifests"),
+        pytest.param(other_files, 500, id="others"),
+    ],
 )
-def test_a_sample_of_files_is_read_or_refused(generate: Callable[[int], None], number: int) -> None:
-    generate(int(FEW * number))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("generate", "number"), SHARES, ids=lambda one: getattr(one, "__name__", "")
-)
-def test_files_are_read_or_refused(generate: Callable[[int], None], number: int) -> None:
-    generate(int(MANY * number))
+def test_files_are_read_or_refused(
+    generate: Callable[[int], None], number: int, share: float
+) -> None:
+    generate(int(share * number))
 
 
 @pytest.fixture
@@ -413,17 +407,11 @@ def without_stan(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def test_a_sample_of_options_works_or_is_refused(
-    without_stan: None, capsys: pytest.CaptureFixture[str]
-) -> None:
-    options(int(FEW * 2000))
-
-
-@pytest.mark.slow
+@FEW_AND_ALL
 def test_options_work_or_are_refused(
-    without_stan: None, capsys: pytest.CaptureFixture[str]
+    share: float, without_stan: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    options(int(MANY * 2000))
+    options(int(share * 2000))
 
 
 def test_every_command_is_tried_that_reads_files() -> None:

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from small_inputs import DATA
-from terminal import answer_with
 
 from pyburgers.cli.main import main
 from pyburgers.common.text_tables import look_at
@@ -89,20 +88,6 @@ def test_a_table_of_attenuation(tmp_path: Path) -> None:
     np.testing.assert_allclose(test.readings.modulus, twin.readings.modulus)
     np.testing.assert_allclose(test.conditions.period, twin.conditions.period)
     np.testing.assert_allclose(test.conditions.median_stress, twin.conditions.median_stress)
-
-
-def test_in_a_terminal_it_asks_again_until_it_understands(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "curve.csv"
-    path.write_text("strain,stress\n0.001,2\n0.02,3\n", encoding="utf-8")
-    answers = iter(["", "ice", "cold", "263", "", "1e-3", "1e-5", "guess", "measured", "me, 2026"])
-    answer_with(monkeypatch, lambda question: next(answers))
-    assert main(["new", str(path)]) == 0
-    test = load_experiment(path.with_suffix(".toml"))
-    assert (test.id, test.material, test.temperature) == ("curve", "ice", 263.0)
-    assert test.provenance.source == "me, 2026"
-    assert "found 'cold', expected a number" in capsys.readouterr().out
 
 
 def test_what_looks_like_a_quantity_and_is_another_is_left_alone(tmp_path: Path) -> None:

@@ -11,7 +11,6 @@ import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.cli.main import main
-from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.predictions.attenuation import predict_attenuation
 from pyburgers.predictions.stress_cycles import Regime
@@ -197,11 +196,6 @@ def test_temperatures_of_all_tests_of_a_joint_fit_were_fitted(
     assert "Beyond what was fitted" not in capsys.readouterr().out
     assert predict(run, out, *options, "266") == 0
     assert "temperature 266 K (fitted: 260 to 265)" in capsys.readouterr().out
-
-
-def test_a_joint_fit_is_no_fit_of_one_test(joint: Fit) -> None:
-    with pytest.raises(InputError, match="is a joint fit"):
-        predict_attenuation(joint)
 
 
 def test_the_steady_state_is_softer(small_fit: Fit, tmp_path: Path) -> None:

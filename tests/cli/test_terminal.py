@@ -38,6 +38,26 @@ def test_many_columns_come_in_blocks_that_repeat_what_a_row_is_about(
     assert max(len(line) for block in blocks for line in block.splitlines()) <= WIDTH
 
 
+CONFLICTS = ("A: Prior and data disagree about this.", "B: Prior and data disagree about that.")
+
+
+@pytest.mark.parametrize(
+    ("blocks", "title"),
+    [
+        ([CONFLICTS], "Do prior and data agree? NO"),
+        ([(), ("n is decided by the prior of Q.",)], "Numbers that the data alone do not decide"),
+    ],
+)
+def test_what_the_data_do_not_agree_with_or_decide_has_a_block_of_its_own(
+    blocks: list[tuple[str, ...]], title: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    without = print_checks([])
+    assert title.split("? ")[0] not in capsys.readouterr().out
+    assert print_checks([], *blocks) == without
+    printed = capsys.readouterr().out
+    assert printed.endswith("\n" + "\n".join([title, *blocks[-1]]) + "\n")
+
+
 @pytest.mark.parametrize(("no_colour", "coloured"), [(None, True), ("1", False)])
 def test_colours_are_for_terminals_that_want_them(
     no_colour: str | None, coloured: bool, monkeypatch: pytest.MonkeyPatch

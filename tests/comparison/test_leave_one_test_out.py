@@ -280,11 +280,7 @@ def test_joint_fits_of_the_same_tests_have_sections_of_their_own(
     assert set(other["pooling"]) == {"separate", "derived"}
 
 
-def test_other_data_other_kinds_and_a_sampled_prior_are_refused(
-    shared: Fit, small_fit: Fit
-) -> None:
-    with pytest.raises(InputError, match=r"joint: is a fit of other data than one .*\+other .*\.$"):
-        compare({"one": small_fit, "joint": shared})
+def test_a_sampled_prior_and_a_test_alone_are_refused(shared: Fit) -> None:
     prior = replace(shared, manifest={**shared.manifest, "use_likelihood": False})
     with pytest.raises(InputError, match=r"^prior: was sampled without likelihood"):
         compare_by_test({"prior": prior}, command="test")

@@ -7,7 +7,6 @@ import pytest
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.checks.verdicts import Verdict
-from pyburgers.cli.main import main
 from pyburgers.comparison.neighbours import (
     parameter_shifts,
     shift_sentences,
@@ -64,14 +63,3 @@ def test_parameters_move_by_their_own_sd(small_fit: Fit, long_fit: Fit) -> None:
     assert sentence.startswith("From one to other parameters move by, in their sd: ")
     farthest = table["other moved"].abs().max()
     assert f"{farthest:.1f}" in sentence.split(",")[1]
-
-
-@pytest.mark.usefixtures("in_this_process")
-def test_a_comparison_prints_how_far_parameters_move(
-    small_fit: Fit, long_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    runs = [str(one.directory.path) for one in (small_fit, long_fit)]
-    main(["compare", *runs, "--out", str(tmp_path / "out"), "--no-refit"])
-    printed = capsys.readouterr().out
-    assert "How far each parameter moves from" in printed
-    assert str(parameter_shifts({"one": small_fit, "other": long_fit}).index[0]) in printed

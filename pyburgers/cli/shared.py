@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from pyburgers.cli.parser import offer
 from pyburgers.common.errors import InputError
@@ -59,10 +59,10 @@ def add_sampler_options(
             continue
         command.add_argument(
             f"--{name.replace('_', '-')}",
-            type=_SAMPLER_TYPES.get(name, int),
+            type=_SAMPLER[name].type,
             choices=COORDINATES if name == "coordinates" else None,
             default=(default := getattr(defaults, name)),
-            help=_SAMPLER_HELP[name] + (_UNLESS_GIVEN.get(name, "") if default is None else ""),
+            help=_SAMPLER[name].help + (_SAMPLER[name].unless_given if default is None else ""),
         )
 
 
@@ -74,33 +74,35 @@ def by_protocol(value: Callable[[Likelihood[Any]], float]) -> str:
     return f"; default {', '.join(listed)}"
 
 
-_SAMPLER_TYPES = {
-    "adapt_delta": float,
-    "max_minutes": float,
-    "chain_timeout": float,
-    "coordinates": str,
-}
-_SAMPLER_HELP = {
-    "chains": "number of chains",
-    "warmup": "iterations ahead of the draws",
-    "draws": "draws of each chain",
-    "seed": "seed of initial values and chains",
-    "adapt_delta": "target acceptance",
-    "max_treedepth": "trajectories have at most 2**max_treedepth - 1 leapfrog steps",
-    "coordinates": "coordinates of the sampler (docs/coordinates.md); auto takes those that suit "
-    "the test",
-    "max_minutes": "minutes of sampling within which all chains get more draws, if draws are all "
-    "that is lacking; 0 adds none",
-    "chain_timeout": "seconds after which a chain is stopped",
-    "parallel_chains": "chains side by side",
-}
-_UNLESS_GIVEN = {
-    "warmup": by_protocol(lambda one: one.warmup),
-    "adapt_delta": by_protocol(lambda one: one.target_acceptance),
-    "max_minutes": f"; default {DEFAULT_MINUTES:g} with at least {ENOUGH_DRAWS} draws of each "
-    "chain, else 0",
-    "chain_timeout": "; default no limit",
-    "parallel_chains": "; default as many as there are cores",
+class _Option(NamedTuple):
+    """An option of the sampler: its help, what it says of a default of None, and its type."""
+
+    help: str
+    unless_given: str = ""
+    type: Callable[[str], object] = int
+
+
+_SAMPLER = {
+    "chains": _Option("number of chains"),
+    "warmup": _Option("iterations ahead of the draws", by_protocol(lambda one: one.warmup)),
+    "draws": _Option("draws of each chain"),
+    "seed": _Option("seed of initial values and chains"),
+    "adapt_delta": _Option(
+        "target acceptance", by_protocol(lambda one: one.target_acceptance), float
+    ),
+    "max_treedepth": _Option("trajectories have at most 2**max_treedepth - 1 leapfrog steps"),
+    "coordinates": _Option(
+        "coordinates of the sampler (docs/coordinates.md); auto takes those that suit the test",
+        type=str,
+    ),
+    "max_minutes": _Option(
+        "minutes of sampling within which all chains get more draws, if draws are all that is "
+        "lacking; 0 adds none",
+        f"; default {DEFAULT_MINUTES:g} with at least {ENOUGH_DRAWS} draws of each chain, else 0",
+        float,
+    ),
+    "chain_timeout": _Option("seconds after which a chain is stopped", "; default no limit", float),
+    "parallel_chains": _Option("chains side by side", "; default as many as there are cores"),
 }
 
 

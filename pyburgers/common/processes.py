@@ -123,9 +123,9 @@ class Running:
         """Return all that it has printed."""
         return self.console.read_text(encoding="utf-8", errors="replace")
 
-    def console_tail(self, lines: int = 6) -> str:
-        """Return the last lines that it has printed, as one."""
-        tail = [line.strip() for line in self.printed().strip().splitlines()[-lines:]]
+    def console_tail(self) -> str:
+        """Return the last six lines that it has printed, as one."""
+        tail = [line.strip() for line in self.printed().strip().splitlines()[-6:]]
         return " | ".join(line for line in tail if line) or "it left no console output."
 
 

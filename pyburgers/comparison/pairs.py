@@ -74,7 +74,7 @@ def doubt_about(units: str, n_units: int, unreliable: Sequence[str]) -> str:
 
 
 def weight_sentence(
-    best: str, other: str, weights: tuple[float, float], gains: FloatArray, *, unit: str = "points"
+    best: str, other: str, weights: tuple[float, float], gains: FloatArray, *, unit: str
 ) -> str | None:
     """Say why a fit of lower elpd weighs more, given its gains (n,); None if it does not."""
     if weights[1] <= weights[0]:

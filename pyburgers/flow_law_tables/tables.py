@@ -182,11 +182,11 @@ class RateTable:
         )
 
 
-def joined(tables: Sequence[RateTable], name: str | None = None) -> RateTable:
+def joined(tables: Sequence[RateTable]) -> RateTable:
     """Put tables of one material under each other; raise InputError if they are of several."""
     first = tables[0]
     if len(tables) == 1:
-        return first if name is None else replace(first, id=name)
+        return first
     for table in tables[1:]:
         if table.material != first.material:
             raise InputError(
@@ -198,7 +198,7 @@ def joined(tables: Sequence[RateTable], name: str | None = None) -> RateTable:
     kinds = {table.provenance.kind for table in tables}
     peak_strains = {table.peak_strain for table in tables}
     return RateTable(
-        id=name or "rates",
+        id="rates",
         material=first.material,
         **{
             key: np.concatenate([getattr(table, key) for table in tables])

@@ -108,14 +108,14 @@ def _what_is_wrong(mean: float, spread: float, n_ranks: int) -> str:
 
 
 def simultaneous_band(
-    n_ranks: int, n_draws: int, *, probability: float, seed: int = 1
+    n_ranks: int, n_draws: int, *, probability: float
 ) -> tuple[IntArray, IntArray]:
     """Return limits (n_draws,) that hold the distribution of uniform ranks with a probability.
 
     They are binomial intervals, their common level simulated (Säilynoja, Bürkner and Vehtari
     2022, Statistics and Computing 32, 32).
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     law = stats.binom(n_ranks, np.arange(1, n_draws + 1) / (n_draws + 1))
     count = np.arange(n_ranks + 1)[:, None]
     tail = np.minimum(law.cdf(count), law.sf(count - 1))  # one-sided, of each count at each rank

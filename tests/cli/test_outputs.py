@@ -132,19 +132,7 @@ def test_a_folder_beside_the_named_file_is_told(
 def test_exports_are_written_over_exports_alone(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    each_after_each = (
-        "json",
-        "csv",
-        "csv",
-        "latex",
-        "latex",
-        "json",
-        "latex",
-        "csv",
-        "json",
-        "json",
-    )
-    for chosen in each_after_each:
+    for chosen in ["json", "csv", "csv", "latex", "latex", "json", "latex", "csv", "json", "json"]:
         assert main([*EXPORT, "--format", chosen, "--out", "numbers"]) == 0
     assert json.loads((folder / "numbers").read_text(encoding="utf-8"))["test"] == "PIL40"
     (folder / "empty").touch()

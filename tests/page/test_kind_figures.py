@@ -11,7 +11,7 @@ from figure_texts import legend_texts
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from synthetic_fit import make_fit
+from synthetic_fit import FEW, make_fit
 from synthetic_olivine_fit import make_olivine_fit
 
 from pyburgers.common.draws import central_band
@@ -35,14 +35,6 @@ from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 
-FEW = (
-    "maxwell_modulus",
-    "kelvin_viscosity",
-    "activation_enthalpy",
-    "beta",
-    "steady_state_fabric_factor",
-    "critical_strain_fabric",
-)
 RESIDUAL_LABEL = "data minus predictive median"
 STEPS = ((0.0, 1e-4), (0.03, 1e-5), (0.1, 3e-4))
 

@@ -10,7 +10,7 @@ from figure_texts import legend_texts
 from matplotlib.figure import Figure
 from matplotlib.patches import StepPatch
 from scipy import integrate, stats
-from synthetic_fit import make_fit, make_prior, uniform
+from synthetic_fit import FEW, make_fit, make_prior, uniform
 from synthetic_olivine_fit import make_olivine_fit, redrawn
 
 from pyburgers.drawing.style import few_ticks_of_decades, style
@@ -19,15 +19,6 @@ from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE
 from pyburgers.model.display import shown_quantity
 from pyburgers.page.decades import PriorOfLogarithm, logarithm_of, shown_draws, spans_decades
 from pyburgers.page.posterior_figures import density, narrowed, pairs, prior_posterior, rank
-
-FEW = (
-    "maxwell_modulus",
-    "kelvin_viscosity",
-    "activation_enthalpy",
-    "beta",
-    "steady_state_fabric_factor",
-    "critical_strain_fabric",
-)
 
 
 @pytest.fixture(scope="module")

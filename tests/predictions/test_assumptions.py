@@ -10,6 +10,7 @@ import numpy.typing as npt
 import oracle
 import pytest
 import xarray as xr
+from imposed_stress import GRAIN_SIZE, ICE, TEMPERATURE
 from scipy.integrate import quad, solve_ivp
 from synthetic_fit import make_fit
 
@@ -29,20 +30,6 @@ from pyburgers.predictions.stress_cycles import EVOLUTION, PAPER_REGIMES, Regime
 
 FloatArray = npt.NDArray[np.float64]
 
-TEMPERATURE, GRAIN_SIZE = 260.0, 2e-4
-ICE: dict[str, Any] = {
-    "maxwell_modulus": 4e9,
-    "kelvin_modulus": 5e8,
-    "kelvin_viscosity": 1e11,
-    "stress_exponent": 3.7,
-    "grain_size_exponent": 0.5,
-    "activation_enthalpy": 61e3,
-    "beta": -7.29e-4,
-    "critical_strain_grain_size": 0.07,
-    "critical_strain_fabric": 0.2,
-    "steady_state_grain_size": 1e-4,
-    "steady_state_fabric_factor": 0.5,
-}
 PIEZOMETER = {
     "piezometer_reference_grain_size": 0.015,
     "piezometer_exponent": 1.33,

@@ -16,6 +16,21 @@ from pyburgers.predictions.stress_cycles import HOLD_TIME, Regime, checked_hold_
 
 FloatArray = npt.NDArray[np.float64]
 
+TEMPERATURE, GRAIN_SIZE = 260.0, 2e-4
+ICE: dict[str, float] = {
+    "maxwell_modulus": 4e9,
+    "kelvin_modulus": 5e8,
+    "kelvin_viscosity": 1e11,
+    "stress_exponent": 3.7,
+    "grain_size_exponent": 0.5,
+    "activation_enthalpy": 61.5e3,
+    "beta": -7.29e-4,
+    "critical_strain_grain_size": 0.07,
+    "critical_strain_fabric": 0.2,
+    "steady_state_grain_size": 1e-4,
+    "steady_state_fabric_factor": 0.5,
+}
+
 SOLVER = SolverOptions(tolerance=1e-12, max_num_steps=1_000_000)
 """A phase is wrong by about a thousand times the tolerance; steps cost next to nothing here."""
 

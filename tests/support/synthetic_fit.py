@@ -59,6 +59,15 @@ SPREAD: Mapping[str, float] = MappingProxyType(
         "stress_noise": 8e3,
     }
 )
+FEW = (
+    "maxwell_modulus",
+    "kelvin_viscosity",
+    "activation_enthalpy",
+    "beta",
+    "steady_state_fabric_factor",
+    "critical_strain_fabric",
+)
+"""Parameters to fix, so that few are left to draw."""
 INITIAL_GRAIN_SIZE = 230e-6
 REFERENCE = 9.2e6
 

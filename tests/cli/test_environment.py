@@ -76,16 +76,7 @@ def work(_):
 command.run = work
 """
 
-TWICE = """
-def work(_):
-    try:
-        send({number})
-        time.sleep(600)
-    finally:
-        send({number})
-        time.sleep(600)
-command.run = work
-"""
+TWICE = DURING_WORK.replace('print("stopped", file=sys.stderr)', "send({number}); time.sleep(600)")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])

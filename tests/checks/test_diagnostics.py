@@ -4,7 +4,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import xarray as xr
 from hypothesis import given
@@ -37,10 +36,10 @@ from pyburgers.checks.fit_checks import (
 from pyburgers.checks.modes import check_other_modes
 from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.verdicts import verdicts
+from pyburgers.common.array_types import FloatArray
 from pyburgers.posterior.labelled_draws import DRIVING_ERRORS, convergence_table, free_parameters
 from pyburgers.sampling.manifest import ChainFailure, OtherMode
 
-FloatArray = npt.NDArray[np.float64]
 CHAINS, DRAWS, POINTS = 4, 500, 60
 FEW = 9
 MAX_TREEDEPTH = 10

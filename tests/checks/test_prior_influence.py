@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import xarray as xr
 from conftest import SMALL_RUN, write_problem
@@ -29,13 +28,13 @@ from pyburgers.checks.prior_sentences import (
     decision_text,
     influence_numbers,
 )
+from pyburgers.common.array_types import FloatArray
 from pyburgers.fitting.fit import fit
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.prior_families import Prior, normal_scores
 from pyburgers.model.priors import JOINT_PRIOR, PriorSet, with_flow_law
 
-FloatArray = npt.NDArray[np.float64]
 N_DRAWS = 4000
 
 

@@ -3,16 +3,15 @@
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy import stats
 from scipy.special import gammaln
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.comparison.marginal_likelihood import log_integral
 from pyburgers.comparison.results import LogIntegral
 
-FloatArray = npt.NDArray[np.float64]
 LogDensity = Callable[[FloatArray], FloatArray]
 
 MIXING = np.eye(20) + 0.2 * np.random.default_rng(0).standard_normal((20, 20))

@@ -6,7 +6,6 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import pytest
 import xarray as xr
@@ -16,6 +15,7 @@ from synthetic_fit import make_fit, with_problem
 from synthetic_olivine_fit import make_olivine_fit
 
 from pyburgers.cli.compare import save_comparison
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare, leave_one_out, leave_out_exactly
 from pyburgers.comparison.conclusions import sentences
@@ -26,8 +26,6 @@ from pyburgers.comparison.same_data import data_hash, stacking_weights
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def normal_model(

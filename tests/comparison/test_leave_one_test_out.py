@@ -8,7 +8,6 @@ from pathlib import Path
 
 import attenuation_oracle
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import pytest
 from conftest import ICE, SMALL_RUN, Problem, copy_of, pair_of, with_fixed
@@ -18,6 +17,7 @@ from scipy.special import logsumexp
 
 from pyburgers.cli.compare import save_comparison_by_test
 from pyburgers.cli.main import main
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import compare_by_test, compare_kept_by_test
@@ -43,7 +43,6 @@ from pyburgers.model.priors import default_priors
 from pyburgers.page.comparison_sections import comparison_sections
 from pyburgers.sampling.options import SamplerOptions
 
-FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("in_this_process")
 
 

@@ -6,18 +6,16 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import xarray as xr
 from conftest import ICE
 
 from pyburgers.checks.fit_checks import CheckedDraws, CheckResult, Outcome, run_checks
+from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.flow_law_tables.description import LOG_READ, RATE_CHECKS
 from pyburgers.flow_law_tables.program_data import groups
 from pyburgers.flow_law_tables.table_files import load_rate_table
 from pyburgers.flow_law_tables.tables import RateTable
-
-FloatArray = npt.NDArray[np.float64]
 
 SCATTER = 0.05
 LOG_RATE = np.log(np.geomspace(1e-6, 5e-4, 18))
@@ -41,7 +39,7 @@ class StraightLaw:
     """
 
     log_rate: FloatArray
-    group: npt.NDArray[np.int64]
+    group: IntArray
     uncertainty: FloatArray
 
     def data(self, seed: int) -> FloatArray:

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import oracle
 import pytest
 import xarray as xr
@@ -14,6 +13,7 @@ from imposed_stress import GRAIN_SIZE, ICE, TEMPERATURE
 from scipy.integrate import quad, solve_ivp
 from synthetic_fit import make_fit
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.predictions.assumptions import (
@@ -27,8 +27,6 @@ from pyburgers.predictions.assumptions import (
 from pyburgers.predictions.attenuation import attenuation_spectrum, predict_attenuation
 from pyburgers.predictions.attenuation_tables import overview_table, quantile_table
 from pyburgers.predictions.stress_cycles import EVOLUTION, PAPER_REGIMES, Regime
-
-FloatArray = npt.NDArray[np.float64]
 
 PIEZOMETER = {
     "piezometer_reference_grain_size": 0.015,

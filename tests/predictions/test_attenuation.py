@@ -14,6 +14,7 @@ import xarray as xr
 from imposed_stress import simulate_imposed_stress
 from synthetic_fit import INITIAL_GRAIN_SIZE, make_fit
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.predictions.attenuation import (
@@ -30,8 +31,6 @@ from pyburgers.predictions.stress_cycles import (
     Regime,
     regimes_named,
 )
-
-FloatArray = npt.NDArray[np.float64]
 
 TEMPERATURE = 260.0
 FLUIDITY = 1.778058e-31  # A_eff of model.md, section 6, Pa^-4 s^-1

@@ -4,13 +4,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from conftest import ICE
 from scipy import stats
 
 import pyburgers
 from pyburgers.cli.main import main
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
@@ -23,8 +23,6 @@ from pyburgers.predictions.designs import (
     share_told_apart,
     telling_combinations,
 )
-
-FloatArray = npt.NDArray[np.float64]
 
 PLAN = ICE.parent / "designs" / "ice.toml"
 

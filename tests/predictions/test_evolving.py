@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import oracle
 import pandas as pd
 import pytest
@@ -13,6 +12,7 @@ from imposed_stress import GRAIN_SIZE, ICE, TEMPERATURE, simulate_imposed_stress
 from scipy.integrate import solve_ivp
 from synthetic_fit import make_fit
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.predictions.attenuation import material_spectrum, predict_attenuation
@@ -28,7 +28,6 @@ from pyburgers.predictions.stress_cycles import PAPER_REGIMES, Regime
 
 pytestmark = pytest.mark.usefixtures("programs")
 
-FloatArray = npt.NDArray[np.float64]
 
 PIEZOMETRIC = {
     "piezometer_reference_grain_size": 5e-4,

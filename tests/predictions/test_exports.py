@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import pytest
 import xarray as xr
@@ -22,6 +21,7 @@ from synthetic_fit import make_fit
 
 import pyburgers
 from pyburgers.cli.main import main
+from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
@@ -34,7 +34,6 @@ from pyburgers.predictions.exports import FORMATS, export
 from pyburgers.predictions.stress_cycles import Regime
 from pyburgers.sampling.options import SamplerOptions
 
-FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
 STRESS, TEMPERATURES = 2.1e6, (243.0, 260.0, 268.5)
@@ -88,7 +87,7 @@ def columns(fit: Fit) -> dict[str, FloatArray]:
     }
 
 
-def chosen(fit: Fit, n: int, seed: int) -> npt.NDArray[np.int64]:
+def chosen(fit: Fit, n: int, seed: int) -> IntArray:
     return np.sort(np.random.default_rng(seed).choice(120, n, replace=False))
 
 

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from evaluated_laws import value_of
 from history_twins import GRAIN_SIZE, TEMPERATURE, TRUTH, history_twin
 from linear_bodies import LAWS
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate
@@ -24,7 +24,6 @@ from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.laws import DASHPOT_LAWS
 from pyburgers.predictions.exported import LOG_FACTOR, Exported, as_json, as_latex, laws_of
 
-FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
 EXACT = SolverOptions(tolerance=1e-11, max_num_steps=1_000_000)

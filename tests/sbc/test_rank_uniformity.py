@@ -1,10 +1,10 @@
 """Bands of ranks notice what they should, and verdicts say it in words."""
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy import stats
 
+from pyburgers.common.array_types import IntArray
 from pyburgers.sbc.rank_uniformity import (
     RankBands,
     counts_at_most,
@@ -17,13 +17,11 @@ N_DATA_SETS = N_DRAWS = 100
 
 
 @pytest.fixture(scope="module")
-def band() -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def band() -> tuple[IntArray, IntArray]:
     return simultaneous_band(N_DATA_SETS, N_DRAWS, probability=0.95)
 
 
-def share_outside(
-    band: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]], *, shift: float, width: float
-) -> float:
+def share_outside(band: tuple[IntArray, IntArray], *, shift: float, width: float) -> float:
     """Share of calibrations of a standard normal posterior that leave the band."""
     rng = np.random.default_rng(7)
     outside = []
@@ -44,7 +42,7 @@ RIGHT = [float(stats.binom.ppf(q, 400, 0.05)) / 400 for q in (0.0005, 0.9995)]
     [(0.0, 1.0, *RIGHT), (0.7, 1.0, 0.9, 1.0), (0.0, 1.6, 0.9, 1.0), (0.0, 0.6, 0.9, 1.0)],
 )
 def test_a_biased_or_wrongly_wide_posterior_leaves_the_band_and_a_right_one_as_it_should(
-    band: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]],
+    band: tuple[IntArray, IntArray],
     shift: float,
     width: float,
     low: float,

@@ -5,13 +5,11 @@ from types import MappingProxyType
 
 import history_oracle
 import numpy as np
-import numpy.typing as npt
 
+from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Stage, legs_of
-
-FloatArray = npt.NDArray[np.float64]
 
 TEMPERATURE, GRAIN_SIZE = 260.0, 230e-6
 
@@ -94,8 +92,8 @@ def history_twin(
 def residual_covariance(
     values: Mapping[str, float],
     time: FloatArray,
-    stage: npt.NDArray[np.int64],
-    is_strain: npt.NDArray[np.bool_],
+    stage: IntArray,
+    is_strain: BoolArray,
 ) -> FloatArray:
     """Covariance of the residuals of readings, which may correlate in time."""
     noise = np.where(is_strain, values.get("strain_noise", 1.0), values["stress_noise"])

@@ -5,16 +5,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.forced_oscillation.harmonics import fit_harmonics
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.predictions.evolving import solve_imposed_stress
 from pyburgers.predictions.stress_cycles import HOLD_TIME, Regime, checked_hold_time, checked_inputs
-
-FloatArray = npt.NDArray[np.float64]
 
 TEMPERATURE, GRAIN_SIZE = 260.0, 2e-4
 ICE: dict[str, float] = {

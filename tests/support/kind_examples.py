@@ -9,13 +9,13 @@ from typing import Any, ClassVar, Generic, TypeVar
 import attenuation_oracle
 import history_oracle
 import numpy as np
-import numpy.typing as npt
 import oracle
 from conftest import DUNITE, ICE
 from history_twins import history_twin, residual_covariance
 from numpy.polynomial import Polynomial
 from scipy import stats
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
@@ -29,8 +29,6 @@ from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stan_data import leg_of_times
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
-
-FloatArray = npt.NDArray[np.float64]
 
 TWIN_FILE = ICE.parent / "olivine" / "olivine_twin.toml"
 

@@ -1,15 +1,13 @@
 """What is known of a made-up fit before its data: draws of its priors, weighed as a test wants."""
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 from maor.before_data import Knowledge
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.draws import all_draws
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.prior_draws import PriorDraws
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def make_known(

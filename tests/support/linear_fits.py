@@ -5,13 +5,11 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckedDraws
+from pyburgers.common.array_types import FloatArray
 from pyburgers.posterior.labelled_draws import CORRELATED
-
-FloatArray = npt.NDArray[np.float64]
 
 NOISE_GRID = np.exp(np.linspace(-1.5, 1.5, 601))
 

@@ -4,15 +4,13 @@ from collections.abc import Iterator
 from types import MappingProxyType
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 from scipy import stats
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
-
-FloatArray = npt.NDArray[np.float64]
 
 NAMES = (
     "maxwell_modulus",

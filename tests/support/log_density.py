@@ -12,14 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from pyburgers.cmdstan.program import ALL_DIGITS, compile_program
 from pyburgers.cmdstan.program import Program as CompiledProgram
+from pyburgers.common.array_types import FloatArray
 from pyburgers.kinds.stan_data import StanData
 
-FloatArray = npt.NDArray[np.float64]
 Unconstrain = Callable[[Mapping[str, float]], FloatArray]
 
 

@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forced_oscillation.likelihood import N_SOLUTIONS, ShearedReference
 from pyburgers.kinds.problem import one_test
@@ -12,8 +12,6 @@ from pyburgers.kinds.program_data import chart_block, program_data
 from pyburgers.kinds.stan_data import SolverOptions, StanData
 from pyburgers.model.parameters import PLACE, PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def one_test_data(

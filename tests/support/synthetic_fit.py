@@ -8,9 +8,9 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.atomic_files import write_json
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
@@ -24,7 +24,6 @@ from pyburgers.model.prior_families import Family, Prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.sampling.run_directory import RunDirectory
 
-FloatArray = npt.NDArray[np.float64]
 DataKind = Literal["measured", "digitised", "synthetic"]
 
 TRUTH = MappingProxyType(

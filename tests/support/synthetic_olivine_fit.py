@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 from scipy import stats
 from synthetic_fit import make_fit
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment, with_background
@@ -20,8 +20,6 @@ from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE, REFERENCE_STRESS
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import default_priors
-
-FloatArray = npt.NDArray[np.float64]
 
 OLIVINE = Path(__file__).parents[2] / "data" / "olivine" / "olivine_twin.toml"
 

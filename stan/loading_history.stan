@@ -139,7 +139,7 @@ model {
                                      (response - response_observed[points]) ./ noise, 1,
                                      correlated_residuals, point_position[points],
                                      point_stage[points], parameter[e][correlation_parameter],
-                                     parameter[e][i_residual_correlated_share()])
+                                     share_that_correlates(parameter[e]))
                   - sum(log(noise));
         if (size(sections) > 0) {
           target += sum(microstructure_log_densities(
@@ -193,7 +193,7 @@ generated quantities {
       }
     } else {
       real correlation = parameter[e][correlation_parameter];
-      real share = parameter[e][i_residual_correlated_share()];
+      real share = share_that_correlates(parameter[e]);
 #include kinds/loading_history_response.stan
       response_model[points] = response;
       response_replicated[points]

@@ -10,6 +10,7 @@ import pandas as pd
 
 from pyburgers.checks.advice import remedy
 from pyburgers.checks.discrepancies import (
+    AS_LARGE,
     AUTOCORRELATION,
     ENOUGH,
     ENOUGH_FOR_SHARES,
@@ -40,12 +41,15 @@ from pyburgers.checks.residual_numbers import (
     segment_parts,
     straight_line,
 )
-from pyburgers.common.draws import TAIL
+from pyburgers.common.draws import BAND, TAIL, FloatArray
 from pyburgers.posterior.labelled_draws import response_in
 
 LARGEST_LEVEL_SQUARED = 12.5
 """Square of the mean of noise over its standard error, which 1 of 2500 exceeds: what a constant
 that is not fitted leaves more than the variance."""
+
+CLEARLY_THERE = 0.25
+"""Discrepancy of a law over the reading error: less makes residuals 3 % larger at most."""
 
 SHARE = "residual_correlated_share"
 UNSTATED = "no reading error is stated"
@@ -158,10 +162,16 @@ def check_size(draws: CheckedDraws) -> Finding:
         for name, leftover in family.tests.items()
         if _mostly_correlates(leftover)
     )
+    left += "".join(
+        f"; {discrepancy_text(leftover)}"
+        for leftover in family.tests.values()
+        if leftover.discrepancy is not None
+    )
     findings = [
         *_against_limits(draws, family),
         *_against_variance(sizes),
         *_against_neighbours(draws, family, sizes),
+        *_against_reading_errors(family, sizes),
     ]
     unsaid = Finding(Outcome.YES, sizes, f"{UNSTATED} to compare it with.")
     worst = next((one for kind in SEVERITY for one in findings if one.outcome is kind), unsaid)
@@ -207,9 +217,11 @@ def _against_neighbours(draws: CheckedDraws, family: Family, sizes: pd.DataFrame
             )
         )
     for name, leftover in family.tests.items():
-        if leftover.correlates and not {OVER_SCATTER, OVER_READING_ERROR} & {
-            *leftover.discrepancies
-        }:
+        if (
+            leftover.correlates
+            and leftover.discrepancy is None
+            and not {OVER_SCATTER, OVER_READING_ERROR} & {*leftover.discrepancies}
+        ):
             few = (
                 f"residuals of {name} may correlate, and too few readings are neighbours to tell "
                 "errors of readings from misfit"
@@ -219,9 +231,73 @@ def _against_neighbours(draws: CheckedDraws, family: Family, sizes: pd.DataFrame
     return findings
 
 
+def _against_reading_errors(family: Family, sizes: pd.DataFrame) -> list[Finding]:
+    """Compare discrepancies of the law with the reading errors that were inferred beside them.
+
+    A fit with a discrepancy follows any data: its size decides, and a small one that is clearly
+    there is no description either. Residuals `AS_LARGE` hold as much discrepancy as error.
+    """
+    findings = []
+    for name, leftover in family.tests.items():
+        if leftover.discrepancy is not None:
+            larger = float(np.mean(_over_errors(leftover).mean(axis=1) > AS_LARGE**2))
+            there = float(np.quantile(leftover.discrepancy, TAIL)) > CLEARLY_THERE
+            outcome = Outcome.YES
+            said = f"the readings of {name} are uncertain by more than the law misses them"
+            if larger >= 1.0 - TAIL:
+                outcome = Outcome.NO
+                said = f"the law misses {name} by more than its readings are uncertain"
+            elif larger > TAIL:
+                outcome = Outcome.CANNOT_TELL
+                said = f"the draws do not tell which of both is larger in {name}"
+            elif there:
+                outcome = Outcome.CANNOT_TELL
+                said = f"{said}, but {1.0 - TAIL:.0%} of the draws have a discrepancy that counts"
+            advice = "" if outcome is Outcome.YES else remedy(leftover, _run_of(leftover)[0])
+            findings.append(Finding(outcome, sizes, said, advice))
+    return findings
+
+
+def discrepancy_text(leftover: Leftover) -> str:
+    """Say how large the discrepancy of the law is at the readings, and where it is largest.
+
+    It is the size of the residuals of the law beyond that of the reading errors.
+    """
+    squares, errors = _over_errors(leftover), leftover.reading_errors / leftover.weight
+    low, middle, high = np.quantile(_beyond_errors(squares.mean(axis=1)), (TAIL, 0.5, 1 - TAIL))
+    parts = [(leftover.quantity == k, int(k)) for k in np.unique(leftover.quantity)]
+    sizes = [
+        leftover.size_text(
+            float(_beyond_errors(squares[:, here].mean()) * errors[:, here].mean()), k
+        )
+        for here, k in parts
+    ]
+    by_segment = [squares[:, leftover.segment == k].mean() for k in np.unique(leftover.segment)]
+    worst = int(np.argmax(by_segment))
+    where = points_of_segment(leftover, worst)[1]
+    most = f"; most in {where}: {_beyond_errors(by_segment[worst]):.1f}"
+    return (
+        f"the law misses {leftover.name} by a discrepancy of {' and '.join(sizes)}, {middle:.1f} "
+        f"reading errors ({low:.1f} to {high:.1f} in {BAND:.0%} of the draws"
+        f"{most if len(by_segment) > 1 else ''})"
+    )
+
+
+def _over_errors(leftover: Leftover) -> FloatArray:
+    """Squares of the residuals of the law over the reading errors, shape (draws, n)."""
+    return np.asarray((leftover.observed / leftover.reading_errors) ** 2)
+
+
+def _beyond_errors(mean_square: npt.ArrayLike) -> FloatArray:
+    """Root mean square of what stands beside errors of size 1."""
+    return np.asarray(np.sqrt(np.maximum(np.asarray(mean_square) - 1.0, 0.0)))
+
+
 def _mostly_correlates(leftover: Leftover) -> bool:
     """Whether draws show that more than half of the variance of residuals correlates."""
     if not leftover.correlates or "posterior" not in leftover.group.children:
+        return False
+    if leftover.discrepancy is not None:
         return False
     share = leftover.group["posterior"].to_dataset().get(SHARE)
     return share is None or float(share.quantile(TAIL)) > 0.5

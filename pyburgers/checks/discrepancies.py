@@ -125,6 +125,21 @@ class Leftover:
         return CORRELATED in self.group.children
 
     @property
+    def discrepancy(self) -> FloatArray | None:
+        """Draws of the discrepancy of the law over the reading error, if the law has one."""
+        if "posterior" not in self.group.children:
+            return None
+        drawn = self.group["posterior"].to_dataset().get("discrepancy")
+        return None if drawn is None or not drawn.any() else all_draws(drawn).astype(np.float64)
+
+    @property
+    def reading_errors(self) -> FloatArray:
+        """Draws of the noise of every reading, (draws, n), weighed as residuals are."""
+        drawn, read = self.group["posterior"].to_dataset(), self.likelihood.read
+        noises = [all_draws(drawn[read[k].noise]).astype(np.float64) for k in self.quantity]
+        return np.stack(noises, axis=-1) * self.weight
+
+    @property
     def residual(self) -> FloatArray:
         """Mean residual of each reading over the draws, shape (n,)."""
         mean: FloatArray = self.observed.mean(axis=0)

@@ -9,6 +9,7 @@ import xarray as xr
 
 from pyburgers.common.draws import FloatArray, all_draws, evenly_spaced
 from pyburgers.common.errors import InputError
+from pyburgers.fitting.carried_discrepancy import over_response
 from pyburgers.kinds.experiment import Experiment, UncertainCondition
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.problem import Problem, stated_priors
@@ -58,7 +59,8 @@ def draw_values(
     spread, a separate one is that of a test of the fit, all separate ones of a draw of the same.
     `draws`: how many are kept, evenly spaced; None keeps all. `separate_from`: test that separate
     parameters are taken from; None takes each in turn, InputError if it is no test of the fit.
-    Numbers count from 0 through all chains; numbers and values have the shape (n_kept,).
+    Numbers count from 0 through all chains; numbers and values have the shape (n_kept,). A
+    discrepancy of the law is that of `over_response`.
     """
     problem, tests = source.problem, source.tests
     if separate_from is not None and separate_from not in tests:
@@ -73,6 +75,11 @@ def draw_values(
         for name in problem.priors[0].priors
         if all(name in group for group in groups)
     }
+    if "discrepancy" in problem.free:
+        of_tests = [{name: own[k] for name, own in by_test.items()} for k in range(len(tests))]
+        by_test["discrepancy"] = np.stack(
+            [over_response(*one) for one in zip(tests.values(), of_tests, strict=True)]
+        )
     turn = np.arange(kept.size) % len(tests)
     if separate_from is not None:
         turn = np.full(kept.size, list(tests).index(separate_from))

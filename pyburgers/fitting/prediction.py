@@ -11,6 +11,7 @@ from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.fitting.carried_discrepancy import carry_discrepancy, discrepancy_sentences
 from pyburgers.fitting.new_test import (
     Source,
     add_condition_errors,
@@ -114,6 +115,7 @@ def predict_test(
     values = {**values, **of_the_test}
     values, condition_notes = add_condition_errors(source, experiment, kept, values, rng)
     values, noise_notes = add_noises(values, source.problem, experiment)
+    values, discrepancy_notes = carry_discrepancy(values, source.problem, experiment)
     priors, law_notes = transfer_laws(
         bounds_around(values, source.problem.priors[0]), source.problem, experiment
     )
@@ -149,7 +151,15 @@ def predict_test(
             *_beyond(source, experiment, posterior),
             *_unsolved(int(np.sum(~solved)), kept.size),
         ),
-        notes=(*notes, *apparatus_notes, *condition_notes, *law_notes, *noise_notes),
+        notes=(
+            *(*notes, *apparatus_notes, *condition_notes, *law_notes, *noise_notes),
+            *discrepancy_notes,
+            *discrepancy_sentences(
+                experiment,
+                {name: own[solved] for name, own in values.items()},
+                posterior["predictions"].to_dataset(),
+            ),
+        ),
     )
     posterior.attrs = {
         "title": prediction.title,

@@ -27,6 +27,7 @@ from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, checked, read_tables, toml_text
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import NAMES, likelihood_of, likelihoods
+from pyburgers.model.parameters import residual_parts
 from pyburgers.model.priors import PriorSet
 
 E = TypeVar("E", bound=Experiment)
@@ -129,13 +130,13 @@ def draw_residuals(
     n, correlation_length = experiment.n_points, values.get(experiment.residual_correlation, 0.0)
     if correlation_length == 0:
         return np.asarray(noise * rng.standard_normal(n))
-    share = values.get("residual_correlated_share", 1.0)
+    whole, share = residual_parts(values)
     correlated: FloatArray = np.sqrt(share) * rng.standard_normal(n)
     step = np.diff(experiment.position) / correlation_length
     correlation, spread = np.exp(-step), np.sqrt(-np.expm1(-2 * step))
     for k in np.flatnonzero(np.diff(part) == 0):
         correlated[k + 1] = correlation[k] * correlated[k] + spread[k] * correlated[k + 1]
-    return np.asarray(noise * (correlated + np.sqrt(1 - share) * rng.standard_normal(n)))
+    return np.asarray(whole * noise * (correlated + np.sqrt(1 - share) * rng.standard_normal(n)))
 
 
 class _ProtocolTable(Table):

@@ -195,7 +195,10 @@ class Likelihood(ABC, Generic[E]):
 
     def reading_noise(self, experiment: E, values: Mapping[str, FloatArray]) -> FloatArray:
         """Return standard deviations of readings (SI), (n_draws, n_points), from parameters."""
-        return np.stack([values[self.read[k].noise] for k in experiment.quantity], axis=-1)
+        noise = np.stack([values[self.read[k].noise] for k in experiment.quantity], axis=-1)
+        # With a discrepancy of the law noise is the reading error alone.
+        discrepancy = np.asarray(values.get("discrepancy", 0.0))[..., np.newaxis]
+        return np.asarray(noise * np.sqrt(1 + discrepancy**2))
 
     def own_priors(self, experiments: Sequence[E], priors: PriorSet) -> tuple[PriorSet, ...]:
         """Return priors for each of some tests, with what their files and readings add."""

@@ -235,7 +235,9 @@ def problem_of(
     largest = [experiment.largest_stress for experiment in experiments]
     _check_conditions(experiments)
     of_tests = tuple(
-        _with_own_grains(own, experiments[0], experiment).exchanging(*condition_priors(experiment))
+        _with_own_grains(own, experiments[0], experiment).exchanging(
+            *condition_priors(experiment), *_reading_error_priors(experiment, own)
+        )
         for experiment, own in zip(
             experiments, common_likelihood(experiments).own_priors(experiments, priors), strict=True
         )
@@ -423,6 +425,30 @@ def condition_priors(experiment: Experiment) -> tuple[Prior, ...]:
     source = "stated in the file of the test"
     return tuple(
         _normal(one.parameter, Stated(0.0, one.sd), source) for one in experiment.uncertain
+    )
+
+
+READING_ERROR_SCALE = 0.25
+"""Standard deviation of ln(reading error/stated one): 90 % lies within a factor of 1.5."""
+
+
+def _reading_error_priors(experiment: Experiment, priors: PriorSet) -> tuple[Prior, ...]:
+    """Return priors of noises whose errors a file states, where the law has a discrepancy.
+
+    The noise is then the reading error alone.
+    """
+    if is_fixed_at(priors["discrepancy"], 0.0):
+        return ()
+    return tuple(
+        Prior.of_family(
+            name,
+            "lognormal",
+            {"location": stated, "scale": READING_ERROR_SCALE},
+            unit=PARAMETER_BY_NAME[name].si_unit,
+            source="reading error stated in the file of the test",
+        )
+        for name, stated in experiment.noises.items()
+        if stated and not priors[name].is_fixed
     )
 
 

@@ -298,4 +298,6 @@ def _idle(fit: FittedTest) -> frozenset[str]:
         idle |= {"steady_state_fabric_factor", "critical_strain_fabric"}
     if not variant.residuals_correlate:
         idle |= {*RESIDUAL_CORRELATION}
+    if variant.residuals == "discrepancy":
+        idle |= {"residual_correlated_share"}
     return frozenset(idle)

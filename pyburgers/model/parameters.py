@@ -247,6 +247,9 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         "kJ/mol",
         standard=0.0,
     ),
+    Parameter(
+        "discrepancy", r"\delta", "discrepancy of the law over the reading error", standard=0.0
+    ),
 )
 """Parameters of variants (`docs/variants.md`), which a prior file may name."""
 
@@ -274,8 +277,20 @@ RESIDUAL_CORRELATION = (
     "residual_correlation_strain",
     "residual_correlation_time",
     "residual_correlated_share",
+    "discrepancy",
 )
 """Parameters of how residuals hang together."""
+
+
+def residual_parts(values: Mapping[str, float]) -> tuple[float, float]:
+    """Return standard deviation of residuals over their noise, and share w that correlates.
+
+    As `residual_over_noise` and `share_that_correlates` of `stan/physics/parameters.stan`.
+    """
+    squared = values.get("discrepancy", 0.0) ** 2
+    share = squared / (1 + squared) if squared else values.get("residual_correlated_share", 1.0)
+    return (1 + squared) ** 0.5, share
+
 
 STANDARD_VALUES: Mapping[str, float] = MappingProxyType(
     {

@@ -33,6 +33,7 @@ DEFAULT_KINDS: Mapping[str, Sharing] = MappingProxyType(
         "stress_noise": "separate",
         "residual_correlation_strain": "separate",
         "residual_correlated_share": "separate",
+        "discrepancy": "separate",
         "strain_noise": "separate",
         "residual_correlation_time": "separate",
         "strain_offset": "separate",

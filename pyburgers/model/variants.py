@@ -103,8 +103,9 @@ class ModelVariant:
         material's piezometer, as in oscillating tests.
     fabric : {"evolving", "constant"}
         Crystal fabric; oscillating tests have a constant one.
-    residuals : {"independent", "autocorrelated"}
-        From point to point, or along strain or time.
+    residuals : {"independent", "autocorrelated", "discrepancy"}
+        From point to point; along strain or time; or the sum of reading errors and a smooth
+        discrepancy of the law.
     hardening : {"none", "backstress"}
         Whether the dashpot of the Maxwell element flows by the stress less a backstress.
 
@@ -118,7 +119,7 @@ class ModelVariant:
     maxwell: str = "power_law"
     grain_size: Literal["evolving", "constant", "piezometric"] = "evolving"
     fabric: Literal["evolving", "constant"] = "evolving"
-    residuals: Literal["independent", "autocorrelated"] = "independent"
+    residuals: Literal["independent", "autocorrelated", "discrepancy"] = "independent"
     hardening: str = "none"
 
     def record(self) -> dict[str, str]:
@@ -153,7 +154,7 @@ class ModelVariant:
     @property
     def residuals_correlate(self) -> bool:
         """Whether residuals correlate between neighbouring readings."""
-        return self.residuals == "autocorrelated"
+        return self.residuals != "independent"
 
 
 CHOICES: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -162,7 +163,7 @@ CHOICES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "maxwell": (*DASHPOT_LAWS,),
         "grain_size": ("evolving", "constant", "piezometric"),
         "fabric": ("evolving", "constant"),
-        "residuals": ("independent", "autocorrelated"),
+        "residuals": ("independent", "autocorrelated", "discrepancy"),
         "hardening": (*HARDENING_LAWS,),
     }
 )
@@ -235,12 +236,11 @@ def variant_of(priors: PriorSet, experiment: Test) -> ModelVariant:
     """
     has_fabric = _allows(experiment, "fabric", "evolving")
     constant_fabric = not has_fabric or is_fixed_at(priors["steady_state_fabric_factor"], 1.0)
-    independent = is_fixed_at(priors[experiment.residual_correlation], 0.0)
     return ModelVariant(
         maxwell=dashpot_law(priors.priors, experiment.id),
         grain_size=_grain_size_law(priors, experiment),
         fabric="constant" if constant_fabric else "evolving",
-        residuals="independent" if independent else "autocorrelated",
+        residuals=_residuals_law(priors, experiment),
         kelvin=kelvin_law(priors.priors, experiment.id),
         hardening=hardening_law(priors.priors),
     )
@@ -256,15 +256,22 @@ def check_variant(priors: PriorSet, experiment: Test) -> None:
             f"{experiment.id}: kelvin_grain_size_exponent has no effect in tests of the protocol "
             f"{experiment.protocol}, expected it fixed at 0."
         )
-    if variant_of(priors, experiment).residuals == "independent":
+    residuals = variant_of(priors, experiment).residuals
+    if residuals == "independent":
         return
-    if not _allows(experiment, "residuals", "autocorrelated"):
+    if not _allows(experiment, "residuals", residuals):
         raise InputError(
-            f"{experiment.id}: residuals=autocorrelated is for tests of the protocols whose strain "
+            f"{experiment.id}: residuals={residuals} is for tests of the protocols whose strain "
             f"only increases, found {experiment.protocol}, where strain goes back and forth."
         )
+    if residuals == "discrepancy" and is_fixed_at(priors[experiment.residual_correlation], 0.0):
+        raise InputError(
+            f"{experiment.id}: a discrepancy of the law is smooth, found "
+            f"{experiment.residual_correlation} fixed at 0, expected a prior of it."
+        )
     same = np.flatnonzero(np.diff(experiment.position) == 0)
-    if same.size > 0 and is_fixed_at(priors["residual_correlated_share"], 1.0):
+    all_correlate = is_fixed_at(priors["residual_correlated_share"], 1.0)
+    if residuals == "autocorrelated" and same.size > 0 and all_correlate:
         raise InputError(
             f"{experiment.id}: residuals that all correlate (residual_correlated_share fixed at 1) "
             f"need points at different strains, found two at {experiment.position[same[0]]:g}, "
@@ -325,6 +332,15 @@ def _grain_size_law(
     if not is_fixed_at(priors["steady_state_grain_size"], experiment.initial_grain_size):
         return "evolving"
     return "piezometric" if _has_piezometer(priors) else "constant"
+
+
+def _residuals_law(
+    priors: PriorSet, experiment: Test
+) -> Literal["independent", "autocorrelated", "discrepancy"]:
+    if not is_fixed_at(priors["discrepancy"], 0.0):
+        return "discrepancy"
+    independent = is_fixed_at(priors[experiment.residual_correlation], 0.0)
+    return "independent" if independent else "autocorrelated"
 
 
 def _has_piezometer(priors: PriorSet) -> bool:
@@ -422,27 +438,35 @@ def _choose_fabric(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
 
 
 def _choose_residuals(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
-    """Free the correlation of residuals, or fix it at none.
+    """Free the correlation of residuals and the size of what correlates, or fix it at none.
 
     The median of a correlation time is a tenth of the time between first and last reading.
     """
-    name = experiment.residual_correlation
+    name, share = experiment.residual_correlation, priors["residual_correlated_share"]
     independent = is_fixed_at(priors[name], 0.0)
+    has_discrepancy = not is_fixed_at(priors["discrepancy"], 0.0)
+    if has_discrepancy and choice != "discrepancy":
+        priors = priors.exchanging(_fixed("discrepancy", 0.0, f"residuals={choice}"))
     if choice == "independent":
         # In time residuals correlate unless priors say otherwise.
         said = name != "residual_correlation_time" or name in priors.priors
         return (
             priors if independent and said else priors.exchanging(_fixed(name, 0.0, "independent"))
         )
-    if not independent:
-        return priors
     freed = priors_of_freed_parameters()
-    correlation = freed[name]
-    if name == "residual_correlation_time" and experiment.duration > 0:
-        correlation = replace(correlation, location=float(f"{0.1 * experiment.duration:.0e}"))
-    share = priors["residual_correlated_share"]
+    changed = []
+    if independent:
+        correlation = freed[name]
+        if name == "residual_correlation_time" and experiment.duration > 0:
+            correlation = replace(correlation, location=float(f"{0.1 * experiment.duration:.0e}"))
+        changed.append(correlation)
     said = share.parameter in priors.priors and not is_fixed_at(share, 1.0)
-    return priors.exchanging(correlation, share if said else freed[share.parameter])
+    if choice == "discrepancy":
+        changed += [] if has_discrepancy else [freed["discrepancy"]]
+        changed += [_fixed(share.parameter, 1.0, f"residuals={choice}")] if said else []
+    elif independent or has_discrepancy:
+        changed.append(share if said else freed[share.parameter])
+    return priors.exchanging(*changed)
 
 
 _CHANGES = MappingProxyType(

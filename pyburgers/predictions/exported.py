@@ -25,7 +25,7 @@ from pyburgers.kinds.experiment import Experiment
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.display import shown_quantity, unit_text
 from pyburgers.model.laws import DASHPOT_LAWS, HARDENING_LAWS, KELVIN_LAWS
-from pyburgers.model.parameters import CONDITIONS, STANDARD_VALUES
+from pyburgers.model.parameters import CONDITIONS, RESIDUAL_CORRELATION, STANDARD_VALUES
 from pyburgers.model.prior_families import Prior, is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR, PriorSet
 from pyburgers.model.read_quantities import BY_NOISE
@@ -111,7 +111,7 @@ LOG_FACTOR = "ln_flow_law_factor"
 
 LEFT_OUT = CONDITIONS | {
     *BY_NOISE,
-    *("residual_correlation_strain", "residual_correlation_time", "residual_correlated_share"),
+    *RESIDUAL_CORRELATION,
     *("strain_offset", "apparatus_compliance"),
 }
 """Parameters that belong to a test or its readings, not to the material."""

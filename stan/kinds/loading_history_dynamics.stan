@@ -247,7 +247,7 @@ vector reading_noise(data array[] int is_strain, vector parameter) {
   for (i in 1 : size(is_strain)) {
     noise[i] = parameter[is_strain[i] ? i_strain_noise() : i_stress_noise()];
   }
-  return noise;
+  return noise * residual_over_noise(parameter);
 }
 
 /** Whether a parameter has a coordinate in any test: one of a test's own, or a pooled one. */

@@ -35,9 +35,8 @@
     }
     {
       vector[size(here)] residual
-        = residuals_rng(grid_position[here], grid_stage[here], 1,
-                        parameter[e][correlation_parameter],
-                        parameter[e][i_residual_correlated_share()]);
+        = residuals_rng(grid_position[here], grid_stage[here], residual_over_noise(parameter[e]),
+                        parameter[e][correlation_parameter], share_that_correlates(parameter[e]));
       grid_stress_replicated[here] = grid_stress[here]
                                      + parameter[e][i_stress_noise()] * residual;
       grid_strain_replicated[here] = grid_strain[here]

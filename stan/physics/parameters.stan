@@ -4,7 +4,7 @@
  * Priors, fixed values and `parameter` in the programs have this order. Those of variants have
  * standard values that leave them without effect (docs/variants.md).
  */
-int n_parameters() { return 46; }
+int n_parameters() { return 47; }
 
 int i_maxwell_modulus() { return 1; } // E_M, Pa
 int i_kelvin_modulus() { return 2; } // E_K, Pa
@@ -64,9 +64,11 @@ int i_recovery_rate() { return 42; } // r, 1/s, at sigma_max and T_0
 int i_recovery_exponent() { return 43; } // m
 int i_recovery_activation_enthalpy() { return 44; } // Q_r, J/mol
 
+int i_discrepancy() { return 45; } // of the law, over the reading error; 0: w parts the residuals
+
 // Of the conditions of a test; 0 where they are taken as known
-int i_temperature_error() { return 45; } // true less stated temperature, K
-int i_stress_calibration_error() { return 46; } // c: the load cell reads 1 + c times the stress
+int i_temperature_error() { return 46; } // true less stated temperature, K
+int i_stress_calibration_error() { return 47; } // c: the load cell reads 1 + c times the stress
 
 /** Temperature of a test (K): the stated one and its error. */
 real true_temperature(vector parameter, data real stated) {
@@ -84,4 +86,16 @@ vector maxwell_modulus_at(vector parameter, vector temperature) {
          * (1
             + parameter[i_modulus_temperature_coefficient()]
               * (temperature - parameter[i_modulus_reference_temperature()]));
+}
+
+/** Standard deviation of residuals over s: with a discrepancy s is that of the reading alone. */
+real residual_over_noise(vector parameter) {
+  return sqrt(1 + square(parameter[i_discrepancy()]));
+}
+
+/** Share of the variance of residuals that correlates: w, or the share of the discrepancy. */
+real share_that_correlates(vector parameter) {
+  real discrepancy = square(parameter[i_discrepancy()]);
+  return discrepancy > 0 ? discrepancy / (1 + discrepancy)
+                         : parameter[i_residual_correlated_share()];
 }

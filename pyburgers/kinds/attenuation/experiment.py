@@ -80,6 +80,7 @@ class AttenuationExperiment(Experiment):
             "residual_correlation_strain",
             "residual_correlation_time",
             "residual_correlated_share",
+            "discrepancy",
         }
     )
     parts_name: ClassVar[str] = "temperatures"

@@ -34,7 +34,11 @@ from pyburgers.kinds.valley import (
     quantile_places,
 )
 from pyburgers.model.display import time_unit
-from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_FLOW_RATE_QUANTITY
+from pyburgers.model.parameters import (
+    PARAMETER_BY_NAME,
+    REFERENCE_FLOW_RATE_QUANTITY,
+    residual_parts,
+)
 from pyburgers.model.prior_families import fixed_prior, is_fixed_at
 from pyburgers.model.priors import PriorSet, priors_of_freed_parameters
 from pyburgers.model.read_quantities import STRAIN, STRESS, Quantity
@@ -241,7 +245,7 @@ def _flow_without_data(
 def _independent_readings(time: FloatArray, values: Mapping[str, float]) -> float:
     """Count the independent readings that fix a slow change as well as those at times (s)."""
     drifting = min(1.0, 2 * values["residual_correlation_time"] / float(np.ptp(time)))
-    share = values["residual_correlated_share"] if drifting > 0 else 0.0
+    share = residual_parts(values)[1] if drifting > 0 else 0.0
     return float(1 / (share * drifting + (1 - share) / time.size))
 
 

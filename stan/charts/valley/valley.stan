@@ -131,6 +131,11 @@ real log_drift_of(real correlated_share) {
   return 0.5 * log(correlated_share + independent_weight() * (1 - correlated_share));
 }
 
+/** The same over the reading error, with a discrepancy over it. */
+real log_drift_beside(real discrepancy) {
+  return 0.5 * log(square(discrepancy) + independent_weight());
+}
+
 /** Largest ln(s/s of the reference point) that widths follow: beyond, no solver follows them. */
 real largest_log_ratio() { return 1.5; }
 
@@ -194,6 +199,7 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
   int stress_given = named[i_replaced()] == 0;
   int flow = stress_given ? 0 : place[named[i_replaced()]];
   int share = place[i_residual_correlated_share()];
+  int discrepancy = place[i_discrepancy()];
   int grain_size = place[i_steady_state_grain_size()];
   int grain_size_is_stretched = grain_size > 0 && grain_size != solved[3]
                                 && reference[i_whole_softening()] > least_softening()
@@ -223,6 +229,14 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
                          - log1m(bounded_from_real(quantity[share, i_mode()], quantity[share])));
     log_drift = log_drift_of(parameter[i_residual_correlated_share()])
                 - log_drift_of(bounded_from_real(quantity[share, i_mode()], quantity[share]));
+  }
+  if (discrepancy > 0) {
+    parameter[i_discrepancy()] = bounded_from_real(
+      plain_from_straightened(coordinate[discrepancy], quantity[discrepancy])[1],
+      quantity[discrepancy]);
+    log_drift = log_drift_beside(parameter[i_discrepancy()])
+                - log_drift_beside(bounded_from_real(quantity[discrepancy, i_mode()],
+                                                     quantity[discrepancy]));
   }
   if (place[noise] > 0) {
     int i = place[noise];

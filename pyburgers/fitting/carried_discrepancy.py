@@ -1,0 +1,107 @@
+"""The discrepancy of a law in a test that was not fitted: the same share of the response."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+
+from pyburgers.common.draws import FloatArray, all_draws
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.kind import FittedTest
+from pyburgers.kinds.likelihood import likelihood_of
+from pyburgers.kinds.problem import Problem
+from pyburgers.kinds.program_data import solve
+from pyburgers.kinds.stan_data import REFERENCE_SOLVER
+from pyburgers.model.parameters import STANDARD_VALUES
+from pyburgers.model.read_quantities import BY_NOISE
+from pyburgers.posterior.labelled_draws import response_in
+
+
+def over_response(test: FittedTest, values: Mapping[str, FloatArray]) -> FloatArray:
+    """Return the discrepancy of a fitted test as a share of its response, (n_draws,).
+
+    The share is that of the root mean square over all readings, each in its reading errors.
+    `values` (n_draws,): parameters of the test by name (SI).
+    """
+    read = likelihood_of(test.experiment).read
+    response = all_draws(response_in(test.posterior, "model_response")).mean(axis=0)
+    in_errors = [
+        one / values[read[k].noise]
+        for one, k in zip(response, test.experiment.quantity, strict=True)
+    ]
+    return np.asarray(values["discrepancy"] / np.sqrt(np.mean(np.square(in_errors), axis=0)))
+
+
+def carry_discrepancy(
+    values: Mapping[str, FloatArray], fitted: Problem, experiment: Experiment
+) -> tuple[dict[str, FloatArray], list[str]]:
+    """Return values with the discrepancy of a new test over its reading errors, and notes.
+
+    A discrepancy stays the same share of the response, and correlates over the same share of the
+    test. It is carried over to quantities that the fit reads alone: how a misfit of the stress
+    becomes one of the strain depends on the law. `values` (n_draws,): parameters by name (SI), the
+    discrepancy as `over_response` has it.
+    """
+    found = dict(values)
+    if not values.get("discrepancy", np.zeros(1)).any():
+        return found, []
+    likelihood, first = likelihood_of(experiment), fitted.experiments[0]
+    here, there = experiment.residual_correlation, first.residual_correlation
+    known = {name for test in fitted.experiments for name in test.noises}
+    takes_one = "discrepancy" in experiment.laws.get("residuals", ("discrepancy",))
+    if not (takes_one and {*experiment.noises} <= known):
+        found |= {
+            name: np.full_like(values["discrepancy"], STANDARD_VALUES[name])
+            for name in ("discrepancy", here)
+        }
+        read = " and ".join(sorted(BY_NOISE[name].name for name in known))
+        kind = f"The fit knows the discrepancy of its law in readings of {read} alone"
+        return found, [f"{kind}: new readings have none here, and their bands are too narrow."]
+    at = np.unique(experiment.position) if experiment.n_points else likelihood.grid(experiment)
+    mean = {name: float(own.mean()) for name, own in values.items()}
+    solution = solve(experiment, {**mean, "discrepancy": 0.0}, at, solver=REFERENCE_SOLVER)
+    squares = [
+        (solution[f"grid_{one.name}"][places] / values[one.noise][:, np.newaxis]) ** 2
+        for one, places in zip(likelihood.read, likelihood.is_read(experiment, at), strict=True)
+        if places.any()
+    ]
+    found["discrepancy"] = values["discrepancy"] * np.sqrt(
+        np.mean(np.concatenate(squares, axis=1), axis=1)
+    )
+    if here != there:
+        spans = [one.span[1] - one.span[0] for one in (experiment, first)]
+        found[here] = values[there] * (spans[0] / spans[1])
+        found[there] = np.full_like(values[there], STANDARD_VALUES[there])
+    return found, []
+
+
+def discrepancy_sentences(
+    experiment: Experiment, values: Mapping[str, FloatArray], predictions: xr.Dataset
+) -> list[str]:
+    """Say how much of the variance of new readings the discrepancy makes, for each quantity read.
+
+    `values` (n_draws,): parameters by name (SI), those of the draws with a solution.
+    """
+    discrepancy = values.get("discrepancy", np.zeros(1))
+    if not discrepancy.any():
+        return []
+    likelihood = likelihood_of(experiment)
+    at = predictions[likelihood.clock.name].to_numpy()
+    said = []
+    for one, places in zip(likelihood.read, likelihood.is_read(experiment, at), strict=True):
+        if places.any():
+            solved = all_draws(predictions[one.name]).astype(np.float64)[:, places]
+            noise = values[one.noise]
+            parts = np.array(
+                [np.mean((discrepancy * noise) ** 2), solved.var(axis=0).mean(), np.mean(noise**2)]
+            )
+            shares = 100 * parts / parts.sum()
+            size, whole = np.sqrt([parts[0], np.mean(solved**2)])
+            said.append(
+                f"The discrepancy of the law is carried over as a share of the {one.name}, "
+                f"{100 * size / whole:.2g} %: {size * one.display_factor:.3g} {one.display_unit}. "
+                f"It makes {shares[0]:.0f} % of the variance of new readings along the test, "
+                f"parameters make {shares[1]:.0f} %, reading errors {shares[2]:.0f} %; bands of "
+                "the solution hold parameters alone."
+            )
+    return said

@@ -168,10 +168,10 @@ def check_size(draws: CheckedDraws) -> Finding:
         if leftover.discrepancy is not None
     )
     findings = [
+        *_against_reading_errors(family, sizes),
         *_against_limits(draws, family),
         *_against_variance(sizes),
         *_against_neighbours(draws, family, sizes),
-        *_against_reading_errors(family, sizes),
     ]
     unsaid = Finding(Outcome.YES, sizes, f"{UNSTATED} to compare it with.")
     worst = next((one for kind in SEVERITY for one in findings if one.outcome is kind), unsaid)

@@ -1,0 +1,261 @@
+"""A discrepancy of the law: what a fit makes of it, says of it, and carries over to other tests."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from conftest import SMALL_RUN, Problem, with_fixed
+from test_prediction import creep
+
+from pyburgers.checks.fit_checks import CheckKind, Outcome
+from pyburgers.cmdstan.program import load_program
+from pyburgers.common.draws import all_draws
+from pyburgers.common.errors import InputError
+from pyburgers.fitting.fit import Fit, fit
+from pyburgers.fitting.prediction import Prediction
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.experiment import of_kind
+from pyburgers.kinds.forward import simulate
+from pyburgers.kinds.likelihood import likelihood_of
+from pyburgers.kinds.loading_history.stages import Stage
+from pyburgers.kinds.problem import one_test, problem_of
+from pyburgers.kinds.program_data import given_parameters, program_data
+from pyburgers.kinds.stan_data import REFERENCE_SOLVER
+from pyburgers.model.variants import check_variant, variant_of, with_variant
+from pyburgers.page.page import write_report
+
+FloatArray = npt.NDArray[np.float64]
+
+ERROR = 3e4
+"""Standard deviation of a reading (Pa)."""
+
+MISSED = 6.0
+"""Amplitude of the smooth term that no parameter follows, over `ERROR`."""
+
+RUN = replace(SMALL_RUN, warmup=300, draws=300)
+
+
+def twin(problem: Problem, missed: float) -> ConstantRateExperiment:
+    """Return the small test with stated errors, noise of that size, and a hump along strain."""
+    first = of_kind(problem.experiment, ConstantRateExperiment)
+    assert first.true_parameters is not None
+    strain = np.linspace(2e-4, 0.02, 60)
+    clean = simulate(first, first.true_parameters, at=strain)["stress_Pa"].to_numpy()
+    hump = missed * ERROR * np.exp(-(((strain - 0.008) / 0.004) ** 2))
+    noise = ERROR * np.random.default_rng(20261128).standard_normal(strain.size)
+    return replace(first, strain=strain, stress=clean + hump + noise, stress_uncertainty=ERROR)
+
+
+@pytest.fixture(scope="module")
+def fits(
+    small_problem: Problem, tmp_path_factory: pytest.TempPathFactory
+) -> Mapping[tuple[str, str], Fit]:
+    """Fits of a test with and without a wave, by that and by their residuals."""
+    folder = tmp_path_factory.mktemp("discrepancy")
+    tests = {"missed": twin(small_problem, MISSED), "right": twin(small_problem, 0.0)}
+    return {
+        (name, residuals): fit(
+            test,
+            with_variant(small_problem.priors, test, {"residuals": residuals}),
+            out=folder / name / residuals,
+            options=RUN,
+        )
+        for name, test in tests.items()
+        for residuals in ("independent", "discrepancy")
+    }
+
+
+def standard_scores(result: Fit) -> dict[str, float]:
+    """Distances of the true moduli and enthalpies from their means, in standard deviations."""
+    truth = result.experiment.true_parameters
+    assert truth is not None
+    drawn = result.posterior["posterior"].to_dataset()
+    return {
+        name: abs(float((drawn[name].mean() - truth[name]) / drawn[name].std()))
+        for name in ("maxwell_modulus", "activation_enthalpy")
+    }
+
+
+def test_intervals_hold_the_truth_though_the_law_misses_a_hump(
+    fits: Mapping[tuple[str, str], Fit],
+) -> None:
+    """Those of independent residuals do not, because their number makes them narrow."""
+    independent, discrepancy = (
+        standard_scores(fits["missed", residuals]) for residuals in ("independent", "discrepancy")
+    )
+    print(independent, discrepancy)
+    assert max(independent.values()) > 2.5
+    assert max(discrepancy.values()) < 1.6
+
+
+def test_the_reading_error_is_the_stated_one_and_the_rest_is_discrepancy(
+    fits: Mapping[tuple[str, str], Fit],
+) -> None:
+    drawn = fits["missed", "discrepancy"].posterior["posterior"].to_dataset()
+    assert float(drawn["stress_noise"].mean()) == pytest.approx(ERROR, rel=0.2)
+    assert float(fits["missed", "independent"].summary("SI")["mean"]["stress_noise"]) > 2 * ERROR
+    assert float(drawn["discrepancy"].quantile(0.05)) > 1.5
+
+
+def description(result: Fit) -> tuple[Outcome, str]:
+    verdict = result.verdicts()[CheckKind.DESCRIPTION]
+    return verdict.outcome, verdict.sentence
+
+
+def test_a_fit_with_a_discrepancy_says_its_size_and_describes_nothing_by_it(
+    fits: Mapping[tuple[str, str], Fit],
+) -> None:
+    outcome, sentence = description(fits["missed", "discrepancy"])
+    assert outcome is Outcome.NO
+    assert "the law misses the test by a discrepancy of 0.1" in sentence
+    assert "reading errors (" in sentence
+    assert "calls it noise" not in sentence
+
+
+def test_a_law_that_describes_the_data_has_a_small_discrepancy(
+    fits: Mapping[tuple[str, str], Fit],
+) -> None:
+    """Readings that share a small error tell less: that widens what many of them tell together."""
+    outcome, sentence = description(fits["right", "discrepancy"])
+    assert outcome is Outcome.YES
+    assert "by a discrepancy of 0.0" in sentence
+    one, other = (
+        fits["right", residuals].summary("SI") for residuals in ("independent", "discrepancy")
+    )
+    assert other["mean"]["discrepancy"] < 1.0
+    assert max(standard_scores(fits["right", "discrepancy"]).values()) < 2.0
+    assert other["sd"]["maxwell_modulus"] < 3.0 * one["sd"]["maxwell_modulus"]
+
+
+def log_likelihood(test: ConstantRateExperiment, **changed: float) -> FloatArray:
+    """Log density of every reading given those before it, at the truth with some changes."""
+    assert test.true_parameters is not None
+    values = {**test.true_parameters, "residual_correlation_strain": 0.004, **changed}
+    problem = one_test(test, given_parameters(test.material, values))
+    data = program_data(problem, solver=REFERENCE_SOLVER, grids=[np.array([0.01])])
+    return load_program(likelihood_of(test).program).evaluate(data)["log_lik"]
+
+
+@pytest.mark.parametrize("discrepancy", [1e-6, 0.5, 3.0])
+def test_a_discrepancy_is_the_share_of_residuals_that_correlates(
+    small_problem: Problem, discrepancy: float
+) -> None:
+    """A discrepancy of next to nothing leaves independent readings."""
+    test = twin(small_problem, MISSED)
+    found = log_likelihood(test, stress_noise=ERROR, discrepancy=discrepancy)
+    whole = ERROR * np.sqrt(1 + discrepancy**2)
+    share = discrepancy**2 / (1 + discrepancy**2)
+    same = log_likelihood(test, stress_noise=whole, residual_correlated_share=share)
+    np.testing.assert_allclose(found, same, rtol=1e-6)
+    if discrepancy < 1e-3:
+        none = log_likelihood(test, stress_noise=ERROR, residual_correlation_strain=0.0)
+        np.testing.assert_allclose(found, none, rtol=1e-6)
+
+
+def carried(prediction: Prediction) -> tuple[FloatArray, float]:
+    """Draws of the discrepancy (Pa) of a prediction, and root mean square of its solution."""
+    drawn = prediction.posterior["posterior"].to_dataset()
+    size = all_draws(drawn["discrepancy"] * drawn["stress_noise"])
+    solved = all_draws(prediction.posterior["model_response"].to_dataset()["stress"])
+    return size, float(np.sqrt(np.mean(solved.mean(axis=0) ** 2)))
+
+
+def test_other_tests_have_the_same_share_of_discrepancy(
+    fits: Mapping[tuple[str, str], Fit],
+) -> None:
+    result = fits["missed", "discrepancy"]
+    fitted = of_kind(result.experiment, ConstantRateExperiment)
+    strained = replace(fitted, id="warmer", temperature=fitted.temperature + 8)
+    drawn = result.posterior["posterior"].to_dataset()
+    itself, other = (result.predict(test) for test in (fitted, strained))
+    of_fit = all_draws(drawn["discrepancy"] * drawn["stress_noise"])
+    np.testing.assert_allclose(carried(itself)[0], of_fit, rtol=0.01)
+    (size, whole), (size_here, whole_here) = carried(other), carried(itself)
+    assert whole < 0.9 * whole_here
+    np.testing.assert_allclose(size / whole, size_here / whole_here, rtol=0.01)
+    # New readings scatter by parameters, discrepancy and reading error together.
+    group = other.posterior["predictions"].to_dataset()
+    new, solved = (all_draws(group[name]) for name in ("stress_replicated", "stress"))
+    error = all_draws(other.posterior["posterior"].to_dataset()["stress_noise"])
+    scores = (new - solved) / np.hypot(size, error)[:, np.newaxis]
+    assert np.mean(scores**2) == pytest.approx(1.0, abs=0.2)
+    note = other.notes[-1]
+    assert "carried over as a share of the stress" in note
+    parts = np.array([np.mean(size**2), solved.var(axis=0).mean(), np.mean(error**2)])
+    share = 100 * parts[0] / parts.sum()
+    assert f"It makes {share:.0f} % of the variance" in note
+
+
+def test_a_discrepancy_goes_with_stresses_of_any_history(
+    fits: Mapping[tuple[str, str], Fit], small_problem: Problem
+) -> None:
+    result = fits["missed", "discrepancy"]
+    held = (
+        Stage("strain_rate", 0.0, 100.0, 255.0, 1e-4),
+        Stage("hold_strain", 100.0, 300.0, 255.0),
+    )
+    prediction = result.predict(creep(small_problem.experiment, stages=held), draws=40)
+    drawn = prediction.posterior["posterior"].to_dataset()
+    of_fit = result.posterior["posterior"].to_dataset()
+    strain = all_draws(of_fit["residual_correlation_strain"])
+    time = all_draws(drawn["residual_correlation_time"])
+    assert np.isin(np.round(time / 300.0, 6), np.round(strain / result.experiment.span[1], 6)).all()
+    assert "carried over as a share of the stress" in prediction.notes[-1]
+    # Nobody knows how a misfit of stresses goes over to strains.
+    unknown = result.predict(creep(small_problem.experiment), draws=40)
+    assert not unknown.posterior["posterior"]["discrepancy"].any()
+    assert any("in readings of stress alone" in note for note in unknown.notes)
+
+
+def test_a_page_says_how_large_the_discrepancy_is(
+    fits: Mapping[tuple[str, str], Fit], tmp_path: Path, sketched: None
+) -> None:
+    page = write_report([fits["missed", "discrepancy"]], tmp_path, title="T", command="x")
+    text = page.read_text(encoding="utf-8")
+    assert "the law misses the test by a discrepancy of" in text
+    assert "discrepancy of the law over the reading error" in text
+
+
+def test_stated_errors_are_the_priors_of_noise_beside_a_discrepancy_alone(
+    small_problem: Problem,
+) -> None:
+    test = twin(small_problem, 0.0)
+    given = {
+        residuals: with_variant(small_problem.priors, test, {"residuals": residuals})
+        for residuals in ("autocorrelated", "discrepancy")
+    }
+    of_test = {name: problem_of([test], own).priors[0] for name, own in given.items()}
+    assert of_test["discrepancy"]["stress_noise"].location == ERROR
+    assert of_test["autocorrelated"]["stress_noise"].location != ERROR
+    unstated = replace(test, stress_uncertainty=None)
+    own = problem_of([unstated], given["discrepancy"]).priors[0]["stress_noise"]
+    assert own == of_test["autocorrelated"]["stress_noise"]
+
+
+def test_residuals_can_be_chosen_again(small_problem: Problem) -> None:
+    test, priors = small_problem.experiment, small_problem.priors
+    for first in ("independent", "autocorrelated", "discrepancy"):
+        chosen = with_variant(priors, test, {"residuals": first})
+        for second in ("independent", "autocorrelated", "discrepancy"):
+            again = with_variant(chosen, test, {"residuals": second})
+            assert variant_of(again, test).residuals == second
+            if second == "independent":
+                continue
+            directly = with_variant(priors, test, {"residuals": second})
+            assert again.free == directly.free
+            assert {name: again[name] for name in again.free} == {
+                name: directly[name] for name in directly.free
+            }
+
+
+def test_a_discrepancy_needs_a_length(small_problem: Problem) -> None:
+    test = small_problem.experiment
+    chosen = with_variant(small_problem.priors, test, {"residuals": "discrepancy"})
+    fixed = with_fixed(chosen, {"residual_correlation_strain": 0.0})
+    with pytest.raises(
+        InputError, match="residual_correlation_strain fixed at 0, expected a prior"
+    ):
+        check_variant(fixed, test)

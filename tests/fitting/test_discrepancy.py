@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import SMALL_RUN, Problem, with_fixed
+from history_twins import history_twin
 from test_prediction import creep
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
@@ -24,6 +25,7 @@ from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.kinds.problem import one_test, problem_of
 from pyburgers.kinds.program_data import given_parameters, program_data
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER
+from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import check_variant, variant_of, with_variant
 from pyburgers.page.page import write_report
 
@@ -259,3 +261,13 @@ def test_a_discrepancy_needs_a_length(small_problem: Problem) -> None:
         InputError, match="residual_correlation_strain fixed at 0, expected a prior"
     ):
         check_variant(fixed, test)
+
+
+def test_strain_that_is_read_has_a_discrepancy_too() -> None:
+    test = replace(history_twin("creep", 12), strain_uncertainty=1e-5)
+    priors = with_variant(default_priors("ice"), test, {"residuals": "discrepancy"})
+    resolved = problem_of([test], priors).priors[0]
+    assert variant_of(resolved, test).residuals == "discrepancy"
+    assert {"residual_correlation_time", "discrepancy", "strain_noise"} <= {*resolved.free}
+    assert "residual_correlated_share" not in resolved.free
+    assert resolved["strain_noise"].location == 1e-5

@@ -13,8 +13,8 @@ LAWS_OF_HISTORIES = {
 }
 """Histories show transients: whether there is more than one relaxation time, or a backstress."""
 
-LET_CORRELATE = (
-    "for wider, honest intervals let residuals correlate (--variant residuals=autocorrelated)"
+ADD_DISCREPANCY = (
+    "for wider, honest intervals give the law a discrepancy (--variant residuals=discrepancy)"
 )
 
 
@@ -44,7 +44,7 @@ def remedy(leftover: Leftover, point: int) -> str:
     # Where strain goes back and forth no residuals correlate along it.
     if "segment" not in along or leftover.correlates:
         return first
-    return f"{first}; {LET_CORRELATE}"
+    return f"{first}; {ADD_DISCREPANCY}"
 
 
 def advise_on_spectra(free: Collection[str]) -> str:
@@ -64,14 +64,14 @@ def advise_on_spectra(free: Collection[str]) -> str:
 
 
 def advise_on_histories(free: Collection[str], *, is_last: bool) -> str:
-    """Propose other laws and, unless they are the last step, residuals that correlate."""
+    """Propose other laws and, unless they are the last step, a discrepancy."""
     laws = _laws_to_try(free, LAWS_OF_HISTORIES)
     first = "see whether what was imposed there is what the stages say, and " + (
         f"try another law of the dashpot or of the Kelvin part ({laws})"
         if laws
         else "compare with other laws"
     )
-    return first if is_last else f"{first}; {LET_CORRELATE}"
+    return first if is_last else f"{first}; {ADD_DISCREPANCY}"
 
 
 def _laws_to_try(free: Collection[str], more: Mapping[str, str] = MappingProxyType({})) -> str:

@@ -166,26 +166,26 @@ ADVICE: dict[str, tuple[dict[str, xr.Dataset], tuple[str, ...], tuple[str, ...]]
     "record": (
         groups(trend(), clock="time"),
         ("kelvin=power_law", "from time "),
-        ("residuals=autocorrelated",),
+        ("residuals=discrepancy",),
     ),
     "laws that the fit has": (
         having(groups(trend(), segment=STEP), "kelvin_stress_exponent")
         | {"log_likelihood_given_others": xr.Dataset()},
         ("maxwell=hyperbolic_sine",),
-        ("kelvin=power_law", "residuals=autocorrelated"),
+        ("kelvin=power_law", "residuals=discrepancy"),
     ),
     # Creep under one or several loads tells laws apart, a test at one rate hardly.
     **{
         name: (
             history_groups(trend(), segment=segment, is_strain=is_strain),
-            ("--variant kelvin=two_elements", "residuals=autocorrelated", IMPOSED),
+            ("--variant kelvin=two_elements", "residuals=discrepancy", IMPOSED),
             ("at one rate other laws hardly differ",),
         )
         for name, segment, is_strain in (("creep", np.zeros(POINTS), True), ("steps", STEP, False))
     },
     "history at one rate": (
         history_groups(trend(), segment=np.zeros(POINTS), is_strain=False),
-        ("at one rate other laws hardly differ", "residuals=autocorrelated"),
+        ("at one rate other laws hardly differ", "residuals=discrepancy"),
         ("--variant kelvin=two_elements", IMPOSED),
     ),
     "laws that the history has": (
@@ -197,7 +197,7 @@ ADVICE: dict[str, tuple[dict[str, xr.Dataset], tuple[str, ...], tuple[str, ...]]
             "(--variant kelvin=power_law or --variant kelvin=two_elements or --variant "
             "hardening=backstress)",
         ),
-        ("residuals=autocorrelated",),
+        ("residuals=discrepancy",),
     ),
 }
 
@@ -223,7 +223,7 @@ def test_a_missed_shape_fails_and_the_longest_run_is_told() -> None:
     assert "12 in a row have one sign, from strain 21 to 32 %" in result.sentence
     assert "the data above the model" in result.sentence
     assert "too narrow" in result.sentence
-    assert "residuals=autocorrelated" in result.sentence
+    assert "residuals=discrepancy" in result.sentence
     record = verdicts_record([result])
     assert json.loads(json.dumps(record))["checks"][0]["table"][0]["where"] == "strain 21 to 32 %"
     assert check_runs(draws).outcome is Outcome.YES
@@ -245,7 +245,7 @@ def test_a_segment_that_lies_aside_is_named_with_its_place_and_size() -> None:
     assert "segment 2 (strain 21 to 35 %)" in result.sentence
     assert "MPa above the model and ends" in result.sentence
     assert "behind a step of the rate" in result.sentence
-    for variant in ("kelvin=power_law", "maxwell=hyperbolic_sine", "residuals=autocorrelated"):
+    for variant in ("kelvin=power_law", "maxwell=hyperbolic_sine", "residuals=discrepancy"):
         assert f"--variant {variant}" in result.sentence
 
 

@@ -52,7 +52,7 @@ def test_a_measured_misfit_is_told_whatever_the_sampling(
     assert result.describes_data is Outcome.NO
     sentence = result.verdicts()[CheckKind.DESCRIPTION].sentence
     assert "too narrow" in sentence
-    assert "residuals=autocorrelated" in sentence
+    assert "residuals=discrepancy" in sentence
 
 
 def test_bad_readings_at_the_start_do_not_hide_what_is_missed_behind_steps(tmp_path: Path) -> None:

@@ -5,12 +5,10 @@ from dataclasses import replace
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from pyburgers.checks.advice import remedy
 from pyburgers.checks.discrepancies import (
-    AS_LARGE,
     AUTOCORRELATION,
     ENOUGH,
     ENOUGH_FOR_SHARES,
@@ -26,6 +24,7 @@ from pyburgers.checks.discrepancies import (
     Leftover,
     discrepancies_of,
     inside_text,
+    points_of_segment,
 )
 from pyburgers.checks.fit_checks import (
     LEAST_DRAWS,
@@ -35,21 +34,19 @@ from pyburgers.checks.fit_checks import (
     Outcome,
     check,
 )
+from pyburgers.checks.law_discrepancy import against_reading_errors, discrepancy_text
 from pyburgers.checks.residual_numbers import (
     longest_run,
     offsets,
     segment_parts,
     straight_line,
 )
-from pyburgers.common.draws import BAND, TAIL, FloatArray
+from pyburgers.common.draws import TAIL
 from pyburgers.posterior.labelled_draws import response_in
 
 LARGEST_LEVEL_SQUARED = 12.5
 """Square of the mean of noise over its standard error, which 1 of 2500 exceeds: what a constant
 that is not fitted leaves more than the variance."""
-
-CLEARLY_THERE = 0.25
-"""Discrepancy of a law over the reading error: less makes residuals 3 % larger at most."""
 
 SHARE = "residual_correlated_share"
 UNSTATED = "no reading error is stated"
@@ -93,14 +90,6 @@ def finding_of(draws: CheckedDraws, discrepancies: tuple[str, ...], tell: Tell) 
         where=[tell(family.tests[row["test"]], family, row).where for _, row in table.iterrows()]
     )
     return family.finding(worst, table, told.good, told.bad, told.remedy)
-
-
-def points_of_segment(leftover: Leftover, number: int) -> tuple[npt.NDArray[np.int64], str]:
-    """Return the readings of a segment by its place among the segments, and where they lie."""
-    segments = np.unique(leftover.segment)
-    points = np.flatnonzero(leftover.segment == segments[number])
-    place = leftover.place(int(points[0]), int(points[-1]))
-    return points, place if segments.size == 1 else f"segment {segments[number] + 1} ({place})"
 
 
 def beside(leftover: Leftover, residual: float, point: int) -> str:
@@ -168,7 +157,7 @@ def check_size(draws: CheckedDraws) -> Finding:
         if leftover.discrepancy is not None
     )
     findings = [
-        *_against_reading_errors(family, sizes),
+        *against_reading_errors(family, sizes),
         *_against_limits(draws, family),
         *_against_variance(sizes),
         *_against_neighbours(draws, family, sizes),
@@ -229,68 +218,6 @@ def _against_neighbours(draws: CheckedDraws, family: Family, sizes: pd.DataFrame
             told = Finding(Outcome.CANNOT_TELL, sizes, few, _state_errors(leftover))
             findings.append(told)
     return findings
-
-
-def _against_reading_errors(family: Family, sizes: pd.DataFrame) -> list[Finding]:
-    """Compare discrepancies of the law with the reading errors that were inferred beside them.
-
-    A fit with a discrepancy follows any data: its size decides, and a small one that is clearly
-    there is no description either. Residuals `AS_LARGE` hold as much discrepancy as error.
-    """
-    findings = []
-    for name, leftover in family.tests.items():
-        if leftover.discrepancy is not None:
-            larger = float(np.mean(_over_errors(leftover).mean(axis=1) > AS_LARGE**2))
-            there = float(np.quantile(leftover.discrepancy, TAIL)) > CLEARLY_THERE
-            outcome = Outcome.YES
-            said = f"the readings of {name} are uncertain by more than the law misses them"
-            if larger >= 1.0 - TAIL:
-                outcome = Outcome.NO
-                said = f"the law misses {name} by more than its readings are uncertain"
-            elif larger > TAIL:
-                outcome = Outcome.CANNOT_TELL
-                said = f"the draws do not tell which of both is larger in {name}"
-            elif there:
-                outcome = Outcome.CANNOT_TELL
-                said = f"{said}, but {1.0 - TAIL:.0%} of the draws have a discrepancy that counts"
-            advice = "" if outcome is Outcome.YES else remedy(leftover, _run_of(leftover)[0])
-            findings.append(Finding(outcome, sizes, said, advice))
-    return findings
-
-
-def discrepancy_text(leftover: Leftover) -> str:
-    """Say how large the discrepancy of the law is at the readings, and where it is largest.
-
-    It is the size of the residuals of the law beyond that of the reading errors.
-    """
-    squares, errors = _over_errors(leftover), leftover.reading_errors / leftover.weight
-    low, middle, high = np.quantile(_beyond_errors(squares.mean(axis=1)), (TAIL, 0.5, 1 - TAIL))
-    parts = [(leftover.quantity == k, int(k)) for k in np.unique(leftover.quantity)]
-    sizes = [
-        leftover.size_text(
-            float(_beyond_errors(squares[:, here].mean()) * errors[:, here].mean()), k
-        )
-        for here, k in parts
-    ]
-    by_segment = [squares[:, leftover.segment == k].mean() for k in np.unique(leftover.segment)]
-    worst = int(np.argmax(by_segment))
-    where = points_of_segment(leftover, worst)[1]
-    most = f"; most in {where}: {_beyond_errors(by_segment[worst]):.1f}"
-    return (
-        f"the law misses {leftover.name} by a discrepancy of {' and '.join(sizes)}, {middle:.1f} "
-        f"reading errors ({low:.1f} to {high:.1f} in {BAND:.0%} of the draws"
-        f"{most if len(by_segment) > 1 else ''})"
-    )
-
-
-def _over_errors(leftover: Leftover) -> FloatArray:
-    """Squares of the residuals of the law over the reading errors, shape (draws, n)."""
-    return np.asarray((leftover.observed / leftover.reading_errors) ** 2)
-
-
-def _beyond_errors(mean_square: npt.ArrayLike) -> FloatArray:
-    """Root mean square of what stands beside errors of size 1."""
-    return np.asarray(np.sqrt(np.maximum(np.asarray(mean_square) - 1.0, 0.0)))
 
 
 def _mostly_correlates(leftover: Leftover) -> bool:

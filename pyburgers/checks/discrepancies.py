@@ -171,6 +171,14 @@ def place_text(likelihood: Likelihood[Any], along: xr.Dataset, first: int, last:
     return f"{clock.name} {span} {clock.display_unit}"
 
 
+def points_of_segment(leftover: Leftover, number: int) -> tuple[npt.NDArray[np.int64], str]:
+    """Return the readings of a segment by its place among the segments, and where they lie."""
+    segments = np.unique(leftover.segment)
+    points = np.flatnonzero(leftover.segment == segments[number])
+    place = leftover.place(int(points[0]), int(points[-1]))
+    return points, place if segments.size == 1 else f"segment {segments[number] + 1} ({place})"
+
+
 @dataclass(frozen=True, eq=False)
 class Judged:
     """Numbers of the data beside those of replicates that are fitted as the data were.

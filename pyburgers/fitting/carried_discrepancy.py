@@ -7,29 +7,12 @@ import xarray as xr
 
 from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import Problem
 from pyburgers.kinds.program_data import solve
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER
 from pyburgers.model.parameters import STANDARD_VALUES
 from pyburgers.model.read_quantities import BY_NOISE
-from pyburgers.posterior.labelled_draws import response_in
-
-
-def over_response(test: FittedTest, values: Mapping[str, FloatArray]) -> FloatArray:
-    """Return the discrepancy of a fitted test as a share of its response, (n_draws,).
-
-    The share is that of the root mean square over all readings, each in its reading errors.
-    `values` (n_draws,): parameters of the test by name (SI).
-    """
-    read = likelihood_of(test.experiment).read
-    response = all_draws(response_in(test.posterior, "model_response")).mean(axis=0)
-    in_errors = [
-        one / values[read[k].noise]
-        for one, k in zip(response, test.experiment.quantity, strict=True)
-    ]
-    return np.asarray(values["discrepancy"] / np.sqrt(np.mean(np.square(in_errors), axis=0)))
 
 
 def carry_discrepancy(
@@ -40,7 +23,7 @@ def carry_discrepancy(
     A discrepancy stays the same share of the response, and correlates over the same share of the
     test. It is carried over to quantities that the fit reads alone: how a misfit of the stress
     becomes one of the strain depends on the law. `values` (n_draws,): parameters by name (SI), the
-    discrepancy as `over_response` has it.
+    discrepancy as `draw_values` has it.
     """
     found = dict(values)
     if not values.get("discrepancy", np.zeros(1)).any():

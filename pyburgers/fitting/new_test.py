@@ -9,9 +9,9 @@ import xarray as xr
 
 from pyburgers.common.draws import FloatArray, all_draws, evenly_spaced
 from pyburgers.common.errors import InputError
-from pyburgers.fitting.carried_discrepancy import over_response
 from pyburgers.kinds.experiment import Experiment, UncertainCondition
 from pyburgers.kinds.kind import FittedTest
+from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import Problem, stated_priors
 from pyburgers.kinds.stan_data import CENTRE, SPREAD
 from pyburgers.model.display import unit_text
@@ -25,7 +25,7 @@ from pyburgers.model.prior_families import Prior, fixed_prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.read_quantities import BY_NOISE
 from pyburgers.model.variants import variant_of, with_variant
-from pyburgers.posterior.labelled_draws import own_name
+from pyburgers.posterior.labelled_draws import own_name, response_in
 
 BOX_MARGIN = 0.5
 """Range of a parameter's draws by which the bounds of its coordinate lie outside them."""
@@ -60,7 +60,7 @@ def draw_values(
     `draws`: how many are kept, evenly spaced; None keeps all. `separate_from`: test that separate
     parameters are taken from; None takes each in turn, InputError if it is no test of the fit.
     Numbers count from 0 through all chains; numbers and values have the shape (n_kept,). A
-    discrepancy of the law is that of `over_response`.
+    discrepancy of the law is a share of the response of its test.
     """
     problem, tests = source.problem, source.tests
     if separate_from is not None and separate_from not in tests:
@@ -78,7 +78,7 @@ def draw_values(
     if "discrepancy" in problem.free:
         of_tests = [{name: own[k] for name, own in by_test.items()} for k in range(len(tests))]
         by_test["discrepancy"] = np.stack(
-            [over_response(*one) for one in zip(tests.values(), of_tests, strict=True)]
+            [_over_response(*one) for one in zip(tests.values(), of_tests, strict=True)]
         )
     turn = np.arange(kept.size) % len(tests)
     if separate_from is not None:
@@ -101,6 +101,21 @@ def draw_values(
             f"{_listed(separate)}."
         )
     return kept, values, notes
+
+
+def _over_response(test: FittedTest, values: Mapping[str, FloatArray]) -> FloatArray:
+    """Return the discrepancy of a fitted test as a share of its response, (n_draws,).
+
+    The share is that of the root mean square over all readings, each in its reading errors.
+    `values` (n_draws,): parameters of the test by name (SI).
+    """
+    read = likelihood_of(test.experiment).read
+    response = all_draws(response_in(test.posterior, "model_response")).mean(axis=0)
+    in_errors = [
+        one / values[read[k].noise]
+        for one, k in zip(response, test.experiment.quantity, strict=True)
+    ]
+    return np.asarray(values["discrepancy"] / np.sqrt(np.mean(np.square(in_errors), axis=0)))
 
 
 def _of_a_new_test(

@@ -27,8 +27,8 @@ from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, checked, read_tables, toml_text
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import NAMES, likelihood_of, likelihoods
-from pyburgers.model.parameters import residual_parts
 from pyburgers.model.priors import PriorSet
+from pyburgers.model.residual_laws import residual_parts
 
 E = TypeVar("E", bound=Experiment)
 

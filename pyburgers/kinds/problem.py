@@ -27,6 +27,7 @@ from pyburgers.model.parameters import (
 from pyburgers.model.pooling import SEPARATE, Pooling
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, PriorSet
+from pyburgers.model.residual_laws import reading_error_priors
 from pyburgers.model.variants import WITHOUT_EFFECT, check_variant, variant_of
 
 HISTORIES, TABLES = "loading_history", "attenuation"
@@ -236,7 +237,7 @@ def problem_of(
     _check_conditions(experiments)
     of_tests = tuple(
         _with_own_grains(own, experiments[0], experiment).exchanging(
-            *condition_priors(experiment), *_reading_error_priors(experiment, own)
+            *condition_priors(experiment), *reading_error_priors(own.priors, experiment.noises)
         )
         for experiment, own in zip(
             experiments, common_likelihood(experiments).own_priors(experiments, priors), strict=True
@@ -425,30 +426,6 @@ def condition_priors(experiment: Experiment) -> tuple[Prior, ...]:
     source = "stated in the file of the test"
     return tuple(
         _normal(one.parameter, Stated(0.0, one.sd), source) for one in experiment.uncertain
-    )
-
-
-READING_ERROR_SCALE = 0.25
-"""Standard deviation of ln(reading error/stated one): 90 % lies within a factor of 1.5."""
-
-
-def _reading_error_priors(experiment: Experiment, priors: PriorSet) -> tuple[Prior, ...]:
-    """Return priors of noises whose errors a file states, where the law has a discrepancy.
-
-    The noise is then the reading error alone.
-    """
-    if is_fixed_at(priors["discrepancy"], 0.0):
-        return ()
-    return tuple(
-        Prior.of_family(
-            name,
-            "lognormal",
-            {"location": stated, "scale": READING_ERROR_SCALE},
-            unit=PARAMETER_BY_NAME[name].si_unit,
-            source="reading error stated in the file of the test",
-        )
-        for name, stated in experiment.noises.items()
-        if stated and not priors[name].is_fixed
     )
 
 

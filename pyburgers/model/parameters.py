@@ -281,17 +281,6 @@ RESIDUAL_CORRELATION = (
 )
 """Parameters of how residuals hang together."""
 
-
-def residual_parts(values: Mapping[str, float]) -> tuple[float, float]:
-    """Return standard deviation of residuals over their noise, and share w that correlates.
-
-    As `residual_over_noise` and `share_that_correlates` of `stan/physics/parameters.stan`.
-    """
-    squared = values.get("discrepancy", 0.0) ** 2
-    share = squared / (1 + squared) if squared else values.get("residual_correlated_share", 1.0)
-    return (1 + squared) ** 0.5, share
-
-
 STANDARD_VALUES: Mapping[str, float] = MappingProxyType(
     {
         p.name: p.standard

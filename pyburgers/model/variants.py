@@ -32,6 +32,7 @@ from pyburgers.model.laws import (
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PIEZOMETER
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 from pyburgers.model.priors import PriorSet, priors_of_freed_parameters
+from pyburgers.model.residual_laws import ResidualsLaw, changes_of_residuals, residuals_law
 
 REFERENCE_STRESS_SHARE = 0.25
 """Driving stress for which the viscosity of a power-law Kelvin dashpot is given, over the largest
@@ -119,7 +120,7 @@ class ModelVariant:
     maxwell: str = "power_law"
     grain_size: Literal["evolving", "constant", "piezometric"] = "evolving"
     fabric: Literal["evolving", "constant"] = "evolving"
-    residuals: Literal["independent", "autocorrelated", "discrepancy"] = "independent"
+    residuals: ResidualsLaw = "independent"
     hardening: str = "none"
 
     def record(self) -> dict[str, str]:
@@ -240,7 +241,7 @@ def variant_of(priors: PriorSet, experiment: Test) -> ModelVariant:
         maxwell=dashpot_law(priors.priors, experiment.id),
         grain_size=_grain_size_law(priors, experiment),
         fabric="constant" if constant_fabric else "evolving",
-        residuals=_residuals_law(priors, experiment),
+        residuals=residuals_law(priors.priors, experiment.residual_correlation),
         kelvin=kelvin_law(priors.priors, experiment.id),
         hardening=hardening_law(priors.priors),
     )
@@ -332,15 +333,6 @@ def _grain_size_law(
     if not is_fixed_at(priors["steady_state_grain_size"], experiment.initial_grain_size):
         return "evolving"
     return "piezometric" if _has_piezometer(priors) else "constant"
-
-
-def _residuals_law(
-    priors: PriorSet, experiment: Test
-) -> Literal["independent", "autocorrelated", "discrepancy"]:
-    if not is_fixed_at(priors["discrepancy"], 0.0):
-        return "discrepancy"
-    independent = is_fixed_at(priors[experiment.residual_correlation], 0.0)
-    return "independent" if independent else "autocorrelated"
 
 
 def _has_piezometer(priors: PriorSet) -> bool:
@@ -438,35 +430,10 @@ def _choose_fabric(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
 
 
 def _choose_residuals(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
-    """Free the correlation of residuals and the size of what correlates, or fix it at none.
-
-    The median of a correlation time is a tenth of the time between first and last reading.
-    """
-    name, share = experiment.residual_correlation, priors["residual_correlated_share"]
-    independent = is_fixed_at(priors[name], 0.0)
-    has_discrepancy = not is_fixed_at(priors["discrepancy"], 0.0)
-    if has_discrepancy and choice != "discrepancy":
-        priors = priors.exchanging(_fixed("discrepancy", 0.0, f"residuals={choice}"))
-    if choice == "independent":
-        # In time residuals correlate unless priors say otherwise.
-        said = name != "residual_correlation_time" or name in priors.priors
-        return (
-            priors if independent and said else priors.exchanging(_fixed(name, 0.0, "independent"))
-        )
-    freed = priors_of_freed_parameters()
-    changed = []
-    if independent:
-        correlation = freed[name]
-        if name == "residual_correlation_time" and experiment.duration > 0:
-            correlation = replace(correlation, location=float(f"{0.1 * experiment.duration:.0e}"))
-        changed.append(correlation)
-    said = share.parameter in priors.priors and not is_fixed_at(share, 1.0)
-    if choice == "discrepancy":
-        changed += [] if has_discrepancy else [freed["discrepancy"]]
-        changed += [_fixed(share.parameter, 1.0, f"residuals={choice}")] if said else []
-    elif independent or has_discrepancy:
-        changed.append(share if said else freed[share.parameter])
-    return priors.exchanging(*changed)
+    length, freed = experiment.residual_correlation, priors_of_freed_parameters()
+    return priors.exchanging(
+        *changes_of_residuals(choice, priors.priors, freed, length, experiment.duration)
+    )
 
 
 _CHANGES = MappingProxyType(

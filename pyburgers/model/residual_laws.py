@@ -1,0 +1,93 @@
+"""Laws of residuals: how priors tell them, and their priors."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Literal
+
+from pyburgers.model.parameters import PARAMETER_BY_NAME
+from pyburgers.model.prior_families import Prior, fixed_prior, is_standard
+
+ResidualsLaw = Literal["independent", "autocorrelated", "discrepancy"]
+
+SHARE = "residual_correlated_share"
+DISCREPANCY = "discrepancy"
+TIME = "residual_correlation_time"
+
+READING_ERROR_SCALE = 0.25
+"""Standard deviation of ln(reading error/stated one): 90 % lies within a factor of 1.5."""
+
+
+def residuals_law(priors: Mapping[str, Prior], length: str) -> ResidualsLaw:
+    """Tell the law from priors; `length` is the parameter along which residuals may correlate."""
+    if not is_standard(priors, DISCREPANCY):
+        return "discrepancy"
+    return "independent" if is_standard(priors, length) else "autocorrelated"
+
+
+def changes_of_residuals(
+    choice: str,
+    priors: Mapping[str, Prior],
+    freed: Mapping[str, Prior],
+    length: str,
+    duration: float,
+) -> list[Prior]:
+    """Free the correlation of residuals and the size of what correlates, or fix it at none.
+
+    The median of a correlation time is a tenth of the duration (s) of the readings.
+    """
+    law, source = residuals_law(priors, length), f"Variant residuals={choice}"
+    changed = []
+    if law == "discrepancy" and choice != law:
+        changed.append(fixed_prior(PARAMETER_BY_NAME[DISCREPANCY], 0.0, source))
+    if choice == "independent":
+        # In time residuals correlate unless priors say otherwise.
+        if law != choice or (length == TIME and length not in priors):
+            changed.append(fixed_prior(PARAMETER_BY_NAME[length], 0.0, source))
+        return changed
+    if is_standard(priors, length):
+        correlation = freed[length]
+        if length == TIME and duration > 0:
+            correlation = replace(correlation, location=float(f"{0.1 * duration:.0e}"))
+        changed.append(correlation)
+    has_share = not is_standard(priors, SHARE)
+    if law == choice:
+        return changed
+    if choice == "discrepancy":
+        changed.append(freed[DISCREPANCY])
+        if has_share:
+            changed.append(fixed_prior(PARAMETER_BY_NAME[SHARE], 1.0, source))
+    elif not has_share:
+        changed.append(freed[SHARE])
+    return changed
+
+
+def reading_error_priors(
+    priors: Mapping[str, Prior], noises: Mapping[str, float | None]
+) -> tuple[Prior, ...]:
+    """Return priors of noises (SI) whose size a file states, where the law has a discrepancy.
+
+    The noise is then the reading error alone.
+    """
+    if is_standard(priors, DISCREPANCY):
+        return ()
+    return tuple(
+        Prior.of_family(
+            name,
+            "lognormal",
+            {"location": stated, "scale": READING_ERROR_SCALE},
+            unit=PARAMETER_BY_NAME[name].si_unit,
+            source="reading error stated in the file of the test",
+        )
+        for name, stated in noises.items()
+        if stated and not priors[name].is_fixed
+    )
+
+
+def residual_parts(values: Mapping[str, float]) -> tuple[float, float]:
+    """Return standard deviation of residuals over their noise, and share w that correlates.
+
+    As `residual_over_noise` and `share_that_correlates` of `stan/physics/parameters.stan`.
+    """
+    squared = values.get(DISCREPANCY, 0.0) ** 2
+    share = squared / (1 + squared) if squared else values.get(SHARE, 1.0)
+    return (1 + squared) ** 0.5, share

@@ -21,8 +21,8 @@ def carry_discrepancy(
     """Return values with the discrepancy of a new test over its reading errors, and notes.
 
     A discrepancy stays the same share of the response, and correlates over the same share of the
-    test. It is carried over to quantities that the fit reads alone: how a misfit of the stress
-    becomes one of the strain depends on the law. `values` (n_draws,): parameters by name (SI), the
+    test. It is carried over only to quantities that the fit reads, because the misfit of another
+    one depends on the law. `values` (n_draws,): parameters by name (SI), the
     discrepancy as `draw_values` has it.
     """
     found = dict(values)
@@ -38,8 +38,12 @@ def carry_discrepancy(
             for name in ("discrepancy", here)
         }
         read = " and ".join(sorted(BY_NOISE[name].name for name in known))
-        kind = f"The fit knows the discrepancy of its law in readings of {read} alone"
-        return found, [f"{kind}: new readings have none here, and their bands are too narrow."]
+        why = (
+            f"The fit knows the discrepancy of its law in readings of {read} alone"
+            if takes_one
+            else f"Tests of the protocol {experiment.protocol} take no discrepancy of the law"
+        )
+        return found, [f"{why}: new readings have none here, and their bands are too narrow."]
     at = np.unique(experiment.position) if experiment.n_points else likelihood.grid(experiment)
     mean = {name: float(own.mean()) for name, own in values.items()}
     solution = solve(experiment, {**mean, "discrepancy": 0.0}, at, solver=REFERENCE_SOLVER)

@@ -127,7 +127,8 @@ class Leftover:
     @property
     def discrepancy(self) -> FloatArray | None:
         """Draws of the discrepancy of the law over the reading error, if the law has one."""
-        if "posterior" not in self.group.children:
+        is_table = "period" in self.group["constant_data"].to_dataset()
+        if is_table or "posterior" not in self.group.children:
             return None
         drawn = self.group["posterior"].to_dataset().get("discrepancy")
         return None if drawn is None or not drawn.any() else all_draws(drawn).astype(np.float64)

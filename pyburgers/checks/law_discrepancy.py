@@ -1,7 +1,6 @@
 """How far the law of a fit with a discrepancy misses the data, and what that says of the law."""
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from pyburgers.checks.advice import remedy
@@ -44,21 +43,25 @@ def against_reading_errors(family: Family, sizes: pd.DataFrame) -> list[Finding]
 def discrepancy_text(leftover: Leftover) -> str:
     """Say how large the discrepancy of the law is at the readings, and where it is largest.
 
-    It is the size of the residuals of the law beyond that of the reading errors.
+    It is the root mean square of the residuals of the law beyond that of the reading errors, of
+    which each draw has one; medians are told.
     """
-    squares, errors = _over_errors(leftover), leftover.reading_errors / leftover.weight
-    low, middle, high = np.quantile(_beyond_errors(squares.mean(axis=1)), (TAIL, 0.5, 1 - TAIL))
+    squares = _over_errors(leftover)
+    low, middle, high = np.quantile(_beyond(squares - 1.0), (TAIL, 0.5, 1 - TAIL))
+    errors = leftover.reading_errors / leftover.weight
     parts = [(leftover.quantity == k, int(k)) for k in np.unique(leftover.quantity)]
     sizes = [
         leftover.size_text(
-            float(_beyond_errors(squares[:, here].mean()) * errors[:, here].mean()), k
+            float(np.median(_beyond((errors**2 * (squares - 1.0))[:, here]))), quantity
         )
-        for here, k in parts
+        for here, quantity in parts
     ]
-    by_segment = [squares[:, leftover.segment == k].mean() for k in np.unique(leftover.segment)]
+    by_segment = [
+        float(np.median(_beyond(squares[:, leftover.segment == k] - 1.0)))
+        for k in np.unique(leftover.segment)
+    ]
     worst = int(np.argmax(by_segment))
-    where = points_of_segment(leftover, worst)[1]
-    most = f"; most in {where}: {_beyond_errors(by_segment[worst]):.1f}"
+    most = f"; most in {points_of_segment(leftover, worst)[1]}: {by_segment[worst]:.1f}"
     return (
         f"the law misses {leftover.name} by a discrepancy of {' and '.join(sizes)}, {middle:.1f} "
         f"reading errors ({low:.1f} to {high:.1f} in {BAND:.0%} of the draws"
@@ -71,9 +74,9 @@ def _over_errors(leftover: Leftover) -> FloatArray:
     return np.asarray((leftover.observed / leftover.reading_errors) ** 2)
 
 
-def _beyond_errors(mean_square: npt.ArrayLike) -> FloatArray:
-    """Root mean square of what stands beside errors of size 1."""
-    return np.asarray(np.sqrt(np.maximum(np.asarray(mean_square) - 1.0, 0.0)))
+def _beyond(squares: FloatArray) -> FloatArray:
+    """Root mean square of each draw, shape (draws,), from squares less those of errors."""
+    return np.asarray(np.sqrt(np.maximum(squares.mean(axis=1), 0.0)))
 
 
 def _worst_point(leftover: Leftover) -> int:

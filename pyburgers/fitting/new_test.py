@@ -76,10 +76,13 @@ def draw_values(
         if all(name in group for group in groups)
     }
     if "discrepancy" in problem.free:
-        of_tests = [{name: own[k] for name, own in by_test.items()} for k in range(len(tests))]
-        by_test["discrepancy"] = np.stack(
-            [_over_response(*one) for one in zip(tests.values(), of_tests, strict=True)]
-        )
+        shares: list[FloatArray] = []
+        for k, test in enumerate(tests.values()):
+            own_values = {name: own[k] for name, own in by_test.items()}
+            # Tables stand behind histories, and have none.
+            has_none = "discrepancy" in test.experiment.without_effect
+            shares.append(shares[0] if has_none else _over_response(test, own_values))
+        by_test["discrepancy"] = np.stack(shares)
     turn = np.arange(kept.size) % len(tests)
     if separate_from is not None:
         turn = np.full(kept.size, list(tests).index(separate_from))

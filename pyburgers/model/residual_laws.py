@@ -19,9 +19,9 @@ READING_ERROR_SCALE = 0.25
 
 def residuals_law(priors: Mapping[str, Prior], length: str) -> ResidualsLaw:
     """Tell the law from priors; `length` is the parameter along which residuals may correlate."""
-    if not is_standard(priors, DISCREPANCY):
-        return "discrepancy"
-    return "independent" if is_standard(priors, length) else "autocorrelated"
+    if is_standard(priors, length):
+        return "independent"
+    return "autocorrelated" if is_standard(priors, DISCREPANCY) else "discrepancy"
 
 
 def changes_of_residuals(
@@ -37,7 +37,8 @@ def changes_of_residuals(
     """
     law, source = residuals_law(priors, length), f"Variant residuals={choice}"
     changed = []
-    if law == "discrepancy" and choice != law:
+    has_discrepancy = not is_standard(priors, DISCREPANCY)
+    if has_discrepancy and choice != "discrepancy":
         changed.append(fixed_prior(PARAMETER_BY_NAME[DISCREPANCY], 0.0, source))
     if choice == "independent":
         # In time residuals correlate unless priors say otherwise.
@@ -49,11 +50,11 @@ def changes_of_residuals(
         if length == TIME and duration > 0:
             correlation = replace(correlation, location=float(f"{0.1 * duration:.0e}"))
         changed.append(correlation)
-    has_share = not is_standard(priors, SHARE)
     if law == choice:
         return changed
+    has_share = not is_standard(priors, SHARE)
     if choice == "discrepancy":
-        changed.append(freed[DISCREPANCY])
+        changed += [] if has_discrepancy else [freed[DISCREPANCY]]
         if has_share:
             changed.append(fixed_prior(PARAMETER_BY_NAME[SHARE], 1.0, source))
     elif not has_share:

@@ -259,16 +259,17 @@ def check_variant(priors: PriorSet, experiment: Test) -> None:
         )
     residuals = variant_of(priors, experiment).residuals
     if residuals == "independent":
+        has_one = not is_fixed_at(priors["discrepancy"], 0.0)
+        if has_one and _allows(experiment, "residuals", "discrepancy"):
+            raise InputError(
+                f"{experiment.id}: a discrepancy of the law is smooth, found "
+                f"{experiment.residual_correlation} fixed at 0, expected a prior of it."
+            )
         return
     if not _allows(experiment, "residuals", residuals):
         raise InputError(
             f"{experiment.id}: residuals={residuals} is for tests of the protocols whose strain "
             f"only increases, found {experiment.protocol}, where strain goes back and forth."
-        )
-    if residuals == "discrepancy" and is_fixed_at(priors[experiment.residual_correlation], 0.0):
-        raise InputError(
-            f"{experiment.id}: a discrepancy of the law is smooth, found "
-            f"{experiment.residual_correlation} fixed at 0, expected a prior of it."
         )
     same = np.flatnonzero(np.diff(experiment.position) == 0)
     all_correlate = is_fixed_at(priors["residual_correlated_share"], 1.0)

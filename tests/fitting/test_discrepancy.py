@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import SMALL_RUN, Problem, with_fixed
+from conftest import ICE, SMALL_RUN, Problem, with_fixed
 from history_twins import history_twin
 from test_prediction import creep
 
@@ -17,6 +17,7 @@ from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.fitting.prediction import Prediction
+from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.forward import simulate
@@ -25,6 +26,7 @@ from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.kinds.problem import one_test, problem_of
 from pyburgers.kinds.program_data import given_parameters, program_data
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER
+from pyburgers.kinds.together import default_priors_for, pooling_for
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import check_variant, variant_of, with_variant
 from pyburgers.page.page import write_report
@@ -271,3 +273,12 @@ def test_strain_that_is_read_has_a_discrepancy_too() -> None:
     assert {"residual_correlation_time", "discrepancy", "strain_noise"} <= {*resolved.free}
     assert "residual_correlated_share" not in resolved.free
     assert resolved["strain_noise"].location == 1e-5
+
+
+def test_a_table_beside_a_history_has_no_discrepancy() -> None:
+    tests = [history_twin("creep", 12), load_attenuation(ICE / "attenuation_twin.toml")]
+    priors = with_variant(default_priors_for(tests), tests[0], {"residuals": "discrepancy"})
+    problem = problem_of(tests, priors, pooling_for(tests, None))
+    assert "discrepancy" in problem.free
+    laws = [variant_of(*pair).residuals for pair in zip(problem.priors, tests, strict=True)]
+    assert laws == ["discrepancy", "independent"]

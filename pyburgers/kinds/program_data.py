@@ -58,9 +58,7 @@ def program_data(
 ) -> StanData:
     """Return all data of the program in plain coordinates, with solutions at `grids` (SI)."""
     layout = problem.layout
-    tests = tests_block(problem, use_likelihood=use_likelihood)
-    # The sum of many elements of a Kelvin part is left to Stan's solver.
-    is_fast = problem.likelihood.has_fast_solver and tests.get("n_elements", 1) == 1
+    is_fast = problem.likelihood.has_fast_solver
     return {
         **with_grids({}, problem.experiments, grids),
         **_prior_block(problem, layout),
@@ -68,7 +66,7 @@ def program_data(
         **_coordinate_block(problem, layout),
         **chart_block(problem),
         **solver_block(solver if is_fast else replace(solver, method=BDF)),
-        **tests,
+        **tests_block(problem, use_likelihood=use_likelihood),
     }
 
 

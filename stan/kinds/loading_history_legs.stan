@@ -3,8 +3,8 @@
  * at given times and, in the last row, at the end; behind them, where the Kelvin part is a sum of
  * elements, its z_k.
  *
- * Strain driven, at the rate r in the unit e/D, the solver follows y, z and, where they are needed,
- * u, b and g:
+ * Strain driven, at the rate r in the unit e/D, the solver follows y, where they are needed u, b and
+ * g, and z_k:
  *
  *   dy/dt = (r - v_K - v_d)/(S/(E_M e) + C S/e).
  *
@@ -13,7 +13,7 @@
  * the microstructure does not change while stress relaxes.
  *
  * Stress driven, y = y_0 + r t with r in the unit S/D, it follows x, g and, where they are needed,
- * z, u and b:
+ * u, b and z:
  *
  *   dx/dt = v_d,  dg/dt = |(S/(E_M e)) r + v_K + v_d|.
  *
@@ -26,8 +26,8 @@
  * That is so under a load that does not fall, from a Kelvin part that it still strains.
  *
  * Force driven, the true stress follows from the strain s of the specimen, in the unit e: at constant
- * volume y = f exp(-e s), with f = f_0 + r t the force over the first area. The solver follows s, z,
- * g and, where they are needed, u and b:
+ * volume y = f exp(-e s), with f = f_0 + r t the force over the first area. The solver follows s, g,
+ * where they are needed u and b, and z_k:
  *
  *   ds/dt = [(S/(E_M e)) r exp(-e s) + v_K + v_d]/[1 + (S/E_M) y],  dg/dt = |ds/dt|.
  */
@@ -45,8 +45,8 @@ int first_after(data array[] real time, data real other) {
 /**
  * Right-hand side of a strain-driven leg.
  *
- * @param state [y, z] or, of a sum of elements, [y, z_k], then u where the grain size follows a
- *   piezometer, b where there is a backstress, and g where the apparatus is compliant
+ * @param state y, then u where the grain size follows a piezometer, b where there is a backstress, g
+ *   where the apparatus is compliant, and z of each element
  * @param start_path g at the start of the leg
  * @param rate r
  */
@@ -56,14 +56,14 @@ vector strain_driven_rhs(real t, vector state, real start_path, vector varying, 
   int n_states = num_elements(state);
   int n_kelvin = rows(element);
   int compliant = in_use(h_apparatus_compliance(), place, fixed, 0);
+  int place_of_b = n_states - n_kelvin - compliant;
   real apparatus = history_rate(h_apparatus_compliance(), varying, place, fixed);
-  real path = compliant ? state[n_states] : start_path + magnitude(rate) * t;
-  real u = test[c_piezometer()] > 0 ? state[2 + n_kelvin] : 1;
-  int place_of_b = n_states - compliant;
+  real path = compliant ? state[place_of_b + 1] : start_path + magnitude(rate) * t;
+  real u = test[c_piezometer()] > 0 ? state[2] : 1;
   real b = test[c_hardens()] > 0 ? state[place_of_b] : 0;
   real x_rate = history_dashpot_rate(state[1] - b, path, u, varying, place, fixed, test);
   matrix[n_kelvin, 2] elements = history_elements(element, varying, place, fixed);
-  vector[n_kelvin] z_rates = history_kelvin_rates(state[1], segment(state, 2, n_kelvin), elements,
+  vector[n_kelvin] z_rates = history_kelvin_rates(state[1], tail(state, n_kelvin), elements,
                                                   varying, place, fixed, test);
   real z_rate = dot_product(elements[ : , 2], z_rates);
   real y_rate = (rate - history_rate(h_kelvin_compliance(), varying, place, fixed) * z_rate
@@ -72,16 +72,15 @@ vector strain_driven_rhs(real t, vector state, real start_path, vector varying, 
   real path_rate = magnitude(rate - apparatus * y_rate);
   vector[n_states] slope;
   slope[1] = y_rate;
-  slope[2 : n_kelvin + 1] = z_rates;
+  slope[n_states - n_kelvin + 1 : n_states] = z_rates;
   if (test[c_piezometer()] > 0) {
-    slope[2 + n_kelvin] = history_grain_growth(state[1], u, path_rate, varying, place, fixed,
-                                               test);
+    slope[2] = history_grain_growth(state[1], u, path_rate, varying, place, fixed, test);
   }
   if (test[c_hardens()] > 0) {
     slope[place_of_b] = history_backstress_rate(b, x_rate, varying, place, fixed);
   }
   if (compliant) {
-    slope[n_states] = path_rate;
+    slope[place_of_b + 1] = path_rate;
   }
   return slope;
 }
@@ -89,8 +88,8 @@ vector strain_driven_rhs(real t, vector state, real start_path, vector varying, 
 /**
  * Right-hand side of a stress-driven leg.
  *
- * @param state [x, g] since the start of the leg, then z where the Kelvin element is no linear one,
- *   then u where the grain size follows a piezometer, then b where there is a backstress
+ * @param state [x, g] since the start of the leg, then u where the grain size follows a piezometer,
+ *   b where there is a backstress, and z where the Kelvin element is no linear one
  * @param start_path, start_kelvin g, and z of each element, at the start of the leg
  * @param y_0, rate y at the start, and r
  */
@@ -103,11 +102,12 @@ vector stress_driven_rhs(real t, vector state, real start_path, vector start_kel
   real y = y_0 + rate * t;
   matrix[n_kelvin, 2] elements = history_elements(element, varying, place, fixed);
   vector[n_kelvin] z = solves_kelvin
-                       ? rep_vector(state[3], 1)
+                       ? tail(state, 1)
                        : linear_kelvin_strains(t, start_kelvin, y_0, rate, elements);
   int hardens = test[c_hardens()] > 0;
-  real u = test[c_piezometer()] > 0 ? state[n_states - hardens] : 1;
-  real b = hardens ? state[n_states] : 0;
+  int place_of_b = n_states - solves_kelvin;
+  real u = test[c_piezometer()] > 0 ? state[3] : 1;
+  real b = hardens ? state[place_of_b] : 0;
   real z_rate
     = dot_product(elements[ : , 2],
                   history_kelvin_rates(y, z, elements, varying, place, fixed, test));
@@ -118,14 +118,13 @@ vector stress_driven_rhs(real t, vector state, real start_path, vector start_kel
   vector[n_states] slope;
   slope[1 : 2] = [x_rate, path_rate]';
   if (solves_kelvin) {
-    slope[3] = z_rate; // of one element
+    slope[n_states] = z_rate; // of one element
   }
   if (test[c_piezometer()] > 0) {
-    slope[n_states - hardens] = history_grain_growth(y, u, path_rate, varying, place, fixed,
-                                                     test);
+    slope[3] = history_grain_growth(y, u, path_rate, varying, place, fixed, test);
   }
   if (hardens) {
-    slope[n_states] = history_backstress_rate(b, x_rate, varying, place, fixed);
+    slope[place_of_b] = history_backstress_rate(b, x_rate, varying, place, fixed);
   }
   return slope;
 }
@@ -188,31 +187,31 @@ matrix strain_driven_leg(row_vector start, data int at_rest, data array[] real t
   int n_kelvin = rows(element);
   int hardens = test[c_hardens()] > 0;
   int n_states = 1 + n_kelvin + has_grains + hardens + compliant;
-  vector[n_kelvin] weight = history_elements(element, varying, place, fixed)[ : , 2];
+  matrix[n_kelvin, 2] elements = history_elements(element, varying, place, fixed);
   real kelvin = history_rate(h_kelvin_compliance(), varying, place, fixed);
   real elastic = history_rate(h_spring_compliance(), varying, place, fixed)
                  + history_rate(h_apparatus_compliance(), varying, place, fixed);
   int n_at_start = first_after(time, 0) - 1;
   int n = size(time) + 1 - n_at_start;
   array[n] real after_start = append_array(time[n_at_start + 1 : ], {1.0});
-  vector[n_states] from = append_row(append_row(start[1], kelvin_states(start, element)),
-                                     append_row(to_vector(segment(start, 6 - has_grains,
-                                                                  has_grains + hardens)),
-                                                to_vector(segment(start, 4, compliant))));
+  vector[n_states] from
+    = append_row(append_row(start[1],
+                            to_vector(segment(start, 6 - has_grains, has_grains + hardens))),
+                 append_row(to_vector(segment(start, 4, compliant)),
+                            kelvin_states(start, element)));
   array[n] vector[n_states] solved
-    = fast_history_leg(0, {1, compliant ? n_states - 1 : -1, has_grains ? 2 : -1,
-                           hardens ? n_states - 1 - compliant : -1},
-                       append_array(time[n_at_start + 1 : ], {1.0}), 0, rate,
-                       from, compliant ? 0 : start[4], 0, varying, place, fixed, test,
-                       element, solver, tolerance);
+    = fast_history_leg(0, {compliant ? 1 + has_grains + hardens : -1, has_grains ? 1 : -1,
+                           hardens ? 1 + has_grains : -1},
+                       append_array(time[n_at_start + 1 : ], {1.0}), 0, rate, from,
+                       compliant ? 0 : start[4], elements, varying, place, fixed, test, solver,
+                       tolerance);
   matrix[size(time) + 1, num_elements(start)] states;
   if (is_nan(solved[1][1])) {
     if (at_rest) {
       // The initial state is literal: constant to the solver, no sensitivities to it.
       solved = ode_bdf_tol(strain_driven_rhs,
-                           append_row(rep_vector(0, 1 + n_kelvin),
-                                      append_row(rep_vector(1, has_grains),
-                                                 rep_vector(0, hardens + compliant))),
+                           append_row(append_row(0, rep_vector(1, has_grains)),
+                                      rep_vector(0, hardens + compliant + n_kelvin)),
                            0, after_start, tolerance, tolerance, max_num_steps, 0.0, varying,
                            rate, place, fixed, test, element);
     } else {
@@ -225,18 +224,18 @@ matrix strain_driven_leg(row_vector start, data int at_rest, data array[] real t
   }
   for (i in 1 : n) {
     int at = n_at_start + i;
-    real z = n_kelvin == 1
-             ? solved[i][2] : dot_product(weight, segment(solved[i], 2, n_kelvin));
+    real z = kelvin_sum(tail(solved[i], n_kelvin), elements);
     states[at, 1] = solved[i][1];
     states[at, 2] = z;
     states[at, 3] = start[3] + rate * after_start[i] - kelvin * (z - start[2])
                     - elastic * (solved[i][1] - start[1]);
     states[at, 4] = compliant
-                    ? solved[i][n_states] : start[4] + magnitude(rate) * after_start[i];
-    states[at, 5] = has_grains ? solved[i][2 + n_kelvin] : start[5];
-    states[at, 6] = hardens ? solved[i][n_states - compliant] : 0;
+                    ? solved[i][2 + has_grains + hardens]
+                    : start[4] + magnitude(rate) * after_start[i];
+    states[at, 5] = has_grains ? solved[i][2] : start[5];
+    states[at, 6] = hardens ? solved[i][2 + has_grains] : 0;
     if (n_summed(element) > 0) {
-      states[at, 7 : ] = to_row_vector(segment(solved[i], 2, n_kelvin));
+      states[at, 7 : ] = to_row_vector(tail(solved[i], n_kelvin));
     }
   }
   return states;
@@ -258,7 +257,8 @@ matrix stress_driven_leg(row_vector start, data int at_rest, data array[] real t
   vector[n_kelvin] start_kelvin = kelvin_states(start, element);
   int grows = !has_grains && !solves_kelvin && strain_only_grows(start_kelvin, y_0, rate);
   int hardens = test[c_hardens()] > 0;
-  int n_states = (grows ? 1 : 2 + solves_kelvin + has_grains) + hardens;
+  int n_others = (grows ? 1 : 2) + has_grains + hardens;
+  int n_states = n_others + solves_kelvin;
   real spring = history_rate(h_spring_compliance(), varying, place, fixed);
   real kelvin = history_rate(h_kelvin_compliance(), varying, place, fixed);
   matrix[n_kelvin, 2] elements = history_elements(element, varying, place, fixed);
@@ -266,41 +266,49 @@ matrix stress_driven_leg(row_vector start, data int at_rest, data array[] real t
   int n_at_start = first_after(time, 0) - 1;
   int n = size(time) + 1 - n_at_start;
   array[n] real after_start = append_array(time[n_at_start + 1 : ], {1.0});
-  vector[n_states] from
-    = append_row(append_row(rep_vector(0, grows ? 1 : 2), segment(start, 2, solves_kelvin)'),
-                 to_vector(segment(start, 6 - has_grains, has_grains + hardens)));
-  array[n] vector[n_states] solved
-    = fast_history_leg(1, {solves_kelvin ? 2 : -1, grows ? -1 : 1,
-                           has_grains ? n_states - 1 - hardens : -1, hardens ? n_states - 1 : -1},
-                       append_array(time[n_at_start + 1 : ], {1.0}), y_0, rate, from, grows ? before : start[4], start[2], varying,
-                       place, fixed, test, element, solver, tolerance);
+  vector[n_others + n_kelvin] from
+    = append_row(append_row(rep_vector(0, grows ? 1 : 2),
+                            to_vector(segment(start, 6 - has_grains, has_grains + hardens))),
+                 start_kelvin);
+  array[n] vector[n_others + n_kelvin] solved
+    = fast_history_leg(1, {grows ? -1 : 1, has_grains ? 2 : -1, hardens ? n_others - 1 : -1},
+                       append_array(time[n_at_start + 1 : ], {1.0}), y_0, rate, from,
+                       grows ? before : start[4], elements, varying, place, fixed, test, solver,
+                       tolerance);
   matrix[size(time) + 1, num_elements(start)] states;
   // In what is left to ode_bdf_tol, all that is known is literal: constant to that solver, no
   // sensitivities to it. A jump of the stress at the start moves the grain size of a piezometer.
   if (is_nan(solved[1][1])) {
+    array[n] vector[n_states] left;
     if (grows && at_rest) {
-      solved = ode_bdf_tol(growing_strain_rhs, rep_vector(0, n_states), 0, after_start, tolerance,
+      left = ode_bdf_tol(growing_strain_rhs, rep_vector(0, n_states), 0, after_start, tolerance,
                            tolerance, max_num_steps, 0.0, rep_vector(0, n_kelvin), varying, y_0,
                            rate, place, fixed, test, element);
     } else if (grows && !hardens) {
-      solved = ode_bdf_tol(growing_strain_rhs, rep_vector(0, 1), 0, after_start, tolerance,
+      left = ode_bdf_tol(growing_strain_rhs, rep_vector(0, 1), 0, after_start, tolerance,
                            tolerance, max_num_steps, before, start_kelvin, varying, y_0, rate, place,
                            fixed, test, element);
     } else if (grows) {
-      solved = ode_bdf_tol(growing_strain_rhs, from, 0, after_start, tolerance, tolerance,
+      left = ode_bdf_tol(growing_strain_rhs, head(from, n_states), 0, after_start, tolerance, tolerance,
                            max_num_steps, before, start_kelvin, varying, y_0, rate, place, fixed, test,
                            element);
     } else if (!has_grains && at_rest) {
-      solved = ode_bdf_tol(stress_driven_rhs, rep_vector(0, n_states), 0, after_start,
+      left = ode_bdf_tol(stress_driven_rhs, rep_vector(0, n_states), 0, after_start,
                            tolerance, tolerance, max_num_steps, start[4], rep_vector(0, n_kelvin),
                            varying, y_0, rate, place, fixed, test, element);
     } else if (!has_grains && !solves_kelvin && !hardens) {
-      solved = ode_bdf_tol(stress_driven_rhs, rep_vector(0, 2), 0, after_start, tolerance,
+      left = ode_bdf_tol(stress_driven_rhs, rep_vector(0, 2), 0, after_start, tolerance,
                            tolerance, max_num_steps, start[4], start_kelvin, varying, y_0, rate,
                            place, fixed, test, element);
     } else {
-      solved = ode_bdf_tol(stress_driven_rhs, from, 0, after_start, tolerance, tolerance,
+      left = ode_bdf_tol(stress_driven_rhs, head(from, n_states), 0, after_start, tolerance, tolerance,
                            max_num_steps, start[4], start_kelvin, varying, y_0, rate, place, fixed, test, element);
+    }
+    for (i in 1 : n) {
+      solved[i] = solves_kelvin
+                  ? left[i]
+                  : append_row(left[i], linear_kelvin_strains(after_start[i], start_kelvin, y_0,
+                                                              rate, elements));
     }
   }
   for (i in 1 : n_at_start) {
@@ -308,23 +316,17 @@ matrix stress_driven_leg(row_vector start, data int at_rest, data array[] real t
   }
   for (i in 1 : n) {
     int at = n_at_start + i;
-    real t = after_start[i];
-    states[at, 1] = y_0 + rate * t;
-    if (n_summed(element) > 0) {
-      vector[n_kelvin] z = linear_kelvin_strains(t, start_kelvin, y_0, rate, elements);
-      states[at, 2] = dot_product(elements[ : , 2], z);
-      states[at, 7 : ] = to_row_vector(z);
-    } else {
-      states[at, 2] = solves_kelvin
-                      ? solved[i][3]
-                      : linear_kelvin_strain(t, start[2], y_0, rate, elements[1, 1]);
-    }
+    states[at, 1] = y_0 + rate * after_start[i];
+    states[at, 2] = kelvin_sum(tail(solved[i], n_kelvin), elements);
     states[at, 3] = start[3] + solved[i][1];
     states[at, 4] = grows
                     ? before + spring * states[at, 1] + kelvin * states[at, 2] + solved[i][1]
                     : start[4] + solved[i][2];
-    states[at, 5] = has_grains ? solved[i][n_states - hardens] : start[5];
-    states[at, 6] = hardens ? solved[i][n_states] : 0;
+    states[at, 5] = has_grains ? solved[i][3] : start[5];
+    states[at, 6] = hardens ? solved[i][n_others] : 0;
+    if (n_summed(element) > 0) {
+      states[at, 7 : ] = to_row_vector(tail(solved[i], n_kelvin));
+    }
   }
   return states;
 }
@@ -353,8 +355,8 @@ real stress_under_force(row_vector state, data real force, vector varying,
 /**
  * Right-hand side of a force-driven leg.
  *
- * @param state [s, z of each element, g], then u where the grain size follows a piezometer, then b
- *   where there is a backstress
+ * @param state [s, g], then u where the grain size follows a piezometer, b where there is a
+ *   backstress, and z of each element
  * @param force, rate f at the start, and r
  */
 vector force_driven_rhs(real t, vector state, vector varying, data real force, data real rate,
@@ -365,26 +367,26 @@ vector force_driven_rhs(real t, vector state, vector varying, data real force, d
   real spring = history_rate(h_spring_compliance(), varying, place, fixed);
   real area = exp(-test[c_strain_scale()] * state[1]); // the first one over that of now
   real y = (force + rate * t) * area;
-  int hardens = test[c_hardens()] > 0;
-  real u = test[c_piezometer()] > 0 ? state[n_states - hardens] : 1;
-  real b = hardens ? state[n_states] : 0;
-  real x_rate = history_dashpot_rate(y - b, state[n_kelvin + 2], u, varying, place, fixed, test);
+  int place_of_b = n_states - n_kelvin;
+  real u = test[c_piezometer()] > 0 ? state[3] : 1;
+  real b = test[c_hardens()] > 0 ? state[place_of_b] : 0;
+  real x_rate = history_dashpot_rate(y - b, state[2], u, varying, place, fixed, test);
   matrix[n_kelvin, 2] elements = history_elements(element, varying, place, fixed);
+  vector[n_kelvin] z_rates
+    = history_kelvin_rates(y, tail(state, n_kelvin), elements, varying, place, fixed, test);
   vector[n_states] slope;
-  slope[2 : n_kelvin + 1]
-    = history_kelvin_rates(y, segment(state, 2, n_kelvin), elements, varying, place, fixed, test);
+  slope[place_of_b + 1 : n_states] = z_rates;
   slope[1] = (spring * rate * area
               + history_rate(h_kelvin_compliance(), varying, place, fixed)
-                * dot_product(elements[ : , 2], slope[2 : n_kelvin + 1])
+                * dot_product(elements[ : , 2], z_rates)
               + x_rate)
              / (1 + test[c_strain_scale()] * spring * y);
-  slope[n_kelvin + 2] = magnitude(slope[1]);
+  slope[2] = magnitude(slope[1]);
   if (test[c_piezometer()] > 0) {
-    slope[n_states - hardens] = history_grain_growth(y, u, slope[n_kelvin + 2], varying, place,
-                                                     fixed, test);
+    slope[3] = history_grain_growth(y, u, slope[2], varying, place, fixed, test);
   }
-  if (hardens) {
-    slope[n_states] = history_backstress_rate(b, x_rate, varying, place, fixed);
+  if (test[c_hardens()] > 0) {
+    slope[place_of_b] = history_backstress_rate(b, x_rate, varying, place, fixed);
   }
   return slope;
 }
@@ -401,20 +403,20 @@ matrix force_driven_leg(row_vector start, data array[] real time, data real forc
                         data real tolerance, data int max_num_steps) {
   int has_grains = test[c_piezometer()] > 0;
   int n_kelvin = rows(element);
-  vector[n_kelvin] weight = history_elements(element, varying, place, fixed)[ : , 2];
+  matrix[n_kelvin, 2] elements = history_elements(element, varying, place, fixed);
   int n_at_start = first_after(time, 0) - 1;
   int n = size(time) + 1 - n_at_start;
   array[n] real after_start = append_array(time[n_at_start + 1 : ], {1.0});
   int hardens = test[c_hardens()] > 0;
   int n_states = n_kelvin + 2 + has_grains + hardens;
   vector[n_states] from = append_row(append_row(specimen_strain(start, varying, place, fixed),
-                                                kelvin_states(start, element)),
-                                     append_row(to_vector(segment(start, 4, 1 + has_grains)),
-                                                to_vector(segment(start, 6, hardens))));
+                                                to_vector(segment(start, 4, 1 + has_grains))),
+                                     append_row(to_vector(segment(start, 6, hardens)),
+                                                kelvin_states(start, element)));
   array[n] vector[n_states] solved
-    = fast_history_leg(2, {1, 2, has_grains ? 3 : -1, hardens ? n_states - 1 : -1},
-                       append_array(time[n_at_start + 1 : ], {1.0}), force, rate, from, 0, 0,
-                       varying, place, fixed, test, element, solver, tolerance);
+    = fast_history_leg(2, {1, has_grains ? 2 : -1, hardens ? 2 + has_grains : -1},
+                       append_array(time[n_at_start + 1 : ], {1.0}), force, rate, from, 0, elements,
+                       varying, place, fixed, test, solver, tolerance);
   matrix[size(time) + 1, num_elements(start)] states;
   if (is_nan(solved[1][1])) {
     solved = ode_bdf_tol(force_driven_rhs, from, 0, after_start, tolerance, tolerance,
@@ -427,14 +429,14 @@ matrix force_driven_leg(row_vector start, data array[] real time, data real forc
     int at = n_at_start + i;
     states[at] = start;
     states[at, 1] = (force + rate * after_start[i]) * exp(-test[c_strain_scale()] * solved[i][1]);
-    states[at, 2] = dot_product(weight, segment(solved[i], 2, n_kelvin));
+    states[at, 2] = kelvin_sum(tail(solved[i], n_kelvin), elements);
     states[at, 3] = 0;
     states[at, 3] = solved[i][1] - specimen_strain(states[at], varying, place, fixed);
     states[at, 4 : 4 + has_grains]
-      = to_row_vector(segment(solved[i], n_kelvin + 2, 1 + has_grains));
-    states[at, 6] = hardens ? solved[i][n_states] : 0;
+      = to_row_vector(segment(solved[i], 2, 1 + has_grains));
+    states[at, 6] = hardens ? solved[i][3 + has_grains] : 0;
     if (n_summed(element) > 0) {
-      states[at, 7 : ] = to_row_vector(segment(solved[i], 2, n_kelvin));
+      states[at, 7 : ] = to_row_vector(tail(solved[i], n_kelvin));
     }
   }
   return states;

@@ -272,6 +272,11 @@ vector linear_kelvin_strains(real t, vector start, real y_0, real r, matrix elem
 /** Number of z_k that a leg follows beside z: none where the Kelvin part is one element. */
 int n_summed(data matrix element) { return rows(element) > 1 ? rows(element) : 0; }
 
+/** z of the Kelvin part, from that of each element and history_elements(). */
+real kelvin_sum(vector z, matrix elements) {
+  return num_elements(z) == 1 ? z[1] : dot_product(elements[ : , 2], z);
+}
+
 /** z of each element of the Kelvin part at a row of states. */
 vector kelvin_states(row_vector state, data matrix element) {
   return rows(element) > 1 ? to_vector(state[7 : ]) : to_vector(state[2 : 2]);
@@ -341,39 +346,40 @@ real magnitude(real x) {
 }
 
 /**
- * States along a leg by radau_leg(); NaN if another solver is wanted, the Kelvin part is a sum of
- * elements, or the method does not converge.
+ * States along a leg by radau_leg(); NaN if another solver is wanted or the method does not converge.
  *
  * @param driven by strain 0, by stress 1, by force 2
- * @param state places of z, g, u and b among the states, from 0; -1: no state
+ * @param state places of g, u and b among the states, from 0; -1: no state
  * @param y_0, rate y or f at the start, and r
- * @param start_path, start_kelvin g and z at the start (solvers/radau_leg.stan)
+ * @param start states at the start, those of the elements last
+ * @param start_path g at the start (solvers/radau_leg.stan)
+ * @param elements of history_elements()
  */
 array[] vector fast_history_leg(data int driven, data array[] int state, data array[] real time,
                                 data real y_0, data real rate, vector start, real start_path,
-                                real start_kelvin, vector varying, data array[] int place,
-                                data vector fixed, data vector test, data matrix element,
-                                data int solver, data real tolerance) {
+                                matrix elements, vector varying, data array[] int place,
+                                data vector fixed, data vector test, data int solver,
+                                data real tolerance) {
   array[size(time)] vector[num_elements(start)] states;
-  if (solver == 1 && rows(element) == 1) {
+  if (solver == 1) {
     vector[num_elements(start)] from = start;
-    int hardens = state[4] >= 0;
-    vector[17 + 4 * hardens] argument;
+    int n_linear = test[c_kelvin_law()] == 0 ? rows(elements) : 0;
+    vector[20] argument;
     for (k in 1 : 13) {
       argument[k] = history_rate(k, varying, place, fixed);
     }
     argument[15] = history_rate(h_stress_scale(), varying, place, fixed);
     argument[14] = log(argument[15] / test[c_kelvin_reference()]);
-    argument[16 : 17] = [start_path, start_kelvin]';
-    for (k in 1 : 4 * hardens) {
-      argument[17 + k] = history_rate(h_hardening() + k - 1, varying, place, fixed);
+    argument[16] = start_path;
+    for (k in 1 : 4) {
+      argument[16 + k] = history_rate(h_hardening() + k - 1, varying, place, fixed);
     }
     return radau_leg({driven, place_of_dashpot_law(test[c_dashpot_law()]),
-                      place_of_kelvin_law(test[c_kelvin_law()]), state[1], state[2], state[3],
-                      state[4]},
+                      place_of_kelvin_law(test[c_kelvin_law()]), state[1], state[2], state[3]},
                      {y_0, rate, test[c_strain_scale()], test[c_piezometer()],
                       test[c_piezometer_exponent()], test[c_piezometer_stress_floor()]},
-                     time, tolerance, from, argument);
+                     time, tolerance, from,
+                     append_row(argument, head(to_vector(elements), 2 * n_linear)));
   }
   for (i in 1 : size(time)) {
     states[i] = rep_vector(not_a_number(), num_elements(start));

@@ -41,6 +41,8 @@ data {
   real temperature;
   real initial_grain_size;
   int kelvin_law;
+  int<lower=1> n_elements;
+  matrix[n_elements, 3] element;
   int<lower=1> n_outputs;
   matrix[n_sets, n_outputs] observed;
   matrix[n_sets, n_outputs] noise;
@@ -56,7 +58,6 @@ data {
   int solver;
 }
 transformed data {
-  matrix[1, 3] element = [[is_only_element(), 0, 1]];
   array[n_parameters()] int is_free = rep_array(0, n_parameters());
   for (k in free) {
     is_free[k] = 1;

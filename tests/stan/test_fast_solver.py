@@ -35,6 +35,9 @@ MAX_ERROR = 1e-3
 MAX_ABOVE = 0.02
 """Share of parameter sets with a larger error: thresholds that are reached, transients of 1e-9."""
 
+MAX_ELEMENTS = 5
+"""Of a Kelvin part, evenly spaced among all: each one more slows the tight solver much."""
+
 MAX_HANDED_OVER = 0.01
 """Share of parameter sets that the fast solver leaves to Stan's."""
 
@@ -61,6 +64,7 @@ LAWS: tuple[Mapping[str, str], ...] = (
     {"maxwell": "hyperbolic_sine"},
     {"maxwell": "threshold_stress"},
 )
+MANY_TIMES = ("two_elements", "extended", "andrade")
 HARDENING = {"hardening": "backstress"}
 # The first also says that there is a piezometer: at 5 MPa grains of 60 micrometres are wanted.
 PIEZOMETER = {
@@ -69,6 +73,8 @@ PIEZOMETER = {
     "piezometer_stress_floor": 1e5,
 }
 COMPLIANT = {"apparatus_compliance": 5e-11}
+# With an element of a time a millionth as long, the tight solver takes minutes for these.
+FASTER_ELEMENT = {"peak_time_decades": 1.5}
 CASES = (
     *(Case("data/ice/PIL40.toml", ICE, laws) for laws in LAWS),
     *(Case("data/dunite/dunite_4581.toml", DUNITE, laws) for laws in LAWS),
@@ -78,6 +84,24 @@ CASES = (
     *(
         Case("data/calibration/ice_mixed.toml", ICE, {**HARDENING, **laws}, PIEZOMETER | COMPLIANT)
         for laws in LAWS
+    ),
+    *(
+        Case(test, priors, {"kelvin": law})
+        for test, priors in (
+            ("data/dunite/dunite_4581.toml", DUNITE),
+            ("data/calibration/ice_creep.toml", ICE),
+            ("data/halite/halite_z3.toml", HALITE),
+        )
+        for law in MANY_TIMES
+    ),
+    *(
+        Case(
+            "data/calibration/ice_mixed.toml",
+            ICE,
+            {"kelvin": "two_elements", **laws},
+            FASTER_ELEMENT | PIEZOMETER | COMPLIANT,
+        )
+        for laws in ({}, HARDENING)
     ),
     Case("data/ice/PIL40.toml", ICE, constants=PIEZOMETER),
     Case("data/calibration/ice_mixed.toml", ICE, constants=COMPLIANT),
@@ -96,6 +120,7 @@ def values_data(case: Case, n_sets: int) -> StanData:
     free = [k for k, name in enumerate(NAMES) if np.ptp(drawn[:, k]) > 0 and "noise" not in name]
     time = data["output_time_in_leg"]
     is_strain = np.repeat([leg[0] > 0 for leg in data["leg"]], data["n_outputs_in_leg"])
+    elements = [data["element"][k] for k in some_places(data["n_elements"], MAX_ELEMENTS)]
     noise = [drawn[:, [NAMES.index(f"{name}_noise")]] for name in ("strain", "stress")]
     return {
         "n_sets": n_sets,
@@ -109,6 +134,8 @@ def values_data(case: Case, n_sets: int) -> StanData:
         "temperature": experiment.temperature,
         "initial_grain_size": experiment.initial_grain_size,
         "kelvin_law": data["kelvin_law"],
+        "n_elements": len(elements),
+        "element": elements,
         "n_outputs": len(time),
         "observed": np.zeros((n_sets, len(time))),
         "noise": np.where(is_strain, *noise),
@@ -120,6 +147,11 @@ def values_data(case: Case, n_sets: int) -> StanData:
         "leg": data["leg"],
         "n_in_leg": data["n_outputs_in_leg"],
     }
+
+
+def some_places(number: int, most: int) -> list[int]:
+    """Return places from 0 to the last, evenly spaced, at most `most`."""
+    return np.linspace(0, number - 1, min(number, most)).astype(int).tolist()
 
 
 def parameters_about(problem: Problem, constants: Mapping[str, float], n_sets: int) -> FloatArray:

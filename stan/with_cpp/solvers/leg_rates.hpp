@@ -4,11 +4,12 @@
  * Rates of the Burgers model along a leg, and their derivatives, for radau.hpp.
  *
  * The equations are those of kinds/loading_history_rates.stan and kinds/loading_history_legs.stan,
- * whose symbols and units are used here, with one Kelvin element; a test compares both.
+ * whose symbols and units are used here; a test compares both.
  *
  * Every part of the rates is a structure of its value and its partial derivatives. pull_back() of
  * the rates applies them in reverse.
  */
+#include "radau.hpp"
 #include <stan/math.hpp>
 #include <cmath>
 #include <vector>
@@ -20,7 +21,7 @@ enum Argument {
   log_dashpot_rate,
   stress_exponent,
   grain_size_exponent,
-  kelvin_decay,
+  kelvin_decay,     // of a power-law Kelvin element
   kelvin_compliance,
   spring_compliance,
   apparatus_compliance,
@@ -33,8 +34,7 @@ enum Argument {
   log_kelvin_unit,  // ln(S/q_0)
   stress_scale,     // S, Pa
   start_path,       // g at the start; where strain only grows, less what the load has stretched
-  start_kelvin,     // z at the start, where it is not a state
-  hardening,        // H e/S; this one and the others are given where there is a backstress
+  hardening,        // H e/S
   backstress_limit, // sigma_max/S
   recovery,         // D r
   recovery_exponent,
@@ -52,16 +52,19 @@ enum KelvinLaw { linear, kelvin_power_law };
 struct Leg {
   int driven;
   int dashpot_law, kelvin_law;
-  int z, g, u, b; // places among the states, -1: not solved for
+  int g, u, b; // places among the states, -1: no state
+  int z; // that of a power-law Kelvin element is the last state
   double y_0;  // y or f at the start
   double rate; // r
   double strain_scale;
   double piezometer, piezometer_exponent, piezometer_floor; // d_1/d_0, m, Pa
 
-  /** The entries are in the order above; without a backstress there may be none for b. */
-  Leg(const std::vector<int> &law, const std::vector<double> &known)
-      : driven(law[0]), dashpot_law(law[1]), kelvin_law(law[2]), z(law[3]), g(law[4]), u(law[5]), b(law.size() > 6 ? law[6] : -1), y_0(known[0]), rate(known[1]), strain_scale(known[2]), piezometer(known[3]),
-        piezometer_exponent(known[4]), piezometer_floor(known[5]) {}
+  /** The entries are in the order above. */
+  Leg(const std::vector<int> &law, const std::vector<double> &known, int n_states)
+      : driven(law[0]), dashpot_law(law[1]), kelvin_law(law[2]), g(law[3]), u(law[4]), b(law[5]),
+        z(kelvin_law == linear ? -1 : n_states - 1), y_0(known[0]), rate(known[1]),
+        strain_scale(known[2]), piezometer(known[3]), piezometer_exponent(known[4]),
+        piezometer_floor(known[5]) {}
 
   /** Whether these laws are known here. */
   bool is_known() const { return dashpot_law <= threshold && kelvin_law <= kelvin_power_law; }
@@ -156,16 +159,16 @@ struct Backstress {
   }
 };
 
-/** dz/dt of the Kelvin element under the driving stress q. */
+/** dz/dt of a power-law Kelvin element under the driving stress q. */
 struct Kelvin {
   double rate, by_stress, by_decay, by_exponent, by_log_unit;
 
-  void set(double q, int law, const double *x) {
+  void set(double q, const double *x) {
     const double decay = x[kelvin_decay];
     by_decay = q;
     by_stress = decay;
     by_exponent = by_log_unit = 0;
-    if (law == kelvin_power_law && q != 0) {
+    if (q != 0) {
       const double exponent = x[kelvin_exponent];
       const double log_ratio = std::log(std::fabs(q)) + x[log_kelvin_unit];
       by_decay = q * std::exp((exponent - 1) * log_ratio);
@@ -192,10 +195,7 @@ struct Piezometer {
   }
 };
 
-/**
- * Rates of a leg with N states, in the order of kinds/loading_history_legs.stan: y, z, u, b, g where
- * strain is imposed; x, g, z, u, b under a stress; s, z, g, u, b under a force.
- */
+/** Rates of a leg with N states, in the order of kinds/loading_history_legs.stan. */
 template <int N>
 class LegRates {
  public:
@@ -203,8 +203,7 @@ class LegRates {
 
   struct Point {
     double t, state[N], rate[N];
-    double y, z, path, u, b, area;
-    double z_by_decay, z_by_start; // where it is not a state
+    double y, y_slope, z, z_rate, path, u, b, area;
     double path_rate, sign, denominator;
     Relative fabric, grains;
     Flow flow;
@@ -213,36 +212,38 @@ class LegRates {
     Piezometer wanted;
   };
 
-  LegRates(const Leg &leg, const Eigen::VectorXd &arguments) : leg_(leg), x_{} {
-    std::copy_n(arguments.data(), arguments.size(), x_);
-  }
+  /** The arguments are not copied. */
+  LegRates(const Leg &leg, const double *arguments) : leg_(leg), x_(arguments) {}
 
   void prepare(Point &p) const {
     p.u = 1;
     p.b = 0;
     p.area = 1;
-    p.z_by_decay = p.z_by_start = 0;
-    if (leg_.driven == by_stress) {
-      p.y = leg_.y_0 + leg_.rate * p.t;
-    }
-    if (leg_.z < 0) {
-      set_linear_kelvin_strain(p);
-    }
     if (leg_.path_is_known()) {
       p.path = x_[start_path] + std::fabs(leg_.rate) * p.t;
       set_microstructure(p);
     }
   }
 
-  void evaluate(Point &p) const {
+  void drive(Point &p) const {
+    p.y_slope = 0;
     if (leg_.driven == by_strain) {
       p.y = p.state[0];
-    } else if (leg_.driven == by_force) {
-      p.area = std::exp(-leg_.strain_scale * p.state[0]);
-      p.y = (leg_.y_0 + leg_.rate * p.t) * p.area;
+      p.y_slope = 1;
+    } else {
+      p.y = leg_.y_0 + leg_.rate * p.t;
+      if (leg_.driven == by_force) {
+        p.area = std::exp(-leg_.strain_scale * p.state[0]);
+        p.y *= p.area;
+        p.y_slope = -leg_.strain_scale * p.y;
+      }
     }
+  }
+
+  void evaluate(Point &p) const {
     if (leg_.z >= 0) {
-      p.z = p.state[leg_.z];
+      p.kelvin.set(p.y - p.state[leg_.z], x_);
+      p.z_rate = p.kelvin.rate;
     }
     if (leg_.b >= 0) {
       p.b = p.state[leg_.b];
@@ -258,10 +259,9 @@ class LegRates {
                                     : p.state[leg_.g];
       set_microstructure(p);
     }
-    p.kelvin.set(p.y - p.z, leg_.kelvin_law, x_);
     p.flow.set(p.y - p.b, p.fabric.log, leg_.u >= 0 ? std::log(p.u) : p.grains.log,
                leg_.dashpot_law, x_);
-    const double inelastic = x_[kelvin_compliance] * p.kelvin.rate + p.flow.rate;
+    const double inelastic = x_[kelvin_compliance] * p.z_rate + p.flow.rate;
     double strain_rate;
     if (leg_.driven == by_strain) {
       p.denominator = x_[spring_compliance] + x_[apparatus_compliance];
@@ -278,7 +278,7 @@ class LegRates {
     p.sign = strain_rate < 0 ? -1 : (strain_rate > 0 ? 1 : 0);
     p.path_rate = p.sign * strain_rate;
     if (leg_.z >= 0) {
-      p.rate[leg_.z] = p.kelvin.rate;
+      p.rate[leg_.z] = p.z_rate;
     }
     if (leg_.g >= 0) {
       p.rate[leg_.g] = p.path_rate;
@@ -293,8 +293,9 @@ class LegRates {
   }
 
   template <bool args>
-  void pull_back(const Point &p, const double *by_rate, double *by_state, double *by_x) const {
-    double y = 0, u = 0, z = 0, area = 0; // adjoints
+  void pull_back(const Point &p, const double *by_rate, Adjoint<N> &adjoint, double *by_x) const {
+    double *by_state = adjoint.state;
+    double y = 0, u = 0, area = 0; // adjoints
     double kelvin_rate = leg_.z >= 0 ? by_rate[leg_.z] : 0;
     double path_rate = leg_.g >= 0 ? by_rate[leg_.g] : 0;
     if (leg_.u >= 0) {
@@ -348,18 +349,25 @@ class LegRates {
     const double log_fabric = flow_rate * p.flow.by_log_fabric;
     const double log_grain_size = -flow_rate * p.flow.rate * x_[grain_size_exponent];
     double path = log_fabric * p.fabric.by_path;
-    y += flow_rate * p.flow.by_stress + kelvin_rate * p.kelvin.by_stress;
-    z -= kelvin_rate * p.kelvin.by_stress;
+    y += flow_rate * p.flow.by_stress;
+    if (leg_.z >= 0) {
+      y += kelvin_rate * p.kelvin.by_stress;
+      by_state[leg_.z] -= kelvin_rate * p.kelvin.by_stress;
+      if (args) {
+        by_x[kelvin_decay] += kelvin_rate * p.kelvin.by_decay;
+        by_x[kelvin_exponent] += kelvin_rate * p.kelvin.by_exponent;
+        by_x[log_kelvin_unit] += kelvin_rate * p.kelvin.by_log_unit;
+      }
+    } else {
+      adjoint.z_rate += kelvin_rate;
+    }
     if (leg_.u >= 0) {
       u += log_grain_size / p.u;
     } else {
       path += log_grain_size * p.grains.by_path;
     }
     if (args) {
-      by_x[kelvin_compliance] += inelastic * p.kelvin.rate;
-      by_x[kelvin_decay] += kelvin_rate * p.kelvin.by_decay;
-      by_x[kelvin_exponent] += kelvin_rate * p.kelvin.by_exponent;
-      by_x[log_kelvin_unit] += kelvin_rate * p.kelvin.by_log_unit;
+      by_x[kelvin_compliance] += inelastic * p.z_rate;
       by_x[log_dashpot_rate] += flow_rate * p.flow.rate;
       by_x[stress_exponent] += flow_rate * p.flow.rate * p.flow.log_strength;
       by_x[grain_size_exponent]
@@ -375,19 +383,13 @@ class LegRates {
     }
     if (leg_.strain_grows()) {
       by_state[0] += path;
-      z += path * x_[kelvin_compliance];
+      adjoint.z += path * x_[kelvin_compliance];
       if (args) {
         by_x[spring_compliance] += path * p.y;
         by_x[kelvin_compliance] += path * p.z;
       }
     } else if (leg_.g >= 0) {
       by_state[leg_.g] += path;
-    }
-    if (leg_.z >= 0) {
-      by_state[leg_.z] += z;
-    } else if (args) {
-      by_x[kelvin_decay] += z * p.z_by_decay;
-      by_x[start_kelvin] += z * p.z_by_start;
     }
     if (leg_.u >= 0) {
       by_state[leg_.u] += u;
@@ -401,24 +403,13 @@ class LegRates {
 
  private:
   Leg leg_;
-  double x_[n_arguments];
+  const double *x_;
 
   void set_microstructure(Point &p) const {
     p.fabric.set(p.path, x_[fabric_deficit], x_[fabric_decay]);
     if (leg_.u < 0) {
       p.grains.set(p.path, x_[grain_size_deficit], x_[grain_size_decay]);
     }
-  }
-
-  /** z of a linear element under y = y_0 + r t: linear_kelvin_strain(). */
-  void set_linear_kelvin_strain(Point &p) const {
-    const double decay = x_[kelvin_decay], r = leg_.rate;
-    const double gone = -std::expm1(-decay * p.t);
-    const double gone_by_decay = p.t * (1 - gone);
-    p.z = x_[start_kelvin] + (leg_.y_0 - x_[start_kelvin]) * gone + r * (p.t - gone / decay);
-    p.z_by_start = 1 - gone;
-    p.z_by_decay = (leg_.y_0 - x_[start_kelvin]) * gone_by_decay
-                   + r * (gone / decay - gone_by_decay) / decay;
   }
 };
 

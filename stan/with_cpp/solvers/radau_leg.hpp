@@ -16,20 +16,40 @@ std::vector<Eigen::Matrix<T, -1, 1>> without_solution(std::size_t n_times, int n
   return std::vector<Eigen::Matrix<T, -1, 1>>(n_times, Eigen::VectorXd::Constant(n_states, nan));
 }
 
+/** What is solved along a leg, given its arguments, which have to outlive it. */
+template <int N>
+Trajectory<LegRates<N>> trajectory_of(const Leg &leg, int n_elements, double tolerance,
+                                      const double *argument) {
+  const double *decay = argument + n_arguments;
+  return {{leg, argument}, {n_elements, decay, decay + n_elements}, tolerance};
+}
+
 /** States at each time; NaN if there is no solution. */
 template <int N>
 Outputs solve_leg(const Leg &leg, const std::vector<double> &time, double tolerance,
                   const Eigen::VectorXd &start, const Eigen::VectorXd &argument) {
-  const Trajectory<LegRates<N>> trajectory({leg, argument}, tolerance);
-  std::vector<Step<LegRates<N>>> steps;
-  steps.reserve(time.size() + 16);
+  const int n_elements = start.size() - N;
+  const auto trajectory = trajectory_of<N>(leg, n_elements, tolerance, argument.data());
+  Steps<LegRates<N>, std::allocator> steps(time.size() + 16, n_elements);
   Outputs states;
   const bool solved = trajectory.solve(
-      start, time, steps,
-      [&](const typename Trajectory<LegRates<N>>::State &state, std::size_t) {
-        states.push_back(state);
+      start.head<N>(), {start.data() + N, start.data() + start.size()}, time, steps,
+      [&](const typename Trajectory<LegRates<N>>::State &state, const double *z, std::size_t) {
+        Eigen::VectorXd value(start.size());
+        value << state, Eigen::Map<const Eigen::VectorXd>(z, n_elements);
+        states.push_back(value);
       });
-  return solved ? states : without_solution<double>(time.size(), N);
+  return solved ? states : without_solution<double>(time.size(), start.size());
+}
+
+/** Pointers to numbers of Stan, in its arena. */
+inline stan::math::vari **varis(const stan::math::vector_v &x) {
+  auto **found = stan::math::ChainableStack::instance_->memalloc_.alloc_array<stan::math::vari *>(
+      x.size());
+  for (int k = 0; k < x.size(); ++k) {
+    found[k] = x[k].vi_;
+  }
+  return found;
 }
 
 /** The same with derivatives by the start and the arguments. */
@@ -40,55 +60,53 @@ std::vector<stan::math::vector_v> solve_leg(const Leg &leg, const std::vector<do
                                             const stan::math::vector_v &argument) {
   using stan::math::vari;
   using Rates = LegRates<N>;
-  using State = typename Trajectory<Rates>::State;
-  const State start_value = start.val();
-  const Eigen::VectorXd argument_value = argument.val();
-  const Trajectory<Rates> trajectory({leg, argument_value}, tolerance);
   // In the arena, which Stan frees; the callback below holds pointers alone.
-  std::vector<Step<Rates>, stan::math::arena_allocator<Step<Rates>>> steps;
-  steps.reserve(time.size() + 16);
   auto &memory = stan::math::ChainableStack::instance_->memalloc_;
+  const int n_all = start.size(), n_elements = n_all - N, n_given = argument.size();
   const std::size_t n_times = time.size();
-  vari **output = memory.alloc_array<vari *>(n_times * N);
+  double *argument_value = memory.alloc_array<double>(n_given);
+  Eigen::Map<Eigen::VectorXd>(argument_value, n_given) = argument.val();
+  const auto trajectory = trajectory_of<N>(leg, n_elements, tolerance, argument_value);
+  Steps<Rates, stan::math::arena_allocator> steps(n_times + 16, n_elements);
+  vari **output = memory.alloc_array<vari *>(n_times * n_all);
   std::size_t *n_steps = memory.alloc_array<std::size_t>(n_times);
   std::vector<stan::math::vector_v> states;
-  const bool solved
-      = trajectory.solve(start_value, time, steps, [&](const State &state, std::size_t n) {
-          n_steps[states.size()] = n;
-          stan::math::vector_v value(N);
-          for (int a = 0; a < N; ++a) {
-            output[states.size() * N + a] = new vari(state[a], false);
-            value[a] = output[states.size() * N + a];
-          }
-          states.push_back(value);
-        });
+  const Eigen::VectorXd from = start.val();
+  const bool solved = trajectory.solve(
+      from.head<N>(), {from.data() + N, from.data() + n_all}, time, steps,
+      [&](const typename Trajectory<Rates>::State &state, const double *z, std::size_t n) {
+        n_steps[states.size()] = n;
+        vari **found = output + states.size() * n_all;
+        stan::math::vector_v value(n_all);
+        for (int a = 0; a < n_all; ++a) {
+          found[a] = new vari(a < N ? state[a] : z[a - N], false);
+          value[a] = found[a];
+        }
+        states.push_back(value);
+      });
   if (!solved) {
-    return without_solution<stan::math::var>(n_times, N);
+    return without_solution<stan::math::var>(n_times, n_all);
   }
-  const int n_given = argument.size();
-  vari **input = memory.alloc_array<vari *>(N + n_given);
-  for (int a = 0; a < N; ++a) {
-    input[a] = start[a].vi_;
-  }
-  for (int k = 0; k < n_given; ++k) {
-    input[N + k] = argument[k].vi_;
-  }
-  const Step<Rates> *step = steps.data();
+  vari **from_vari = varis(start), **given = varis(argument);
+  const Step<Rates> *step = steps.taken.data();
+  const double *z = steps.z.data();
   stan::math::reverse_pass_callback([=]() {
-    double by_state[N] = {}, by_argument[n_arguments] = {};
+    std::vector<double> by_state(n_all), by_argument(n_given);
+    double *by_decay = by_argument.data() + n_arguments;
     for (std::size_t i = n_times; i-- > 0;) {
-      for (int a = 0; a < N; ++a) {
-        by_state[a] += output[i * N + a]->adj_;
+      for (int a = 0; a < n_all; ++a) {
+        by_state[a] += output[i * n_all + a]->adj_;
       }
       for (std::size_t k = n_steps[i], before = i > 0 ? n_steps[i - 1] : 0; k-- > before;) {
-        trajectory.pull_back(step[k], by_state, by_argument);
+        trajectory.pull_back(step[k], z + k * n_elements, by_state.data(), by_state.data() + N,
+                             by_argument.data(), by_decay, by_decay + n_elements);
       }
     }
-    for (int a = 0; a < N; ++a) {
-      input[a]->adj_ += by_state[a];
+    for (int a = 0; a < n_all; ++a) {
+      from_vari[a]->adj_ += by_state[a];
     }
     for (int k = 0; k < n_given; ++k) {
-      input[N + k]->adj_ += by_argument[k];
+      given[k]->adj_ += by_argument[k];
     }
   });
   return states;
@@ -103,9 +121,10 @@ std::vector<Eigen::Matrix<stan::promote_args_t<T_start, T_argument>, -1, 1>> rad
     std::ostream *) {
   using Vector = Eigen::Matrix<stan::promote_args_t<T_start, T_argument>, -1, 1>;
   const Vector from = start, with = argument;
-  const Leg leg(law, known);
-  const int n_states = leg.is_known() ? start.size() : 0;
-  switch (n_states) {
+  const int n_elements = (argument.size() - n_arguments) / 2;
+  const int n_states = start.size() - n_elements;
+  const Leg leg(law, known, n_states);
+  switch (leg.is_known() ? n_states : 0) {
     case 1:
       return solve_leg<1>(leg, time, tolerance, from, with);
     case 2:

@@ -172,7 +172,7 @@ def place_text(likelihood: Likelihood[Any], along: xr.Dataset, first: int, last:
     return f"{clock.name} {span} {clock.display_unit}"
 
 
-def points_of_segment(leftover: Leftover, number: int) -> tuple[npt.NDArray[np.int64], str]:
+def points_of_segment(leftover: Leftover, number: int) -> tuple[IntArray, str]:
     """Return the readings of a segment by its place among the segments, and where they lie."""
     segments = np.unique(leftover.segment)
     points = np.flatnonzero(leftover.segment == segments[number])

@@ -151,7 +151,7 @@ def values_data(case: Case, n_sets: int) -> StanData:
 
 def some_places(number: int, most: int) -> list[int]:
     """Return places from 0 to the last, evenly spaced, at most `most`."""
-    return np.linspace(0, number - 1, min(number, most)).astype(int).tolist()
+    return [int(place) for place in np.linspace(0, number - 1, min(number, most))]
 
 
 def parameters_about(problem: Problem, constants: Mapping[str, float], n_sets: int) -> FloatArray:

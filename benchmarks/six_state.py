@@ -21,7 +21,7 @@ import numpy.typing as npt
 from chain_files import read_chain
 from processes import Cost, run_together
 
-from pyburgers.cmdstan.program import compile_program
+from pyburgers.cmdstan.compilation import compile_program
 from pyburgers.common.messages import messages_to
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment

@@ -29,7 +29,8 @@ from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 from truth_as_mode import at_truth
 
-from pyburgers.cmdstan.program import compile_program, load_program
+from pyburgers.cmdstan.compilation import compile_program
+from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.processes import cores
 from pyburgers.common.tasks import Workers

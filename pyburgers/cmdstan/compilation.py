@@ -12,30 +12,24 @@ import os
 import platform
 import re
 import shutil
-import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import platformdirs
 
+from pyburgers.cmdstan.installation import ensure_cmdstan
 from pyburgers.cmdstan.toolchain import (
-    MAKE_TAKES,
     MissingToolError,
     Toolchain,
     chosen_folder,
     cmdstan_version,
     compile_flags,
-    last_lines,
-    run_tool,
+    folder_for_make,
     stan_directory,
     toolchain,
 )
-from pyburgers.common.atomic_files import (
-    sha256_of_file,
-    sha256_of_json,
-    write_json,
-)
+from pyburgers.common.atomic_files import sha256_of_file, sha256_of_json
 from pyburgers.common.errors import ToolchainError
 from pyburgers.common.locks import process_lock
 from pyburgers.common.scratch import scratch_folder
@@ -51,7 +45,6 @@ the same name outside the folder has a body in Stan.
 """
 
 _INCLUDE = re.compile(r"""^[ \t]*\#include[ \t]+["<]?([^"<>\s]+)""", re.MULTILINE)
-_NAMESPACE = re.compile(r"^namespace \w+_model_namespace \{\n", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -66,6 +59,11 @@ class _Sources:
     included: Mapping[str, str]
     declared: Mapping[str, str]
     headers: Mapping[str, str]
+
+    @property
+    def texts(self) -> dict[str, str]:
+        """Texts of the files that are compiled, by their names."""
+        return {**self.included, **self.declared, **self.headers, self.name: self.text}
 
     def without_cpp(self) -> "_Sources":
         """Return the sources whose functions all have bodies in Stan."""
@@ -154,8 +152,13 @@ def _recipe(sources: _Sources, tools: Toolchain) -> str:
     )
 
 
-def compile_with(cmdstan: Path, program: Path) -> Path:
-    """Return the executable of a Stan program, as `pyburgers.cmdstan.program.compile_program`."""
+def compile_program(program: Path) -> Path:
+    """Return the executable of a Stan program; compile it unless it is in the cache.
+
+    Raises ToolchainError if CmdStan cannot be had, the program is wrong or the compiler fails; the
+    message ends with what stanc or the compiler said.
+    """
+    cmdstan = ensure_cmdstan()
     sources = _read_sources(program, stan_directory())
     try:
         tools = toolchain(cmdstan)
@@ -244,9 +247,11 @@ def _build(sources: _Sources, tools: Toolchain, executable: Path) -> None:
     )
     own_key = _sources_key(sources, tools.cmdstan_path)
     # Not in the cache folder, whose path may hold spaces, which make cannot handle.
-    with scratch_folder(_folder_for_make()) as scratch:
+    with scratch_folder(folder_for_make()) as scratch:
         try:
-            program = _compile(sources, tools, scratch / "program")
+            program = tools.compile(
+                sources.name, sources.texts, sources.declared, scratch / "program"
+            )
         except ToolchainError as error:
             if not sources.headers:
                 raise
@@ -255,7 +260,7 @@ def _build(sources: _Sources, tools: Toolchain, executable: Path) -> None:
                 f"longer: {error}"
             )
             sources = sources.without_cpp()
-            program = _compile(sources, tools, scratch / "without_cpp")
+            program = tools.compile(sources.name, sources.texts, (), scratch / "without_cpp")
         partial = executable.with_name(f".{executable.name}.partial")
         try:
             shutil.copy2(program, partial)
@@ -265,78 +270,7 @@ def _build(sources: _Sources, tools: Toolchain, executable: Path) -> None:
                 recipe=_recipe(sources, tools),
                 has_cpp=bool(sources.headers),
             )
-            write_json(_record_file(executable), record.model_dump())
+            _record_file(executable).write_text(record.model_dump_json(), encoding="utf-8")
             partial.replace(executable)
         finally:
             partial.unlink(missing_ok=True)
-
-
-def _compile(sources: _Sources, tools: Toolchain, folder: Path) -> Path:
-    """Compile a program in a new folder and return the executable there."""
-    program = folder / sources.name
-    texts = {**sources.included, **sources.declared, **sources.headers, sources.name: sources.text}
-    for name, text in texts.items():
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    _translate(program, tools, sources.declared)
-    make = run_tool(["make", program.with_suffix("")], cwd=tools.cmdstan_path)
-    if make.returncode != 0:
-        raise ToolchainError(
-            f"{sources.name} could not be compiled with CmdStan {tools.cmdstan_version} and "
-            f"{tools.compiler}; make's last lines:\n{last_lines(make.stdout)}"
-        )
-    return program.with_suffix("")
-
-
-def _folder_for_make() -> Path:
-    """Return a folder for temporary files whose path make and its shell take as it is.
-
-    Raises ToolchainError if there is none.
-    """
-    usual = Path(tempfile.gettempdir())
-    for folder in (usual, Path("/tmp"), Path("/var/tmp")):
-        if MAKE_TAKES.fullmatch(str(folder)) and os.access(folder, os.W_OK | os.X_OK):
-            return folder
-    raise ToolchainError(
-        f"The folder of temporary files {str(usual)!r} has a path that make cannot take; set the "
-        "environment variable TMPDIR to a path of letters, digits and any of . / _ @ + , - alone."
-    )
-
-
-def _translate(program: Path, tools: Toolchain, declared: Iterable[str]) -> None:
-    """Translate a Stan program to C++, beside it, with the headers of declared functions.
-
-    Neither make nor cmdstanpy does this: their messages would name temporary paths, and
-    cmdstanpy changes the working directory, so it cannot compile in several threads.
-    """
-    headers = [Path(name).with_suffix(".hpp") for name in declared]
-    stanc = run_tool(
-        [
-            *(tools.cmdstan_path / "bin" / "stanc", "--include-paths=."),
-            *(["--allow-undefined"] if headers else []),
-            *(f"--o={program.stem}.hpp", program.name),
-        ],
-        cwd=program.parent,
-    )
-    said = stanc.stdout.strip()
-    if stanc.returncode != 0:
-        raise ToolchainError(
-            f"stanc {tools.cmdstan_version} does not accept {program.name}:\n{said}"
-        )
-    if said:
-        logger.info(f"stanc on {program.name}: {said}")
-    if headers:
-        _with_headers(program.with_suffix(".hpp"), headers)
-
-
-def _with_headers(translated: Path, headers: Sequence[Path]) -> None:
-    """Have a translated program include headers, and find their functions in its namespace.
-
-    CmdStan's USER_HEADER would come ahead of its precompiled header, which is of no use then.
-    """
-    text = translated.read_text(encoding="utf-8")
-    included = "".join(f'#include "{translated.parent / header}"\n' for header in headers)
-    found = "".join(f"using burgers::{header.stem};\n" for header in headers)
-    text = _NAMESPACE.sub(lambda line: f"{included}{line[0]}{found}", text, count=1)
-    translated.write_text(text, encoding="utf-8")

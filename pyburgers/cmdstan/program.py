@@ -17,25 +17,13 @@ import numpy.typing as npt
 import pandas as pd
 from cmdstanpy import write_stan_json
 
-from pyburgers.cmdstan.compilation import compile_with, executable_path, recorded
+from pyburgers.cmdstan.compilation import compile_program, recorded
 from pyburgers.cmdstan.draw_files import Draws, read_draws, rows_of_draws
-from pyburgers.cmdstan.installation import ensure_cmdstan
 from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import SamplingError
 from pyburgers.common.processes import Running, cores, side_by_side, start
 from pyburgers.common.scratch import scratch_folder
-
-__all__ = [
-    "Density",
-    "Ending",
-    "ModeNotFound",
-    "Program",
-    "Unsolved",
-    "compile_program",
-    "executable_path",
-    "load_program",
-]
 
 ALL_DIGITS = 17
 """Enough to read the same number back."""
@@ -65,15 +53,6 @@ class Unsolved(SamplingError):  # noqa: N818 - an outcome, at some points
 
 class ModeNotFound(Exception):  # noqa: N818 - an outcome with a reason, not an error
     """The optimiser failed; the message says how."""
-
-
-def compile_program(program: Path) -> Path:
-    """Return the executable of a Stan program; compile it unless it is in the cache.
-
-    Raises ToolchainError if CmdStan cannot be had, the program is wrong or the compiler fails; the
-    message ends with what stanc or the compiler said.
-    """
-    return compile_with(ensure_cmdstan(), program)
 
 
 def load_program(source: Path) -> "Program":

@@ -1,12 +1,14 @@
 """The tools that turn a Stan program into an executable: CmdStan, a C++ compiler and make."""
 
+import logging
 import os
 import platform
 import re
 import shlex
 import shutil
 import subprocess
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +16,8 @@ from pyburgers.common.errors import ToolchainError
 from pyburgers.common.paths import shipped_folder
 from pyburgers.common.processes import start
 from pyburgers.common.scratch import scratch_folder
+
+logger = logging.getLogger(__name__)
 
 MINIMUM_VERSION = (2, 27)
 """The oldest CmdStan that compiles the Stan programs."""
@@ -30,6 +34,7 @@ HOW_TO_GET_TOOLS = (
 _MAKE_VARIABLES = frozenset({"MAKEFLAGS", "MFLAGS", "MAKEOVERRIDES", "MAKELEVEL"})
 # Read by CmdStan's makefiles from the environment.
 _COMPILER_VARIABLES = ("CXX", "CXXFLAGS", "CPPFLAGS", "LDFLAGS", "LDLIBS", "O")
+_NAMESPACE = re.compile(r"^namespace \w+_model_namespace \{\n", re.MULTILINE)
 _VERSION = re.compile(r"^CMDSTAN_VERSION\s*:=\s*((\d+)\.(\d+)\.(\d+)(?:-rc(\d+))?)", re.MULTILINE)
 
 
@@ -52,6 +57,58 @@ class Toolchain:
     compiler: str
     make: str
     compile_flags: tuple[str, ...]
+
+    def compile(
+        self, name: str, texts: Mapping[str, str], declared: Iterable[str], folder: Path
+    ) -> Path:
+        """Compile a program in a new folder and return the executable there.
+
+        `name` is that of the program among the `texts` of files; those of the names `declared`
+        declare functions that have their bodies in headers beside them.
+
+        Neither make alone nor cmdstanpy does this: their messages would name temporary paths, and
+        cmdstanpy changes the working directory, so it cannot compile in several threads.
+        """
+        for file, text in texts.items():
+            path = folder / file
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+        program = folder / name
+        headers = [Path(file).with_suffix(".hpp") for file in declared]
+        stanc = run_tool(
+            [
+                *(self.cmdstan_path / "bin" / "stanc", "--include-paths=."),
+                *(["--allow-undefined"] if headers else []),
+                *(f"--o={program.stem}.hpp", name),
+            ],
+            cwd=folder,
+        )
+        said = stanc.stdout.strip()
+        if stanc.returncode != 0:
+            raise ToolchainError(f"stanc {self.cmdstan_version} does not accept {name}:\n{said}")
+        if said:
+            logger.info(f"stanc on {name}: {said}")
+        if headers:
+            _include_headers(program.with_suffix(".hpp"), headers)
+        make = run_tool(["make", program.with_suffix("")], cwd=self.cmdstan_path)
+        if make.returncode != 0:
+            raise ToolchainError(
+                f"{name} could not be compiled with CmdStan {self.cmdstan_version} and "
+                f"{self.compiler}; make's last lines:\n{last_lines(make.stdout)}"
+            )
+        return program.with_suffix("")
+
+
+def _include_headers(translated: Path, headers: Sequence[Path]) -> None:
+    """Have a translated program include headers, and find their functions in its namespace.
+
+    CmdStan's USER_HEADER would come ahead of its precompiled header, which is of no use then.
+    """
+    text = translated.read_text(encoding="utf-8")
+    included = "".join(f'#include "{translated.parent / header}"\n' for header in headers)
+    found = "".join(f"using burgers::{header.stem};\n" for header in headers)
+    text = _NAMESPACE.sub(lambda line: f"{included}{line[0]}{found}", text, count=1)
+    translated.write_text(text, encoding="utf-8")
 
 
 def stan_directory() -> Path:
@@ -195,6 +252,21 @@ def toolchain(cmdstan: Path) -> Toolchain:
 def compile_flags(cmdstan: Path) -> tuple[str, ...]:
     """Return the settings of `Toolchain.compile_flags`."""
     return (*_environment_flags(), *_make_settings(cmdstan))
+
+
+def folder_for_make() -> Path:
+    """Return a folder for temporary files whose path make and its shell take as it is.
+
+    Raises ToolchainError if there is none.
+    """
+    usual = Path(tempfile.gettempdir())
+    for folder in (usual, Path("/tmp"), Path("/var/tmp")):
+        if MAKE_TAKES.fullmatch(str(folder)) and os.access(folder, os.W_OK | os.X_OK):
+            return folder
+    raise ToolchainError(
+        f"The folder of temporary files {str(usual)!r} has a path that make cannot take; set the "
+        "environment variable TMPDIR to a path of letters, digits and any of . / _ @ + , - alone."
+    )
 
 
 def run_tool(

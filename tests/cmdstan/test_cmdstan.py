@@ -24,14 +24,13 @@ from fake_cmdstan import BUILD, release_archive
 from killing import make_old
 
 from pyburgers.cmdstan import installation as cmdstan_installation
-from pyburgers.cmdstan.compilation import cache_directory, program_key
+from pyburgers.cmdstan.compilation import cache_directory, compile_program, program_key
 from pyburgers.cmdstan.draw_files import adaptation_of, read_draws
 from pyburgers.cmdstan.installation import install_cmdstan
 from pyburgers.cmdstan.program import (
     Density,
     Program,
     Unsolved,
-    compile_program,
     load_program,
 )
 from pyburgers.cmdstan.toolchain import (
@@ -706,7 +705,7 @@ class TestCompile:
         program.write_text(TINY)
         script = (
             "import logging, sys; from pathlib import Path\n"
-            "from pyburgers.cmdstan.program import compile_program\n"
+            "from pyburgers.cmdstan.compilation import compile_program\n"
             "logging.basicConfig(level=logging.INFO, stream=sys.stdout)\n"
             "compile_program(Path(sys.argv[1]))"
         )

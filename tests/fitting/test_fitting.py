@@ -19,8 +19,8 @@ from conftest import SMALL_RUN, Problem
 from log_density import Program
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
+from pyburgers.cmdstan.compilation import compile_program
 from pyburgers.cmdstan.draw_files import read_draws
-from pyburgers.cmdstan.program import compile_program
 from pyburgers.common.atomic_files import sha256_of_file
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, fit

@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pyburgers.cmdstan.program import ALL_DIGITS, compile_program
+from pyburgers.cmdstan.compilation import compile_program
+from pyburgers.cmdstan.program import ALL_DIGITS
 from pyburgers.cmdstan.program import Program as CompiledProgram
 from pyburgers.common.array_types import FloatArray
 from pyburgers.kinds.stan_data import StanData

@@ -1,13 +1,12 @@
-"""Columns of numbers in text files: read in SI units as a TOML file describes them, and written."""
+"""Columns of numbers in text files: read in SI units as a TOML file describes them."""
 
 import math
 import os
 import re
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -16,7 +15,6 @@ from pydantic import Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
 from pyburgers.common.array_types import BoolArray, FloatArray
-from pyburgers.common.atomic_files import write_text
 from pyburgers.common.cells import number_in
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
@@ -369,38 +367,3 @@ def _column(
     if sentences:
         raise InputError(*sentences)
     return np.array(values)
-
-
-WRITTEN_LAYOUT = MappingProxyType({"separator": ",", "header": True, "missing": []})
-"""Keys of a table [data] that describe what `columns_text` returns."""
-
-
-def data_files(
-    data: Mapping[str, Any] | None,
-) -> tuple[dict[str, Any] | None, dict[str, str]]:
-    """Return a table [data] that names files for columns in memory, and their texts by name."""
-    if data is None:
-        return None, {}
-    named: dict[str, Any] = {**data, **WRITTEN_LAYOUT}
-    texts = {}
-    for key, columns in data.items():
-        if isinstance(columns, Mapping):
-            named[key] = f"experiment_{key}".removesuffix("_file") + ".csv"
-            texts[named[key]] = columns_text(columns)
-    return named, texts
-
-
-def columns_text(columns: Mapping[str, Sequence[float] | FloatArray]) -> str:
-    """Return columns with a header, comma-separated, that read back equal; NaN is an empty cell."""
-    rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
-    lines = [",".join(columns), *(",".join(map(_written, row)) for row in rows)]
-    return "\n".join(lines) + "\n"
-
-
-def write_columns(path: Path, columns: Mapping[str, Sequence[float] | FloatArray]) -> None:
-    """Write a file of `columns_text`."""
-    write_text(path, columns_text(columns))
-
-
-def _written(number: float) -> str:
-    return "" if math.isnan(number) else repr(number)

@@ -1,18 +1,26 @@
-"""Tables as CSV that a spreadsheet shows as text and numbers and never computes."""
+"""Tables as CSV: for spreadsheets, which compute nothing of them, and columns that read back."""
 
+import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from pyburgers.common.array_types import FloatArray
+from pyburgers.common.atomic_files import write_text
 from pyburgers.common.cells import number_in
 
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\n")
 """With one of these a spreadsheet takes a cell for a formula, unless the cell is a number."""
 
 _HIDDEN_FORMULA = re.compile(r"(?<=[,;\t])(?=[=+@-])")
+
+WRITTEN_LAYOUT = MappingProxyType({"separator": ",", "header": True, "missing": []})
+"""Keys of a table [data] that describe what `columns_text` returns."""
 
 
 def csv_text(table: pd.DataFrame, *, index: bool = False, float_format: str | None = None) -> str:
@@ -41,3 +49,34 @@ def cell_of_text(text: str) -> str:
 
 def _safe(cell: Any) -> Any:
     return cell_of_text(cell) if isinstance(cell, str) else cell
+
+
+def data_files(
+    data: Mapping[str, Any] | None,
+) -> tuple[dict[str, Any] | None, dict[str, str]]:
+    """Return a table [data] that names files for columns in memory, and their texts by name."""
+    if data is None:
+        return None, {}
+    named: dict[str, Any] = {**data, **WRITTEN_LAYOUT}
+    texts = {}
+    for key, columns in data.items():
+        if isinstance(columns, Mapping):
+            named[key] = f"experiment_{key}".removesuffix("_file") + ".csv"
+            texts[named[key]] = columns_text(columns)
+    return named, texts
+
+
+def columns_text(columns: Mapping[str, Sequence[float] | FloatArray]) -> str:
+    """Return columns with a header, comma-separated, that read back equal; NaN is an empty cell."""
+    rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
+    lines = [",".join(columns), *(",".join(map(_written, row)) for row in rows)]
+    return "\n".join(lines) + "\n"
+
+
+def write_columns(path: Path, columns: Mapping[str, Sequence[float] | FloatArray]) -> None:
+    """Write a file of `columns_text`."""
+    write_text(path, columns_text(columns))
+
+
+def _written(number: float) -> str:
+    return "" if math.isnan(number) else repr(number)

@@ -21,7 +21,6 @@ from pyburgers.fitting.charts_at_modes import (
     draw_start,
 )
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import experiment_files
 from pyburgers.kinds.problem import Problem
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import (
@@ -205,7 +204,7 @@ def input_texts(experiments: Sequence[Experiment], priors: PriorSet) -> dict[str
     tests = {
         RunDirectory(Path()).test_file(experiment.id).with_name(name).as_posix(): text
         for experiment in experiments
-        for name, text in experiment_files(experiment).items()
+        for name, text in experiment.file_texts().items()
     }
     return {**tests, RunDirectory(Path()).priors_file.as_posix(): priors_text(priors)}
 

@@ -12,15 +12,8 @@ import numpy.typing as npt
 from pydantic import Field
 
 from pyburgers.common.array_types import FloatArray
-from pyburgers.common.columns import (
-    WRITTEN_LAYOUT,
-    Cell,
-    Column,
-    DataFile,
-    TextFilesTable,
-    read_columns,
-    write_columns,
-)
+from pyburgers.common.columns import Cell, Column, DataFile, TextFilesTable, read_columns
+from pyburgers.common.csv_tables import WRITTEN_LAYOUT, write_columns
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import NAME, Table, all_of, checked, read_tables, write_toml

@@ -15,7 +15,8 @@ import numpy.typing as npt
 from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import counted
-from pyburgers.kinds.experiment import Experiment, Provenance, impossible_conditions
+from pyburgers.kinds.experiment import Experiment, Provenance
+from pyburgers.kinds.limits import impossible_conditions
 from pyburgers.model.flow_law_prior import Conditions
 from pyburgers.model.peak_test import PeakTest
 

@@ -12,69 +12,15 @@ import numpy as np
 import pandas as pd
 
 from pyburgers.common.array_types import FloatArray, IntArray
+from pyburgers.common.csv_tables import data_files
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.paths import given_path
-from pyburgers.common.toml_files import write_toml
+from pyburgers.common.toml_files import toml_text, write_toml
 from pyburgers.common.units import counted, span_text
+from pyburgers.kinds.limits import refuse_impossible
 from pyburgers.model.laws import KELVIN_LAWS
 from pyburgers.model.parameters import CONDITIONS
 from pyburgers.model.peak_test import PeakTest
-
-TEMPERATURES = (50.0, 3000.0)
-"""Kelvin between which materials creep in a laboratory."""
-
-
-MAX_GRAIN_SIZE = 1.0
-"""Grain size (m) that no sample of a laboratory has."""
-
-
-MAX_STRAIN = 20.0
-"""Strain (fraction) that no test reaches."""
-
-
-def impossible_conditions(
-    temperature: float, grain_size: float, names: tuple[str, str]
-) -> list[str]:
-    """Say which conditions no test has, under the names of both; NaN is one."""
-    found = []
-    low, high = TEMPERATURES
-    if not low <= temperature <= high:
-        hint = "; it looks like degrees Celsius, add 273.15" if temperature < low else ""
-        between = f"between {low:g} and {high:g}"
-        found.append(f"{names[0]}: found {temperature:g}, expected kelvin {between}{hint}.")
-    if not 0 < grain_size < MAX_GRAIN_SIZE:
-        found.append(
-            f"{names[1]}: found {grain_size:g}, expected metres between 0 and {MAX_GRAIN_SIZE:g} "
-            "(230 um is 230e-6)."
-        )
-    return found
-
-
-def refuse_impossible(
-    name: str,
-    temperatures: FloatArray,
-    grain_sizes: FloatArray,
-    response: FloatArray,
-    largest_strain: float | None = None,
-) -> None:
-    """Refuse a test with numbers that no test has; a sentence for each."""
-    hottest = temperatures[np.argmax(np.abs(temperatures - np.mean(TEMPERATURES)))]
-    coarsest = grain_sizes[np.argmax(np.abs(grain_sizes - MAX_GRAIN_SIZE / 2))]
-    faults = impossible_conditions(float(hottest), float(coarsest), ("temperature", "grain size"))
-    finite = np.isfinite(response)
-    if not finite.all():
-        faults.append(
-            f"reading {np.argmin(finite) + 1}: found {response[np.argmin(finite)]:g}, expected a "
-            "finite number."
-        )
-    if largest_strain is not None and not largest_strain <= MAX_STRAIN:
-        faults.append(
-            f"strain: found {largest_strain:g} as a fraction, expected at most {MAX_STRAIN:g}; "
-            "check its unit, and whether the number stands for no reading."
-        )
-    if faults:
-        raise InputError(*(f"{name}: {fault}" for fault in faults))
-
 
 MetadataValue = str | float | int | bool
 
@@ -413,6 +359,15 @@ class Experiment(ABC):
             "metadata": self.metadata,
             "true_parameters": self.true_parameters,
         }
+
+    def file_texts(self) -> dict[str, str]:
+        """Return the texts of its data files and, last, of ``experiment.toml`` in SI, by name.
+
+        `pyburgers.load_experiment` reads back exactly equal contents, notices included.
+        """
+        tables = self.tables()
+        data, texts = data_files(tables.get("data"))
+        return {**texts, "experiment.toml": toml_text({**tables, "data": data})}
 
     def to_toml(self, path: str | Path) -> None:
         """Write one experiment file in SI, with the readings inside it.

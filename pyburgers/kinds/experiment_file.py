@@ -25,8 +25,8 @@ from pyburgers.kinds.experiment import (
     MeasuredMicrostructure,
     Provenance,
     UncertainCondition,
-    impossible_conditions,
 )
+from pyburgers.kinds.limits import impossible_conditions
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 
 MAX_TEMPERATURE_SD_SHARE = 0.1

@@ -21,10 +21,9 @@ from pydantic import ConfigDict, Field
 
 from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.atomic_files import write_text
-from pyburgers.common.columns import data_files
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
-from pyburgers.common.toml_files import Table, checked, read_tables, toml_text
+from pyburgers.common.toml_files import Table, checked, read_tables
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import NAMES, likelihood_of, likelihoods
 from pyburgers.model.priors import PriorSet
@@ -194,18 +193,8 @@ def load_experiment(path: str | Path) -> Experiment:
     return experiment
 
 
-def experiment_files(experiment: Experiment) -> dict[str, str]:
-    """Return the texts of ``experiment.toml`` in SI and its data files, by name; the first is last.
-
-    `load_experiment` reads back exactly equal contents, notices included.
-    """
-    tables = experiment.tables()
-    data, texts = data_files(tables.get("data"))
-    return {**texts, "experiment.toml": toml_text({**tables, "data": data})}
-
-
 def save_experiment(experiment: Experiment, directory: Path) -> Path:
-    """Write `experiment_files` into an existing folder; return the one to load."""
-    for name, text in experiment_files(experiment).items():
+    """Write `Experiment.file_texts` into an existing folder; return the one to load."""
+    for name, text in experiment.file_texts().items():
         write_text(directory / name, text)
     return directory / "experiment.toml"

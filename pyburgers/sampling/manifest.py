@@ -1,18 +1,15 @@
 """What the manifest of a run holds, checked on reading: users may have touched it."""
 
-import json
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import ConfigDict, Field
 
-from pyburgers.common.atomic_files import sha256_of_json
 from pyburgers.common.toml_files import Table
 from pyburgers.sampling.options import options_table
 
 COMPLETE = "complete"
 """Status of a run that lacks nothing."""
-
 
 SEAL = "seal"
 """Entry of a manifest: the hash of all others. Only manifests without a `FORMAT` may lack it."""
@@ -22,25 +19,6 @@ FORMAT = "format"
 
 SEALED_FORMAT = 2
 """Format of the manifests that are written: with a seal."""
-
-
-def sealed(manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entries of a manifest with its format and its seal."""
-    content = {**manifest, FORMAT: SEALED_FORMAT}
-    return {**content, SEAL: seal_of(content)}
-
-
-def fits_its_seal(manifest: Mapping[str, Any]) -> bool:
-    """Tell whether a manifest is as it was written, as far as its seal or a missing one tells."""
-    if SEAL not in manifest:
-        return FORMAT not in manifest
-    return bool(manifest[SEAL] == seal_of(manifest))
-
-
-def seal_of(manifest: Mapping[str, Any]) -> str:
-    """Return the hash of all entries of a manifest but the seal, as they are read back."""
-    content = {name: value for name, value in manifest.items() if name != SEAL}
-    return sha256_of_json(json.loads(json.dumps(content)))
 
 
 class Entries(Table):
@@ -63,6 +41,12 @@ class RecordedHashes(Entries):
     hashes: dict[str, str] = Field({}, description="hash of each input file, by its path")
     chains: dict[str, ChainRecord] = Field({}, description="record of each finished chain")
     posterior_sha256: str | None = Field(None, description="hash of posterior.nc")
+
+    def draws_hash(self, chain: int, extension: int) -> str | None:
+        """Return the hash that is noted of a chain's draws up to an extension, if it is."""
+        record = self.chains.get(str(chain))
+        # A run that was killed after it had extended its chains has noted the old.
+        return record.sha256 if record is not None and record.extension == extension else None
 
 
 if TYPE_CHECKING:

@@ -7,6 +7,7 @@ that a run notes, and the seal of its manifest, tell what was changed since by h
 not what a forger changed who mends every hash.
 """
 
+import json
 import re
 import shutil
 import uuid
@@ -22,13 +23,14 @@ from pyburgers.common.atomic_files import (
     flush_to_disk,
     is_unfinished,
     sha256_of_file,
+    sha256_of_json,
     write_json,
 )
 from pyburgers.common.errors import InputError
 from pyburgers.common.locks import process_lock
 from pyburgers.common.scratch import scratch_folder
 from pyburgers.common.toml_files import TableT, checked, read_json, read_json_table
-from pyburgers.sampling.manifest import SEAL, ChainRecord, RecordedHashes, fits_its_seal, sealed
+from pyburgers.sampling.manifest import FORMAT, SEAL, SEALED_FORMAT, ChainRecord, RecordedHashes
 
 PATIENCE = 120.0
 """How long a process that shares a directory waits for the others (s)."""
@@ -175,7 +177,7 @@ class RunDirectory:
                 f"{self.path}: not a run directory, expected a folder that holds manifest.json."
             )
         manifest = read_json(self.manifest_file)
-        if not fits_its_seal(manifest):
+        if {SEAL, FORMAT} & manifest.keys() and manifest != sealed(manifest):
             seal = "seal" if SEAL in manifest else "missing seal"
             raise InputError(
                 f"{self.manifest_file} has changed since the run, as its {seal} says; put back "
@@ -277,10 +279,7 @@ class RunDirectory:
         files = self.draws_file(chain, extension), self.timing_file(chain, extension)
         draws, timing = (file.relative_to(self.path).as_posix() for file in files)
         own = self.chain_record(chain, extension).sha256
-        record = recorded.chains.get(str(chain))
-        # A run that was killed after it had extended its chains has noted the old.
-        known = record is not None and record.extension == extension
-        noted = record.sha256 if record is not None and known else None
+        noted = recorded.draws_hash(chain, extension)
         found = _hash_of_file(files[0], hash_of)
         if found == own:
             is_noted = noted in (None, found)
@@ -329,8 +328,10 @@ class RunDirectory:
                         "another --out or remove it."
                     )
             elif self.path.is_dir():
-                strangers = [entry.name for entry in self.path.iterdir() if not _is_ours(entry)]
-                if strangers:
+                # A run that was killed before its first file may have left these.
+                ours = {".lock", ".scratch"}
+                names = {entry.name for entry in self.path.iterdir()} - ours
+                if strangers := [name for name in names if not is_unfinished(name)]:
                     raise InputError(
                         f"{self.path}: has files ({min(strangers)}) but no manifest.json; "
                         "expected an empty or new folder, or one of an earlier run."
@@ -440,6 +441,8 @@ def _hash_of_file(file: Path, hash_of: Callable[[Path], str]) -> str | None:
     return hash_of(file) if file.is_file() else None
 
 
-def _is_ours(entry: Path) -> bool:
-    """Tell whether a run killed before its first file may have left this."""
-    return entry.name in {".lock", ".scratch"} or is_unfinished(entry.name)
+def sealed(manifest: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a manifest with its format, and its seal: the hash of all else as it is read back."""
+    content = {**manifest, FORMAT: SEALED_FORMAT}
+    content.pop(SEAL, None)
+    return {**content, SEAL: sha256_of_json(json.loads(json.dumps(content)))}

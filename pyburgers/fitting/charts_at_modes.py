@@ -11,10 +11,10 @@ import numpy as np
 from pyburgers.cmdstan.program import Density, Ending, ModeNotFound, Program, load_program
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, SamplingError
-from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited, likelihood_of
+from pyburgers.kinds.likelihood import AtMode, ChartUnsuited, likelihood_of
 from pyburgers.kinds.problem import Problem
-from pyburgers.kinds.program_data import chart_block, program_data, solve, values_of_test
-from pyburgers.kinds.stan_data import Mode, SolverOptions, StanData, solver_block, solver_in
+from pyburgers.kinds.program_data import chart_block, density_of, solve, values_of_test
+from pyburgers.kinds.stan_data import Mode, SolverOptions, StanData, solver_in
 from pyburgers.sampling.manifest import OtherMode
 from pyburgers.sampling.modes import START_ATTEMPTS, draw_around, modes_beside_the_highest
 
@@ -93,11 +93,6 @@ class ChosenChart:
         return np.asarray(self.covariance / np.outer(unit, unit))
 
 
-def density_of(problem: Problem, solver: SolverOptions) -> Density:
-    """Return the density of a problem in plain coordinates."""
-    return Density(load_program(problem.likelihood.program), program_data(problem, solver=solver))
-
-
 def choose_chart(
     problem: Problem,
     density: Density,
@@ -120,7 +115,7 @@ def choose_chart(
     try:
         mode = mode or find_mode(problem, density, seed=seed)
         if wanted != "plain":
-            return _chart_at(problem.likelihood.chart, problem, density, mode, seed=seed)
+            return _chart_at(problem, density, mode, seed=seed)
     except (ModeNotFound, ChartUnsuited) as error:
         if wanted not in ("auto", "plain"):
             raise InputError(
@@ -156,27 +151,25 @@ def at_mode(problem: Problem, mode: Mode, solver: SolverOptions) -> AtMode[Any]:
     )
 
 
-def _chart_at(
-    chart: Chart[Any], problem: Problem, density: Density, mode: ProblemMode, *, seed: int
-) -> ChosenChart:
+def _chart_at(problem: Problem, density: Density, mode: ProblemMode, *, seed: int) -> ChosenChart:
     """Set a chart up at the mode of every test, with its own mode near there as the centre.
 
     Pooling and data share the centring of partially pooled parameters, so that there the centre is
     not the mode, and its curvature can be far from that of the posterior.
     """
-    alone, layout = problem.alone(), problem.layout
+    chart, layout = problem.likelihood.chart, problem.layout
+    # Tables beside histories have plain coordinates.
+    in_chart = [one if one.likelihood is problem.likelihood else None for one in problem.alone()]
+    for one in in_chart:
+        if one is not None:
+            _check_pooling(chart.solved(one.priors[0], one.experiments[0]), problem)
     solver = solver_in(density.data)
     if chart.curvature_tolerance is not None:
         solver = replace(solver, tolerance=chart.curvature_tolerance)
-        density = density.with_data(solver_block(solver))
-    # Tables beside histories have plain coordinates.
     tests = [
-        at_mode(one, own, solver) if one.likelihood is problem.likelihood else None
-        for one, own in zip(alone, mode.tests, strict=True)
+        None if one is None else at_mode(one, own, solver)
+        for one, own in zip(in_chart, mode.tests, strict=True)
     ]
-    for test in tests:
-        if test is not None:
-            _check_pooling(chart.solved(test.priors, test.experiment), problem)
     references: list[Any] = []
     centre = np.zeros(layout.size)
     for e, test in enumerate(tests):
@@ -192,7 +185,7 @@ def _chart_at(
     log_spread = np.maximum(mode.coordinate[layout.spread], np.log(LEAST_SPREAD))
     pooling = np.array([mode.coordinate[layout.centre], log_spread])
     block = chart_block(problem, references, pooled=pooled, pooling=pooling)
-    around = density.with_data(block)
+    around = density.with_data({**block, "tolerance": solver.tolerance})
     covariance = around.laplace(centre)
     if problem.partial or around.expected_rise(centre, covariance) > LARGEST_RISE:
         centre = around.ends([centre], seed=seed)[0].place
@@ -203,7 +196,7 @@ def _chart_at(
         else chart.rescaled(reference, test, covariance[np.ix_(places, places)])
         for reference, test, places in zip(references, tests, layout.position, strict=True)
     ]
-    block = chart_block(problem, references, pooled=pooled, pooling=pooling)
+    block = {**block, **chart.block(references, layout)}
     why = "the priors and the record suit them"
     return ChosenChart(chart.name, why, block, centre, covariance, mode.others)
 
@@ -241,7 +234,7 @@ def find_mode(problem: Problem, density: Density, *, seed: int) -> ProblemMode:
 def _ends(problem: Problem, density: Density, *, seed: int) -> tuple[Density, list[Ending]]:
     """Return the ends of all climbs, the best first, and the density that they are of."""
     solver = solver_in(density.data)
-    starts = _best_prior_draws(problem, density, seed=seed)
+    starts: list[FloatArray] = []
     if not problem.is_single:
         single: list[Mode] = []
         for one in problem.alone():
@@ -253,7 +246,8 @@ def _ends(problem: Problem, density: Density, *, seed: int) -> tuple[Density, li
             np.ones(len(problem.partial)),
             [own.driving_error for own in single],
         )
-        starts = [together, *starts]
+        starts = [together]
+    starts += _best_prior_draws(problem, density, seed=seed)
     ends = density.ends(starts, seed=seed)
     # The accurate solver can need more steps than it may take.
     with suppress(ModeNotFound):

@@ -37,7 +37,7 @@ from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.kinds.together import default_priors_for, pooling_for
 from pyburgers.model.pooling import pooling_from
 from pyburgers.model.priors import PriorSet, load_priors, note_other_material
-from pyburgers.model.variants import ModelVariant, variant_of
+from pyburgers.model.variants import ModelVariant
 from pyburgers.posterior.build import build_posterior
 from pyburgers.posterior.labelled_draws import (
     TESTS,
@@ -99,7 +99,7 @@ class Fit(SampledFit):
     @property
     def variant(self) -> ModelVariant:
         """Laws of the model's parts, which the priors decide, the same for all tests."""
-        return variant_of(self.problem.priors[0], self.problem.experiments[0])
+        return self.problem.variant
 
     @property
     def is_joint(self) -> bool:
@@ -473,7 +473,7 @@ def fit_problem(
         while True:
             run_chains(
                 problem,
-                run.path,
+                run,
                 options=settings,
                 solver=solver or problem.likelihood.solver,
                 use_likelihood=use_likelihood,

@@ -327,7 +327,7 @@ def transfer_laws(
     Raise InputError if the test needs a law that the fit has not.
     """
     notes = []
-    laws = variant_of(fitted.priors[0], fitted.experiments[0])
+    laws = fitted.variant
     if laws.residuals not in experiment.laws.get("residuals", (laws.residuals,)):
         standard = (
             fixed_prior(PARAMETER_BY_NAME[name], STANDARD_VALUES[name], "not of such tests")

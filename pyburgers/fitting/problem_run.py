@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pyburgers.cmdstan.program import Density, load_program
+from pyburgers.cmdstan.program import Density
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
@@ -22,17 +22,15 @@ from pyburgers.fitting.charts_at_modes import (
 )
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.problem import Problem
-from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.program_data import density_of
 from pyburgers.kinds.stan_data import (
-    BDF,
     REFERENCE_SOLVER,
     SolverOptions,
     solver_block,
     solver_in,
 )
 from pyburgers.model.priors import PriorSet, priors_text
-from pyburgers.model.variants import variant_of
-from pyburgers.sampling.manifest import ChainFailure, FitManifest, NoisyTolerance
+from pyburgers.sampling.manifest import FitManifest, NoisyTolerance
 from pyburgers.sampling.modes import noisy_tolerances
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
 from pyburgers.sampling.repetitions import TIGHTENING, shortened
@@ -47,7 +45,7 @@ MAX_TOLD = 6
 
 def run_chains(
     problem: Problem,
-    directory: Path,
+    run: RunDirectory,
     *,
     options: SamplerOptions,
     solver: SolverOptions,
@@ -55,8 +53,8 @@ def run_chains(
     command: str,
     more_draws: int | None = None,
     overwrite: bool = False,
-) -> tuple[ChainFailure, ...]:
-    """Run the chains that a run directory lacks, record everything in it, return what failed.
+) -> None:
+    """Run the chains that a run directory lacks, and record everything in it.
 
     The directory is new, or of an earlier run with the same inputs; if a run of others is there,
     `overwrite` has it removed. Every chain is extended by `more_draws`. `command` regenerates the
@@ -65,14 +63,17 @@ def run_chains(
     `KeyboardInterrupt` the chains are stopped; the same call continues the run.
     """
     settled = settled_options(problem, options)
-    model = load_program(problem.likelihood.program)
-    if not model.has_cpp:
-        solver = replace(solver, method=BDF)
-    data = program_data(problem, solver=solver, use_likelihood=use_likelihood)
-    wanted = wanted_record(problem, settled, solver_in(data), use_likelihood=use_likelihood)
-    run, identity = RunDirectory(directory), fingerprint(data, settled, model.recipe)
+    density = density_of(problem, solver, use_likelihood=use_likelihood)
+    solver = solver_in(density.data)
+    wanted = {
+        **problem_record(problem),
+        "sampler": asdict(settled),
+        "solver": asdict(solver),
+        "use_likelihood": use_likelihood,
+    }
     # As given: priors are resolved for each test by itself.
     inputs = input_texts(problem.experiments, problem.given_priors)
+    identity = fingerprint(density.data, settled, density.program.recipe)
     if run.manifest_file.is_file() and run.read_manifest().get("fingerprint") != identity:
         if not overwrite:
             raise InputError(refusal(run, wanted, inputs, problem.free))
@@ -80,7 +81,6 @@ def run_chains(
     with run.claimed(identity):
         write_inputs(run, inputs)
         if not run.stan_data_file.is_file():
-            density = Density(model, data)
             chart = choose_chart(problem, density, wanted=settled.coordinates, seed=settled.seed)
             _write_chart(run, density.with_data(chart.block), chart, seed=settled.seed)
         known = run.read_manifest()
@@ -99,13 +99,13 @@ def run_chains(
                 "solver": asdict(solver_in(run.read_stan_data())),
             }
         )
-        density = Density(model, run.read_stan_data())
-        return complete_chains(
-            model,
+        in_chart = Density(density.program, run.read_stan_data())
+        complete_chains(
+            density.program,
             run,
             settled,
             lambda chain: draw_start(
-                problem, density, _laplace(run), seed=settled.seed, chain=chain
+                problem, in_chart, _laplace(run), seed=settled.seed, chain=chain
             ),
             more_draws=more_draws,
         )
@@ -179,20 +179,8 @@ def problem_record(problem: Problem) -> dict[str, Any]:
     return {
         "experiments": [experiment.id for experiment in problem.experiments],
         "pooling": problem.pooling.record(),
-        "variant": variant_of(problem.priors[0], problem.experiments[0]).record(),
+        "variant": problem.variant.record(),
         "priors_from": None if priors.flow_law is None else priors.flow_law.source,
-    }
-
-
-def wanted_record(
-    problem: Problem, options: SamplerOptions, solver: SolverOptions, *, use_likelihood: bool
-) -> dict[str, Any]:
-    """Note what is asked for, as the manifest of a run has it; options are settled ones."""
-    return {
-        **problem_record(problem),
-        "sampler": asdict(options),
-        "solver": asdict(solver),
-        "use_likelihood": use_likelihood,
     }
 
 
@@ -225,7 +213,7 @@ def write_inputs(run: RunDirectory, texts: Mapping[str, str]) -> None:
 def refusal(
     run: RunDirectory, wanted: Mapping[str, Any], inputs: Mapping[str, str], free: Sequence[str]
 ) -> str:
-    """Say what differs in a run from a `wanted_record` and `input_texts`, and what to do.
+    """Say what differs in a run from what is `wanted` and `input_texts`, and what to do.
 
     `free` names the parameters that are inferred.
     """

@@ -28,7 +28,7 @@ from pyburgers.model.pooling import SEPARATE, Pooling
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.residual_laws import reading_error_priors
-from pyburgers.model.variants import WITHOUT_EFFECT, check_variant, variant_of
+from pyburgers.model.variants import WITHOUT_EFFECT, ModelVariant, check_variant, variant_of
 
 HISTORIES, TABLES = "loading_history", "attenuation"
 """Protocols that one program takes together."""
@@ -62,6 +62,11 @@ class Problem:
     def likelihood(self) -> Likelihood[Any]:
         """Likelihood whose program takes all tests."""
         return common_likelihood(self.experiments)
+
+    @property
+    def variant(self) -> ModelVariant:
+        """Laws of the model's parts, which the priors decide, the same for all tests."""
+        return variant_of(self.priors[0], self.experiments[0])
 
     @property
     def free(self) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from itertools import chain
 
 import numpy as np
 
-from pyburgers.cmdstan.program import Program, load_program
+from pyburgers.cmdstan.program import Density, Program, load_program
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import SamplingError
 from pyburgers.kinds.experiment import Experiment, MeasuredMicrostructure
@@ -28,7 +28,7 @@ from pyburgers.kinds.stan_data import (
     solver_block,
 )
 from pyburgers.model.flow_law_prior import FlowLawPrior
-from pyburgers.model.kelvin_laws import nonlinear_kelvin_law
+from pyburgers.model.laws import KELVIN_LAWS
 from pyburgers.model.parameters import (
     PARAMETER_BY_NAME,
     PIEZOMETER,
@@ -49,6 +49,14 @@ CHART_DATA_PRECISION = 1.0
 """Of a partially pooled number in a chart, as a guess of what data say; speed only."""
 
 
+def density_of(problem: Problem, solver: SolverOptions, *, use_likelihood: bool = True) -> Density:
+    """Return the density of a problem in plain coordinates, its program compiled if need be."""
+    program = load_program(problem.likelihood.program)
+    if not program.has_cpp:
+        solver = replace(solver, method=BDF)
+    return Density(program, program_data(problem, solver=solver, use_likelihood=use_likelihood))
+
+
 def program_data(
     problem: Problem,
     *,
@@ -65,14 +73,14 @@ def program_data(
         **flow_law_block(problem.priors[0].flow_law),
         **_coordinate_block(problem, layout),
         **chart_block(problem),
-        **solver_block(solver if is_fast else replace(solver, method=BDF)),
         **tests_block(problem, use_likelihood=use_likelihood),
+        **solver_block(solver if is_fast else replace(solver, method=BDF)),
     }
 
 
 def tests_block(problem: Problem, *, use_likelihood: bool) -> StanData:
     """Return the data of a program that are about the problem."""
-    experiments = problem.experiments
+    experiments, kelvin = problem.experiments, KELVIN_LAWS[problem.variant.kelvin]
     return {
         "n_tests": len(experiments),
         "temperature": [e.temperature for e in experiments],
@@ -80,7 +88,7 @@ def tests_block(problem: Problem, *, use_likelihood: bool) -> StanData:
         "point_end": ends(e.n_points for e in experiments),
         "use_likelihood": int(use_likelihood),
         **problem.likelihood.tests_block(experiments, problem.priors),
-        "kelvin_law": nonlinear_kelvin_law(own.priors for own in problem.priors),
+        "kelvin_law": PLACE[kelvin.parameters[0]] if kelvin.own_stress else 0,
     }
 
 

@@ -13,7 +13,7 @@ from kind_examples import TWIN_FILE
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_tests import compare_by_test
-from pyburgers.fitting.charts_at_modes import at_mode, density_of
+from pyburgers.fitting.charts_at_modes import at_mode
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import load_attenuation
@@ -26,6 +26,7 @@ from pyburgers.kinds.loading_history.likelihood import LoadingHistoryValley
 from pyburgers.kinds.problem import Problem, one_test, problem_of
 from pyburgers.kinds.program_data import (
     chart_block,
+    density_of,
     given_parameters,
     program_data,
     values_of_test,

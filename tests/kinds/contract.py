@@ -19,13 +19,14 @@ from truth_as_mode import at_truth
 
 from pyburgers.checks.fit_checks import Outcome
 from pyburgers.drawing.view import views
-from pyburgers.fitting.charts_at_modes import at_mode, density_of, find_mode
+from pyburgers.fitting.charts_at_modes import at_mode, find_mode
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.kind import kind_of, kinds, load_experiment, save_experiment
 from pyburgers.kinds.likelihood import AtMode, likelihood_of, likelihoods
 from pyburgers.kinds.problem import problem_of
+from pyburgers.kinds.program_data import density_of
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import default_priors

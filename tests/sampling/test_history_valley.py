@@ -10,11 +10,12 @@ from history_twins import TRUTH, history_twin
 from stan_values import CHARTS
 from truth_as_mode import at_truth
 
-from pyburgers.fitting.charts_at_modes import density_of, find_mode
+from pyburgers.fitting.charts_at_modes import find_mode
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.likelihood import LoadingHistoryValley
 from pyburgers.kinds.loading_history.stan_data import elements_block
 from pyburgers.kinds.problem import plain_coordinates, problem_of
+from pyburgers.kinds.program_data import density_of
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.kinds.valley import ValleyReference
 from pyburgers.model.parameters import PROGRAM_PARAMETERS

@@ -8,18 +8,13 @@ from conftest import ICE, resolved_priors, valley_of, with_fixed
 from truth_as_mode import at_truth
 
 from pyburgers.common.errors import InputError
-from pyburgers.fitting.charts_at_modes import (
-    ProblemMode,
-    at_mode,
-    choose_chart,
-    density_of,
-    find_mode,
-)
+from pyburgers.fitting.charts_at_modes import ProblemMode, at_mode, choose_chart, find_mode
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import ConstantRateValley
 from pyburgers.kinds.likelihood import ChartUnsuited
 from pyburgers.kinds.problem import plain_coordinates, problem_of
+from pyburgers.kinds.program_data import density_of
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.kinds.together import pooling_for
 from pyburgers.kinds.valley import NOISE_SCALED, noise_exponents

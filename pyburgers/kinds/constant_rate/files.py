@@ -35,7 +35,6 @@ from pyburgers.kinds.experiment_file import (
     slope_of,
 )
 from pyburgers.kinds.kind import Kind, draw_residuals
-from pyburgers.kinds.likelihood import strains_of
 
 
 class SegmentTable(Table):
@@ -381,7 +380,8 @@ def _final_strain(
     last_start = segments[-1].start_strain
     last_segment = f"'start_strain' in [[segments]] number {len(segments)}"
     if file.final_strain is None:
-        seen = [*strains_of(microstructure[-1:]), *(np.max(curve.strain) for curve in curves)]
+        sections = [one.strain for one in microstructure if one.strain is not None]
+        seen = [*sections, *(np.max(curve.strain) for curve in curves)]
         final = float(max(seen, default=0.0))
         if final <= last_start:
             raise InputError(

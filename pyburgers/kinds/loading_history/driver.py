@@ -9,6 +9,7 @@ Processing 36, 31-41). A controller scatters more under a large stress, so each 
 scatter.
 """
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy.typing as npt
 from scipy import stats
 from scipy.interpolate import make_lsq_spline
 
-from pyburgers.common.array_types import FloatArray
+from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
 
 TOLERANCE = 5.0
 """How far a line passes from a reading, in standard deviations of the reading error. Its corners
@@ -172,6 +173,27 @@ def _reached(
         + slope**2 * np.cumsum(weight * t**2)
     )
     return within + 1, squares[within]
+
+
+def thinned(
+    time: FloatArray,
+    stage: IntArray,
+    value: FloatArray,
+    changes: Callable[[int], FloatArray],
+    most: int,
+) -> BoolArray:
+    """Return which readings (n_readings,) are kept: half by stages, half by their numbers."""
+    kept = np.ones(time.size, dtype=np.bool_)
+    if time.size <= most:
+        return kept
+    numbers, counts = np.unique(stage, return_counts=True)
+    for number, count in zip(numbers, counts, strict=True):
+        share = most * (0.5 / numbers.size + 0.5 * count / time.size)
+        own = np.flatnonzero(stage == number)
+        wanted = max(2, int(share))
+        chosen = kept_readings(time[own], value[own], changes(int(number)), wanted)
+        kept[np.delete(own, chosen)] = False
+    return kept
 
 
 def kept_readings(

@@ -29,6 +29,7 @@ from pyburgers.kinds.experiment_file import (
     strain_factor,
 )
 from pyburgers.kinds.kind import Kind, draw_residuals
+from pyburgers.kinds.loading_history.driver import thinned
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.readings import (
     NO_READINGS,
@@ -36,7 +37,6 @@ from pyburgers.kinds.loading_history.readings import (
     Response,
     read_readings,
     responses,
-    thinned,
 )
 from pyburgers.kinds.loading_history.stage_tables import (
     StageSource,

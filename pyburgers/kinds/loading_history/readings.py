@@ -8,11 +8,10 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
+from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.columns import Column, DataFile, TextFilesTable, read_columns
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, count_points, units_text
-from pyburgers.kinds.loading_history.driver import kept_readings
 from pyburgers.kinds.loading_history.stages import Stage, legs_of
 
 ROUNDING = 1e-14
@@ -147,27 +146,6 @@ def responses(
                 "rows at its times."
             )
     return readings.time[there], readings.stage[there], value[there]
-
-
-def thinned(
-    time: FloatArray,
-    stage: IntArray,
-    value: FloatArray,
-    changes: Callable[[int], FloatArray],
-    most: int,
-) -> BoolArray:
-    """Return which readings (n_readings,) are kept: half by stages, half by their numbers."""
-    kept = np.ones(time.size, dtype=np.bool_)
-    if time.size <= most:
-        return kept
-    numbers, counts = np.unique(stage, return_counts=True)
-    for number, count in zip(numbers, counts, strict=True):
-        share = most * (0.5 / numbers.size + 0.5 * count / time.size)
-        own = np.flatnonzero(stage == number)
-        wanted = max(2, int(share))
-        chosen = kept_readings(time[own], value[own], changes(int(number)), wanted)
-        kept[np.delete(own, chosen)] = False
-    return kept
 
 
 def _check_pair(path: Path, data: HistoryDataTable, quantity: str) -> None:

@@ -251,7 +251,8 @@ def toolchain(cmdstan: Path) -> Toolchain:
 
 def compile_flags(cmdstan: Path) -> tuple[str, ...]:
     """Return the settings of `Toolchain.compile_flags`."""
-    return (*_environment_flags(), *_make_settings(cmdstan))
+    chosen = [name for name in _COMPILER_VARIABLES if os.environ.get(name)]
+    return (*(f"{name}={os.environ[name]}" for name in chosen), *_make_settings(cmdstan))
 
 
 def folder_for_make() -> Path:
@@ -322,10 +323,6 @@ def _tool_version(command: list[str], role: str) -> str:
             f"with code {answer.returncode}; {HOW_TO_GET_TOOLS}.\n{last_lines(answer.stdout)}"
         )
     return answer.stdout.strip().splitlines()[0]
-
-
-def _environment_flags() -> list[str]:
-    return [f"{name}={os.environ[name]}" for name in _COMPILER_VARIABLES if os.environ.get(name)]
 
 
 def _make_settings(cmdstan: Path) -> list[str]:

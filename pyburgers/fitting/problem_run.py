@@ -64,6 +64,7 @@ def run_chains(
     """
     settled = settled_options(problem, options)
     density = density_of(problem, solver, use_likelihood=use_likelihood)
+    # As the chains use it: not every program has the fast one.
     solver = solver_in(density.data)
     wanted = {
         **problem_record(problem),
@@ -83,7 +84,7 @@ def run_chains(
         if not run.stan_data_file.is_file():
             chart = choose_chart(problem, density, wanted=settled.coordinates, seed=settled.seed)
             _write_chart(run, density.with_data(chart.block), chart, seed=settled.seed)
-        known = run.read_manifest()
+        known, data = run.read_manifest(), run.read_stan_data()
         run.update_manifest(
             {
                 **run_record(
@@ -96,10 +97,10 @@ def run_chains(
                 ),
                 "refits": known.get("refits", []),
                 "shortened": shortened(known),
-                "solver": asdict(solver_in(run.read_stan_data())),
+                "solver": asdict(solver_in(data)),
             }
         )
-        in_chart = Density(density.program, run.read_stan_data())
+        in_chart = Density(density.program, data)
         complete_chains(
             density.program,
             run,

@@ -40,11 +40,6 @@ class Resumption:
     seconds: float
 
 
-def tolerance_in(run: RunDirectory) -> float:
-    """Tolerance with which the run's chains are sampled, tightened or as asked for."""
-    return float(run.read_stan_data()["tolerance"])
-
-
 def tighten_solver(run: RunDirectory, pareto_k: float) -> float:
     """Put a run's chains aside and have them sampled again at a tighter tolerance, the result.
 
@@ -52,14 +47,13 @@ def tighten_solver(run: RunDirectory, pareto_k: float) -> float:
     chains. The manifest's list ``refits`` notes what was put aside and why: `pareto_k` is the
     diagnostic of the tolerance until here.
     """
-    loose = tolerance_in(run)
-    manifest = run.read_manifest()
+    data, manifest = run.read_stan_data(), run.read_manifest()
+    loose = float(data["tolerance"])
+    tight = loose / TIGHTENING
     with run.claimed(manifest["fingerprint"]):
         aside = run.supersede_chains(f"tolerance_{loose:.0e}", run.finished_chains())
         refit = {"tolerance": loose, "pareto_k": pareto_k, "chains": aside}
         run.update_manifest({"refits": [*manifest["refits"], refit]})
-        data = run.read_stan_data()
-        tight = loose / TIGHTENING
         write_json(run.stan_data_file, {**data, "tolerance": tight})
     return tight
 

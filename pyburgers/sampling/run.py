@@ -65,8 +65,8 @@ def complete_chains(
     draw_start: Callable[[int], dict[str, list[float]]],
     *,
     more_draws: int | None = None,
-) -> tuple[ChainFailure, ...]:
-    """Run the chains that a claimed run directory lacks, note how they ended, return what failed.
+) -> None:
+    """Run the chains that a claimed run directory lacks, and note how they ended.
 
     The directory has its inputs, Stan data and manifest; `draw_start` is called for the start of a
     chain, by its identifier, if the directory has none. After an earlier extension that was
@@ -110,7 +110,6 @@ def complete_chains(
         raise _error_of(failures, "No chain finished")
     if not_extended:
         raise _error_of(not_extended, f"{run.path}: not all chains could be extended")
-    return failures
 
 
 def _error_of(failures: Sequence[ChainFailure], what: str) -> PyburgersError:

@@ -227,7 +227,7 @@ Fits have {draws} draws, fewer than by default.
 
 Of {twins} twins {left_out} are left out, because a fit failed or has not converged: R-hat above
 1.05, fewer than {ess} effective draws, or another check of the sampling failed. Choices: {choices}.
-The chains and the design of a twin take {seconds:.0f} seconds of a process (median).
+The chains and the design of a twin took {seconds:.0f} seconds (median), one process at a time.
 
 {table}
 

@@ -222,7 +222,7 @@ Written by `benchmarks/design_twins.py`; do not edit. All tests are **synthetic*
 twin come from the priors of the calibration of ice. Its first test has the conditions of PIL40.
 `pyburgers design` chooses the test of data/designs/ice.toml that is expected to narrow n most. The
 plain choice is the same test again. First and new test are fitted together, with default priors and
-the default pooling: each test has a microstructure of its own, and shares the other parameters.
+pooling. Each test has a microstructure of its own, and shares the other parameters.
 Fits have {draws} draws, fewer than by default.
 
 Of {twins} twins {left_out} are left out, because a fit failed or has not converged: R-hat above

@@ -345,7 +345,10 @@ class Trajectory {
       for (int a = 0; a < N; ++a) {
         for (int i = 0; i < 3; ++i) {
           step.stage[i].state[a] -= residual[a][i];
-          change = std::max(change, std::fabs(residual[a][i]) / (1 + std::fabs(step.start[a])));
+          // A state far below 1, as the stress of a weak dashpot, has to converge in its own scale.
+          const double size = std::fabs(step.stage[i].state[a]);
+          const double scale = std::min(1 + size, 10 * (1e-6 + size));
+          change = std::max(change, std::fabs(residual[a][i]) / scale);
           if (!std::isfinite(residual[a][i])) {
             return false;
           }

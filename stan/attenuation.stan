@@ -8,6 +8,8 @@
 functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
+#include physics/composite_law.stan
+#include physics/second_mechanism.stan
 #include physics/dashpot_laws.stan
 #include physics/hardening.stan
 #include physics/kelvin_laws.stan

@@ -8,6 +8,8 @@
 functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
+#include physics/composite_law.stan
+#include physics/second_mechanism.stan
 #include physics/dashpot_laws.stan
 #include physics/kelvin_laws.stan
 #include physics/microstructure.stan
@@ -174,7 +176,7 @@ generated quantities {
       grid_stress[i] = state[1];
       grid_kelvin_strain[i] = state[2];
       grid_grain_size[i] = state[3];
-      grid_dashpot_rate[i] = dashpot_rate_at(state[1] / stress_reading_factor(parameter[e]),
+      grid_dashpot_rate[i] = dashpot_rate_at(state[1] / stress_reading_factor(parameter[e]), 0,
                                              state[3], 1, parameter[e],
                                              true_temperature(parameter[e], temperature[e]));
     }

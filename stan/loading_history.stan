@@ -16,6 +16,8 @@
 functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
+#include physics/composite_law.stan
+#include physics/second_mechanism.stan
 #include physics/dashpot_laws.stan
 #include physics/hardening.stan
 #include physics/kelvin_laws.stan
@@ -66,8 +68,9 @@ transformed data {
   // What some free parameter changes; the rest is constant to the solver.
   array[n_parameters()] int is_free = free_in_any_test(own_parameter, pooled_parameter);
   int hardens = any_backstress(prior_location);
-  array[size(varying_rates(is_free, element, hardens))] int varying
-    = varying_rates(is_free, element, hardens);
+  int has_second = any_second_mechanism(prior_location);
+  array[size(varying_rates(is_free, element, hardens, has_second))] int varying
+    = varying_rates(is_free, element, hardens, has_second);
   array[leg_end[n_tests + 1]] vector[n_history_rates()] fixed;
   array[n_tests] vector[n_history_constants()] test;
   array[n_tests] vector[n_parameters()] prior_mass

@@ -4,6 +4,8 @@
 functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
+#include physics/composite_law.stan
+#include physics/second_mechanism.stan
 #include physics/dashpot_laws.stan
 #include physics/kelvin_laws.stan
 #include physics/relaxation.stan
@@ -70,7 +72,7 @@ generated quantities {
                             decays[ : , 2] / parameter[i_kelvin_modulus()]);
     }
     maxwell_modulus = maxwell_modulus_at(parameter, rep_vector(temperature, 1))[1];
-    dashpot_rate = dashpot_rate_at(material[n_parameters() + 3], grain_size, fabric_factor,
+    dashpot_rate = dashpot_rate_at(material[n_parameters() + 3], 0, grain_size, fabric_factor,
                                    parameter, temperature);
     storage_compliance = 1 / maxwell_modulus + kelvin[ : , 1];
     kelvin_loss = kelvin[ : , 2];
@@ -87,19 +89,26 @@ generated quantities {
               + log_rate_factor(parameter[i_activation_enthalpy()], parameter[i_beta()],
                                 temperature)
               - parameter[i_grain_size_exponent()] * log(grain_size));
+      if (mechanisms_act(parameter) > 0) {
+        fluidity[r]
+          = exp(log_fluidity_of_both(log(fluidity[r]), median_stress[r], amplitude[r],
+                                     grain_size, parameter, temperature,
+                                     node[node_end[r] + 1 : node_end[r + 1], 1],
+                                     node[node_end[r] + 1 : node_end[r + 1], 2]));
+      }
       has_peak[r] = n_delays > 0
                     ? rises_somewhere((away[ : , 2] + fluidity[r] * exp(log_longest - log_delay))
                                       ./ (1 / maxwell_modulus + away[ : , 1]))
                     : element_has_peak(parameter[i_kelvin_modulus()] / maxwell_modulus,
                                        fluidity[r] * parameter[i_kelvin_modulus()]
                                        * longest_time);
-      held_rate[r] = dashpot_rate_at(median_stress[r], grain_size, fabric_factor, parameter,
+      held_rate[r] = dashpot_rate_at(median_stress[r], 0, grain_size, fabric_factor, parameter,
                                      temperature);
       wanted_grain_size[r] = preferred_grain_size(median_stress[r], parameter);
       if (n_sines > 0) {
         vector[n_sines] rate;
         for (k in 1 : n_sines) {
-          rate[k] = dashpot_rate_at(median_stress[r] + amplitude[r] * sine[k], grain_size,
+          rate[k] = dashpot_rate_at(median_stress[r] + amplitude[r] * sine[k], 0, grain_size,
                                     fabric_factor, parameter, temperature);
         }
         for (i in 1 : n_frequencies) {

@@ -297,6 +297,8 @@ def _check_priors(
         raise ChartUnsuited(f"the stress at a rate is no product of powers with maxwell = {law}")
     if variant.hardening != "none":
         raise ChartUnsuited("the stress at a rate depends on the backstress")
+    if variant.second_mechanism != "none":
+        raise ChartUnsuited("the stress at a rate is no product of powers with two mechanisms")
     if not solved:
         raise ChartUnsuited("neither grain size nor fabric evolves")
     for name in solved:

@@ -1,9 +1,9 @@
-"""Laws of the dashpot, of its hardening and of the Kelvin part: a record for each.
+"""Laws of the dashpot, its hardening, its second mechanism and the Kelvin part: records.
 
 Priors, choices, export, advice and tables of combinations follow from the records. The equations
 are in `stan/physics/dashpot_laws.stan`, `stan/physics/hardening.stan`,
-`stan/physics/kelvin_laws.stan` and `stan/physics/relaxation.stan`, the parameters in
-`pyburgers.model.parameters`.
+`stan/physics/second_mechanism.stan`, `stan/physics/kelvin_laws.stan` and
+`stan/physics/relaxation.stan`, the parameters in `pyburgers.model.parameters`.
 """
 
 from collections.abc import Mapping
@@ -256,9 +256,66 @@ HARDENING_SWITCH = "hardening_modulus"
 """Parameter that takes the backstress out at 0."""
 
 
+@dataclass(frozen=True)
+class SecondMechanism(Law):
+    """A second mechanism of the dashpot; `expression` is the rate of both.
+
+    Its numbers have the values `held` (SI) where priors do not say them.
+    """
+
+    held: Mapping[str, float] = field(default_factory=dict)
+
+
+SECOND_SWITCH = "second_rate"
+"""Parameter that takes the second mechanism out at 0."""
+
+_SIDE_BY_SIDE = "first_mechanism + second_mechanism"
+
+
+def _numbers(exponent: float, grain_size_exponent: float) -> dict[str, float]:
+    return {
+        "second_stress_exponent": exponent,
+        "second_grain_size_exponent": grain_size_exponent,
+    }
+
+
+SECOND_MECHANISMS: Mapping[str, SecondMechanism] = MappingProxyType(
+    {
+        law.name: law
+        for law in (
+            SecondMechanism("none", (), ""),
+            # Along grain boundaries (Coble 1963, Journal of Applied Physics 34, 1679-1682).
+            SecondMechanism("diffusion", (SECOND_SWITCH,), _SIDE_BY_SIDE, held=_numbers(1.0, 3.0)),
+            # Sliding along grain boundaries, and basal slip, of ice (Goldsby and Kohlstedt 2001,
+            # Journal of Geophysical Research 106, 11017-11030, Table 5).
+            SecondMechanism("power_law", (SECOND_SWITCH,), _SIDE_BY_SIDE, held=_numbers(1.8, 1.4)),
+            SecondMechanism(
+                "in_series",
+                (SECOND_SWITCH,),
+                "1/(1/first_mechanism + 1/second_mechanism)",
+                closed_form=False,
+                held=_numbers(2.4, 0.0),
+            ),
+        )
+    }
+)
+"""Second mechanisms of the dashpot by name."""
+
+SECOND_RATE = (
+    "second_rate*(stress/second_reference_stress)^second_stress_exponent"
+    "*(grain_size/second_reference_grain_size)^-second_grain_size_exponent"
+    "*exp(-second_activation_enthalpy/R*(1/temperature - 1/second_reference_temperature))"
+)
+"""Rate of a second mechanism in an export."""
+
+
 def laws_in_closed_form() -> Mapping[str, tuple[str, ...]]:
     """Return the laws of each part under which stress cycles have a closed form."""
-    parts: Mapping[str, Mapping[str, Law]] = {"kelvin": KELVIN_LAWS, "maxwell": DASHPOT_LAWS}
+    parts: Mapping[str, Mapping[str, Law]] = {
+        "kelvin": KELVIN_LAWS,
+        "maxwell": DASHPOT_LAWS,
+        "second_mechanism": SECOND_MECHANISMS,
+    }
     return {
         part: tuple(law.name for law in laws.values() if law.closed_form)
         for part, laws in parts.items()

@@ -250,6 +250,61 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
     Parameter(
         "discrepancy", r"\delta", "discrepancy of the law over the reading error", standard=0.0
     ),
+    Parameter(
+        "second_rate",
+        r"r_2",
+        "rate of the second mechanism at its reference conditions",
+        "strain rate",
+        "1e-6/s",
+        standard=0.0,
+    ),
+    Parameter(
+        "second_stress_exponent", r"n_2", "stress exponent of the second mechanism", standard=1.0
+    ),
+    Parameter(
+        "second_grain_size_exponent",
+        r"p_2",
+        "grain size exponent of the second mechanism",
+        standard=0.0,
+    ),
+    Parameter(
+        "second_activation_enthalpy",
+        r"Q_2",
+        "activation enthalpy of the second mechanism",
+        "molar energy",
+        "kJ/mol",
+        standard=0.0,
+    ),
+    Parameter(
+        "second_reference_stress",
+        r"S_2",
+        "stress of the rate of the second mechanism",
+        "stress",
+        "MPa",
+        standard=1e6,
+    ),
+    Parameter(
+        "second_reference_grain_size",
+        r"d_2",
+        "grain size of the rate of the second mechanism",
+        "length",
+        "um",
+        standard=1e-3,
+    ),
+    Parameter(
+        "second_reference_temperature",
+        r"T_2",
+        "temperature of the rate of the second mechanism",
+        "temperature",
+        "K",
+        standard=273.15,
+    ),
+    Parameter(
+        "mechanisms_in_series",
+        r"s_2",
+        "whether the mechanisms of the dashpot are in series",
+        standard=0.0,
+    ),
 )
 """Parameters of variants (`docs/variants.md`), which a prior file may name."""
 
@@ -318,7 +373,35 @@ KELVIN_REFERENCES: Mapping[str, str] = MappingProxyType(
 )
 """Where the Kelvin viscosity varies by the first, the second says for what it is given."""
 
-CONSTANTS = frozenset({*KELVIN_REFERENCES.values(), "modulus_reference_temperature", *PIEZOMETER})
+SECOND_REFERENCES = (
+    "second_reference_stress",
+    "second_reference_grain_size",
+    "second_reference_temperature",
+)
+"""Conditions for which the rate of a second mechanism is given."""
+
+IN_SERIES = "mechanisms_in_series"
+"""Parameter that is 1 where the mechanisms of the dashpot are in series, 0 side by side."""
+
+SECOND_PARAMETERS = (
+    "second_rate",
+    "second_stress_exponent",
+    "second_grain_size_exponent",
+    "second_activation_enthalpy",
+    *SECOND_REFERENCES,
+    IN_SERIES,
+)
+"""All that a second mechanism of the dashpot is given by."""
+
+CONSTANTS = frozenset(
+    {
+        *KELVIN_REFERENCES.values(),
+        "modulus_reference_temperature",
+        *PIEZOMETER,
+        *SECOND_REFERENCES,
+        IN_SERIES,
+    }
+)
 """Parameters that are never inferred."""
 
 GIVEN_TOGETHER: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -330,6 +413,8 @@ GIVEN_TOGETHER: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "hardening_modulus": ("backstress_limit",),
         "recovery_exponent": (),
         "recovery_activation_enthalpy": ("kelvin_reference_temperature",),
+        SECOND_PARAMETERS[0]: SECOND_PARAMETERS[1:-1],
+        "second_stress_exponent": (),
     }
 )
 """Where the first is not left without effect, the others have to be given too."""

@@ -23,6 +23,7 @@ from pyburgers.model.laws import (
     DASHPOT_STRESSES,
     HARDENING_SWITCH,
     NONLINEAR_KELVIN_PARAMETERS,
+    SECOND_SWITCH,
 )
 from pyburgers.model.parameters import BELOW_ONE, CONDITIONS, CONSTANTS, STANDARD_VALUES, Parameter
 
@@ -91,6 +92,7 @@ BOUNDED_AWAY_FROM_ZERO = frozenset(
         *NONLINEAR_KELVIN_PARAMETERS,
         HARDENING_SWITCH,
         "backstress_limit",
+        SECOND_SWITCH,
         "relaxation_exponent",
         "peak_width",
     }
@@ -111,6 +113,10 @@ LOWER_LIMITS: Mapping[str, tuple[float, str]] = MappingProxyType(
         "recovery_exponent": (
             1.0,
             "at least 1, because below it a small backstress recovers infinitely fast",
+        ),
+        "second_stress_exponent": (
+            1.0,
+            "at least 1, because below it the rate rises infinitely fast from zero stress",
         ),
     }
 )

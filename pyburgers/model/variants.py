@@ -28,11 +28,18 @@ from pyburgers.model.laws import (
     DASHPOT_STRESSES,
     HARDENING_LAWS,
     KELVIN_LAWS,
+    SECOND_MECHANISMS,
+    SECOND_SWITCH,
 )
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PIEZOMETER
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 from pyburgers.model.priors import PriorSet, priors_of_freed_parameters
 from pyburgers.model.residual_laws import ResidualsLaw, changes_of_residuals, residuals_law
+from pyburgers.model.second_mechanism import (
+    changes_of_mechanism,
+    check_mechanisms,
+    second_mechanism,
+)
 
 REFERENCE_STRESS_SHARE = 0.25
 """Driving stress for which the viscosity of a power-law Kelvin dashpot is given, over the largest
@@ -109,6 +116,8 @@ class ModelVariant:
         discrepancy of the law.
     hardening : {"none", "backstress"}
         Whether the dashpot of the Maxwell element flows by the stress less a backstress.
+    second_mechanism : {"none", "diffusion", "power_law", "in_series"}
+        Whether the dashpot has a second mechanism, beside the first one or in series with it.
 
     Examples
     --------
@@ -122,6 +131,7 @@ class ModelVariant:
     fabric: Literal["evolving", "constant"] = "evolving"
     residuals: ResidualsLaw = "independent"
     hardening: str = "none"
+    second_mechanism: str = "none"
 
     def record(self) -> dict[str, str]:
         """Return the choices by name, as manifests hold them.
@@ -166,6 +176,7 @@ CHOICES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "fabric": ("evolving", "constant"),
         "residuals": ("independent", "autocorrelated", "discrepancy"),
         "hardening": (*HARDENING_LAWS,),
+        "second_mechanism": (*SECOND_MECHANISMS,),
     }
 )
 """Names of the parts and of the laws that each may follow."""
@@ -244,6 +255,7 @@ def variant_of(priors: PriorSet, experiment: Test) -> ModelVariant:
         residuals=residuals_law(priors.priors, experiment.residual_correlation),
         kelvin=kelvin_law(priors.priors, experiment.id),
         hardening=hardening_law(priors.priors),
+        second_mechanism=second_mechanism(priors.priors),
     )
 
 
@@ -291,7 +303,7 @@ def check_laws(priors: PriorSet, experiment: Test) -> None:
             f"{', '.join(PIEZOMETER[:-1])} and {PIEZOMETER[-1]} in them, or the variant "
             "grain_size=constant."
         )
-    for part in ("kelvin", "maxwell", "hardening"):
+    for part in ("kelvin", "maxwell", "hardening", "second_mechanism"):
         law = variant.record()[part]
         if not _allows(experiment, part, law):
             raise InputError(
@@ -301,6 +313,7 @@ def check_laws(priors: PriorSet, experiment: Test) -> None:
             )
     if "hardening" in experiment.laws:
         check_linear_hardening(priors.priors, experiment.protocol, experiment.id)
+    check_mechanisms(priors.priors, experiment.id)
 
 
 def _allows(experiment: Test, part: str, law: str) -> bool:
@@ -397,6 +410,14 @@ def _choose_hardening(priors: PriorSet, experiment: Test, choice: str) -> PriorS
     return priors.exchanging(*changes_of_hardening(choice, priors.priors, freed, medians, held))
 
 
+def _choose_second_mechanism(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
+    """Free the rate, which holds at the largest stress, to one digit, before the test."""
+    stress = float(f"{_largest_stress(experiment):.0e}")
+    conditions = (stress, experiment.initial_grain_size, experiment.temperature)
+    weak = priors_of_freed_parameters()[SECOND_SWITCH]
+    return priors.exchanging(*changes_of_mechanism(choice, priors.priors, weak, conditions))
+
+
 def _choose_grain_size(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
     source = f"grain_size={choice}"
     if not _allows(experiment, "grain_size", "evolving"):
@@ -445,6 +466,7 @@ _CHANGES = MappingProxyType(
         "fabric": _choose_fabric,
         "residuals": _choose_residuals,
         "hardening": _choose_hardening,
+        "second_mechanism": _choose_second_mechanism,
     }
 )
 """What each choice does to the priors."""

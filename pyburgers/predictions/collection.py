@@ -14,7 +14,7 @@ from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.paths import shipped_folder
 from pyburgers.common.toml_files import read_json
 
-LAWS = ("flow_law", "hardening_law", "elastic_law", "kelvin_law", "microstructure")
+LAWS = ("flow_law", "mechanisms", "hardening_law", "elastic_law", "kelvin_law", "microstructure")
 """Entries of an export that are expressions of laws, or what they hold for."""
 
 

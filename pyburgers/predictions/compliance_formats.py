@@ -35,6 +35,10 @@ class ShearCompliances:
     notes: tuple[str, ...]
 
 
+LINEAR = ("none", "diffusion")
+"""Second mechanisms that leave a linear dashpot linear."""
+
+
 @dataclass(frozen=True)
 class ComplianceFormat:
     """How a code takes compliances: `columns` of a CSV table by frequency, J1 and J2."""
@@ -59,7 +63,8 @@ def shear_compliances(fit: SampledFit, stated: Stated, code: str) -> ShearCompli
             f"{code}: found no Poisson's ratio, expected --poisson-ratio: E_M is Young's modulus."
         )
     regime = stated.regime
-    if regime is None and fit.variant.maxwell != "linear":
+    linear = fit.variant.maxwell == "linear" and fit.variant.second_mechanism in LINEAR
+    if regime is None and not linear:
         raise InputError(
             f"{code}: found no stress, expected --median-stress-MPa and --amplitude-MPa: "
             "the compliance of this dashpot depends on the stress."

@@ -168,6 +168,11 @@ def creep_laws(fit: SampledFit, stated: Stated, code: str) -> CreepLaws:
                 "expected a dashpot without one; fit with --variant hardening=none, or use "
                 "--format json."
             )
+        if fit.variant.second_mechanism != "none":
+            raise InputError(
+                f"{code}: cannot express two mechanisms of the dashpot, expected a power law; fit "
+                "with --variant second_mechanism=none, or use --format json."
+            )
         if DASHPOT_LAWS[fit.variant.maxwell].own_stress:
             raise InputError(
                 f"{code}: cannot express the dashpot {fit.variant.maxwell!r} of the fit, expected "

@@ -24,7 +24,13 @@ from pyburgers.flow_law_tables.tables import RateTable
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.display import shown_quantity, unit_text
-from pyburgers.model.laws import DASHPOT_LAWS, HARDENING_LAWS, KELVIN_LAWS
+from pyburgers.model.laws import (
+    DASHPOT_LAWS,
+    HARDENING_LAWS,
+    KELVIN_LAWS,
+    SECOND_MECHANISMS,
+    SECOND_RATE,
+)
 from pyburgers.model.parameters import CONDITIONS, RESIDUAL_CORRELATION, STANDARD_VALUES
 from pyburgers.model.prior_families import Prior, is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR, PriorSet
@@ -67,12 +73,21 @@ def laws_of(prior_set: PriorSet, experiment: Test) -> dict[str, object]:
     }[variant.grain_size]
     flow_law = DASHPOT_LAWS[variant.maxwell].flow_law
     hardening = HARDENING_LAWS[variant.hardening]
+    hardening_law, mechanisms = hardening.expression, {}
     if hardening.parameters:
         flow_law = re.sub(r"\bstress\b", "(stress - backstress)", flow_law)
+    if variant.second_mechanism != "none":
+        mechanisms = {
+            "first_mechanism": flow_law.removeprefix("strain_rate = "),
+            "second_mechanism": SECOND_RATE,
+        }
+        flow_law = f"strain_rate = {SECOND_MECHANISMS[variant.second_mechanism].expression}"
+        hardening_law = hardening_law.replace("strain_rate", "first_mechanism")
     fabric = "1" if variant.fabric == "constant" else "steady_state_fabric_factor"
     return {
         "flow_law": flow_law,
-        **({"hardening_law": hardening.expression} if hardening.parameters else {}),
+        **({"mechanisms": mechanisms} if mechanisms else {}),
+        **({"hardening_law": hardening_law} if hardening.parameters else {}),
         "elastic_law": _elastic_law(priors),
         "kelvin_law": _kelvin_law(variant.kelvin, priors),
         "microstructure": {

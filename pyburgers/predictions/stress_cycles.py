@@ -12,7 +12,7 @@ from pyburgers.common.units import number
 from pyburgers.model.closed_forms import RELAXATION_PARAMETERS
 from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
 from pyburgers.model.laws import DASHPOT_STRESSES, HARDENING_SWITCH
-from pyburgers.model.parameters import PIEZOMETER
+from pyburgers.model.parameters import IN_SERIES, PIEZOMETER, SECOND_PARAMETERS
 
 PARAMETER_NAMES = (
     "maxwell_modulus",
@@ -37,6 +37,7 @@ OTHER_PARAMETERS = (
     *RELAXATION_PARAMETERS,
     *DASHPOT_STRESSES,
     HARDENING_SWITCH,
+    *SECOND_PARAMETERS,
     "modulus_temperature_coefficient",
     "modulus_reference_temperature",
     *PIEZOMETER,
@@ -139,6 +140,12 @@ def checked_inputs(
                 f"{law.name} because stress cycles have no closed form with it; fit and simulate "
                 "them as a loading history."
             )
+    if np.any(np.asarray(parameters.get(IN_SERIES, 0.0)) != 0):
+        raise InputError(
+            f"{IN_SERIES}: found values other than 0, expected mechanisms side by side because "
+            "stress cycles have no closed form with others; fit and simulate them as a loading "
+            "history."
+        )
     if len(shape) not in DRAW_DIMENSIONS:
         raise InputError(
             f"parameters: found draws of shape {shape}, expected (chain, draw), (draw,) or ()."

@@ -3,7 +3,7 @@
     array[reading_grid_end[e + 1] - reading_grid_end[e]] int here = part(reading_grid_end, e);
     if (size(here) > 0) {
       array[regime_end[e + 1] - regime_end[e]] int regimes = part(regime_end, e);
-      vector[size(here)] log_of_fluidity
+      matrix[size(here), 2] log_of_fluidity
         = log_fluidity(parameter[e], grid_temperature[here], initial_grain_size[e],
                        grid_regime[here], median_stress[regimes], amplitude[regimes],
                        node_end[regime_end[e] + 1 : regime_end[e + 1] + 1], node);
@@ -17,7 +17,7 @@
       grid_log_relaxation_time[here]
         = log_relaxation_times(parameter[e], grid_temperature[here], initial_grain_size[e]);
       grid_log_maxwell_time[here]
-        = -log(maxwell_modulus_at(parameter[e], grid_temperature[here])) - log_of_fluidity;
+        = -log(maxwell_modulus_at(parameter[e], grid_temperature[here])) - log_of_fluidity[ : , 1];
       law = log_reading_law(parameter[e], grid_log_reading[here], grid_quantity[here],
                             grid_stated_error[here]);
       for (j in 1 : size(here)) {

@@ -8,16 +8,19 @@
  */
 
 /**
- * ln of the fluidity of the dashpot (axial, 1/(Pa s)) in every reading.
+ * ln of the fluidity (axial, 1/(Pa s)) in every reading: of the dashpot and of its first mechanism,
+ * as columns.
  *
  * @param regime of every reading, from 1
  * @param median_stress, amplitude of every regime, axial equivalents, Pa
  * @param node_end, node nodes of every regime: columns sine and weight
  */
-vector log_fluidity(vector parameter, data vector temperature, data real grain_size,
+matrix log_fluidity(vector parameter, data vector temperature, data real grain_size,
                     data array[] int regime, data vector median_stress,
                     data vector amplitude, data array[] int node_end, data matrix node) {
   vector[num_elements(amplitude)] of_stress;
+  vector[num_elements(temperature)] both;
+  vector[num_elements(temperature)] first;
   vector[num_elements(temperature)] log_factor;
   for (r in 1 : num_elements(amplitude)) {
     array[node_end[r + 1] - node_end[r]] int here = part(node_end, r);
@@ -30,8 +33,18 @@ vector log_fluidity(vector parameter, data vector temperature, data real grain_s
     log_factor[i] = log_rate_factor(parameter[i_activation_enthalpy()], parameter[i_beta()],
                                     temperature[i]);
   }
-  return of_stress[regime] + log_factor
-         - parameter[i_grain_size_exponent()] * log(grain_size);
+  first = of_stress[regime] + log_factor
+          - parameter[i_grain_size_exponent()] * log(grain_size);
+  both = first;
+  if (mechanisms_act(parameter) > 0) {
+    for (i in 1 : num_elements(temperature)) {
+      int r = regime[i];
+      array[node_end[r + 1] - node_end[r]] int here = part(node_end, r);
+      both[i] = log_fluidity_of_both(first[i], median_stress[r], amplitude[r], grain_size,
+                                     parameter, temperature[i], node[here, 1], node[here, 2]);
+    }
+  }
+  return append_col(both, first);
 }
 
 /** ln of the longest relaxation time of the Kelvin part in every reading, ln s. */
@@ -47,26 +60,27 @@ vector log_relaxation_times(vector parameter, data vector temperature, data real
  * ln(tan delta), then ln(modulus / Pa), of every reading; the modulus is 1/|J|.
  *
  * @param frequency angular, rad/s
+ * @param log_of_fluidity of log_fluidity()
  */
 vector log_tan_delta_and_modulus(vector parameter, data vector frequency,
                                  data vector temperature, data real grain_size,
-                                 data vector conversion, vector log_of_fluidity) {
+                                 data vector conversion, matrix log_of_fluidity) {
   int n = num_elements(frequency);
   matrix[n, 2] kelvin
     = kelvin_compliance(log(frequency)
                         + log_relaxation_times(parameter, temperature, grain_size), parameter);
   vector[n] storage = conversion[1] ./ maxwell_modulus_at(parameter, temperature)
                       - conversion[2] + conversion[3] * kelvin[ : , 1];
-  vector[n] loss = conversion[3] * (kelvin[ : , 2] + exp(log_of_fluidity) ./ frequency);
+  vector[n] loss = conversion[3] * (kelvin[ : , 2] + exp(log_of_fluidity[ : , 1]) ./ frequency);
   if (has_backstress(parameter)) {
     for (i in 1 : n) {
       row_vector[2] dashpot
-        = backstress_compliance(frequency[i], exp(log_of_fluidity[i]),
+        = backstress_compliance(frequency[i], exp(log_of_fluidity[i, 2]),
                                 parameter[i_hardening_modulus()],
                                 recovery_rate_at(parameter, temperature[i],
                                                  parameter[i_kelvin_reference_temperature()]));
       storage[i] += conversion[3] * dashpot[1];
-      loss[i] = conversion[3] * (kelvin[i, 2] + dashpot[2]);
+      loss[i] += conversion[3] * (dashpot[2] - exp(log_of_fluidity[i, 2]) / frequency[i]);
     }
   }
   return append_row(log(loss) - log(storage), -0.5 * log(square(storage) + square(loss)));
@@ -79,12 +93,12 @@ real largest_log_dashpot_share(vector parameter, data vector frequency, data vec
                                data vector amplitude, data array[] int node_end,
                                data matrix node) {
   int n = num_elements(frequency);
-  vector[n] log_of_fluidity = log_fluidity(parameter, temperature, grain_size, regime,
-                                           median_stress, amplitude, node_end, node);
+  matrix[n, 2] log_of_fluidity = log_fluidity(parameter, temperature, grain_size, regime,
+                                              median_stress, amplitude, node_end, node);
   vector[2 * n] both = log_tan_delta_and_modulus(parameter, frequency, temperature, grain_size,
                                                  conversion, log_of_fluidity);
   vector[n] log_loss = head(both, n) - 0.5 * log1p_exp(2 * head(both, n)) - tail(both, n);
-  return max(log(conversion[3]) + log_of_fluidity - log(frequency) - log_loss);
+  return max(log(conversion[3]) + log_of_fluidity[ : , 1] - log(frequency) - log_loss);
 }
 
 /**

@@ -57,11 +57,11 @@ vector imposed_stress_rhs(real time, vector state, data real median_stress, data
                                            parameter[i_steady_state_fabric_factor()],
                                            parameter[i_critical_strain_fabric()])
                        : initial[2];
-  real dashpot_rate = dashpot_rate_at(stress, grain_size, fabric_factor, parameter, temperature);
+  real dashpot_rate = dashpot_rate_at(stress, 0, grain_size, fabric_factor, parameter, temperature);
   vector[num_elements(state)] rate;
   rate[1] = driving_stress * parameter[i_kelvin_modulus()] / kelvin_viscosity;
   rate[2] = angular_frequency * dashpot_rate
-            / dashpot_rate_at(largest_stress, initial[1], initial[2], parameter, temperature);
+            / dashpot_rate_at(largest_stress, 0, initial[1], initial[2], parameter, temperature);
   if (evolves) {
     real spring_rate = amplitude * angular_frequency * cos(angular_frequency * time)
                        / parameter[i_maxwell_modulus()];
@@ -125,7 +125,7 @@ array[] vector imposed_stress_solution(data array[] real time, data int n_in_hol
     }
   }
   scale[1] = largest_stress / parameter[i_kelvin_modulus()];
-  scale[2] = dashpot_rate_at(largest_stress, initial[1], initial[2], parameter, temperature)
+  scale[2] = dashpot_rate_at(largest_stress, 0, initial[1], initial[2], parameter, temperature)
              / angular_frequency;
   for (i in 1 : n) {
     solution[i] = scale .* solution[i];

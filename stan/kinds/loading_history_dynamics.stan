@@ -217,7 +217,7 @@ real history_strain_rate(row_vector state, data row_vector leg, vector parameter
   real elastic = 1 / (factor * parameter[i_maxwell_modulus()]);
   real stress_rate = leg[l_rate()];
   real inelastic = state[7]
-                   + dashpot_rate_at(state[1] / factor - state[8], grain_size, fabric_factor, parameter,
+                   + dashpot_rate_at(state[1] / factor, state[8], grain_size, fabric_factor, parameter,
                                      true_temperature(parameter, leg[l_temperature()]));
   if (leg[l_driven()] == 2) {
     // The area changes with the strain of the specimen.

@@ -61,13 +61,13 @@ vector strain_driven_rhs(real t, vector state, real start_path, vector varying, 
   real path = compliant ? state[place_of_b + 1] : start_path + magnitude(rate) * t;
   real u = test[c_piezometer()] > 0 ? state[2] : 1;
   real b = test[c_hardens()] > 0 ? state[place_of_b] : 0;
-  real x_rate = history_dashpot_rate(state[1] - b, path, u, varying, place, fixed, test);
+  vector[2] x_rates = history_dashpot_rates(state[1], b, path, u, varying, place, fixed, test);
   matrix[n_kelvin, 2] elements = history_elements(element, varying, place, fixed);
   vector[n_kelvin] z_rates = history_kelvin_rates(state[1], tail(state, n_kelvin), elements,
                                                   varying, place, fixed, test);
   real z_rate = dot_product(elements[ : , 2], z_rates);
   real y_rate = (rate - history_rate(h_kelvin_compliance(), varying, place, fixed) * z_rate
-                 - x_rate)
+                 - x_rates[1])
                 / (history_rate(h_spring_compliance(), varying, place, fixed) + apparatus);
   real path_rate = magnitude(rate - apparatus * y_rate);
   vector[n_states] slope;
@@ -77,7 +77,7 @@ vector strain_driven_rhs(real t, vector state, real start_path, vector varying, 
     slope[2] = history_grain_growth(state[1], u, path_rate, varying, place, fixed, test);
   }
   if (test[c_hardens()] > 0) {
-    slope[place_of_b] = history_backstress_rate(b, x_rate, varying, place, fixed);
+    slope[place_of_b] = history_backstress_rate(b, x_rates[2], varying, place, fixed);
   }
   if (compliant) {
     slope[place_of_b + 1] = path_rate;
@@ -111,12 +111,14 @@ vector stress_driven_rhs(real t, vector state, real start_path, vector start_kel
   real z_rate
     = dot_product(elements[ : , 2],
                   history_kelvin_rates(y, z, elements, varying, place, fixed, test));
-  real x_rate = history_dashpot_rate(y - b, start_path + state[2], u, varying, place, fixed, test);
+  vector[2] x_rates = history_dashpot_rates(y, b, start_path + state[2], u, varying, place, fixed,
+                                            test);
   real path_rate
     = magnitude(history_rate(h_spring_compliance(), varying, place, fixed) * rate
-                + history_rate(h_kelvin_compliance(), varying, place, fixed) * z_rate + x_rate);
+                + history_rate(h_kelvin_compliance(), varying, place, fixed) * z_rate
+                + x_rates[1]);
   vector[n_states] slope;
-  slope[1 : 2] = [x_rate, path_rate]';
+  slope[1 : 2] = [x_rates[1], path_rate]';
   if (solves_kelvin) {
     slope[n_states] = z_rate; // of one element
   }
@@ -124,7 +126,7 @@ vector stress_driven_rhs(real t, vector state, real start_path, vector start_kel
     slope[3] = history_grain_growth(y, u, path_rate, varying, place, fixed, test);
   }
   if (hardens) {
-    slope[place_of_b] = history_backstress_rate(b, x_rate, varying, place, fixed);
+    slope[place_of_b] = history_backstress_rate(b, x_rates[2], varying, place, fixed);
   }
   return slope;
 }
@@ -151,15 +153,17 @@ vector growing_strain_rhs(real t, vector state, real start_path, vector start_ke
   }
   int hardens = test[c_hardens()] > 0;
   real b = hardens ? state[2] : 0;
+  vector[2] x_rates
+    = history_dashpot_rates(y, b,
+                            start_path
+                            + history_rate(h_spring_compliance(), varying, place, fixed) * y
+                            + history_rate(h_kelvin_compliance(), varying, place, fixed) * z
+                            + state[1],
+                            1, varying, place, fixed, test);
   vector[1 + hardens] slope;
-  slope[1] = history_dashpot_rate(y - b,
-                                  start_path
-                                  + history_rate(h_spring_compliance(), varying, place, fixed) * y
-                                  + history_rate(h_kelvin_compliance(), varying, place, fixed) * z
-                                  + state[1],
-                                  1, varying, place, fixed, test);
+  slope[1] = x_rates[1];
   if (hardens) {
-    slope[2] = history_backstress_rate(b, slope[1], varying, place, fixed);
+    slope[2] = history_backstress_rate(b, x_rates[2], varying, place, fixed);
   }
   return slope;
 }
@@ -370,7 +374,7 @@ vector force_driven_rhs(real t, vector state, vector varying, data real force, d
   int place_of_b = n_states - n_kelvin;
   real u = test[c_piezometer()] > 0 ? state[3] : 1;
   real b = test[c_hardens()] > 0 ? state[place_of_b] : 0;
-  real x_rate = history_dashpot_rate(y - b, state[2], u, varying, place, fixed, test);
+  vector[2] x_rates = history_dashpot_rates(y, b, state[2], u, varying, place, fixed, test);
   matrix[n_kelvin, 2] elements = history_elements(element, varying, place, fixed);
   vector[n_kelvin] z_rates
     = history_kelvin_rates(y, tail(state, n_kelvin), elements, varying, place, fixed, test);
@@ -379,14 +383,14 @@ vector force_driven_rhs(real t, vector state, vector varying, data real force, d
   slope[1] = (spring * rate * area
               + history_rate(h_kelvin_compliance(), varying, place, fixed)
                 * dot_product(elements[ : , 2], z_rates)
-              + x_rate)
+              + x_rates[1])
              / (1 + test[c_strain_scale()] * spring * y);
   slope[2] = magnitude(slope[1]);
   if (test[c_piezometer()] > 0) {
     slope[3] = history_grain_growth(y, u, slope[2], varying, place, fixed, test);
   }
   if (test[c_hardens()] > 0) {
-    slope[place_of_b] = history_backstress_rate(b, x_rate, varying, place, fixed);
+    slope[place_of_b] = history_backstress_rate(b, x_rates[2], varying, place, fixed);
   }
   return slope;
 }

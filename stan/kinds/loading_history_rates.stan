@@ -17,7 +17,8 @@
  * v_0 the rate of the undeformed dashpot at stress S. With a power-law Kelvin element its linear
  * driving stress stands for q (physics/kelvin_laws.stan), with another law of the dashpot
  * (physics/dashpot_laws.stan) the equivalent stress for y in v_d. A backstress (physics/hardening.stan)
- * leaves y - b of y there. A Kelvin part with many relaxation times
+ * leaves y - b of y there. A second mechanism (physics/second_mechanism.stan) has the rate
+ * v_2 = v_20 sgn(y) |y|^n_2 (d/d_0)^-p_2, v_20 that at stress S. A Kelvin part with many relaxation times
  * (physics/relaxation.stan) is a sum of elements, each with a z_k of its own:
  *
  *   dz_k/dt = c_k (D E_K/eta_K) (y - z_k),  z = sum of w_k z_k.
@@ -27,7 +28,7 @@
  * rest, as the whole microstructure where it is constant, is data.
  */
 
-int n_history_rates() { return 18 + n_relaxation_numbers(); }
+int n_history_rates() { return 21 + n_relaxation_numbers(); }
 
 int h_log_dashpot_rate() { return 1; } // ln v_0
 int h_stress_exponent() { return 2; } // n
@@ -47,10 +48,13 @@ int h_hardening() { return 15; } // H e/S, and the other numbers of backstress_r
 int h_backstress_limit() { return 16; } // sigma_max/S
 int h_recovery() { return 17; } // D r
 int h_recovery_exponent() { return 18; } // m
-int h_relaxation() { return 19; } // the first of relaxation_numbers()
+int h_log_second_rate() { return 19; } // ln v_20; 0 without a second mechanism
+int h_second_stress_exponent() { return 20; } // n_2
+int h_second_grain_size_exponent() { return 21; } // p_2
+int h_relaxation() { return 22; } // the first of relaxation_numbers()
 
 /** Places in the constants of a test, which are data. */
-int n_history_constants() { return 9; }
+int n_history_constants() { return 10; }
 
 int c_stress_scale() { return 1; } // S as the load cell reads it, Pa
 int c_strain_scale() { return 2; } // e
@@ -61,6 +65,7 @@ int c_piezometer_stress_floor() { return 6; } // Pa
 int c_dashpot_law() { return 7; } // of dashpot_law()
 int c_kelvin_law() { return 8; } // of kelvin_law_at()
 int c_hardens() { return 9; } // 1: the dashpot has a backstress
+int c_mechanisms() { return 10; } // of mechanisms_act()
 
 /** Constants of a test: see their places. */
 vector history_constants(data vector constant, data real initial_grain_size,
@@ -69,7 +74,8 @@ vector history_constants(data vector constant, data real initial_grain_size,
   return [stress_scale, strain_scale, constant[i_kelvin_reference_stress()],
           constant[i_piezometer_reference_grain_size()] / initial_grain_size,
           constant[i_piezometer_exponent()], constant[i_piezometer_stress_floor()],
-          dashpot_law(constant), kelvin_law, has_backstress(constant)]';
+          dashpot_law(constant), kelvin_law, has_backstress(constant),
+          mechanisms_act(constant)]';
 }
 
 /** Compliances in the units of the states: S/(E_K e), S/(E_M e), C S/e. */
@@ -100,7 +106,12 @@ vector history_rates(vector parameter, data vector constant, data real duration,
                                               parameter[i_kelvin_activation_enthalpy()],
                                               at_temperature,
                                               constant[i_kelvin_reference_temperature()]);
+  real log_second = 0;
   real log_coarser = log(initial_grain_size / constant[i_kelvin_reference_grain_size()]);
+  if (test[c_mechanisms()] > 0) {
+    log_second = log_second_rate(stress_scale, initial_grain_size, parameter, at_temperature)
+                 + log(duration / strain_scale);
+  }
   return append_row(
          [log_flow_rate_at(stress_scale, initial_grain_size, temperature, parameter)
           + log(duration / strain_scale),
@@ -118,7 +129,8 @@ vector history_rates(vector parameter, data vector constant, data real duration,
           parameter[i_backstress_limit()] / stress_scale,
           duration * recovery_rate_at(parameter, at_temperature,
                                       constant[i_kelvin_reference_temperature()]),
-          parameter[i_recovery_exponent()]]',
+          parameter[i_recovery_exponent()], log_second,
+          parameter[i_second_stress_exponent()], parameter[i_second_grain_size_exponent()]]',
          relaxation_numbers(parameter));
 }
 
@@ -127,9 +139,10 @@ vector history_rates(vector parameter, data vector constant, data real duration,
  *
  * @param is_free of each parameter, whether it is inferred in any test
  * @param element elements of the Kelvin part (history_elements())
- * @param hardens 1: the dashpot has a backstress in some test
+ * @param hardens, has_second 1: the dashpot has a backstress, a second mechanism in some test
  */
-array[] int varying_rates(data array[] int is_free, data matrix element, data int hardens) {
+array[] int varying_rates(data array[] int is_free, data matrix element, data int hardens,
+                          data int has_second) {
   array[n_history_rates()] int varies = rep_array(0, n_history_rates());
   int n_varying = 0;
   varies[h_log_dashpot_rate()]
@@ -161,6 +174,14 @@ array[] int varying_rates(data array[] int is_free, data matrix element, data in
     varies[h_recovery()] = max(is_free[{i_recovery_rate(), i_recovery_activation_enthalpy(),
                                         i_temperature_error()}]);
     varies[h_recovery_exponent()] = is_free[i_recovery_exponent()];
+  }
+  if (has_second) {
+    varies[h_log_second_rate()]
+      = max(is_free[{i_second_rate(), i_second_stress_exponent(),
+                     i_second_grain_size_exponent(), i_second_activation_enthalpy(),
+                     i_temperature_error(), i_stress_calibration_error()}]);
+    varies[h_second_stress_exponent()] = is_free[i_second_stress_exponent()];
+    varies[h_second_grain_size_exponent()] = is_free[i_second_grain_size_exponent()];
   }
   varies[h_relaxation() : ] = relaxation_numbers_vary(is_free, element);
   n_varying = sum(varies);
@@ -283,17 +304,18 @@ vector kelvin_states(row_vector state, data matrix element) {
 }
 
 /**
- * Rate of the dashpot, v_d.
+ * Rates of the dashpot and of its first mechanism, v_d and v_1.
  *
- * @param y less the backstress
+ * @param b backstress, 0 without one
  * @param g path strain over e
  * @param u d/d_0 where the grain size follows a piezometer; elsewhere it has no effect
  */
-real history_dashpot_rate(real y, real g, real u, vector varying, data array[] int place,
-                          data vector fixed, data vector test) {
+vector history_dashpot_rates(real y, real b, real g, real u, vector varying,
+                             data array[] int place, data vector fixed, data vector test) {
   real log_grain_size = 0;
   real log_fabric = 0;
-  real flow_stress = y;
+  real flow_stress = y - b;
+  real first;
   if (test[c_piezometer()] > 0) {
     log_grain_size = log(u);
   } else if (in_use(h_grain_size_deficit(), place, fixed, 0)) {
@@ -309,16 +331,25 @@ real history_dashpot_rate(real y, real g, real u, vector varying, data array[] i
                                     history_rate(h_fabric_decay(), varying, place, fixed));
   }
   if (test[c_dashpot_law()] > 0) {
-    flow_stress = equivalent_stress(y, test[c_dashpot_law()],
+    flow_stress = equivalent_stress(flow_stress, test[c_dashpot_law()],
                                     history_rate(h_dashpot_stress(), varying, place, fixed),
                                     exp(log_fabric),
                                     history_rate(h_stress_exponent(), varying, place, fixed));
   }
-  return signed_power(flow_stress, log_fabric,
-                      history_rate(h_stress_exponent(), varying, place, fixed),
-                      history_rate(h_log_dashpot_rate(), varying, place, fixed)
-                      - history_rate(h_grain_size_exponent(), varying, place, fixed)
-                        * log_grain_size);
+  first = signed_power(flow_stress, log_fabric,
+                       history_rate(h_stress_exponent(), varying, place, fixed),
+                       history_rate(h_log_dashpot_rate(), varying, place, fixed)
+                       - history_rate(h_grain_size_exponent(), varying, place, fixed)
+                         * log_grain_size);
+  if (test[c_mechanisms()] > 0) {
+    real second
+      = signed_power(y, 0, history_rate(h_second_stress_exponent(), varying, place, fixed),
+                     history_rate(h_log_second_rate(), varying, place, fixed)
+                     - history_rate(h_second_grain_size_exponent(), varying, place, fixed)
+                       * log_grain_size);
+    return [rate_of_both(first, second, test[c_mechanisms()]), first]';
+  }
+  return [first, first]';
 }
 
 /** du/dt of a grain size that follows a piezometer, at a rate of the path strain in e/D. */
@@ -331,10 +362,10 @@ real history_grain_growth(real y, real u, real path_rate, vector varying,
             - u);
 }
 
-/** db/dt of a backstress, 0 without one. */
-real history_backstress_rate(real b, real dashpot_rate, vector varying, data array[] int place,
+/** db/dt of a backstress that the first mechanism stores, 0 without one. */
+real history_backstress_rate(real b, real first_rate, vector varying, data array[] int place,
                              data vector fixed) {
-  return backstress_rate(b, dashpot_rate, history_rate(h_hardening(), varying, place, fixed),
+  return backstress_rate(b, first_rate, history_rate(h_hardening(), varying, place, fixed),
                          history_rate(h_backstress_limit(), varying, place, fixed),
                          history_rate(h_recovery(), varying, place, fixed),
                          history_rate(h_recovery_exponent(), varying, place, fixed));
@@ -364,18 +395,19 @@ array[] vector fast_history_leg(data int driven, data array[] int state, data ar
   if (solver == 1) {
     vector[num_elements(start)] from = start;
     int n_linear = test[c_kelvin_law()] == 0 ? rows(elements) : 0;
-    vector[20] argument;
+    vector[23] argument;
     for (k in 1 : 13) {
       argument[k] = history_rate(k, varying, place, fixed);
     }
     argument[15] = history_rate(h_stress_scale(), varying, place, fixed);
     argument[14] = log(argument[15] / test[c_kelvin_reference()]);
     argument[16] = start_path;
-    for (k in 1 : 4) {
+    for (k in 1 : 7) {
       argument[16 + k] = history_rate(h_hardening() + k - 1, varying, place, fixed);
     }
     return radau_leg({driven, place_of_dashpot_law(test[c_dashpot_law()]),
-                      place_of_kelvin_law(test[c_kelvin_law()]), state[1], state[2], state[3]},
+                      place_of_kelvin_law(test[c_kelvin_law()]), state[1], state[2], state[3],
+                      (test[c_mechanisms()] > 0) + (test[c_mechanisms()] > 1)},
                      {y_0, rate, test[c_strain_scale()], test[c_piezometer()],
                       test[c_piezometer_exponent()], test[c_piezometer_stress_floor()]},
                      time, tolerance, from,

@@ -1,7 +1,8 @@
 /**
  * Laws of the dashpot. Each is the power law of physics/flow_law.stan at another stress, and has a
  * stress of its own, a parameter that is 0 in all other laws. A law is named by the place of that
- * parameter (physics/parameters.stan), the power law by 0. Needs both files.
+ * parameter (physics/parameters.stan), the power law by 0. Needs both files, and
+ * physics/second_mechanism.stan for the rate of the whole dashpot.
  */
 
 /**
@@ -99,18 +100,26 @@ real stress_of_equivalent(real equivalent, real law, real law_stress) {
 /**
  * Strain rate of the dashpot, 1/s.
  *
- * @param stress Pa
+ * @param stress, backstress Pa
  * @param grain_size m
  * @param parameter in the order of physics/parameters.stan
  * @param temperature true one, K
  */
-real dashpot_rate_at(real stress, real grain_size, real fabric_factor, vector parameter,
-                     real temperature) {
+real dashpot_rate_at(real stress, real backstress, real grain_size, real fabric_factor,
+                     vector parameter, real temperature) {
   int law = dashpot_law(parameter);
+  int act = mechanisms_act(parameter);
   real n = parameter[i_stress_exponent()];
-  return dashpot_strain_rate(equivalent_stress(stress, law, law > 0 ? parameter[law] : 0,
-                                               fabric_factor, n),
-                             grain_size, fabric_factor, n, parameter[i_grain_size_exponent()],
-                             log_rate_factor(parameter[i_activation_enthalpy()],
-                                             parameter[i_beta()], temperature));
+  real first
+    = dashpot_strain_rate(equivalent_stress(stress - backstress, law,
+                                            law > 0 ? parameter[law] : 0, fabric_factor, n),
+                          grain_size, fabric_factor, n, parameter[i_grain_size_exponent()],
+                          log_rate_factor(parameter[i_activation_enthalpy()],
+                                          parameter[i_beta()], temperature));
+  return act == 0
+         ? first
+         : rate_of_both(first,
+                        signed_power(stress, 0, parameter[i_second_stress_exponent()],
+                                     log_second_rate(1, grain_size, parameter, temperature)),
+                        act);
 }

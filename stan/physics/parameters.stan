@@ -4,7 +4,7 @@
  * Priors, fixed values and `parameter` in the programs have this order. Those of variants have
  * standard values that leave them without effect (docs/variants.md).
  */
-int n_parameters() { return 47; }
+int n_parameters() { return 55; }
 
 int i_maxwell_modulus() { return 1; } // E_M, Pa
 int i_kelvin_modulus() { return 2; } // E_K, Pa
@@ -66,9 +66,19 @@ int i_recovery_activation_enthalpy() { return 44; } // Q_r, J/mol
 
 int i_discrepancy() { return 45; } // of the law, over the reading error; 0: w parts the residuals
 
+// Of a second mechanism of the dashpot, physics/second_mechanism.stan
+int i_second_rate() { return 46; } // r_2, 1/s, at S_2, d_2 and T_2; 0: there is none
+int i_second_stress_exponent() { return 47; } // n_2
+int i_second_grain_size_exponent() { return 48; } // p_2
+int i_second_activation_enthalpy() { return 49; } // Q_2, J/mol
+int i_second_reference_stress() { return 50; } // S_2, Pa, always fixed
+int i_second_reference_grain_size() { return 51; } // d_2, m, always fixed
+int i_second_reference_temperature() { return 52; } // T_2, K, always fixed
+int i_mechanisms_in_series() { return 53; } // 0: side by side, always fixed
+
 // Of the conditions of a test; 0 where they are taken as known
-int i_temperature_error() { return 46; } // true less stated temperature, K
-int i_stress_calibration_error() { return 47; } // c: the load cell reads 1 + c times the stress
+int i_temperature_error() { return 54; } // true less stated temperature, K
+int i_stress_calibration_error() { return 55; } // c: the load cell reads 1 + c times the stress
 
 /** Temperature of a test (K): the stated one and its error. */
 real true_temperature(vector parameter, data real stated) {

@@ -7,7 +7,8 @@
  *
  * which depends on the stresses, not on the frequency. Rates are those of a frozen microstructure:
  * B is the product of the rate factor, d^-p, and a number of the stresses and the stress exponent,
- * whose logarithm these functions return. Needs physics/flow_law.stan.
+ * whose logarithm these functions return. Needs physics/flow_law.stan and
+ * physics/second_mechanism.stan.
  */
 
 /**
@@ -56,4 +57,23 @@ real log_fluidity_of_stress(real median_stress, real amplitude, real stress_expo
   }
   return log_fluidity_about(median_stress, amplitude, stress_exponent, breakdown_stress, sine,
                             weight);
+}
+
+/**
+ * ln of B of a dashpot with a second mechanism beside the first. Rates under a given stress add,
+ * whatever their stress exponents.
+ *
+ * @param log_first ln of B of the first mechanism
+ * @param grain_size m
+ * @param temperature true one, K
+ * @param sine, weight see log_fluidity_about()
+ */
+real log_fluidity_of_both(real log_first, real median_stress, real amplitude, real grain_size,
+                          vector parameter, real temperature, data vector sine,
+                          data vector weight) {
+  return log_sum_exp(log_first,
+                     log_fluidity_of_stress(median_stress, amplitude,
+                                            parameter[i_second_stress_exponent()], 0, sine,
+                                            weight)
+                     + log_second_rate(1, grain_size, parameter, temperature));
 }

@@ -70,6 +70,7 @@ EVERY_CHOICE = {
     "fabric": "constant",
     "residuals": "autocorrelated",
     "hardening": "none",
+    "second_mechanism": "none",
 }
 
 
@@ -374,6 +375,13 @@ VARIANT_TABLES = {
     "kelvin_reference_grain_size": '"fixed"\nvalue = 10.0\nunit = "um"',
     "threshold_stress": '"fixed"\nvalue = 0.0\nunit = "MPa"',
     "recovery_activation_enthalpy": '"fixed"\nvalue = 60\nunit = "kJ/mol"',
+    "second_stress_exponent": '"normal"\nlocation = 1.8\nscale = 0.2\nlower = 1\nunit = "1"',
+    "second_grain_size_exponent": '"fixed"\nvalue = 0.0\nunit = "1"',
+    "second_activation_enthalpy": '"fixed"\nvalue = 49\nunit = "kJ/mol"',
+    "second_reference_stress": '"fixed"\nvalue = 2.0\nunit = "MPa"',
+    "second_reference_grain_size": '"fixed"\nvalue = 300\nunit = "um"',
+    "second_reference_temperature": '"fixed"\nvalue = 260\nunit = "K"',
+    "mechanisms_in_series": '"fixed"\nvalue = 1.0\nunit = "1"',
 }
 
 
@@ -421,6 +429,11 @@ def test_prior_files_may_name_the_parameters_of_variants(tmp_path: Path) -> None
         (
             {"recovery_exponent": '"fixed"\nvalue = 0.9\nunit = "1"'},
             "key 'value': found 0.9, expected at least 1",
+        ),
+        (
+            {"second_rate": '"lognormal"\nlocation = 1e-6\nscale = 1\nunit = "1/s"'}
+            | {"second_reference_stress": None},
+            r"\[parameters.second_reference_stress\] is missing",
         ),
     ],
 )

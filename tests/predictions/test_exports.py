@@ -28,7 +28,7 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.flow_law_tables.fit_rates import fit_rates
 from pyburgers.kinds.problem import problem_of
-from pyburgers.model.laws import DASHPOT_LAWS, KELVIN_LAWS
+from pyburgers.model.laws import DASHPOT_LAWS, KELVIN_LAWS, SECOND_MECHANISMS
 from pyburgers.model.variants import with_variant
 from pyburgers.predictions.exports import FORMATS, export
 from pyburgers.predictions.stress_cycles import Regime
@@ -149,6 +149,27 @@ def test_a_law_that_codes_lack_is_refused(law: str, made: Fit) -> None:
     for code in READERS:
         with pytest.raises(InputError, match=f"cannot express the dashpot '{law}'.*power law"):
             export(fit, code, microstructure="initial")
+
+
+@pytest.mark.parametrize("law", [law for law in SECOND_MECHANISMS if law != "none"])
+def test_codes_refuse_a_second_mechanism_and_compliances_have_it(law: str, made: Fit) -> None:
+    linear = {**FROZEN, "maxwell": "linear"}
+    fit = fit_of(made, **linear, second_mechanism=law)
+    for code in READERS:
+        with pytest.raises(InputError, match="cannot express two mechanisms of the dashpot"):
+            export(fit, code, microstructure="initial")
+    without: dict[str, Any] = {"poisson_ratio": 0.3}
+    if law != "diffusion":
+        message = "compliance of this dashpot depends on the stress"
+        with pytest.raises(InputError, match=message):
+            export(fit, "tidalpy", **without)
+    if law == "in_series":
+        with pytest.raises(InputError, match="expected mechanisms side by side"):
+            export(fit, "tidalpy", **SHEAR)
+        return
+    stated = without if law == "diffusion" else SHEAR
+    found, alone = (export(one, "tidalpy", **stated) for one in (fit, fit_of(made, **linear)))
+    assert found != alone
 
 
 @pytest.mark.parametrize(

@@ -369,7 +369,9 @@ def test_a_shipped_law_is_whole(name: str) -> None:
     assert about["manifest"]["command"] == "python reports/collection.py"
 
 
-@pytest.mark.parametrize("choices", [{}, {"hardening": "backstress"}])
+@pytest.mark.parametrize(
+    "choices", [{}, {"hardening": "backstress"}, {"second_mechanism": "diffusion"}]
+)
 def test_every_law_that_an_export_states_is_read(choices: Mapping[str, str]) -> None:
     test = experiment_of("dunite_4581")
     priors = with_variant(pyburgers.priors("dunite"), test, choices)

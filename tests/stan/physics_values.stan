@@ -4,6 +4,8 @@ functions {
 #include physics/flow_law.stan
 #include physics/kelvin_laws.stan
 #include physics/relaxation.stan
+#include physics/composite_law.stan
+#include physics/second_mechanism.stan
 #include physics/stress_cycles.stan
 #include physics/microstructure.stan
 #include statistics/residuals.stan

@@ -2,6 +2,8 @@
 functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
+#include physics/composite_law.stan
+#include physics/second_mechanism.stan
 #include physics/dashpot_laws.stan
 #include physics/hardening.stan
 #include physics/kelvin_laws.stan
@@ -63,8 +65,9 @@ transformed data {
     is_free[k] = 1;
   }
   int hardens = has_backstress(parameter[1]');
-  array[size(varying_rates(is_free, element, hardens))] int varying
-    = varying_rates(is_free, element, hardens);
+  int has_second = mechanisms_act(parameter[1]') > 0;
+  array[size(varying_rates(is_free, element, hardens, has_second))] int varying
+    = varying_rates(is_free, element, hardens, has_second);
 }
 parameters {
   vector[n_sets * n_free] coordinate;

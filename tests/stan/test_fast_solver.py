@@ -73,6 +73,8 @@ PIEZOMETER = {
     "piezometer_stress_floor": 1e5,
 }
 COMPLIANT = {"apparatus_compliance": 5e-11}
+SECOND = tuple({"second_mechanism": law} for law in ("diffusion", "power_law", "in_series"))
+ICE_TESTS = ("ice/PIL40", "calibration/ice_creep", "calibration/ice_mixed")
 # With an element of a time a millionth as long, the tight solver takes minutes for these.
 FASTER_ELEMENT = {"peak_time_decades": 1.5}
 CASES = (
@@ -94,6 +96,7 @@ CASES = (
         )
         for law in MANY_TIMES
     ),
+    *(Case(f"data/{test}.toml", ICE, laws) for test in ICE_TESTS for laws in SECOND),
     *(
         Case(
             "data/calibration/ice_mixed.toml",
@@ -102,6 +105,15 @@ CASES = (
             FASTER_ELEMENT | PIEZOMETER | COMPLIANT,
         )
         for laws in ({}, HARDENING)
+    ),
+    *(
+        Case(
+            "data/calibration/ice_mixed.toml",
+            ICE,
+            {**laws, **SECOND[1], **HARDENING},
+            PIEZOMETER | COMPLIANT,
+        )
+        for laws in LAWS
     ),
     Case("data/ice/PIL40.toml", ICE, constants=PIEZOMETER),
     Case("data/calibration/ice_mixed.toml", ICE, constants=COMPLIANT),

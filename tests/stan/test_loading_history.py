@@ -55,6 +55,17 @@ BACKSTRESS = {
 }
 
 
+SECOND = {
+    "second_rate": 2e-6,
+    "second_stress_exponent": 1.8,
+    "second_grain_size_exponent": 1.4,
+    "second_activation_enthalpy": 49e3,
+    "second_reference_stress": 2e6,
+    "second_reference_grain_size": 3e-4,
+    "second_reference_temperature": 260.0,
+}
+
+
 def leg(driven: Any, start: float, end: float, value: float, rate: float = 0.0) -> Leg:
     return Leg(driven, start, end, value, rate, TEMPERATURE, 0)
 
@@ -203,6 +214,23 @@ MATERIALS: Mapping[str, Mapping[str, float]] = {
         "piezometer_stress_floor": 1e6,
         "apparatus_compliance": 1e-10,
     },
+    "second mechanism": SECOND,
+    "second mechanism in series": {**SECOND, "mechanisms_in_series": 1.0},
+    "second mechanism, threshold in series": {
+        **SECOND,
+        "mechanisms_in_series": 1.0,
+        "threshold_stress": 5e5,
+    },
+    "second mechanism, backstress, piezometer": {
+        **SECOND,
+        **BACKSTRESS,
+        "kelvin_stress_exponent": 3.0,
+        "kelvin_reference_stress": 2e6,
+        "piezometer_reference_grain_size": 2e-3,
+        "piezometer_exponent": 1.33,
+        "piezometer_stress_floor": 1e6,
+        "apparatus_compliance": 1e-10,
+    },
     "piezometer": {
         "piezometer_reference_grain_size": 2e-3,
         "piezometer_exponent": 1.33,
@@ -320,8 +348,8 @@ def test_the_work_of_the_load_is_stored_or_dissipated(material: str) -> None:
                 for at in zip(stress[within], kelvin[within], strict=True)
             ]
         )
-        effective = stress - backstress
-        flow = oracle.dashpot_rate(values, TEMPERATURE, effective, size, fabric)[within]
+        flow, _ = oracle.both_rates(values, TEMPERATURE, stress, backstress, size, fabric)
+        flow = flow[within]
         driving = stress[within] - values["kelvin_modulus"] * kelvin[within]
         dissipated += [weight @ (driving * rates), weight @ (stress[within] * flow)]
         energy = stored(values, stress[-1], kelvin[-1])

@@ -72,8 +72,10 @@ def _rates(
     apparatus = parameters.get("apparatus_compliance", 0.0)
     elastic = 1 / parameters["maxwell_modulus"]
     kelvin = oracle.kelvin_rate(parameters, leg.temperature, stress, state[KELVIN])
-    effective = stress - state[BACKSTRESS]
-    dashpot = float(oracle.dashpot_rate(parameters, leg.temperature, effective, grains, fabric))
+    dashpot, first = map(
+        float,
+        oracle.both_rates(parameters, leg.temperature, stress, state[BACKSTRESS], grains, fabric),
+    )
     if leg.driven == "stress":
         stress_rate = leg.rate
     else:
@@ -91,6 +93,6 @@ def _rates(
             abs(specimen)
             * (parameters["steady_state_fabric_factor"] - fabric)
             / parameters["critical_strain_fabric"],
-            oracle.backstress_rate(parameters, leg.temperature, state[BACKSTRESS], dashpot),
+            oracle.backstress_rate(parameters, leg.temperature, state[BACKSTRESS], first),
         ]
     )

@@ -10,6 +10,7 @@ from scipy.linalg import expm
 
 FloatArray = npt.NDArray[np.float64]
 GAS_CONSTANT = 8.314462618  # J/mol/K
+NONE = np.zeros(())  # backstress, Pa
 
 
 def rate_factor(parameters: Mapping[str, float], temperature: float) -> float:
@@ -40,6 +41,35 @@ def dashpot_rate(
         * rate_factor(parameters, temperature)
     )
     return rate
+
+
+def both_rates(
+    parameters: Mapping[str, float],
+    temperature: float,
+    stress: FloatArray,
+    backstress: FloatArray,
+    grain_size: FloatArray,
+    fabric: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Rates (1/s) of the dashpot with all its mechanisms, and of the first of them."""
+    first = dashpot_rate(parameters, temperature, stress - backstress, grain_size, fabric)
+    if parameters.get("second_rate", 0.0) == 0.0:
+        return first, first
+    slower = 1 / temperature - 1 / parameters["second_reference_temperature"]
+    second = (
+        parameters["second_rate"]
+        * np.sign(stress)
+        * np.abs(stress / parameters["second_reference_stress"])
+        ** parameters["second_stress_exponent"]
+        * (parameters["second_reference_grain_size"] / grain_size)
+        ** parameters["second_grain_size_exponent"]
+        * np.exp(-parameters["second_activation_enthalpy"] / GAS_CONSTANT * slower)
+    )
+    if parameters.get("mechanisms_in_series", 0.0) == 0.0:
+        return first + second, first
+    total = np.asarray(first + second)
+    rest = np.zeros(total.shape)
+    return np.divide(first * second, total, out=rest, where=total != 0), first
 
 
 def kelvin_rate(
@@ -118,7 +148,7 @@ def six_states(
     def rates(_time: float, state: FloatArray, strain_rate: float) -> FloatArray:
         stress, kelvin_strain, _, _, grain_size, fabric = state
         kelvin = kelvin_rate(parameters, temperature, stress, kelvin_strain)
-        dashpot = dashpot_rate(parameters, temperature, stress, grain_size, fabric)
+        dashpot, _ = both_rates(parameters, temperature, stress, NONE, grain_size, fabric)
         elastic = strain_rate - kelvin - dashpot
         return np.array(
             [
@@ -271,7 +301,7 @@ def oscillation(
         stress, kelvin_strain, grain_size = state
         strain_rate = imposed.rate(at)
         kelvin = kelvin_rate(parameters, temperature, stress, kelvin_strain)
-        dashpot = dashpot_rate(parameters, temperature, stress, grain_size, np.ones(()))
+        dashpot, _ = both_rates(parameters, temperature, stress, NONE, grain_size, np.ones(()))
         growth = (piezometer(stress) - grain_size) / parameters["critical_strain_grain_size"]
         return np.array(
             [

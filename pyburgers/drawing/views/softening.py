@@ -134,9 +134,11 @@ def softened_text(fit: FittedTest) -> str:
         predicted(fit, name)[:, -1]
         for name in ("grain_size", "fabric_factor", "grain_size_softening", "fabric_softening")
     )
+    alone = variant_of(fit.priors, fit.experiment).second_mechanism == "none"
     return (
         f"grains have {band_text(size * LENGTH_FACTOR, LENGTH_UNIT)}, the "
         f"fabric factor is {band_text(fabric, '')}, and the flow stress "
+        f"{'' if alone else 'of the first mechanism by itself is '}"
         f"{band_text(by_grains * by_fabric, '')} of the undeformed material's."
     )
 

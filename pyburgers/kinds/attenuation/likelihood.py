@@ -297,11 +297,14 @@ class AttenuationLikelihood(Likelihood[AttenuationExperiment]):
                     f"{experiment.id}: found readings without a stated error and no {name} in the "
                     f"priors {priors.title!r}, expected a prior of it in them."
                 )
-        if not experiment.amplitude_is_stated and not is_fixed_at(priors["stress_exponent"], 1.0):
+        exponents = ("stress_exponent", "second_stress_exponent")
+        linear = all(is_fixed_at(priors[name], 1.0) for name in exponents)
+        if not experiment.amplitude_is_stated and not linear:
             raise InputError(
                 f"{experiment.id}: the amplitude of the stress is not stated, so that only a "
                 "linear dashpot is known to answer it, found a stress exponent other than 1 in "
-                f"the priors {priors.title!r}, expected amplitudes or the variant maxwell=linear."
+                f"the priors {priors.title!r}, expected amplitudes or the variant maxwell=linear, "
+                "alone or with second_mechanism=diffusion."
             )
         if variant_of(priors, experiment).hardening != "none" and np.any(
             experiment.conditions.median_stress != 0

@@ -38,6 +38,9 @@ enum Argument {
   backstress_limit, // sigma_max/S
   recovery,         // D r
   recovery_exponent,
+  log_second_rate, // ln v_20; from here on given where there is a second mechanism
+  second_stress_exponent,
+  second_grain_size_exponent,
   n_arguments
 };
 
@@ -48,12 +51,16 @@ enum Driven { by_strain, by_stress, by_force };
 enum DashpotLaw { power_law, breakdown, threshold };
 enum KelvinLaw { linear, kelvin_power_law };
 
+/** How mechanisms of the dashpot act. */
+enum Mechanisms { one_mechanism, side_by_side, in_series };
+
 /** The laws and states of a leg, and the numbers that are data. */
 struct Leg {
   int driven;
   int dashpot_law, kelvin_law;
   int g, u, b; // places among the states, -1: no state
   int z; // that of a power-law Kelvin element is the last state
+  int mechanisms;
   double y_0;  // y or f at the start
   double rate; // r
   double strain_scale;
@@ -62,12 +69,14 @@ struct Leg {
   /** The entries are in the order above. */
   Leg(const std::vector<int> &law, const std::vector<double> &known, int n_states)
       : driven(law[0]), dashpot_law(law[1]), kelvin_law(law[2]), g(law[3]), u(law[4]), b(law[5]),
-        z(kelvin_law == linear ? -1 : n_states - 1), y_0(known[0]), rate(known[1]),
-        strain_scale(known[2]), piezometer(known[3]), piezometer_exponent(known[4]),
+        z(kelvin_law == linear ? -1 : n_states - 1), mechanisms(law[6]), y_0(known[0]),
+        rate(known[1]), strain_scale(known[2]), piezometer(known[3]), piezometer_exponent(known[4]),
         piezometer_floor(known[5]) {}
 
   /** Whether these laws are known here. */
-  bool is_known() const { return dashpot_law <= threshold && kelvin_law <= kelvin_power_law; }
+  bool is_known() const {
+    return dashpot_law <= threshold && kelvin_law <= kelvin_power_law && mechanisms <= in_series;
+  }
 
   /** Whether g is known from the time. */
   bool path_is_known() const { return driven == by_strain && g < 0; }
@@ -95,7 +104,7 @@ struct Relative {
   }
 };
 
-/** Rate of the dashpot, v_d. */
+/** Rate of the dashpot, v_d, or of its first mechanism, v_1. */
 struct Flow {
   double rate;
   double log_strength; // ln(|equivalent stress|/F)
@@ -133,6 +142,40 @@ struct Flow {
     by_stress = rate * n * strength_by_stress;
     by_log_fabric = rate * n * strength_by_fabric;
     by_law_stress = rate * n * strength_by_law_stress;
+  }
+};
+
+/** Rate of the dashpot, v_d, and of its second mechanism, v_2. */
+struct Mechanism {
+  double rate, second;
+  double log_stress;
+  double by_first, by_second, second_by_stress;
+
+  void set(double first, double y, double log_grain_size, int mechanisms, const double *x) {
+    rate = first;
+    by_first = 1;
+    second = log_stress = by_second = second_by_stress = 0;
+    if (mechanisms == one_mechanism) {
+      return;
+    }
+    if (y != 0) {
+      log_stress = std::log(std::fabs(y));
+      second = std::exp(x[second_stress_exponent] * log_stress + x[log_second_rate]
+                        - x[second_grain_size_exponent] * log_grain_size);
+      second_by_stress = x[second_stress_exponent] * second / std::fabs(y);
+      second = y < 0 ? -second : second;
+    }
+    if (mechanisms == side_by_side) {
+      rate = first + second;
+      by_second = 1;
+    } else if (first == 0 || second == 0) {
+      rate = by_first = 0;
+    } else {
+      const double share = 1 / (1 + first / second); // v_d over v_1
+      rate = share > 0.5 ? first * share : second * (1 - share);
+      by_first = share * share;
+      by_second = (1 - share) * (1 - share);
+    }
   }
 };
 
@@ -207,6 +250,7 @@ class LegRates {
     double path_rate, sign, denominator;
     Relative fabric, grains;
     Flow flow;
+    Mechanism dashpot;
     Kelvin kelvin;
     Backstress backstress;
     Piezometer wanted;
@@ -259,16 +303,17 @@ class LegRates {
                                     : p.state[leg_.g];
       set_microstructure(p);
     }
-    p.flow.set(p.y - p.b, p.fabric.log, leg_.u >= 0 ? std::log(p.u) : p.grains.log,
-               leg_.dashpot_law, x_);
-    const double inelastic = x_[kelvin_compliance] * p.z_rate + p.flow.rate;
+    const double log_grain_size = leg_.u >= 0 ? std::log(p.u) : p.grains.log;
+    p.flow.set(p.y - p.b, p.fabric.log, log_grain_size, leg_.dashpot_law, x_);
+    p.dashpot.set(p.flow.rate, p.y, log_grain_size, leg_.mechanisms, x_);
+    const double inelastic = x_[kelvin_compliance] * p.z_rate + p.dashpot.rate;
     double strain_rate;
     if (leg_.driven == by_strain) {
       p.denominator = x_[spring_compliance] + x_[apparatus_compliance];
       p.rate[0] = (leg_.rate - inelastic) / p.denominator;
       strain_rate = leg_.rate - x_[apparatus_compliance] * p.rate[0];
     } else if (leg_.driven == by_stress) {
-      p.rate[0] = p.flow.rate;
+      p.rate[0] = p.dashpot.rate;
       strain_rate = x_[spring_compliance] * leg_.rate + inelastic;
     } else {
       p.denominator = 1 + leg_.strain_scale * x_[spring_compliance] * p.y;
@@ -335,6 +380,8 @@ class LegRates {
       }
     }
     kelvin_rate += inelastic * x_[kelvin_compliance];
+    const double second_rate = flow_rate * p.dashpot.by_second;
+    flow_rate *= p.dashpot.by_first; // of the first mechanism from here on
     if (leg_.b >= 0) {
       const double storage = by_rate[leg_.b];
       flow_rate += storage * p.backstress.by_flow;
@@ -347,9 +394,11 @@ class LegRates {
       }
     }
     const double log_fabric = flow_rate * p.flow.by_log_fabric;
-    const double log_grain_size = -flow_rate * p.flow.rate * x_[grain_size_exponent];
+    const double log_grain_size
+        = -flow_rate * p.flow.rate * x_[grain_size_exponent]
+          - second_rate * p.dashpot.second * x_[second_grain_size_exponent];
     double path = log_fabric * p.fabric.by_path;
-    y += flow_rate * p.flow.by_stress;
+    y += flow_rate * p.flow.by_stress + second_rate * p.dashpot.second_by_stress;
     if (leg_.z >= 0) {
       y += kelvin_rate * p.kelvin.by_stress;
       by_state[leg_.z] -= kelvin_rate * p.kelvin.by_stress;
@@ -373,6 +422,10 @@ class LegRates {
       by_x[grain_size_exponent]
           -= flow_rate * p.flow.rate * (leg_.u >= 0 ? std::log(p.u) : p.grains.log);
       by_x[dashpot_stress] += flow_rate * p.flow.by_law_stress;
+      by_x[log_second_rate] += second_rate * p.dashpot.second;
+      by_x[second_stress_exponent] += second_rate * p.dashpot.second * p.dashpot.log_stress;
+      by_x[second_grain_size_exponent]
+          -= second_rate * p.dashpot.second * (leg_.u >= 0 ? std::log(p.u) : p.grains.log);
       by_x[fabric_deficit] += log_fabric * p.fabric.by_deficit;
       by_x[fabric_decay] += log_fabric * p.fabric.by_decay;
       if (leg_.u < 0) {

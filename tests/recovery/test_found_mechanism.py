@@ -1,0 +1,44 @@
+"""A second mechanism is found again in a synthetic test that loads, relaxes and creeps."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from history_twins import GRAIN_SIZE, TEMPERATURE, TRUTH, history_twin
+
+from pyburgers import SamplerOptions, fit, priors, with_variant
+from pyburgers.model.parameters import PARAMETER_BY_NAME
+from pyburgers.model.prior_families import fixed_prior
+
+SECOND = {
+    "second_rate": 2e-5,
+    "second_stress_exponent": 1.0,
+    "second_grain_size_exponent": 3.0,
+    "second_activation_enthalpy": 60e3,
+    "second_reference_stress": 5e6,
+    "second_reference_grain_size": GRAIN_SIZE,
+    "second_reference_temperature": TEMPERATURE,
+}
+KNOWN = (
+    "steady_state_grain_size",
+    "steady_state_fabric_factor",
+    "critical_strain_grain_size",
+    "critical_strain_fabric",
+    *(name for name in SECOND if name != "second_rate"),
+)
+OPTIONS = SamplerOptions(chains=2, warmup=300, draws=500, seed=3)
+
+
+@pytest.mark.slow
+def test_the_rate_of_diffusion_is_found_again(tmp_path: Path) -> None:
+    truth = {**TRUTH, **SECOND, "residual_correlated_share": 0.0}
+    test = history_twin("mixed", 40, values=truth)
+    known = [fixed_prior(PARAMETER_BY_NAME[one], truth[one], "known") for one in KNOWN]
+    choices = {"residuals": "independent", "second_mechanism": "diffusion"}
+    chosen = with_variant(priors("ice").exchanging(*known), test, choices)
+    draws = fit(test, chosen, out=tmp_path / "run", options=OPTIONS).posterior["posterior"]
+    for parameter in ("second_rate", "stress_exponent"):
+        low, high = np.quantile(draws[parameter], [0.005, 0.995])
+        assert low < truth[parameter] < high, parameter
+    # In the prior ln(rate) has a standard deviation of 3.
+    assert np.log(draws["second_rate"]).std() < 0.5

@@ -1,0 +1,317 @@
+"""A dashpot with a second mechanism: limits, gradients, tables, priors, export, refusals."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import history_oracle
+import numpy as np
+import numpy.typing as npt
+import oracle
+import pytest
+from conftest import ICE
+from evaluated_laws import value_of
+from history_twins import GRAIN_SIZE, TEMPERATURE, TRUTH, history_twin
+from log_density import assert_gradient_is_slope, program_with
+
+from pyburgers import (
+    Regime,
+    attenuation_spectrum,
+    fixed,
+    flow_rate,
+    load_experiment,
+    normal,
+)
+from pyburgers.common.errors import InputError
+from pyburgers.kinds.attenuation.files import load_attenuation
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.forced_oscillation.experiment import with_background
+from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
+from pyburgers.kinds.forward import simulate
+from pyburgers.kinds.loading_history.stages import Leg
+from pyburgers.kinds.problem import problem_of
+from pyburgers.kinds.program_data import given_parameters, program_data
+from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.model.arrhenius import GAS_CONSTANT
+from pyburgers.model.laws import SECOND_MECHANISMS
+from pyburgers.model.parameters import SECOND_PARAMETERS
+from pyburgers.model.priors import default_priors
+from pyburgers.model.variants import variant_of, with_variant
+from pyburgers.predictions.exported import laws_of
+
+OLIVINE = ICE.parent / "olivine" / "olivine_twin.toml"
+FloatArray = npt.NDArray[np.float64]
+pytestmark = pytest.mark.usefixtures("programs")
+
+EXACT = SolverOptions(tolerance=1e-12, max_num_steps=10_000_000)
+SECOND = {
+    "second_rate": 2e-5,
+    "second_stress_exponent": 1.8,
+    "second_grain_size_exponent": 1.4,
+    "second_activation_enthalpy": 49e3,
+    "second_reference_stress": 2e6,
+    "second_reference_grain_size": 3e-4,
+    "second_reference_temperature": 265.0,
+}
+IN_SERIES = {**SECOND, "mechanisms_in_series": 1.0}
+LAWS = tuple(law for law in SECOND_MECHANISMS if law != "none")
+
+
+def like_the_first(values: Mapping[str, float]) -> dict[str, float]:
+    """Numbers of a second mechanism that is the first one once more, without a fabric."""
+    rate = oracle.dashpot_rate(
+        values, TEMPERATURE, np.array(2e6), np.array(GRAIN_SIZE), np.array(1.0)
+    )
+    return {
+        "second_rate": float(rate),
+        "second_stress_exponent": values["stress_exponent"],
+        "second_grain_size_exponent": values["grain_size_exponent"],
+        "second_activation_enthalpy": values["activation_enthalpy"],
+        "second_reference_stress": 2e6,
+        "second_reference_grain_size": GRAIN_SIZE,
+        "second_reference_temperature": TEMPERATURE,
+    }
+
+
+def faster(values: Mapping[str, float], factor: float) -> dict[str, float]:
+    """The same flow law with another rate, at all stresses, grain sizes and temperatures."""
+    return {**values, "beta": values["beta"] + np.log(factor) / values["activation_enthalpy"]}
+
+
+def assert_same(test: Experiment, one: Mapping[str, float], other: Mapping[str, float]) -> None:
+    found, expected = (simulate(test, values, solver=EXACT) for values in (one, other))
+    for column in ("stress_Pa", "strain"):
+        scale = np.abs(expected[column]).max()
+        np.testing.assert_allclose(found[column], expected[column], rtol=0, atol=1e-8 * scale)
+
+
+@pytest.mark.parametrize("name", ["creep", "load and unload", "relaxation", "mixed"])
+def test_limits_are_dashpots_of_one_mechanism(name: str) -> None:
+    test, plain = history_twin(name, 30), {**TRUTH, "steady_state_fabric_factor": 1.0}
+    assert_same(test, {**plain, **SECOND, "second_rate": 1e-25}, plain)
+    assert_same(test, {**plain, **IN_SERIES, "second_rate": 1e25}, plain)
+    twice = {**plain, **like_the_first(plain)}
+    assert_same(test, twice, faster(plain, 2.0))
+    assert_same(test, {**twice, "mechanisms_in_series": 1.0}, faster(plain, 0.5))
+
+
+@pytest.mark.parametrize("numbers", [SECOND, IN_SERIES], ids=["side by side", "in series"])
+def test_a_curve_is_that_of_the_independent_solution(numbers: Mapping[str, float]) -> None:
+    curve = load_experiment(ICE / "PIL40.toml")
+    values = {**TRUTH, **numbers}
+    strain = np.array([1e-4, 0.003, 0.03, 0.2])
+    stress = simulate(curve, values, at=strain, solver=EXACT)["stress_Pa"]
+    rate = np.ptp(curve.position) / curve.duration
+    leg = Leg("strain", 0.0, strain[-1] / rate, 0.0, rate, curve.temperature, 0)
+    expected = history_oracle.history(values, curve.initial_grain_size, [leg], [strain / rate])
+    np.testing.assert_allclose(stress, expected[history_oracle.STRESS], rtol=1e-6)
+    without = simulate(curve, TRUTH, at=strain)["stress_Pa"]
+    assert np.abs(stress / without - 1).max() > 0.1
+
+
+def oscillation_of(numbers: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
+    """Stress (Pa) of an oscillation of olivine: the program's and scipy's."""
+    test = with_background(load_forced_oscillation(OLIVINE), "removed")
+    assert test.true_parameters is not None
+    values, prepared = {**test.true_parameters, **numbers}, test.prepared
+    imposed = oracle.OscillatingStrain(
+        prepared.period,
+        prepared.strain_sine.tolist(),
+        prepared.strain_cosine.tolist(),
+        (0.0,),
+        prepared.start,
+    )
+    time = prepared.start + np.linspace(20.0, 900.0, 45)
+    independent = oracle.oscillation(
+        values,
+        test.temperature,
+        test.initial_grain_size,
+        imposed,
+        start=imposed.zero_ahead(test.spin_up_cycles),
+        start_stress=0.0,
+        time=time,
+    )[0]
+    return simulate(test, values, at=time, solver=EXACT)["stress_Pa"].to_numpy(), independent
+
+
+def test_an_oscillation_is_that_of_the_independent_solution() -> None:
+    second = {
+        **SECOND,
+        "second_rate": 1e-4,
+        "second_stress_exponent": 1.0,
+        "second_reference_stress": 1e8,
+        "second_reference_grain_size": 2e-5,
+        "second_reference_temperature": 1423.0,
+    }
+    frozen = {"critical_strain_grain_size": 1e9}
+    # Grains that grow for an instant near zero stress cost precision.
+    for others, precision in ((frozen, 1e-6), ({}, 1e-3)):
+        found, expected = oscillation_of({**second, **others})
+        scale = np.abs(expected).max()
+        np.testing.assert_allclose(found, expected, rtol=0, atol=precision * scale)
+    plain, _ = oscillation_of({})
+    assert np.abs(found - plain).max() > 0.02 * scale
+    slower = {**second, **frozen, "second_rate": 1e-8, "mechanisms_in_series": 1.0}
+    in_series, expected = oscillation_of(slower)
+    np.testing.assert_allclose(in_series, expected, rtol=0, atol=1e-6 * scale)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_gradients_are_slopes_of_the_density(law: str, tmp_path: Path) -> None:
+    test = history_twin("mixed", 16)
+    priors = with_variant(default_priors("ice"), test, {"second_mechanism": law})
+    if law != "diffusion":
+        about = normal(2.0, 0.1, "1", lower=1.0)
+        priors = priors.with_(second_stress_exponent=about, second_grain_size_exponent=about)
+    problem = problem_of([test], priors)
+    data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
+    program = program_with(problem.likelihood.program, data, tmp_path / "program")
+    point = np.array(0.1 * np.random.default_rng(2).standard_normal(data["n_coordinates"]))
+    names = list(problem.layout.names)
+    places = [names.index(name) for name in SECOND_PARAMETERS if name in names]
+    assert len(places) == (1 if law == "diffusion" else 3)
+    assert_gradient_is_slope(program, point, places)
+
+
+SPECTRUM = """
+id = "spectrum"
+material = "ice"
+protocol = "attenuation"
+temperature_K = 260.0
+initial_grain_size_m = 230e-6
+attenuation.deformation = "axial"
+spectra = [{ periods_s = [30.0, 300.0, 3000.0] }]
+provenance = { kind = "synthetic", source = "imagined" }
+"""
+
+
+def test_a_table_has_the_sum_of_the_fluidities(tmp_path: Path) -> None:
+    (tmp_path / "spectrum.toml").write_text(SPECTRUM, encoding="utf-8")
+    table = load_attenuation(tmp_path / "spectrum.toml")
+    linear = {**TRUTH, "stress_exponent": 1.0, "grain_size_exponent": 0.0}
+    # A first mechanism of 1e-12 1/(Pa s).
+    slower = np.log(1e-12) / linear["activation_enthalpy"] + 1 / (GAS_CONSTANT * TEMPERATURE)
+    values = {**linear, "beta": slower, **SECOND, "second_stress_exponent": 1.0}
+    both = simulate(table, values, at=[*table.conditions.place, *(1 + table.conditions.place)])
+    found = np.exp(both["log_reading"].to_numpy())
+    second = oracle.both_rates(
+        values, TEMPERATURE, np.array(1.0), np.array(0.0), np.array(GRAIN_SIZE), np.array(1.0)
+    )[0]
+    omega = 2 * np.pi / np.array([30.0, 300.0, 3000.0])
+    kelvin = 1 / (values["kelvin_modulus"] + 1j * omega * values["kelvin_viscosity"])
+    compliance = 1 / values["maxwell_modulus"] + kelvin - 1j * second / omega
+    np.testing.assert_allclose(found[:3], -compliance.imag / compliance.real, rtol=1e-7)
+    np.testing.assert_allclose(found[3:], 1 / np.abs(compliance), rtol=1e-7)
+    assert second > 2e-12
+
+
+def test_tables_need_amplitudes_of_what_is_not_linear() -> None:
+    table = load_attenuation(ICE.parent / "olivine" / "attenuation_A1802.toml")
+    olivine = default_priors("olivine", "attenuation")
+    linear = {"maxwell": "linear"}
+    problem_of([table], with_variant(olivine, table, {**linear, "second_mechanism": "diffusion"}))
+    with pytest.raises(InputError, match="maxwell=linear, alone or with second_mechanism=diff"):
+        problem_of(
+            [table], with_variant(olivine, table, {**linear, "second_mechanism": "power_law"})
+        )
+    with pytest.raises(InputError, match="second_mechanism=in_series is not for tests of the"):
+        with_variant(olivine, table, {**linear, "second_mechanism": "in_series"})
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.8])
+def test_stress_cycles_add_what_each_mechanism_loses(exponent: float) -> None:
+    """With the numbers of the first mechanism, the second doubles the fluidity."""
+    values = {**TRUTH, "stress_exponent": exponent, "beta": 0.0}
+    values["beta"] = 1 / (GAS_CONSTANT * TEMPERATURE) - np.log(2e6) / 62e3 * exponent
+    for regime in (Regime(0.0, 1e5), Regime(2e6, 1e6)):
+        found, expected = (
+            attenuation_spectrum(
+                one, [1e-3], [regime], temperature=TEMPERATURE, grain_size=GRAIN_SIZE
+            )["loss_compliance"]
+            for one in ({**values, **like_the_first(values)}, faster(values, 2.0))
+        )
+        np.testing.assert_allclose(found, expected, rtol=1e-9)
+    with pytest.raises(InputError, match="mechanisms_in_series: found values other than 0"):
+        attenuation_spectrum(
+            {**values, **IN_SERIES}, [1e-3], [regime], temperature=263.0, grain_size=2e-4
+        )
+
+
+@pytest.mark.parametrize("numbers", [SECOND, IN_SERIES], ids=["side by side", "in series"])
+def test_the_flow_rate_and_the_exported_law_are_those_of_the_equations(
+    numbers: Mapping[str, float],
+) -> None:
+    values, stress, fabric = {**TRUTH, **numbers}, np.array(5e6), np.array(0.9)
+    expected, first = oracle.both_rates(
+        values, TEMPERATURE, stress, np.array(0.0), np.array(GRAIN_SIZE), fabric
+    )
+    rate = flow_rate(
+        values, stress, temperature=TEMPERATURE, grain_size=GRAIN_SIZE, fabric_factor=fabric
+    )
+    np.testing.assert_allclose(rate, expected, rtol=1e-10)
+    laws = laws_of(given_parameters("ice", values), history_twin("creep", 4))
+    names = {**values, "R": GAS_CONSTANT, "temperature": TEMPERATURE, "fabric_factor": 0.9}
+    names |= {"grain_size": GRAIN_SIZE, "stress": 5e6}
+    names["ln_flow_law_factor"] = values["beta"] * values["activation_enthalpy"]
+    mechanisms = laws["mechanisms"]
+    assert isinstance(mechanisms, dict)
+    rates = {name: value_of(law, names) for name, law in mechanisms.items()}
+    assert rates["first_mechanism"] == pytest.approx(float(first), rel=1e-9)
+    assert value_of(str(laws["flow_law"]), rates) == pytest.approx(float(expected), rel=1e-9)
+
+
+def test_exported_hardening_is_that_of_the_first_mechanism() -> None:
+    backstress = {
+        "hardening_modulus": 4e8,
+        "backstress_limit": 4e6,
+        "recovery_rate": 2e-3,
+        "recovery_exponent": 2.5,
+        "recovery_activation_enthalpy": 60e3,
+        "kelvin_reference_temperature": 265.0,
+    }
+    values = {**TRUTH, **SECOND, **backstress}
+    laws = laws_of(given_parameters("ice", values), history_twin("creep", 4))
+    first = {"first_mechanism": 3e-5, "backstress": 2e6, "temperature": TEMPERATURE}
+    stored = value_of(str(laws["hardening_law"]), {**values, **first, "R": GAS_CONSTANT})
+    expected = oracle.backstress_rate(values, TEMPERATURE, 2e6, 3e-5)
+    assert stored == pytest.approx(expected, rel=1e-9)
+    with pytest.raises(InputError, match="can turn the flow of the first mechanism against"):
+        simulate(history_twin("creep", 4), {**values, **IN_SERIES})
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_weak_priors_follow_the_test(law: str) -> None:
+    test, priors = history_twin("mixed", 16), default_priors("ice")
+    changed = with_variant(priors, test, {"second_mechanism": law})
+    assert variant_of(changed, test) == replace(variant_of(priors, test), second_mechanism=law)
+    assert set(changed.free) - set(priors.free) == {"second_rate"}
+    stress = changed["second_reference_stress"].location
+    assert stress == float(f"{test.largest_stress:.0e}")
+    rate = stress / priors["kelvin_viscosity"].mean_sd()[0]
+    assert changed["second_rate"].location == float(f"{rate:.0e}")
+    for name, value in SECOND_MECHANISMS[law].held.items():
+        assert changed[name].location == value
+    for other in (*LAWS, "none"):
+        another = with_variant(changed, test, {"second_mechanism": other})
+        assert with_variant(another, test, {"second_mechanism": law}) == changed
+
+
+def test_numbers_of_a_prior_file_stay() -> None:
+    test = history_twin("mixed", 16)
+    priors = default_priors("ice").with_(
+        second_stress_exponent=normal(2.0, 0.2, "1", lower=1.0),
+        second_grain_size_exponent=fixed(2.0, "1"),
+    )
+    changed = with_variant(priors, test, {"second_mechanism": "power_law"})
+    for name in ("second_stress_exponent", "second_grain_size_exponent"):
+        assert changed[name] == priors[name]
+    assert set(changed.free) - set(default_priors("ice").free) == {
+        "second_rate",
+        "second_stress_exponent",
+    }
+
+
+def test_an_exponent_below_one_is_refused() -> None:
+    values = {**TRUTH, **SECOND, "second_stress_exponent": 0.9}
+    with pytest.raises(InputError, match=r"second_stress_exponent is 0\.9, expected at least 1"):
+        simulate(history_twin("creep", 4), values)

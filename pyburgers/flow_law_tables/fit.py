@@ -15,7 +15,7 @@ import xarray as xr
 from pyburgers.checks.fit_checks import CHAIN_CHECKS, Check
 from pyburgers.checks.prior_influence import Influence, prior_influence
 from pyburgers.common.draws import TAIL, FloatArray, all_draws
-from pyburgers.common.errors import InputError
+from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.paths import given_path
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit, data_words
@@ -30,7 +30,10 @@ from pyburgers.flow_law_tables.tables import RateTable
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, FlowLawPrior
+from pyburgers.model.parameters import PARAMETER_BY_NAME, SECOND_PARAMETERS
+from pyburgers.model.prior_families import LOWER_LIMITS, PriorTable
 from pyburgers.model.priors import FLOW_LAW
+from pyburgers.model.stated_priors import fixed, lognormal, normal
 from pyburgers.posterior.labelled_draws import load_posterior, own_name, summary_table
 from pyburgers.sampling.manifest import RunManifest
 from pyburgers.sampling.run_directory import RunDirectory
@@ -375,3 +378,72 @@ def flow_law_prior(fit: RateFit) -> FlowLawPrior:
         source=f"{fit.data.id}: {fit.provenance.source}; its law: {fit.law.priors.title}",
         tests=fit.used.tests,
     )
+
+
+def second_mechanism_priors(fit: RateFit, mechanism: str) -> dict[str, PriorTable]:
+    """Return a mechanism of a fitted law as priors of the second mechanism of a dashpot.
+
+    Its numbers are independent of each other in these priors, and of the first mechanism: their
+    correlations are dropped. ln(rate) scatters as specimens and sources do. A test that the table
+    contains should be left out of it (`without_test`).
+
+    Parameters
+    ----------
+    fit : RateFit
+        Finished fit.
+    mechanism : str
+        Name of the mechanism. If it shares its process with another one, it is in series.
+
+    Returns
+    -------
+    dict of str to PriorTable
+        For `PriorSet.with_`.
+
+    Raises
+    ------
+    InputError
+        If there is no such mechanism, or its activation enthalpy changes at a temperature.
+
+    Examples
+    --------
+    >>> second = pyburgers.second_mechanism_priors(creep, "creep")
+    >>> ice = pyburgers.priors("ice").with_(**second)
+    """
+    found = {one.name: one for one in fit.law.mechanisms}
+    if mechanism not in found:
+        raise InputError(
+            f"{fit.directory.path}: has no mechanism {mechanism!r}, {nearest(mechanism, found)}"
+        )
+    if found[mechanism].premelting_temperature:
+        raise InputError(
+            f"{fit.directory.path}: the activation enthalpy of {mechanism} changes at "
+            f"{found[mechanism].premelting_temperature:g} K, expected a mechanism with one "
+            "enthalpy."
+        )
+    predictions = fit.posterior["predictions"].to_dataset()
+    of_mechanism = predictions["law"].sel(mechanism=mechanism)
+    log_rate, exponent, grain_size_exponent, enthalpy = (
+        all_draws(of_mechanism.isel(column=k)) for k in range(4)
+    )
+    mean_rate = all_draws(fit.posterior["posterior"].to_dataset()[REFERENCE_FLOW_RATE])
+    log_rate = log_rate + all_draws(predictions[FLOW_RATE_OF_TEST]) - np.log(mean_rate)
+    processes = [one.process for one in fit.law.mechanisms]
+    in_series = processes.count(found[mechanism].process) > 1
+    at = fit.law.reference
+    constants = (at.stress, at.grain_size, at.temperature, float(in_series))
+    source = f"{fit.data.id}: {fit.provenance.source}; {mechanism} of {fit.law.priors.title}"
+    switch, *numbers = SECOND_PARAMETERS[:4]
+    bounds = (LOWER_LIMITS[numbers[0]][0], 0.0, 0.0)
+    unit = {name: PARAMETER_BY_NAME[name].si_unit for name in SECOND_PARAMETERS}
+    median = float(np.exp(log_rate.mean()))
+    tables = {switch: lognormal(median, float(log_rate.std()), unit[switch], source=source)}
+    draws = (exponent, grain_size_exponent, enthalpy)
+    for name, lower, one in zip(numbers, bounds, draws, strict=True):
+        tables[name] = (
+            normal(float(one.mean()), float(one.std()), unit[name], lower=lower, source=source)
+            if np.ptp(one) > 0
+            else fixed(float(one[0]), unit[name], source=source)
+        )
+    for name, value in zip(SECOND_PARAMETERS[4:], constants, strict=True):
+        tables[name] = fixed(value, unit[name], source=source)
+    return tables

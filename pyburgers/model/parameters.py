@@ -251,12 +251,7 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         "discrepancy", r"\delta", "discrepancy of the law over the reading error", standard=0.0
     ),
     Parameter(
-        "second_rate",
-        r"r_2",
-        "rate of the second mechanism at its reference conditions",
-        "strain rate",
-        "1e-6/s",
-        standard=0.0,
+        "second_rate", r"r_2", "rate of the second mechanism", "strain rate", "1e-6/s", standard=0.0
     ),
     Parameter(
         "second_stress_exponent", r"n_2", "stress exponent of the second mechanism", standard=1.0

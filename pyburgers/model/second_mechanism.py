@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from pyburgers.common.errors import InputError
-from pyburgers.model.hardening import hardening_law
-from pyburgers.model.laws import SECOND_MECHANISMS, SECOND_SWITCH
+from pyburgers.model.laws import HARDENING_SWITCH, SECOND_MECHANISMS, SECOND_SWITCH
 from pyburgers.model.parameters import (
     IN_SERIES,
     PARAMETER_BY_NAME,
@@ -30,7 +29,7 @@ def second_mechanism(priors: Mapping[str, Prior]) -> str:
 
 def check_mechanisms(priors: Mapping[str, Prior], where: str) -> None:
     """Raise InputError for a mechanism in series with one that flows by another stress."""
-    if second_mechanism(priors) == "in_series" and hardening_law(priors) != "none":
+    if second_mechanism(priors) == "in_series" and not is_standard(priors, HARDENING_SWITCH):
         raise InputError(
             f"{where}: a backstress can turn the flow of the first mechanism against the stress, "
             "found second_mechanism=in_series, expected hardening=none or mechanisms side by side."

@@ -14,6 +14,7 @@ import numpy as np
 
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError, nearest
+from pyburgers.model import second_mechanism as mechanisms
 from pyburgers.model.dashpot_laws import beta_of_linear, dashpot_law
 from pyburgers.model.hardening import (
     changes_of_hardening,
@@ -35,11 +36,6 @@ from pyburgers.model.parameters import PARAMETER_BY_NAME, PIEZOMETER
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 from pyburgers.model.priors import PriorSet, priors_of_freed_parameters
 from pyburgers.model.residual_laws import ResidualsLaw, changes_of_residuals, residuals_law
-from pyburgers.model.second_mechanism import (
-    changes_of_mechanism,
-    check_mechanisms,
-    second_mechanism,
-)
 
 REFERENCE_STRESS_SHARE = 0.25
 """Driving stress for which the viscosity of a power-law Kelvin dashpot is given, over the largest
@@ -255,7 +251,7 @@ def variant_of(priors: PriorSet, experiment: Test) -> ModelVariant:
         residuals=residuals_law(priors.priors, experiment.residual_correlation),
         kelvin=kelvin_law(priors.priors, experiment.id),
         hardening=hardening_law(priors.priors),
-        second_mechanism=second_mechanism(priors.priors),
+        second_mechanism=mechanisms.second_mechanism(priors.priors),
     )
 
 
@@ -313,7 +309,7 @@ def check_laws(priors: PriorSet, experiment: Test) -> None:
             )
     if "hardening" in experiment.laws:
         check_linear_hardening(priors.priors, experiment.protocol, experiment.id)
-    check_mechanisms(priors.priors, experiment.id)
+    mechanisms.check_mechanisms(priors.priors, experiment.id)
 
 
 def _allows(experiment: Test, part: str, law: str) -> bool:
@@ -415,7 +411,9 @@ def _choose_second_mechanism(priors: PriorSet, experiment: Test, choice: str) ->
     stress = float(f"{_largest_stress(experiment):.0e}")
     conditions = (stress, experiment.initial_grain_size, experiment.temperature)
     weak = priors_of_freed_parameters()[SECOND_SWITCH]
-    return priors.exchanging(*changes_of_mechanism(choice, priors.priors, weak, conditions))
+    return priors.exchanging(
+        *mechanisms.changes_of_mechanism(choice, priors.priors, weak, conditions)
+    )
 
 
 def _choose_grain_size(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:

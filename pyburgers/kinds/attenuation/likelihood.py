@@ -297,9 +297,8 @@ class AttenuationLikelihood(Likelihood[AttenuationExperiment]):
                     f"{experiment.id}: found readings without a stated error and no {name} in the "
                     f"priors {priors.title!r}, expected a prior of it in them."
                 )
-        exponents = ("stress_exponent", "second_stress_exponent")
-        linear = all(is_fixed_at(priors[name], 1.0) for name in exponents)
-        if not experiment.amplitude_is_stated and not linear:
+        exponents = (priors["stress_exponent"], priors["second_stress_exponent"])
+        if not (experiment.amplitude_is_stated or all(is_fixed_at(n, 1.0) for n in exponents)):
             raise InputError(
                 f"{experiment.id}: the amplitude of the stress is not stated, so that only a "
                 "linear dashpot is known to answer it, found a stress exponent other than 1 in "

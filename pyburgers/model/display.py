@@ -6,11 +6,11 @@ from dataclasses import replace
 from pyburgers.common.units import UNITS, number
 from pyburgers.model.parameters import (
     PARAMETER_BY_NAME,
-    RATE_PARAMETERS,
     REFERENCE_QUANTITIES,
     Parameter,
 )
 from pyburgers.model.prior_families import Prior
+from pyburgers.model.rate_parameters import RATE_PARAMETERS
 from pyburgers.model.read_quantities import STRAIN, STRESS
 
 STRESS_UNIT, STRESS_FACTOR = STRESS.display_unit, STRESS.display_factor

@@ -1,7 +1,8 @@
 """Which other laws data may hardly tell from that of a fit."""
 
+from pyburgers.model.fitted_test import Test
 from pyburgers.model.laws import DASHPOT_LAWS, KELVIN_LAWS
-from pyburgers.model.variants import ModelVariant, Test
+from pyburgers.model.variants import ModelVariant
 
 MOST_OF_A_PART = 2
 

@@ -8,14 +8,14 @@ priors and equations cannot contradict each other, and what a run used can be to
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from types import MappingProxyType
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
-from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.model import second_mechanism as mechanisms
 from pyburgers.model.dashpot_laws import beta_of_linear, dashpot_law
+from pyburgers.model.fitted_test import Test
 from pyburgers.model.hardening import (
     changes_of_hardening,
     check_linear_hardening,
@@ -46,50 +46,6 @@ NO_EVOLUTION = 1e9
 
 WITHOUT_EFFECT = 1.0
 """Critical strain where the microstructure is in its steady state from the start."""
-
-
-class Test(Protocol):
-    """What the laws of a test depend on beside its priors."""
-
-    @property
-    def id(self) -> str:
-        """Name."""
-
-    @property
-    def protocol(self) -> str:
-        """Name of its kind."""
-
-    @property
-    def laws(self) -> Mapping[str, Sequence[str]]:
-        """Laws that such tests can be fitted with, by part: any of a part that is not named."""
-
-    @property
-    def residual_correlation(self) -> str:
-        """Parameter along which residuals may correlate: over strain or over time."""
-
-    @property
-    def temperature(self) -> float:
-        """Kelvin."""
-
-    @property
-    def initial_grain_size(self) -> float:
-        """Metres."""
-
-    @property
-    def position(self) -> FloatArray:
-        """Where its points lie, shape (n_points,)."""
-
-    @property
-    def n_points(self) -> int:
-        """Number of points."""
-
-    @property
-    def duration(self) -> float:
-        """Time (s) between the first and the last point; 0 if points have no times."""
-
-    @property
-    def largest_stress(self) -> float:
-        """Largest |σ| (Pa), where there are points."""
 
 
 @dataclass(frozen=True)

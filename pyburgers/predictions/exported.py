@@ -24,6 +24,7 @@ from pyburgers.flow_law_tables.tables import RateTable
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.display import shown_quantity, unit_text
+from pyburgers.model.fitted_test import Test
 from pyburgers.model.laws import (
     DASHPOT_LAWS,
     HARDENING_LAWS,
@@ -35,7 +36,7 @@ from pyburgers.model.parameters import CONDITIONS, RESIDUAL_CORRELATION, STANDAR
 from pyburgers.model.prior_families import Prior, is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR, PriorSet
 from pyburgers.model.read_quantities import BY_NOISE
-from pyburgers.model.variants import Test, variant_of
+from pyburgers.model.variants import variant_of
 from pyburgers.posterior.labelled_draws import own_name
 
 VARIABLES: Mapping[str, str] = MappingProxyType(

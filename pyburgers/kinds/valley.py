@@ -259,10 +259,13 @@ def _quantiles(n_flowing: int) -> FloatArray:
 
 
 def middle_of_rise(time: FloatArray, stress: FloatArray, elastic_rate: float) -> float:
-    """Half of the time (s) up to which the spring takes half of the imposed rate (Pa/s) or more."""
+    """Half of the time (s) up to which the spring takes half of the imposed rate (Pa/s) or more.
+
+    If an element that relaxes at once takes more than the spring, it is that of the first step.
+    """
     slow = np.diff(stress) <= 0.5 * elastic_rate * np.diff(time)
     end = int(np.argmax(slow)) if slow.any() else time.size - 1
-    return 0.5 * float(time[end])
+    return 0.5 * float(time[max(end, 1)])
 
 
 def noise_exponents(

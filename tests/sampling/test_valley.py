@@ -17,7 +17,7 @@ from pyburgers.kinds.problem import plain_coordinates, problem_of
 from pyburgers.kinds.program_data import density_of
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.kinds.together import pooling_for
-from pyburgers.kinds.valley import NOISE_SCALED, noise_exponents
+from pyburgers.kinds.valley import NOISE_SCALED, middle_of_rise, noise_exponents
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import with_variant
 
@@ -120,3 +120,12 @@ def test_widths_of_springs_follow_the_noise_whatever_unit_their_coordinate_has(
     found = chart.rescaled(reference, test, np.eye(size)).noise_exponent
     assert found[place] > 0.99
     assert found[test.coordinates.quantities.index("kelvin_viscosity")] < 0.9
+
+
+@pytest.mark.parametrize(("share", "middle"), [(1.0, 1.0), (0.6, 1.0), (0.1, 0.25)])
+def test_an_elastic_rise_takes_time_whatever_part_of_it_the_spring_takes(
+    share: float, middle: float
+) -> None:
+    time = np.array([0.0, 0.5, 2.0, 3.0])
+    stress = share * np.minimum(time, 2.0)
+    assert middle_of_rise(time, stress, elastic_rate=1.0) == middle

@@ -322,9 +322,9 @@ def test_a_point_left_out_in_earnest_has_the_approximated_density(
     small_fit: Fit, tmp_path: Path
 ) -> None:
     approximate = leave_one_out(small_fit.posterior)
-    # The least expected one of those whose density can be approximated.
-    point = int(np.argmin(np.where(approximate.pareto_k < 0.7, approximate.elpd, np.inf)))
-    assert approximate.pareto_k[point] < 0.7
+    # The least expected one of those whose weights have a finite variance.
+    point = int(np.argmin(np.where(approximate.pareto_k < 0.5, approximate.elpd, np.inf)))
+    assert approximate.pareto_k[point] < 0.5
     exact = leave_out_exactly(small_fit, approximate, [point], tmp_path / "refits")
     # The fit without it is as short.
     assert [f"without point {point + 1} failed its check" in one for one in exact.doubts] == [True]

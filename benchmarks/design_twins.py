@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from first_go import data_set
+from measures import core_seconds
 from tables import ROOT, markdown
 
 from pyburgers.common.atomic_files import write_text
@@ -36,7 +37,7 @@ from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.together import default_priors_for, pooling_for
 from pyburgers.model.parameters import PARAMETER_BY_NAME
-from pyburgers.predictions.designs import Candidate, design, load_design_plan
+from pyburgers.predictions.designs import Candidate, design, load_design_plan, places_read
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sbc.data_sets import SHORT_RUN, not_converged
 
@@ -126,7 +127,7 @@ def with_readings(candidate: Candidate) -> Experiment:
     """Return a test with readings of zero at the places where `design` has them."""
     test, n = candidate.experiment, candidate.n_readings
     grid = likelihood_of(test).grid(test)
-    at = grid[np.unique(np.linspace(0, len(grid) - 1, n).round().astype(int))]
+    at = grid[places_read(len(grid), n)]
     if isinstance(test, HistoryExperiment):
         starts = [stage.start_time for stage in test.stages]
         stage = np.searchsorted(starts, at, side="right") - 1
@@ -142,11 +143,10 @@ def _said_by(name: str, result: Fit, truth: Mapping[str, float]) -> Row:
     deviations. `below` is the share of draws below the truth.
     """
     posterior = result.posterior["posterior"].to_dataset()
-    seconds = sum(one["wall_seconds"] for one in result.manifest["chains"].values())
     row: Row = {
         f"{name}.failed": ", ".join(not_converged(result, LEAST_ESS)),
         f"{name}.sampled_well": result.sampled_well.value,
-        f"{name}.core_seconds": seconds,
+        f"{name}.core_seconds": core_seconds(result),
     }
     for quantity in PLAN.about:
         distance = np.log(all_draws(posterior[quantity]) / truth[quantity])

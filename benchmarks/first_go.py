@@ -19,7 +19,7 @@ from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
-from measures import measure
+from measures import core_seconds, measure
 from tables import ROOT, markdown
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
@@ -244,7 +244,7 @@ def _row(kind: str, seed: int, result: Fit) -> FirstGo:
         if one.check.kind is CheckKind.SAMPLING and one.outcome is not Outcome.YES
     ]
     aside = shortened(manifest)
-    seconds = sum(one["wall_seconds"] for one in manifest["chains"].values())
+    seconds = core_seconds(result)
     least = min(found.ess_bulk, found.ess_tail)
     return FirstGo(
         kind,

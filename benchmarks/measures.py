@@ -39,6 +39,11 @@ class Measures:
     ess_tail: float
 
 
+def core_seconds(fit: Fit) -> float:
+    """Return seconds of the processes of all chains, with warm-up; each needs a core of its own."""
+    return float(sum(chain["wall_seconds"] for chain in fit.manifest["chains"].values()))
+
+
 def measure(fit: Fit) -> Measures:
     """Read the chains of a fit."""
     chains = [read_chain(fit.directory.draws_file(c)) for c in fit.directory.finished_chains()]

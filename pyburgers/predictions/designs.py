@@ -314,10 +314,15 @@ def _readings(prediction: Prediction, n: int, kept: IntArray) -> tuple[FloatArra
     for answer in answers(prediction):
         solved, new = draws_of(prediction, answer)
         places = np.flatnonzero(np.isfinite(new).all(axis=0))
-        places = places[np.unique(np.linspace(0, len(places) - 1, n).round().astype(int))]
+        places = places[places_read(len(places), n)]
         signals.append(solved[at][:, places])
         readings.append(new[at][:, places])
     return np.hstack(signals), np.hstack(readings)
+
+
+def places_read(number: int, n: int) -> IntArray:
+    """Return which of a number of places a candidate is read at: at most `n`, evenly spaced."""
+    return np.unique(np.linspace(0, number - 1, n).round().astype(np.int64))
 
 
 def telling_combinations(

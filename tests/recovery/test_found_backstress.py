@@ -10,6 +10,7 @@ from pyburgers import SamplerOptions, fit, priors, with_variant
 from pyburgers.model.laws import HARDENING_LAWS
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.prior_families import fixed_prior
+from pyburgers.predictions.stress_cycles import EVOLUTION
 
 BACKSTRESS = {
     "hardening_modulus": 1e9,
@@ -19,12 +20,6 @@ BACKSTRESS = {
     "recovery_activation_enthalpy": 65e3,
     "kelvin_reference_temperature": 260.0,
 }
-MICROSTRUCTURE = (
-    "steady_state_grain_size",
-    "steady_state_fabric_factor",
-    "critical_strain_grain_size",
-    "critical_strain_fabric",
-)
 OPTIONS = SamplerOptions(chains=2, warmup=300, draws=500, seed=3)
 
 
@@ -33,7 +28,7 @@ OPTIONS = SamplerOptions(chains=2, warmup=300, draws=500, seed=3)
 def test_the_numbers_of_a_backstress_are_found_again(name: str, tmp_path: Path) -> None:
     truth = {**TRUTH, **BACKSTRESS, "residual_correlated_share": 0.0}
     test = history_twin(name, 40, values=truth)
-    known = [fixed_prior(PARAMETER_BY_NAME[one], truth[one], "known") for one in MICROSTRUCTURE]
+    known = [fixed_prior(PARAMETER_BY_NAME[one], truth[one], "known") for one in EVOLUTION]
     choices = {"residuals": "independent", "hardening": "backstress"}
     chosen = with_variant(priors("ice").exchanging(*known), test, choices)
     draws = fit(test, chosen, out=tmp_path / "run", options=OPTIONS).posterior["posterior"]

@@ -9,6 +9,7 @@ from history_twins import GRAIN_SIZE, TEMPERATURE, TRUTH, history_twin
 from pyburgers import SamplerOptions, fit, priors, with_variant
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.prior_families import fixed_prior
+from pyburgers.predictions.stress_cycles import EVOLUTION
 
 SECOND = {
     "second_rate": 2e-5,
@@ -19,13 +20,7 @@ SECOND = {
     "second_reference_grain_size": GRAIN_SIZE,
     "second_reference_temperature": TEMPERATURE,
 }
-KNOWN = (
-    "steady_state_grain_size",
-    "steady_state_fabric_factor",
-    "critical_strain_grain_size",
-    "critical_strain_fabric",
-    *(name for name in SECOND if name != "second_rate"),
-)
+KNOWN = (*EVOLUTION, *(name for name in SECOND if name != "second_rate"))
 OPTIONS = SamplerOptions(chains=2, warmup=300, draws=500, seed=3)
 
 

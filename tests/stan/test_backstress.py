@@ -12,6 +12,7 @@ import pytest
 from conftest import ICE
 from evaluated_laws import value_of
 from history_twins import GRAIN_SIZE, TEMPERATURE, TRUTH, history_twin, residual_covariance
+from ice_spectrum import PERIODS, ice_spectrum
 from log_density import assert_gradient_is_slope, program_with
 from scipy import stats
 from scipy.optimize import brentq
@@ -19,7 +20,6 @@ from stan_data import parameters_in
 
 from pyburgers import Regime, attenuation_spectrum, load_experiment
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.likelihood import likelihood_of
@@ -206,22 +206,7 @@ def test_a_curve_takes_it_as_the_history_that_it_is() -> None:
     assert np.abs(stress / without - 1).max() > 0.1
 
 
-SPECTRUM = """
-id = "spectrum"
-material = "ice"
-protocol = "attenuation"
-temperature_K = 260.0
-initial_grain_size_m = 230e-6
-attenuation.deformation = "axial"
-spectra = [{ periods_s = [30.0, 300.0, 3000.0] }]
-provenance = { kind = "synthetic", source = "imagined" }
-"""
 LINEAR_FORM = {"hardening_modulus": 2e9, "recovery_rate": 2e-3, "recovery_exponent": 1.0}
-
-
-def spectrum(folder: Path, text: str = SPECTRUM) -> AttenuationExperiment:
-    (folder / "spectrum.toml").write_text(text, encoding="utf-8")
-    return load_attenuation(folder / "spectrum.toml")
 
 
 def complex_compliance(
@@ -240,8 +225,8 @@ def complex_compliance(
 
 @pytest.mark.parametrize("place", [0, 1, 2])
 def test_small_cycles_in_time_have_the_compliance_of_a_table(place: int, tmp_path: Path) -> None:
-    table = spectrum(tmp_path)
-    period = [30.0, 300.0, 3000.0][place]
+    table = ice_spectrum(tmp_path)
+    period = PERIODS[place]
     linear = flowing(5e-6, 1e6, 1.0, kelvin_modulus=5e9, kelvin_viscosity=1e11)
     values = {**linear, **BACKSTRESS, **LINEAR_FORM}
     both = simulate(table, values, at=[*table.conditions.place, *(1 + table.conditions.place)])
@@ -261,7 +246,7 @@ def test_small_cycles_in_time_have_the_compliance_of_a_table(place: int, tmp_pat
 
 
 def test_tables_take_the_linear_form_about_zero_stress_alone(tmp_path: Path) -> None:
-    table, priors = spectrum(tmp_path), default_priors("ice", "attenuation")
+    table, priors = ice_spectrum(tmp_path), default_priors("ice", "attenuation")
     with pytest.raises(InputError, match="about zero stress a power law neither flows nor"):
         with_variant(priors, table, CHOICE)
     twin = load_attenuation(ICE / "attenuation_twin.toml")

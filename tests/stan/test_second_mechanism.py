@@ -8,10 +8,12 @@ import history_oracle
 import numpy as np
 import numpy.typing as npt
 import oracle
+import oscillation_oracle
 import pytest
 from conftest import ICE
 from evaluated_laws import value_of
 from history_twins import GRAIN_SIZE, TEMPERATURE, TRUTH, history_twin
+from ice_spectrum import PERIODS, ice_spectrum
 from log_density import assert_gradient_is_slope, program_with
 
 from pyburgers import (
@@ -113,25 +115,10 @@ def oscillation_of(numbers: Mapping[str, float]) -> tuple[FloatArray, FloatArray
     """Stress (Pa) of an oscillation of olivine: the program's and scipy's."""
     test = with_background(load_forced_oscillation(OLIVINE), "removed")
     assert test.true_parameters is not None
-    values, prepared = {**test.true_parameters, **numbers}, test.prepared
-    imposed = oracle.OscillatingStrain(
-        prepared.period,
-        prepared.strain_sine.tolist(),
-        prepared.strain_cosine.tolist(),
-        (0.0,),
-        prepared.start,
-    )
-    time = prepared.start + np.linspace(20.0, 900.0, 45)
-    independent = oracle.oscillation(
-        values,
-        test.temperature,
-        test.initial_grain_size,
-        imposed,
-        start=imposed.zero_ahead(test.spin_up_cycles),
-        start_stress=0.0,
-        time=time,
-    )[0]
-    return simulate(test, values, at=time, solver=EXACT)["stress_Pa"].to_numpy(), independent
+    values = {**test.true_parameters, **numbers}
+    time = test.prepared.start + np.linspace(20.0, 900.0, 45)
+    found = simulate(test, values, at=time, solver=EXACT)["stress_Pa"].to_numpy()
+    return found, oscillation_oracle.stress(test, values, time)
 
 
 def test_an_oscillation_is_that_of_the_independent_solution() -> None:
@@ -173,21 +160,8 @@ def test_gradients_are_slopes_of_the_density(law: str, tmp_path: Path) -> None:
     assert_gradient_is_slope(program, point, places)
 
 
-SPECTRUM = """
-id = "spectrum"
-material = "ice"
-protocol = "attenuation"
-temperature_K = 260.0
-initial_grain_size_m = 230e-6
-attenuation.deformation = "axial"
-spectra = [{ periods_s = [30.0, 300.0, 3000.0] }]
-provenance = { kind = "synthetic", source = "imagined" }
-"""
-
-
 def test_a_table_has_the_sum_of_the_fluidities(tmp_path: Path) -> None:
-    (tmp_path / "spectrum.toml").write_text(SPECTRUM, encoding="utf-8")
-    table = load_attenuation(tmp_path / "spectrum.toml")
+    table = ice_spectrum(tmp_path)
     linear = {**TRUTH, "stress_exponent": 1.0, "grain_size_exponent": 0.0}
     # A first mechanism of 1e-12 1/(Pa s).
     slower = np.log(1e-12) / linear["activation_enthalpy"] + 1 / (GAS_CONSTANT * TEMPERATURE)
@@ -197,7 +171,7 @@ def test_a_table_has_the_sum_of_the_fluidities(tmp_path: Path) -> None:
     second = oracle.both_rates(
         values, TEMPERATURE, np.array(1.0), np.array(0.0), np.array(GRAIN_SIZE), np.array(1.0)
     )[0]
-    omega = 2 * np.pi / np.array([30.0, 300.0, 3000.0])
+    omega = 2 * np.pi / np.array(PERIODS)
     kelvin = 1 / (values["kelvin_modulus"] + 1j * omega * values["kelvin_viscosity"])
     compliance = 1 / values["maxwell_modulus"] + kelvin - 1j * second / omega
     np.testing.assert_allclose(found[:3], -compliance.imag / compliance.real, rtol=1e-7)

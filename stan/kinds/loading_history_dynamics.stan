@@ -80,7 +80,7 @@ matrix history_states(vector parameter, data vector constant, data array[] int v
                                   every[varying], place, fixed[k], test, element, solver, tolerance,
                                   max_num_steps);
       } else {
-        states = stress_driven_leg(state, k == 1, time[before + 1 : before + n],
+        states = stress_driven_leg(state, time[before + 1 : before + n],
                                    leg[k, l_start_stress()] / test[c_stress_scale()],
                                    leg[k, l_rate()] * leg[k, l_duration()]
                                    / test[c_stress_scale()],
@@ -88,7 +88,7 @@ matrix history_states(vector parameter, data vector constant, data array[] int v
                                    max_num_steps);
       }
     } else {
-      states = strain_driven_leg(state, k == 1, time[before + 1 : before + n],
+      states = strain_driven_leg(state, time[before + 1 : before + n],
                                  leg[k, l_rate()] * leg[k, l_duration()]
                                  / test[c_strain_scale()],
                                  every[varying], place, fixed[k], test, element, solver, tolerance,

@@ -17,9 +17,9 @@
  *
  *   dx/dt = v_d,  dg/dt = |(S/(E_M e)) r + v_K + v_d|.
  *
- * x and g are counted from the start of the leg, so that its solver starts from numbers that are
- * data; a linear Kelvin element has a closed form. While strain only grows, the path strain grows
- * with it and is known from the others, so that x is left, and b where it is needed:
+ * x and g are counted from the start of the leg; a linear Kelvin element has a closed form. While
+ * strain only grows, the path strain grows with it and is known from the others, so that radau_leg()
+ * follows x alone, and b where it is needed:
  *
  *   g = g_0 + (S/(E_M e)) (y - y_0) + (S/(E_K e)) (z - z_0) + x.
  *
@@ -131,43 +131,6 @@ vector stress_driven_rhs(real t, vector state, real start_path, vector start_kel
   return slope;
 }
 
-/**
- * Right-hand side of a stress-driven leg in which strain only grows (see the head of this file),
- * with a linear Kelvin part and no piezometer.
- *
- * @param state [x] since the start of the leg, then b where there is a backstress
- * @param start_path g less the elastic and the Kelvin strain of the specimen at the start of the leg
- */
-vector growing_strain_rhs(real t, vector state, real start_path, vector start_kelvin,
-                          vector varying, data real y_0, data real rate, data array[] int place,
-                          data vector fixed, data vector test, data matrix element) {
-  real y = y_0 + rate * t;
-  real z;
-  if (rows(element) == 1) {
-    z = linear_kelvin_strain(t, start_kelvin[1], y_0, rate,
-                             history_rate(h_kelvin_decay(), varying, place, fixed));
-  } else {
-    matrix[rows(element), 2] elements = history_elements(element, varying, place, fixed);
-    z = dot_product(elements[ : , 2],
-                    linear_kelvin_strains(t, start_kelvin, y_0, rate, elements));
-  }
-  int hardens = test[c_hardens()] > 0;
-  real b = hardens ? state[2] : 0;
-  vector[2] x_rates
-    = history_dashpot_rates(y, b,
-                            start_path
-                            + history_rate(h_spring_compliance(), varying, place, fixed) * y
-                            + history_rate(h_kelvin_compliance(), varying, place, fixed) * z
-                            + state[1],
-                            1, varying, place, fixed, test);
-  vector[1 + hardens] slope;
-  slope[1] = x_rates[1];
-  if (hardens) {
-    slope[2] = history_backstress_rate(b, x_rates[2], varying, place, fixed);
-  }
-  return slope;
-}
-
 /** Whether strain only grows in a stress-driven leg: see the head of this file. */
 int strain_only_grows(vector start_kelvin, data real y_0, data real rate) {
   return y_0 >= 0 && rate >= 0 && max(start_kelvin) <= y_0;
@@ -177,15 +140,14 @@ int strain_only_grows(vector start_kelvin, data real y_0, data real rate) {
  * States along a strain-driven leg.
  *
  * @param start a row of states
- * @param at_rest 1: the test starts with this leg, and start is known
  * @param time from 0 to 1, not decreasing
  * @param rate r
  * @return rows over times, and the end
  */
-matrix strain_driven_leg(row_vector start, data int at_rest, data array[] real time,
-                         data real rate, vector varying, data array[] int place,
-                         data vector fixed, data vector test, data matrix element,
-                         data int solver, data real tolerance, data int max_num_steps) {
+matrix strain_driven_leg(row_vector start, data array[] real time, data real rate, vector varying,
+                         data array[] int place, data vector fixed, data vector test,
+                         data matrix element, data int solver, data real tolerance,
+                         data int max_num_steps) {
   int has_grains = test[c_piezometer()] > 0;
   int compliant = in_use(h_apparatus_compliance(), place, fixed, 0);
   int n_kelvin = rows(element);
@@ -211,17 +173,8 @@ matrix strain_driven_leg(row_vector start, data int at_rest, data array[] real t
                        tolerance);
   matrix[size(time) + 1, num_elements(start)] states;
   if (is_nan(solved[1][1])) {
-    if (at_rest) {
-      // The initial state is literal: constant to the solver, no sensitivities to it.
-      solved = ode_bdf_tol(strain_driven_rhs,
-                           append_row(append_row(0, rep_vector(1, has_grains)),
-                                      rep_vector(0, hardens + compliant + n_kelvin)),
-                           0, after_start, tolerance, tolerance, max_num_steps, 0.0, varying,
-                           rate, place, fixed, test, element);
-    } else {
-      solved = ode_bdf_tol(strain_driven_rhs, from, 0, after_start, tolerance, tolerance,
-                           max_num_steps, start[4], varying, rate, place, fixed, test, element);
-    }
+    solved = ode_bdf_tol(strain_driven_rhs, from, 0, after_start, tolerance, tolerance,
+                         max_num_steps, start[4], varying, rate, place, fixed, test, element);
   }
   for (i in 1 : n_at_start) {
     states[i] = start;
@@ -251,10 +204,10 @@ matrix strain_driven_leg(row_vector start, data int at_rest, data array[] real t
  * @param start a row of states, after the jump of the stress, if there is one
  * @param y_0, rate y at the start, and r
  */
-matrix stress_driven_leg(row_vector start, data int at_rest, data array[] real time,
-                         data real y_0, data real rate, vector varying, data array[] int place,
-                         data vector fixed, data vector test, data matrix element,
-                         data int solver, data real tolerance, data int max_num_steps) {
+matrix stress_driven_leg(row_vector start, data array[] real time, data real y_0, data real rate,
+                         vector varying, data array[] int place, data vector fixed,
+                         data vector test, data matrix element, data int solver,
+                         data real tolerance, data int max_num_steps) {
   int has_grains = test[c_piezometer()] > 0;
   int solves_kelvin = test[c_kelvin_law()] > 0;
   int n_kelvin = rows(element);
@@ -262,7 +215,6 @@ matrix stress_driven_leg(row_vector start, data int at_rest, data array[] real t
   int grows = !has_grains && !solves_kelvin && strain_only_grows(start_kelvin, y_0, rate);
   int hardens = test[c_hardens()] > 0;
   int n_others = (grows ? 1 : 2) + has_grains + hardens;
-  int n_states = n_others + solves_kelvin;
   real spring = history_rate(h_spring_compliance(), varying, place, fixed);
   real kelvin = history_rate(h_kelvin_compliance(), varying, place, fixed);
   matrix[n_kelvin, 2] elements = history_elements(element, varying, place, fixed);
@@ -280,39 +232,21 @@ matrix stress_driven_leg(row_vector start, data int at_rest, data array[] real t
                        grows ? before : start[4], elements, varying, place, fixed, test, solver,
                        tolerance);
   matrix[size(time) + 1, num_elements(start)] states;
-  // In what is left to ode_bdf_tol, all that is known is literal: constant to that solver, no
-  // sensitivities to it. A jump of the stress at the start moves the grain size of a piezometer.
   if (is_nan(solved[1][1])) {
-    array[n] vector[n_states] left;
-    if (grows && at_rest) {
-      left = ode_bdf_tol(growing_strain_rhs, rep_vector(0, n_states), 0, after_start, tolerance,
-                           tolerance, max_num_steps, 0.0, rep_vector(0, n_kelvin), varying, y_0,
-                           rate, place, fixed, test, element);
-    } else if (grows && !hardens) {
-      left = ode_bdf_tol(growing_strain_rhs, rep_vector(0, 1), 0, after_start, tolerance,
-                           tolerance, max_num_steps, before, start_kelvin, varying, y_0, rate, place,
-                           fixed, test, element);
-    } else if (grows) {
-      left = ode_bdf_tol(growing_strain_rhs, head(from, n_states), 0, after_start, tolerance, tolerance,
-                           max_num_steps, before, start_kelvin, varying, y_0, rate, place, fixed, test,
-                           element);
-    } else if (!has_grains && at_rest) {
-      left = ode_bdf_tol(stress_driven_rhs, rep_vector(0, n_states), 0, after_start,
-                           tolerance, tolerance, max_num_steps, start[4], rep_vector(0, n_kelvin),
-                           varying, y_0, rate, place, fixed, test, element);
-    } else if (!has_grains && !solves_kelvin && !hardens) {
-      left = ode_bdf_tol(stress_driven_rhs, rep_vector(0, 2), 0, after_start, tolerance,
-                           tolerance, max_num_steps, start[4], start_kelvin, varying, y_0, rate,
-                           place, fixed, test, element);
-    } else {
-      left = ode_bdf_tol(stress_driven_rhs, head(from, n_states), 0, after_start, tolerance, tolerance,
-                           max_num_steps, start[4], start_kelvin, varying, y_0, rate, place, fixed, test, element);
-    }
+    int n_left = 2 + has_grains + hardens + solves_kelvin;
+    vector[n_left] left_from
+      = append_row(rep_vector(0, 2), segment(from, grows ? 2 : 3, n_left - 2));
+    array[n] vector[n_left] left
+      = ode_bdf_tol(stress_driven_rhs, left_from, 0, after_start, tolerance, tolerance,
+                    max_num_steps, start[4], start_kelvin, varying, y_0, rate, place, fixed, test,
+                    element);
     for (i in 1 : n) {
-      solved[i] = solves_kelvin
-                  ? left[i]
-                  : append_row(left[i], linear_kelvin_strains(after_start[i], start_kelvin, y_0,
-                                                              rate, elements));
+      solved[i, 1] = left[i, 1];
+      solved[i, 2 : n_others] = segment(left[i], grows ? 3 : 2, n_others - 1);
+      solved[i, n_others + 1 : ] = solves_kelvin
+                                   ? tail(left[i], 1)
+                                   : linear_kelvin_strains(after_start[i], start_kelvin, y_0, rate,
+                                                           elements);
     }
   }
   for (i in 1 : n_at_start) {

@@ -87,21 +87,24 @@ POOL = {"stress_noise": "separate"}
 LONGEST_FILES = (
     "contract.py",
     "test_study.py",
-    "test_leave_one_test_out.py",
-    "test_comparison.py",
-    "test_calibration_run.py",
-    "test_figures.py",
-    "test_sampling.py",
-    "test_report.py",
-    "test_shorter_steps.py",
-    "test_compare_cli.py",
-    "test_calibration.py",
-    "test_hand_over.py",
-    "test_softened_rates.py",
+    "test_fast_solver.py",
+    "test_workers.py",
+    "test_baseline.py",
+    "test_processes.py",
     "test_rates.py",
+    "test_examples_of_names.py",
+    "test_leave_one_test_out.py",
+    "test_environment.py",
+    "test_exports.py",
+    "test_valley_steps.py",
+    "test_calibration_run.py",
+    "test_report.py",
+    "test_fit_rates.py",
+    "test_coordinates.py",
+    "test_figures.py",
 )
-"""Those that take more than 15 s of processor time; a file runs in one process. Neighbours do not
-wait for each other's fits."""
+"""Those that take more than 15 s; a file runs in one process. Neighbours do not wait for each
+other's fits."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -21,13 +21,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from first_go import data_set
+from growing_tables import Key, Row, grow
 from measures import core_seconds
 from tables import ROOT, markdown
 
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import SamplingError
-from pyburgers.common.tasks import Workers, run_tasks
 from pyburgers.fitting.fit import Fit, fit_problem
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.experiment import Experiment
@@ -49,8 +49,6 @@ N_TWINS = 50
 LEAST_ESS = 100
 """Effective draws of each parameter below which a twin is left out: they tell 7 % of a width."""
 
-Row = dict[str, float | str]
-
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Fit the twins that are missing, and write the table."""
@@ -64,30 +62,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # Each twin is one process: its chains take turns.
     sampler = replace(SHORT_RUN, chains=options.chains, draws=options.draws)
     options.out.mkdir(parents=True, exist_ok=True)
-    missing = {
-        seed: (options.out, seed, sampler)
-        for seed in options.seeds
-        if not _row_file(options.out, seed).is_file()
+    tasks: dict[Key, Sequence[object]] = {
+        (seed,): (options.out, seed, sampler) for seed in options.seeds
     }
-    for seed, outcome in run_tasks(
-        judge_twin, missing, workers=Workers(jobs=options.jobs), out=options.out
-    ):
-        print(f"twin {seed}: {outcome}.", flush=True)
-        write_tables(options.out)
-    write_tables(options.out)
+    for rows in grow(options.out / "twins.csv", ("seed",), judge_twin, tasks, options.jobs):
+        write_page(rows, options.out)
 
 
-def judge_twin(out: Path, seed: int, options: SamplerOptions) -> str:
-    """Fit the tests of a twin, write its row, and say how it ended."""
+def judge_twin(out: Path, seed: int, options: SamplerOptions) -> Row:
+    """Fit the tests of a twin; return its row."""
     row: Row = {"seed": seed, "draws": options.chains * options.draws}
     try:
         row |= _three_fits(out, seed, replace(options, seed=seed))
-        failed = [f"{name} {row[f'{name}.failed']}" for name in FITS if row[f"{name}.failed"]]
-        said = f"{row['choice']}, {', '.join(failed) or 'all converged'}"
     except SamplingError as error:
-        row["failure"] = said = str(error)
-    pd.DataFrame([row]).to_csv(_row_file(out, seed), index=False)
-    return said
+        row["failure"] = str(error)
+    return row
 
 
 def _three_fits(out: Path, seed: int, options: SamplerOptions) -> Row:
@@ -158,17 +147,8 @@ def _said_by(name: str, result: Fit, truth: Mapping[str, float]) -> Row:
     return row
 
 
-def _row_file(out: Path, seed: int) -> Path:
-    return out / f"twin_{seed:06d}.csv"
-
-
-def write_tables(out: Path) -> None:
-    """Write all rows, and a page with the table in Markdown."""
-    files = sorted(out.glob("twin_??????.csv"))
-    if not files:
-        return
-    rows = pd.concat([pd.read_csv(file, keep_default_na=False) for file in files])
-    rows.to_csv(out / "twins.csv", index=False)
+def write_page(rows: pd.DataFrame, out: Path) -> None:
+    """Write the table in Markdown."""
     # A twin whose fits ended early has no such columns, or nothing in them.
     kept = rows[(rows.reindex(columns=[f"{name}.failed" for name in FITS]) == "").all(axis=1)]
     if kept.empty:

@@ -19,13 +19,13 @@ from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
+from growing_tables import Key, Row, grow
 from measures import core_seconds, measure
 from tables import ROOT, markdown
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import SamplingError
-from pyburgers.common.tasks import Workers, run_tasks
 from pyburgers.fitting.fit import Fit, fit_problem
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import load_experiment
@@ -147,22 +147,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # Each fit is one process: its chains take turns.
     sampler = SamplerOptions(chains=options.chains, draws=options.draws, parallel_chains=1)
     options.out.mkdir(parents=True, exist_ok=True)
-    missing = {
+    tasks: dict[Key, Sequence[object]] = {
         (kind, seed): (options.out, kind, seed, sampler)
         for seed in options.seeds
         for kind in options.kinds
-        if not _row_file(options.out, kind, seed).is_file()
     }
-    for (kind, seed), outcome in run_tasks(
-        fit_one, missing, workers=Workers(jobs=options.jobs), out=options.out
-    ):
-        print(f"{kind}, data set {seed}: {outcome}.", flush=True)
-        write_tables(options.out)
-    write_tables(options.out)
+    for rows in grow(options.out / "fits.csv", ("kind", "seed"), fit_one, tasks, options.jobs):
+        page = PAGE.format(table=markdown(kind_table(rows)))
+        write_text(options.out / "first_go.md", page)
 
 
-def fit_one(out: Path, kind: str, seed: int, options: SamplerOptions) -> str:
-    """Simulate and fit one data set, write its row, and say how it ended."""
+def fit_one(out: Path, kind: str, seed: int, options: SamplerOptions) -> Row:
+    """Simulate and fit one data set; return its row."""
     folder = out / kind / f"{seed:06d}"
     try:
         result = fit_problem(
@@ -174,8 +170,7 @@ def fit_one(out: Path, kind: str, seed: int, options: SamplerOptions) -> str:
         row = _row(kind, seed, result)
     except SamplingError as error:
         row = FirstGo(kind, seed, Outcome.NO.value, str(error))
-    pd.DataFrame([asdict(row)]).to_csv(_row_file(out, kind, seed), index=False)
-    return f"sampled well: {row.sampled_well} {row.failed_checks}".strip()
+    return asdict(row)
 
 
 def data_set(kind: str, seed: int) -> Problem:
@@ -231,10 +226,6 @@ def _template(kind: str, test: Experiment) -> Experiment:
     return test
 
 
-def _row_file(out: Path, kind: str, seed: int) -> Path:
-    return out / f"{kind}_{seed:06d}.csv"
-
-
 def _row(kind: str, seed: int, result: Fit) -> FirstGo:
     """Read verdict and cost of a fit."""
     found, manifest = measure(result), result.manifest
@@ -262,16 +253,6 @@ def _row(kind: str, seed: int, result: Fit) -> FirstGo:
         least_ess=least,
         ess_per_core_second=least / seconds,
     )
-
-
-def write_tables(out: Path) -> None:
-    """Write all rows, and a table of the kinds in Markdown."""
-    files = sorted(out.glob("*_??????.csv"))
-    if not files:
-        return
-    rows = pd.concat([pd.read_csv(file) for file in files]).fillna({"failed_checks": ""})
-    rows.to_csv(out / "fits.csv", index=False)
-    write_text(out / "first_go.md", PAGE.format(table=markdown(kind_table(rows))))
 
 
 def kind_table(rows: pd.DataFrame) -> pd.DataFrame:

@@ -1,0 +1,49 @@
+"""Tables of many fits that grow row by row, and go on from their file."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from pyburgers.common.tasks import Workers, run_tasks
+
+Row = dict[str, float | str]
+Key = tuple[str | int, ...]
+
+
+def grow(
+    file: Path,
+    keys: Sequence[str],
+    work: Callable[..., Row],
+    tasks: Mapping[Key, Sequence[object]],
+    jobs: int | None,
+) -> Iterator[pd.DataFrame]:
+    """Do the tasks whose rows are missing, and yield the table as it is now and after each.
+
+    Parameters
+    ----------
+    file
+        CSV of the rows, whose columns `keys` are the keys of the tasks.
+    work
+        Function of a module that returns the row of a task.
+    jobs
+        Tasks side by side; None: one for each core.
+    """
+    rows: list[Row] = []
+    if file.is_file():
+        rows = pd.read_csv(file, keep_default_na=False).to_dict("records")  # type: ignore[assignment]
+        yield read_rows(file)
+    done = {tuple(row[key] for key in keys) for row in rows}
+    missing = {key: arguments for key, arguments in tasks.items() if key not in done}
+    for key, row in run_tasks(work, missing, workers=Workers(jobs=jobs), out=file.parent):
+        rows.append(row)
+        pd.DataFrame(rows).sort_values(list(keys)).to_csv(file, index=False)
+        print(f"{file}: {', '.join(map(str, key))} is there.", flush=True)
+        yield read_rows(file)
+
+
+def read_rows(file: Path) -> pd.DataFrame:
+    """Read a table; columns of text have no missing values."""
+    table = pd.read_csv(file)
+    text = table.select_dtypes(exclude="number").columns
+    return table.fillna(dict.fromkeys(text, ""))

@@ -1,0 +1,26 @@
+"""Tables of benchmarks that go on from their file."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+from growing_tables import Key, Row, grow
+
+
+def row_of(kind: str, seed: int) -> Row:
+    """A row whose task fails for odd seeds, as a fit may."""
+    return {"kind": kind, "seed": seed, **({"failure": "odd"} if seed % 2 else {"seconds": 1.5})}
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_a_table_goes_on_from_its_file(tmp_path: Path) -> None:
+    file = tmp_path / "rows.csv"
+    tasks: dict[Key, Sequence[object]] = {("creep", seed): ("creep", seed) for seed in (2, 1, 0)}
+    first = dict(list(tasks.items())[:2])
+    assert [len(table) for table in grow(file, ("kind", "seed"), row_of, first, 1)] == [1, 2]
+    *_, table = grow(file, ("kind", "seed"), row_of, tasks, 1)
+    assert table["seed"].to_list() == [0, 1, 2]
+    assert table["failure"].to_list() == ["", "odd", ""]
+    assert table["seconds"].sum() == 3.0
+    (again,) = grow(file, ("kind", "seed"), row_of, tasks, 1)
+    assert again.equals(table)

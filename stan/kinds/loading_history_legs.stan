@@ -241,12 +241,13 @@ matrix stress_driven_leg(row_vector start, data array[] real time, data real y_0
                     max_num_steps, start[4], start_kelvin, varying, y_0, rate, place, fixed, test,
                     element);
     for (i in 1 : n) {
-      solved[i, 1] = left[i, 1];
-      solved[i, 2 : n_others] = segment(left[i], grows ? 3 : 2, n_others - 1);
-      solved[i, n_others + 1 : ] = solves_kelvin
-                                   ? tail(left[i], 1)
-                                   : linear_kelvin_strains(after_start[i], start_kelvin, y_0, rate,
-                                                           elements);
+      vector[n_left] own = left[i];
+      solved[i] = append_row(append_row(own[1], tail(head(own, n_left - solves_kelvin),
+                                                     n_others - 1)),
+                             solves_kelvin
+                             ? tail(own, 1)
+                             : linear_kelvin_strains(after_start[i], start_kelvin, y_0, rate,
+                                                     elements));
     }
   }
   for (i in 1 : n_at_start) {

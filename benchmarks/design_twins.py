@@ -149,8 +149,8 @@ def _said_by(name: str, result: Fit, truth: Mapping[str, float]) -> Row:
 
 def write_page(rows: pd.DataFrame, out: Path) -> None:
     """Write the table in Markdown."""
-    # A twin whose fits ended early has no such columns, or nothing in them.
-    kept = rows[(rows.reindex(columns=[f"{name}.failed" for name in FITS]) == "").all(axis=1)]
+    lacks = rows.reindex(columns=["failure", *(f"{name}.failed" for name in FITS)])
+    kept = rows[lacks.isna().all(axis=1)]
     if kept.empty:
         return
     seconds = kept[[f"{name}.core_seconds" for name in FITS]].sum(axis=1)

@@ -11,6 +11,7 @@ folder.
 """
 
 import argparse
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
@@ -260,13 +261,15 @@ def kind_table(rows: pd.DataFrame) -> pd.DataFrame:
     found = []
     for kind in (one for one in KINDS if one in set(rows["kind"])):
         own = rows[rows["kind"] == kind]
-        checks = own["failed_checks"][own["failed_checks"] != ""].str.split(", ").explode()
+        checks = Counter(
+            name for text in own["failed_checks"].dropna() for name in str(text).split(", ")
+        )
         found.append(
             {
                 "kind": kind,
                 "fits": len(own),
                 "sampled well": f"{(own['sampled_well'] == Outcome.YES.value).mean():.0%}",
-                "without a yes": ", ".join(f"{n} {c}" for c, n in checks.value_counts().items()),
+                "without a yes": ", ".join(f"{n} {c}" for c, n in checks.most_common()),
                 "with divergences": int((own["divergences"] > 0).sum()),
                 "went on with shorter steps": int((own["shortened"] > 0).sum()),
                 "leapfrogs a draw": own["leapfrogs_per_draw"].median(),

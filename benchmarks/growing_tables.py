@@ -29,21 +29,15 @@ def grow(
     jobs
         Tasks side by side; None: one for each core.
     """
-    rows: list[Row] = []
+    table = pd.DataFrame(columns=list(keys))
     if file.is_file():
-        rows = pd.read_csv(file, keep_default_na=False).to_dict("records")  # type: ignore[assignment]
-        yield read_rows(file)
-    done = {tuple(row[key] for key in keys) for row in rows}
+        table = pd.read_csv(file)
+        yield table
+    done = set(table[list(keys)].itertuples(index=False, name=None))
     missing = {key: arguments for key, arguments in tasks.items() if key not in done}
     for key, row in run_tasks(work, missing, workers=Workers(jobs=jobs), out=file.parent):
-        rows.append(row)
-        pd.DataFrame(rows).sort_values(list(keys)).to_csv(file, index=False)
+        grown = [*table.to_dict("records"), row]
+        pd.DataFrame(grown).sort_values(list(keys)).to_csv(file, index=False)
         print(f"{file}: {', '.join(map(str, key))} is there.", flush=True)
-        yield read_rows(file)
-
-
-def read_rows(file: Path) -> pd.DataFrame:
-    """Read a table; columns of text have no missing values."""
-    table = pd.read_csv(file)
-    text = table.select_dtypes(exclude="number").columns
-    return table.fillna(dict.fromkeys(text, ""))
+        table = pd.read_csv(file)
+        yield table

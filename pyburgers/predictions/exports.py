@@ -241,8 +241,9 @@ def export(
     given = {**vars(stated), "draws": draws or None}
     for name, value in given.items():
         if value not in (None, ()) and name not in chosen.uses:
+            found = ", ".join(map(str, value)) if isinstance(value, tuple) else value
             raise InputError(
-                f"{name}: found {value}, expected none: {file_format} does not use it."
+                f"{name}: found {found}, expected none: {file_format} does not use it."
             )
     texts = chosen.texts(fit, stated, _kept(fit, draws, seed))
     if out is not None:

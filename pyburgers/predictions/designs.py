@@ -7,7 +7,7 @@ distribution. Estimators are made from some draws and judged on others.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -53,6 +53,12 @@ class _CandidateTable(Table):
     file: str = Field(description="an experiment file; it may be without [data]")
     readings: int = Field(READINGS, ge=1, le=200, description="how many readings, 1 to 200")
     hours: float | None = Field(None, gt=0, description="cost of the test in hours")
+    stress_uncertainty_MPa: float | None = Field(  # noqa: N815 - keys with units
+        None, gt=0, description="standard deviation of a new reading of stress"
+    )
+    strain_uncertainty: float | None = Field(
+        None, gt=0, description="standard deviation of a new reading of strain, a fraction"
+    )
 
 
 class _LimitTable(Table):
@@ -183,13 +189,26 @@ def load_design_plan(path: str | Path) -> DesignPlan:
     stress = limits.stress_MPa if limits else None
     return DesignPlan(
         tuple(file.about),
-        {
-            name: Candidate(load_experiment(path.parent / one.file), one.readings, one.hours)
-            for name, one in file.candidates.items()
-        },
+        {name: _candidate(path, name, one) for name, one in file.candidates.items()},
         None if stress is None else 1e6 * stress,
         limits.hours if limits else None,
     )
+
+
+def _candidate(path: Path, name: str, table: _CandidateTable) -> Candidate:
+    """Load the test of a candidate, with the uncertainties that the plan states."""
+    experiment = load_experiment(path.parent / table.file)
+    for key, unit in (("stress_uncertainty_MPa", 1e6), ("strain_uncertainty", 1.0)):
+        stated, field = getattr(table, key), key.removesuffix("_MPa")
+        if stated is None:
+            continue
+        if not hasattr(experiment, field):
+            raise InputError(
+                f"{path}: candidates.{name}: found {key}, expected none: {experiment.id} "
+                f"({experiment.protocol}) has no such readings."
+            )
+        experiment = replace(experiment, **{field: unit * stated})
+    return Candidate(experiment, table.readings, table.hours)
 
 
 def design(
@@ -336,8 +355,8 @@ def telling_combinations(
     scale = np.sqrt(np.diag(noise))
     if not (scale > 0).all():
         raise InputError(
-            f"{name}: new readings have no noise, expected an uncertainty of its readings: state "
-            "one in the candidate's file."
+            f"{name}: new readings have no noise, because the fit has read no such quantity, "
+            "expected strain_uncertainty or stress_uncertainty_MPa of the candidate in the plan."
         )
     # Correlated noise of many readings is near singular; a ten-thousandth keeps it invertible.
     correlation = noise / np.outer(scale, scale) + 1e-4 * np.eye(len(scale))

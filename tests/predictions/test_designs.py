@@ -125,7 +125,56 @@ def test_command(small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert main([*arguments[:-1], str(tmp_path / "design.txt")]) == 2
 
 
-def test_the_shipped_plan_is_read() -> None:
-    plan = pyburgers.load_design_plan(PLAN)
-    assert plan.largest_stress == 30e6
-    assert len(plan.candidates) == 6
+CREEP = """
+id = "creep"
+material = "ice"
+protocol = "loading_history"
+temperature_K = 260.0
+initial_grain_size_m = 230e-6
+
+[[stages]]
+control = "stress"
+start_time = 0.0
+end_time = 600.0
+stress = 8e6
+
+[provenance]
+kind = "synthetic"
+source = "A test that may be done."
+"""
+
+
+def test_a_quantity_that_the_fit_has_not_read_needs_an_uncertainty_in_the_plan(
+    small_fit: Fit, tmp_path: Path
+) -> None:
+    (tmp_path / "creep.toml").write_text(CREEP, encoding="utf-8")
+
+    def plan(stated: str, file: Path = tmp_path / "creep.toml") -> DesignPlan:
+        path = tmp_path / "plan.toml"
+        text = f'about = ["maxwell_modulus"]\n[candidates.new]\nfile = "{file}"\n{stated}\n'
+        path.write_text(text, encoding="utf-8")
+        return pyburgers.load_design_plan(path)
+
+    with pytest.raises(InputError, match="expected strain_uncertainty or stress_uncertainty_MPa"):
+        design(small_fit, plan(""), draws=200)
+    widths = [
+        design(small_fit, plan(f"strain_uncertainty = {stated}"), draws=200)
+        .table["maxwell_modulus_width"]
+        .item()
+        for stated in (1e-6, 1e-2)
+    ]
+    assert widths[0] < 0.5 < 0.9 < widths[1]
+    with pytest.raises(
+        InputError, match=r"candidates.new: found strain_uncertainty, expected none"
+    ):
+        plan("strain_uncertainty = 1e-4", PLAN.parent / "again.toml")
+
+
+@pytest.mark.parametrize("file", ["ice", "olivine", "dunite"])
+def test_a_shipped_plan_is_read(file: str) -> None:
+    plan = pyburgers.load_design_plan(PLAN.with_stem(file))
+    assert len(plan.candidates) >= 6
+
+
+def test_limits_are_read() -> None:
+    assert pyburgers.load_design_plan(PLAN).largest_stress == 30e6

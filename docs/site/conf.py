@@ -33,6 +33,7 @@ include_patterns = [
     "reports/README.md",
     "reports/calibration/**.md",
     "benchmarks/results/*.md",
+    "benchmarks/results/first_go/*.md",
     "CHANGELOG.md",
     "CONTRIBUTING.md",
 ]

@@ -6,7 +6,7 @@
 
 For each data set parameters are drawn from the priors of a calibration. The test is simulated with
 them and fitted as `pyburgers fit` does without options, with the default priors. Each fit is one
-row of OUT/fits.csv. The same command goes on where it stopped; with other settings take another
+row of OUT/first_go.csv. The same command goes on where it stopped; with other settings take another
 folder.
 """
 
@@ -153,7 +153,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for seed in options.seeds
         for kind in options.kinds
     }
-    for rows in grow(options.out / "fits.csv", ("kind", "seed"), fit_one, tasks, options.jobs):
+    for rows in grow(options.out / "first_go.csv", ("kind", "seed"), fit_one, tasks, options.jobs):
         page = PAGE.format(table=markdown(kind_table(rows)))
         write_text(options.out / "first_go.md", page)
 

@@ -33,7 +33,6 @@ include_patterns = [
     "reports/README.md",
     "reports/calibration/**.md",
     "benchmarks/results/*.md",
-    "benchmarks/results/first_go/*.md",
     "CHANGELOG.md",
     "CONTRIBUTING.md",
 ]

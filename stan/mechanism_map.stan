@@ -20,6 +20,8 @@ data {
   vector<lower=0>[n_conditions] stress; // Pa
   vector<lower=0>[n_conditions] grain_size; // m
   vector<lower=0>[n_conditions] temperature; // K
+  int<lower=0, upper=3> n_environment; // columns, 3 or none (physics/composite_law.stan)
+  matrix[n_conditions, n_environment] environment;
   int<lower=0, upper=1> keeps_draws; // 1: report each draw too
 }
 generated quantities {
@@ -35,13 +37,14 @@ generated quantities {
     for (i in 1 : n_draws) {
       matrix[n_conditions, 4] at
         = composite_law(law[i], process, premelting_temperature, reference_temperature, x, y,
-                        coldness);
+                        coldness, environment);
       vector[n_conditions] total = at[ : , 1];
       matrix[n_conditions, n_mechanisms] rate;
       for (m in 1 : n_mechanisms) {
         rate[ : , m] = log_mechanism_rate(law[i, m], x, y, coldness,
                                           premelted(coldness, premelting_temperature[m],
-                                                    reference_temperature));
+                                                    reference_temperature),
+                                          reference_temperature, environment);
       }
       for (c in 1 : n_conditions) {
         array[max(process)] int slowest = rep_array(0, max(process));

@@ -63,6 +63,8 @@ data {
   vector<lower=0>[n_rows] reading_error; // of the read quantity, relative
   vector<lower=0>[n_rows] temperature_error; // K
   vector<lower=0>[n_rows] grain_size_error; // relative
+  int<lower=0, upper=3> n_environment; // columns, 3 or none (physics/composite_law.stan)
+  matrix[n_rows, n_environment] environment;
   int<lower=1> n_sources;
   array[n_rows] int<lower=1, upper=n_sources> source;
   // 1: the bias of a source is sampled as it is, 0: over its standard deviation; between: both.
@@ -89,6 +91,7 @@ data {
   array[n_coordinates] int<lower=0, upper=n_mechanisms> flow_of; // the mechanism; 0: none
   matrix[n_coordinates, 4] quantity;
   vector[3] mean_conditions; // mean ln(S/S_1), ln(d/d_1), 1/T - 1/T_1 of the used rows
+  matrix[1, n_environment] mean_environment; // of the used rows; P is the mean P/T by the mean T
   // Prior of the softening, see softening_at().
   int<lower=0, upper=1> is_softened;
   real mean_log_rate; // of the used rows, ln(rate s)
@@ -101,6 +104,7 @@ data {
   vector<lower=0>[n_grid] grid_stress;
   vector<lower=0>[n_grid] grid_grain_size;
   vector<lower=0>[n_grid] grid_temperature;
+  matrix[n_grid, n_environment] grid_environment;
 }
 transformed data {
   vector[n_rows] stress_imposed = to_vector(stress_is_imposed); // 1: yes
@@ -178,6 +182,14 @@ transformed parameters {
           vector[3] change = parameter[(k + 1) : (k + 3)] - prior_location[(k + 1) : (k + 3)];
           u += change[2] * mean_conditions[2] + change[3] * mean_conditions[3] / gas_constant()
                - change[1] * mean_conditions[1];
+          if (n_environment > 0) {
+            vector[3] others = parameter[(k + m_activation_volume() - m_rate())
+                                         : (k + m_melt_factor() - m_rate())]
+                               - prior_location[(k + m_activation_volume() - m_rate())
+                                                : (k + m_melt_factor() - m_rate())];
+            u += others[1] * mean_environment[1, 1] / (gas_constant() * mean_temperature)
+                 - others[2] * mean_environment[1, 2] - others[3] * mean_environment[1, 3];
+          }
           parameter[k] = bounded_from_real(u, quantity[i]);
           log_jacobian += log_slope_of_bounded(u, quantity[i]);
         }
@@ -214,7 +226,7 @@ transformed parameters {
       x_undeformed += softening[h_mean()] + shift * softening[h_rate() : h_grain_size()];
     }
     at = composite_law(law, process, premelting_temperature, reference_temperature,
-                       x_undeformed, y, coldness);
+                       x_undeformed, y, coldness, environment);
     residual = log_rate - at[ : , 1]
                - log_offset(source_rate, source,
                             spread[s_enhancement() : (s_enhancement() + 1)],
@@ -272,7 +284,8 @@ generated quantities {
       // The undeformed stress at the imposed rate, brought to the stress of the test.
       vector[n_rows] solved
         = log_stress_of_rate(log_law_rate - (j - 1) * noise, x, law, process,
-                             premelting_temperature, reference_temperature, y, coldness);
+                             premelting_temperature, reference_temperature, y, coldness,
+                             environment);
       for (i in 1 : n_rows) {
         if (stress_is_imposed[i]) {
           // ln f is straight in the undeformed stress if there is a softening.
@@ -298,7 +311,8 @@ generated quantities {
     vector[n_grid] grid_y = log(grid_grain_size) - log(reference_grain_size);
     matrix[n_grid, 4] at = composite_law(law, process, premelting_temperature,
                                          reference_temperature, grid_x, grid_y,
-                                         inv(grid_temperature) - 1 / reference_temperature);
+                                         inv(grid_temperature) - 1 / reference_temperature,
+                                         grid_environment);
     grid_log_rate = at[ : , 1];
     if (is_softened) {
       // ln f is straight in the undeformed stress: solved for the rate, on which h depends.
@@ -319,7 +333,8 @@ generated quantities {
   }
   mean_flow_log_rate = composite_law(law, process, premelting_temperature,
                                      reference_temperature, [mean_conditions[1]]',
-                                     [mean_conditions[2]]', [mean_conditions[3]]')[1, 1];
+                                     [mean_conditions[2]]', [mean_conditions[3]]',
+                                     mean_environment)[1, 1];
   {
     real scatter = parameter[n_of_law + s_scatter()]
                    * exp(parameter[n_of_law + s_source_scatter()] * std_normal_rng());

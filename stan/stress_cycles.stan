@@ -86,8 +86,7 @@ generated quantities {
                                      node[node_end[r] + 1 : node_end[r + 1], 1],
                                      node[node_end[r] + 1 : node_end[r + 1], 2])
               - log(fabric_factor)
-              + log_rate_factor(parameter[i_activation_enthalpy()], parameter[i_beta()],
-                                temperature)
+              + log_rate_factor_at(parameter, temperature)
               - parameter[i_grain_size_exponent()] * log(grain_size));
       if (mechanisms_act(parameter) > 0) {
         fluidity[r]

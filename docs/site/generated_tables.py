@@ -23,6 +23,7 @@ from pyburgers.kinds.likelihood import NAMES
 from pyburgers.model.display import symbol_text
 from pyburgers.model.parameters import (
     CONDITION_PARAMETERS,
+    ENVIRONMENT_PARAMETERS,
     PARAMETERS,
     VARIANT_PARAMETERS,
     Parameter,
@@ -53,6 +54,7 @@ def parameter_lines() -> list[str]:
         ("Every prior file has these", PARAMETERS),
         ("Of variants: they may be left out", VARIANT_PARAMETERS),
         ("Errors of conditions: given by files of tests", CONDITION_PARAMETERS),
+        ("The environment of a test: stated in its file", ENVIRONMENT_PARAMETERS),
     )
     lines = []
     for heading, parameters in groups:

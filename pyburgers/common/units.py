@@ -54,6 +54,7 @@ UNIT_TABLE: Mapping[str, Mapping[str, Unit]] = MappingProxyType(
         },
         "length": {"m": Unit(), "mm": Unit(1e-3), "um": Unit(1e-6)},
         "molar energy": {"J/mol": Unit(), "kJ/mol": Unit(1e3)},
+        "molar volume": {"m3/mol": Unit(), "cm3/mol": Unit(1e-6)},
         "inverse molar energy": {"mol/J": Unit(), "mol/kJ": Unit(1e-3)},
         "temperature": {
             "K": Unit(1.0, r"kelvin|(?<![a-z])k(?![a-z])"),

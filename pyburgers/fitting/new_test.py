@@ -17,6 +17,7 @@ from pyburgers.kinds.stan_data import CENTRE, SPREAD
 from pyburgers.model.display import unit_text
 from pyburgers.model.parameters import (
     CONDITIONS,
+    ENVIRONMENT,
     PARAMETER_BY_NAME,
     RESIDUAL_CORRELATION,
     STANDARD_VALUES,
@@ -204,7 +205,11 @@ def parameters_for_other_test(
     alike = {
         one.parameter for one in experiment.uncertain if _same_apparatus(fitted, experiment, one)
     }
-    others = {*TEST_PARAMETERS, *CONDITIONS} - alike - {*_same_of_a_test(fitted, experiment)}
+    others = (
+        {*TEST_PARAMETERS, *CONDITIONS, *ENVIRONMENT}
+        - alike
+        - {*_same_of_a_test(fitted, experiment)}
+    )
     return {name: value for name, value in values.items() if name not in others}
 
 
@@ -227,12 +232,18 @@ def add_condition_errors(
     values: Mapping[str, FloatArray],
     rng: np.random.Generator,
 ) -> tuple[dict[str, FloatArray], list[str]]:
-    """Return values with the errors of the conditions of a new test, and where they are from.
+    """Return values with the conditions of a new test, and where their errors are from.
 
-    The errors of a fitted test are another's, save where both were made with the same apparatus.
+    Its environment is as its file states it. The errors of a fitted test are another's, save where
+    both were made with the same apparatus.
     `kept` (n_kept,): numbers of the draws. `values` (n_kept,): parameters by name (SI).
     """
-    others = {name: own for name, own in values.items() if name not in CONDITIONS}
+    others = {
+        name: own
+        for name, own in values.items()
+        if name not in CONDITIONS and name not in ENVIRONMENT
+    }
+    others |= {name: np.full(kept.size, value) for name, value in experiment.environment.items()}
     notes = []
     for condition in experiment.uncertain:
         name = condition.parameter

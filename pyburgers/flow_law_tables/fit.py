@@ -20,7 +20,7 @@ from pyburgers.common.paths import given_path
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit, data_words
 from pyburgers.flow_law_tables.description import LEAST_VALUES, RATE_CHECKS
-from pyburgers.flow_law_tables.laws import RateLaw, load_rate_law
+from pyburgers.flow_law_tables.laws import MECHANISM_PARAMETERS, RateLaw, load_rate_law
 from pyburgers.flow_law_tables.mechanism_maps import MechanismMap, local_power_law, mechanism_map
 from pyburgers.flow_law_tables.posterior import FLOW_RATE_OF_TEST, build_posterior
 from pyburgers.flow_law_tables.program_data import law_for
@@ -136,6 +136,7 @@ class RateFit(SampledFit):
         temperature: npt.ArrayLike,
         stress: npt.ArrayLike,
         grain_size: npt.ArrayLike,
+        environment: Mapping[str, npt.ArrayLike] = MappingProxyType({}),
     ) -> xr.Dataset:
         """Solve the law for its draws under given conditions.
 
@@ -143,6 +144,9 @@ class RateFit(SampledFit):
         ----------
         temperature, stress, grain_size : array, shape (n,), or float
             K, axial equivalent in Pa, m; broadcast against each other.
+        environment : mapping of str to array, shape (n,), or float
+            ``pressure`` and ``water_fugacity`` in Pa, ``melt_fraction``. The mean of the tests is
+            taken of those that are not given.
 
         Returns
         -------
@@ -153,7 +157,7 @@ class RateFit(SampledFit):
         Raises
         ------
         InputError
-            If a value is not positive.
+            If a value is not positive, or a name is unknown.
 
         Examples
         --------
@@ -162,8 +166,10 @@ class RateFit(SampledFit):
         2
         """
         given = (np.asarray(one, dtype=np.float64) for one in (temperature, stress, grain_size))
-        conditions = (np.atleast_1d(one) for one in np.broadcast_arrays(*given))
-        return local_power_law(self.law, self.posterior, *conditions)
+        warmth, load, size = (np.atleast_1d(one) for one in np.broadcast_arrays(*given))
+        return local_power_law(
+            self.law, self.posterior, self.used, warmth, load, size, environment=environment
+        )
 
     def mechanism_map(
         self,
@@ -171,6 +177,7 @@ class RateFit(SampledFit):
         temperature: FloatArray | float | None = None,
         stress: FloatArray | None = None,
         grain_size: FloatArray | float | None = None,
+        environment: Mapping[str, npt.ArrayLike] = MappingProxyType({}),
     ) -> MechanismMap:
         """Count in which draws of the law each mechanism leads.
 
@@ -184,6 +191,8 @@ class RateFit(SampledFit):
             largest.
         grain_size : float or array, shape (n,), optional
             m; default the geometric mean of the tests.
+        environment : mapping of str to float
+            As for `rates_at`.
 
         Returns
         -------
@@ -192,7 +201,8 @@ class RateFit(SampledFit):
         Raises
         ------
         InputError
-            If both temperature and grain size are arrays, or a value is not positive.
+            If both temperature and grain size are arrays, a value is not positive, or a name is
+            unknown.
 
         Examples
         --------
@@ -207,6 +217,7 @@ class RateFit(SampledFit):
             temperature=temperature,
             stress=stress,
             grain_size=grain_size,
+            environment=environment,
         )
 
     def si_summary(self) -> pd.DataFrame:
@@ -422,8 +433,9 @@ def second_mechanism_priors(fit: RateFit, mechanism: str) -> dict[str, PriorTabl
         )
     predictions = fit.posterior["predictions"].to_dataset()
     of_mechanism = predictions["law"].sel(mechanism=mechanism)
-    log_rate, exponent, grain_size_exponent, enthalpy = (
-        all_draws(of_mechanism.isel(column=k)) for k in range(4)
+    log_rate, *draws = (
+        all_draws(of_mechanism.isel(column=MECHANISM_PARAMETERS.index(name)))
+        for name in (*MECHANISM_PARAMETERS[:4], *found[mechanism].environment)
     )
     mean_rate = all_draws(fit.posterior["posterior"].to_dataset()[REFERENCE_FLOW_RATE])
     log_rate = log_rate + all_draws(predictions[FLOW_RATE_OF_TEST]) - np.log(mean_rate)
@@ -433,11 +445,11 @@ def second_mechanism_priors(fit: RateFit, mechanism: str) -> dict[str, PriorTabl
     constants = (at.stress, at.grain_size, at.temperature, float(in_series))
     source = f"{fit.data.id}: {fit.provenance.source}; {mechanism} of {fit.law.priors.title}"
     switch, *numbers = SECOND_PARAMETERS[:4]
-    bounds = (LOWER_LIMITS[numbers[0]][0], 0.0, 0.0)
-    unit = {name: PARAMETER_BY_NAME[name].si_unit for name in SECOND_PARAMETERS}
+    bounds = (LOWER_LIMITS[numbers[0]][0], 0.0, 0.0, *[None] * len(found[mechanism].environment))
+    numbers += [f"second_{name}" for name in found[mechanism].environment]
+    unit = {name: PARAMETER_BY_NAME[name].si_unit for name in (*SECOND_PARAMETERS, *numbers)}
     median = float(np.exp(log_rate.mean()))
     tables = {switch: lognormal(median, float(log_rate.std()), unit[switch], source=source)}
-    draws = (exponent, grain_size_exponent, enthalpy)
     for name, lower, one in zip(numbers, bounds, draws, strict=True):
         tables[name] = (
             normal(float(one.mean()), float(one.std()), unit[name], lower=lower, source=source)

@@ -13,8 +13,15 @@ from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import NAME, Table, read_toml, without_none, write_toml
 from pyburgers.model.display import shown_quantity
 from pyburgers.model.flow_law_prior import Conditions
-from pyburgers.model.parameters import Parameter
-from pyburgers.model.prior_families import Prior, PriorTable, check_beta, fixed_prior, load_prior
+from pyburgers.model.parameters import ENVIRONMENT, ENVIRONMENT_NUMBERS, Parameter
+from pyburgers.model.prior_families import (
+    Prior,
+    PriorTable,
+    check_beta,
+    fixed_prior,
+    is_fixed_at,
+    load_prior,
+)
 from pyburgers.model.priors import FLOW_LAW, PriorSet, prior_table, shipped_prior_files
 from pyburgers.posterior.labelled_draws import own_name
 
@@ -24,6 +31,7 @@ MECHANISM_PARAMETERS = (
     "grain_size_exponent",
     "activation_enthalpy",
     "premelting_enthalpy",
+    *ENVIRONMENT_NUMBERS,
 )
 """Parameters of a mechanism, in the order of `stan/physics/composite_law.stan`."""
 
@@ -41,12 +49,14 @@ class Mechanism:
     `process`: number from 1; mechanisms of one process are in series.
     `premelting_temperature`: K, above which the activation enthalpy is another one; 0: nowhere.
     `has_beta`: whether beta = ln(A)/Q, as in the law of a curve, takes the place of the rate.
+    `environment`: which of `ENVIRONMENT_NUMBERS` it has.
     """
 
     name: str
     process: int
     premelting_temperature: float = 0.0
     has_beta: bool = False
+    environment: tuple[str, ...] = ()
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -57,7 +67,10 @@ class Mechanism:
     @property
     def stated_parameters(self) -> tuple[str, ...]:
         """Those that a file states: without premelting there is one enthalpy."""
-        return self.parameters if self.premelting_temperature else self.parameters[:-1]
+        idle = {*ENVIRONMENT_NUMBERS} - {*self.environment}
+        if not self.premelting_temperature:
+            idle.add("premelting_enthalpy")
+        return tuple(name for name in self.parameters if name not in idle)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,16 +112,18 @@ class RateLaw:
 
     @property
     def is_power_law(self) -> bool:
-        """Whether it has one mechanism, without a premelting temperature."""
-        return len(self.mechanisms) == 1 and not self.mechanisms[0].premelting_temperature
+        """Whether it has one mechanism, the same at all temperatures and in any environment."""
+        one = self.mechanisms[0]
+        changes = bool(one.premelting_temperature or one.environment)
+        return len(self.mechanisms) == 1 and not changes
 
     @property
     def power_law(self) -> Mechanism:
-        """The only mechanism; raise InputError if it is not a power law at all temperatures."""
+        """The only mechanism; raise InputError if it is not a power law everywhere."""
         if not self.is_power_law:
             raise InputError(
                 f"{self.priors.title!r} is no power law, expected one mechanism without a "
-                "premelting temperature."
+                "premelting temperature, activation volume, water exponent and melt factor."
             )
         return self.mechanisms[0]
 
@@ -142,12 +157,20 @@ class RateLaw:
         return replace(self, priors=replace(self.priors, priors=MappingProxyType(fixed)))
 
     @property
-    def needs_grain_size(self) -> bool:
-        """Whether a rate depends on grain size."""
-        exponents = (
-            self.priors[own_name("grain_size_exponent", one.name)] for one in self.mechanisms
+    def needs(self) -> tuple[str, ...]:
+        """Columns of a table that a rate depends on, of those that may be unknown."""
+        return tuple(
+            column
+            for column, number in zip(
+                ("grain_size", *ENVIRONMENT),
+                ("grain_size_exponent", *ENVIRONMENT_NUMBERS),
+                strict=True,
+            )
+            if any(
+                not is_fixed_at(self.priors[own_name(number, one.name)], 0.0)
+                for one in self.mechanisms
+            )
         )
-        return any(not prior.is_fixed or prior.location != 0 for prior in exponents)
 
 
 def without_idle(law: RateLaw, *, sources: bool, steady: Sequence[int]) -> RateLaw:
@@ -186,7 +209,7 @@ def with_curve_flow_law(law: RateLaw, curve: PriorSet) -> RateLaw:
     >>> changed = pyburgers.with_curve_flow_law(law, pyburgers.priors("ice"))
     """
     one = law.power_law
-    own = {own_name(name, one.name) for name in one.parameters if name != "premelting_enthalpy"}
+    own = {own_name(name, one.name) for name in one.stated_parameters}
     others = {name: prior for name, prior in law.priors.priors.items() if name not in own}
     taken = {own_name(name, one.name): curve[name] for name in FLOW_LAW}
     priors = replace(
@@ -213,7 +236,8 @@ class _MechanismTable(Table):
     )
     parameters: dict[str, PriorTable] = Field(
         description="priors of mechanism_rate (or beta), stress_exponent, grain_size_exponent, "
-        "activation_enthalpy and, with a premelting temperature, premelting_enthalpy"
+        "activation_enthalpy and, with a premelting temperature, premelting_enthalpy; as wanted "
+        "activation_volume, water_exponent and melt_factor"
     )
 
 
@@ -294,11 +318,24 @@ def load_rate_law(path: str | Path) -> RateLaw:
                 f"{where}: key 'premelting_temperature_K': found {above:g}, expected more than the "
                 f"reference temperature of {file.reference.temperature_K:g} K."
             )
-        one = Mechanism(table.name, process, above, has_beta="beta" in table.parameters)
+        one = Mechanism(
+            table.name,
+            process,
+            above,
+            has_beta="beta" in table.parameters,
+            environment=tuple(name for name in ENVIRONMENT_NUMBERS if name in table.parameters),
+        )
         found = _priors(path, where, one.stated_parameters, table.parameters)
         if not above:
             found["premelting_enthalpy"] = fixed_prior(
                 shown_quantity("premelting_enthalpy"), 0.0, "no premelting"
+            )
+        for name in {*ENVIRONMENT_NUMBERS} - {*one.environment}:
+            found[name] = fixed_prior(shown_quantity(name), 0.0, "no effect")
+        if one.has_beta and one.environment:
+            raise InputError(
+                f"{where}: found beta and {one.environment[0]}, expected mechanism_rate in the "
+                "place of beta."
             )
         if one.has_beta:
             check_beta(f"{where}: beta", found["beta"])

@@ -5,15 +5,18 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
+import numpy.typing as npt
 import xarray as xr
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.array_types import BoolArray, FloatArray
 from pyburgers.common.draws import all_draws, evenly_spaced
-from pyburgers.common.errors import InputError
+from pyburgers.common.errors import InputError, nearest
 from pyburgers.flow_law_tables.laws import RateLaw
+from pyburgers.flow_law_tables.program_data import environment_of
 from pyburgers.flow_law_tables.tables import RateTable
+from pyburgers.model.parameters import ENVIRONMENT
 
 DRAWS = 400
 """Draws of the law at most that a map counts."""
@@ -110,6 +113,7 @@ def mechanism_map(
     temperature: FloatArray | float | None = None,
     stress: FloatArray | None = None,
     grain_size: FloatArray | float | None = None,
+    environment: Mapping[str, npt.ArrayLike] = MappingProxyType({}),
 ) -> MechanismMap:
     """Count in which draws of `posterior` each mechanism leads (`RateFit.mechanism_map`)."""
     if temperature is None:
@@ -129,7 +133,15 @@ def mechanism_map(
     shape = (load.size, max(warmth.size, size.size))
     every_load = np.broadcast_to(load[:, np.newaxis], shape).ravel()
     every_warmth, every_size = (np.broadcast_to(one, shape).ravel() for one in (warmth, size))
-    found = _evaluated(law, posterior, every_load, every_size, every_warmth, keeps_draws=False)
+    found = _evaluated(
+        law,
+        posterior,
+        every_load,
+        every_size,
+        every_warmth,
+        _environment_at(used, every_load.shape, environment),
+        keeps_draws=False,
+    )
     near = (
         (np.abs(every_warmth[:, np.newaxis] - used.temperature) <= NEAR_KELVIN)
         & _within_factor(every_load, used.stress)
@@ -150,12 +162,16 @@ def mechanism_map(
 def local_power_law(
     law: RateLaw,
     posterior: xr.DataTree,
+    used: RateTable,
     temperature: FloatArray,
     stress: FloatArray,
     grain_size: FloatArray,
+    *,
+    environment: Mapping[str, npt.ArrayLike],
 ) -> xr.Dataset:
     """Solve a law for each draw under conditions (K, Pa, m), each (n,), see `RateFit.rates_at`."""
-    found = _evaluated(law, posterior, stress, grain_size, temperature, keeps_draws=True)
+    there = _environment_at(used, stress.shape, environment)
+    found = _evaluated(law, posterior, stress, grain_size, temperature, there, keeps_draws=True)
     at = {"temperature": temperature, "stress": stress, "grain_size": grain_size}
     return xr.Dataset(
         {
@@ -172,6 +188,7 @@ def _evaluated(
     stress: FloatArray,
     grain_size: FloatArray,
     temperature: FloatArray,
+    environment: Mapping[str, FloatArray],
     *,
     keeps_draws: bool,
 ) -> Mapping[str, FloatArray]:
@@ -183,6 +200,7 @@ def _evaluated(
     ):
         if not (np.isfinite(values) & (values > 0)).all():
             raise InputError(f"{name}: found {values.min():g}, expected numbers above 0.")
+    there = environment_of(law, **environment)
     drawn = evenly_spaced(all_draws(posterior["predictions"].to_dataset()["law"]), DRAWS)
     return load_program(stan_directory() / "mechanism_map.stan").evaluate(
         {
@@ -198,9 +216,31 @@ def _evaluated(
             "stress": stress.tolist(),
             "grain_size": grain_size.tolist(),
             "temperature": temperature.tolist(),
+            "n_environment": there.shape[1],
+            "environment": there.tolist(),
             "keeps_draws": int(keeps_draws),
         }
     )
+
+
+def _environment_at(
+    used: RateTable, shape: tuple[int, ...], given: Mapping[str, npt.ArrayLike]
+) -> dict[str, FloatArray]:
+    """Return each of `ENVIRONMENT` (SI) as an array of a shape: as given, or the tests' mean."""
+    for name in given:
+        if name not in ENVIRONMENT:
+            raise InputError(f"environment: unknown name {name!r}, {nearest(name, ENVIRONMENT)}")
+    found = {}
+    for name in ENVIRONMENT:
+        known = getattr(used, name)
+        known = known[np.isfinite(known)]
+        mean = known.mean() if known.size else np.nan
+        values = np.broadcast_to(np.asarray(given.get(name, mean), dtype=np.float64), shape)
+        least = 0.0 if name != "water_fugacity" else np.finfo(np.float64).tiny
+        if (values < least).any() or np.isinf(values).any():
+            raise InputError(f"environment: {name}: found {values.min():g}, expected more than 0.")
+        found[name] = values
+    return found
 
 
 def _within_factor(values: FloatArray, of_tests: FloatArray) -> BoolArray:

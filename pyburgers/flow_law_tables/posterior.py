@@ -14,7 +14,7 @@ from pyburgers.flow_law_tables.laws import RateLaw
 from pyburgers.flow_law_tables.program_data import GRID_STRESSES, Line, groups, lines
 from pyburgers.flow_law_tables.tables import RateTable
 from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE
-from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
+from pyburgers.model.reference_quantities import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.posterior.labelled_draws import (
     DRIVING_ERRORS,
     keep_posterior,
@@ -76,8 +76,12 @@ def _drawn_groups(
         coords=chains.dataset([]).coords,
     )
     draws[REFERENCE_FLOW_RATE] = (dims, np.exp(chains["mean_flow_log_rate"]))
-    idle = [p.name for p in law.parameters if p.name.startswith("premelting")]
-    draws = draws.drop_vars([name for name in idle if law.priors[name].is_fixed])
+    idle = [
+        own_name(name, one.name)
+        for one in law.mechanisms
+        for name in {*one.parameters} - {*one.stated_parameters}
+    ]
+    draws = draws.drop_vars(idle)
     shown = [p for p in (*law.parameters, REFERENCE_FLOW_RATE_QUANTITY) if p.name in draws]
     label_draws(draws, shown, law.priors)
     is_held_out = np.isin(data.source, list(held_out))

@@ -16,6 +16,7 @@ from pyburgers.kinds.program_data import prior_block
 from pyburgers.kinds.stan_data import StanData
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
+from pyburgers.model.parameters import ENVIRONMENT, STANDARD_VALUES
 from pyburgers.model.prior_families import FAMILIES
 from pyburgers.posterior.labelled_draws import own_name
 
@@ -94,17 +95,36 @@ def groups(data: RateTable) -> list[tuple[str, IntArray]]:
 
 
 def usable_rows(data: RateTable, law: RateLaw) -> RateTable:
-    """Leave out rows without a grain size that the law needs, with a notice."""
-    unknown = np.isnan(data.grain_size)
-    if not law.needs_grain_size or not unknown.any():
-        return data
-    if unknown.all():
-        raise InputError(
-            f"{data.id}: no row has a grain size, expected one because {law.priors.title!r} "
-            "depends on it; take a law whose grain size exponents are fixed at 0."
-        )
-    notice = f"{data.id}: {counted(int(unknown.sum()), 'row')} without grain size left out."
-    return replace(data.rows(~unknown), notices=(*data.notices, notice))
+    """Leave out rows without a grain size, pressure, fugacity or melt that the law needs."""
+    for name in law.needs:
+        unknown, words = np.isnan(getattr(data, name)), name.replace("_", " ")
+        if unknown.all():
+            raise InputError(
+                f"{data.id}: no row has a {words}, expected one because {law.priors.title!r} "
+                "depends on it; take a law that does not."
+            )
+        if unknown.any():
+            notice = f"{data.id}: {counted(int(unknown.sum()), 'row')} without {words} left out."
+            data = replace(data.rows(~unknown), notices=(*data.notices, notice))
+    return data
+
+
+def environment_of(
+    law: RateLaw, pressure: FloatArray, water_fugacity: FloatArray, melt_fraction: FloatArray
+) -> FloatArray:
+    """Return the environment of conditions, (n,) each (Pa, Pa, 1), as `stan/rates.stan` has it.
+
+    Without effect on the law it has no columns. What is unknown has no effect.
+    """
+    if not {*law.needs} & {*ENVIRONMENT}:
+        return np.empty((pressure.size, 0))
+    known = (
+        np.where(np.isnan(one), STANDARD_VALUES[name], one)
+        for name, one in zip(ENVIRONMENT, (pressure, water_fugacity, melt_fraction), strict=True)
+    )
+    rows = np.stack([*known], axis=-1)
+    rows[:, 1] = np.log(rows[:, 1] / STANDARD_VALUES["water_fugacity"])
+    return rows
 
 
 def law_for(data: RateTable, law: RateLaw, held_out: Collection[str]) -> RateLaw:
@@ -134,6 +154,13 @@ def rate_data(
         1 / data.temperature - 1 / reference.temperature,
     ]
     drawn = lines(data)
+    environment = environment_of(law, *(getattr(data, name) for name in ENVIRONMENT))
+    mean_environment = environment[is_used].mean(axis=0)
+    mean_distances = [float(np.mean(one[is_used])) for one in distances]
+    if mean_environment.size:
+        # So that ln(rate) at the mean conditions is the mean of a power law.
+        per_kelvin = np.mean(environment[is_used, 0] / data.temperature[is_used])
+        mean_environment[0] = per_kelvin / (1 / reference.temperature + mean_distances[2])
     no_softening = {
         "softening_coefficients": np.zeros((N_SOFTENING, 3)).tolist(),
         "softening_centre": [0.0, 0.0],
@@ -168,7 +195,10 @@ def rate_data(
         "reference_temperature": reference.temperature,
         **prior_block(law.priors, law.parameters),
         **_coordinate_block(law),
-        "mean_conditions": [float(np.mean(one[is_used])) for one in distances],
+        "mean_conditions": mean_distances,
+        "n_environment": environment.shape[1],
+        "environment": environment.tolist(),
+        "mean_environment": [mean_environment.tolist()],
         "mean_log_rate": float(np.mean(np.log(data.strain_rate[is_used]))),
         "is_softened": int(softening is not None),
         **(no_softening if softening is None else softening.block),
@@ -178,6 +208,9 @@ def rate_data(
         "grid_grain_size": np.repeat(
             [reference.grain_size if np.isnan(one.grain_size) else one.grain_size for one in drawn],
             GRID_STRESSES,
+        ).tolist(),
+        "grid_environment": np.repeat(
+            [environment[one.rows].mean(axis=0) for one in drawn], GRID_STRESSES, axis=0
         ).tolist(),
         "grid_temperature": np.repeat([one.temperature for one in drawn], GRID_STRESSES).tolist(),
     }

@@ -24,6 +24,7 @@ from pyburgers.flow_law_tables.tables import (
     KIND,
     LABELS,
     LEAST_ROWS,
+    MAY_BE_EMPTY,
     MAY_BE_LEFT_OUT,
     SI_COLUMNS,
     Geometry,
@@ -38,6 +39,7 @@ from pyburgers.flow_law_tables.tables import (
 from pyburgers.kinds.conditions import unlikely_stress
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.kinds.experiment_file import ProvenanceTable
+from pyburgers.model.parameters import ENVIRONMENT
 
 
 class _DataTable(TextFilesTable):
@@ -50,6 +52,12 @@ class _DataTable(TextFilesTable):
     strain_rate_unit: str = Field(description="1/s or 1e-6/s")
     grain_size_column: Column | None = None
     grain_size_unit: str | None = Field(None, description="m, mm or um")
+    pressure_column: Column | None = None
+    pressure_unit: str | None = Field(None, description="Pa, MPa or GPa")
+    water_fugacity_column: Column | None = None
+    water_fugacity_unit: str | None = Field(None, description="Pa, MPa or GPa")
+    melt_fraction_column: Column | None = None
+    melt_fraction_unit: str | None = Field(None, description="fraction or percent")
     reading_error_column: Column | None = None
     reading_error_unit: str | None = Field(None, description="1 or percent of the reading")
 
@@ -151,7 +159,11 @@ def load_rate_table(source: str | Path | Mapping[str, Any]) -> RateTable:
 def save_rate_table(data: RateTable, directory: Path) -> Path:
     """Write ``rates.toml``, which is returned, and ``rates.csv``, in axial equivalents."""
     kinds, number = rows_alike(data)
-    columns = {name: getattr(data, name) for name in SI_COLUMNS}
+    columns = {
+        name: getattr(data, name)
+        for name in SI_COLUMNS
+        if name not in ENVIRONMENT or np.isfinite(getattr(data, name)).any()
+    }
     write_columns(directory / "rates.csv", {**columns, "tests": number.astype(np.float64)})
     table: dict[str, Any] = {
         "id": data.id,
@@ -160,8 +172,8 @@ def save_rate_table(data: RateTable, directory: Path) -> Path:
         "data": {
             "file": "rates.csv",
             **WRITTEN_LAYOUT,
-            **{f"{name}_column": name for name in SI_COLUMNS},
-            **{f"{name}_unit": unit for name, (_, unit) in SI_COLUMNS.items()},
+            **{f"{name}_column": name for name in columns},
+            **{f"{name}_unit": SI_COLUMNS[name][1] for name in columns},
         },
         "tests": [
             {
@@ -192,7 +204,9 @@ def _numbers(
         if name not in MAY_BE_LEFT_OUT or getattr(data, f"{name}_column") is not None
     ]
     keys = {f"{name}_column": (f"{name}_unit", SI_COLUMNS[name][0]) for name in there}
-    read, notes = read_columns(path, chosen, keys, may_be_empty={"grain_size_column"})
+    read, notes = read_columns(
+        path, chosen, keys, may_be_empty={f"{name}_column" for name in MAY_BE_EMPTY}
+    )
     values = dict(zip(there, read.values(), strict=True))
     check_values(str(data.source(path)), values)
     return values, notes
@@ -205,7 +219,7 @@ def _part(path: Path, file: _RateFile, tests: _TestsTable) -> dict[str, npt.NDAr
     by_geometry = "shear" if tests.geometry in IN_SHEAR else "axial"
     stress, rate = AXIAL_EQUIVALENT[by_geometry if tests.measure == "applied" else tests.measure]
     return {
-        "grain_size": np.full(n_rows, np.nan),
+        **{name: np.full(n_rows, np.nan) for name in MAY_BE_EMPTY},
         "reading_error": np.full(n_rows, tests.reading_error or 0.0),
         **values,
         "stress": stress * values["stress"],

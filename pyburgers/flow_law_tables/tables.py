@@ -18,6 +18,7 @@ from pyburgers.common.units import counted
 from pyburgers.kinds.experiment import Experiment, Provenance
 from pyburgers.kinds.limits import impossible_conditions
 from pyburgers.model.flow_law_prior import Conditions
+from pyburgers.model.parameters import ENVIRONMENT
 from pyburgers.model.peak_test import PeakTest
 
 KIND = "rates"
@@ -53,12 +54,18 @@ SI_COLUMNS: Mapping[str, tuple[str, str]] = MappingProxyType(
         "stress": ("stress", "Pa"),
         "strain_rate": ("strain rate", "1/s"),
         "grain_size": ("length", "m"),
+        "pressure": ("stress", "Pa"),
+        "water_fugacity": ("stress", "Pa"),
+        "melt_fraction": ("strain", "fraction"),
         "reading_error": ("relative error", "1"),
     }
 )
 """Columns of a table, with their quantities in `pyburgers.common.units` and SI units."""
 
-MAY_BE_LEFT_OUT = ("grain_size", "reading_error")
+MAY_BE_EMPTY = ("grain_size", *ENVIRONMENT)
+"""Columns of conditions that may be unknown, NaN."""
+
+MAY_BE_LEFT_OUT = (*MAY_BE_EMPTY, "reading_error")
 """Columns without which a table is complete."""
 
 NUMBERS = (*SI_COLUMNS, "temperature_error", "grain_size_error")
@@ -84,6 +91,8 @@ class RateTable:
         Name of the table; the material names the default laws.
     temperature, stress, strain_rate, grain_size : array, shape (n,)
         K, Pa, 1/s, m; the grain size is NaN if it is unknown.
+    pressure, water_fugacity, melt_fraction : array, shape (n,)
+        Pa, Pa, fraction; NaN if unknown.
     reading_error, temperature_error, grain_size_error : array, shape (n,)
         Standard deviations: of what was read, relative; K; relative. 0 if taken as exact.
     imposed, regime, geometry, source : array of str, shape (n,)
@@ -108,6 +117,9 @@ class RateTable:
     stress: FloatArray
     strain_rate: FloatArray
     grain_size: FloatArray
+    pressure: FloatArray
+    water_fugacity: FloatArray
+    melt_fraction: FloatArray
     reading_error: FloatArray
     temperature_error: FloatArray
     grain_size_error: FloatArray
@@ -291,6 +303,17 @@ def _faults(values: Mapping[str, FloatArray]) -> Iterator[str]:
             float(extreme(known)) if known.size else 1e-3,
             ("temperature (key 'temperature_unit' in [data] may be K or C)", "grain size"),
         )
+    for name, least in (("pressure", 0.0), ("water_fugacity", None), ("melt_fraction", 0.0)):
+        found = values.get(name, np.empty(0))
+        low = found[found <= 0 if least is None else found < least]
+        if low.size:
+            yield (
+                f"the {name.replace('_', ' ')} is {low[0]:g} in SI units, expected "
+                f"{'more than 0' if least is None else 'at least 0'}."
+            )
+    melt = values.get("melt_fraction", np.empty(0))
+    if (melt >= 1).any():
+        yield f"the melt fraction is {np.nanmax(melt):g}, expected less than 1."
     error = values.get("reading_error", np.zeros(1))
     if not (np.all(error >= 0) and np.all(error < 1)):
         yield f"found a reading error of {error.max():g}, expected a fraction from 0 to 1."

@@ -69,6 +69,9 @@ Ranges = Mapping[str, tuple[float, float]]
 SHOWN: Mapping[str, tuple[str, float]] = {
     "temperature": ("K", 1.0),
     "initial grain size": ("um", UNITS["length"]["um"]),
+    "pressure": ("MPa", UNITS["stress"]["MPa"]),
+    "water fugacity": ("MPa", UNITS["stress"]["MPa"]),
+    "melt fraction": ("", 1.0),
     "period": ("s", 1.0),
     "strain rate": ("1/s", 1.0),
     "strain": ("%", UNITS["strain"]["percent"]),
@@ -103,6 +106,9 @@ def conditions(experiment: Experiment, predictions: xr.Dataset, parameters: xr.D
     found = {
         "temperature": temperature_range(experiment),
         "initial grain size": (experiment.initial_grain_size, experiment.initial_grain_size),
+        **{
+            name.replace("_", " "): (value, value) for name, value in experiment.environment.items()
+        },
     }
     if "period_s" in solution:
         found["period"] = (float(solution["period_s"].min()), float(solution["period_s"].max()))

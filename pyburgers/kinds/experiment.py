@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
@@ -71,6 +71,16 @@ CONDITION_KEYS: Mapping[str, tuple[str, str]] = MappingProxyType(
     }
 )
 """Keys of files that state the standard deviation of an error, and the apparatus."""
+
+
+ENVIRONMENT_KEYS: Mapping[str, str] = MappingProxyType(
+    {
+        "pressure": "pressure_Pa",
+        "water_fugacity": "water_fugacity_Pa",
+        "melt_fraction": "melt_fraction",
+    }
+)
+"""Keys of files that state each of `pyburgers.model.parameters.ENVIRONMENT`."""
 
 
 @dataclass(frozen=True)
@@ -143,6 +153,9 @@ class Experiment(ABC):
         Metres, where the data start.
     uncertain : tuple of UncertainCondition
         Conditions that are not taken as known.
+    environment : mapping of str to float
+        Pressure and water fugacity (Pa) and melt fraction, as far as stated
+        (`pyburgers.model.parameters.ENVIRONMENT`).
     microstructure : tuple of MeasuredMicrostructure
         Measured grain sizes and fabric factors, by increasing strain or time.
     provenance : Provenance
@@ -184,6 +197,7 @@ class Experiment(ABC):
     notices: tuple[str, ...]
     true_parameters: Mapping[str, float] | None
     uncertain: tuple[UncertainCondition, ...] = ()
+    environment: Mapping[str, float] = field(default_factory=dict)
     microstructure: tuple[MeasuredMicrostructure, ...] = ()
 
     def __post_init__(self) -> None:
@@ -353,6 +367,7 @@ class Experiment(ABC):
             "temperature_K": self.temperature,
             "initial_grain_size_m": self.initial_grain_size,
             **conditions,
+            **{ENVIRONMENT_KEYS[name]: value for name, value in self.environment.items()},
             **self.own_tables(),
             "notices": list(self.notices),
             "provenance": asdict(self.provenance),

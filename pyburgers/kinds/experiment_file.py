@@ -21,6 +21,7 @@ from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.toml_files import NAME, Table, all_of, factor_to_si, nested_table
 from pyburgers.kinds.experiment import (
     CONDITION_KEYS,
+    ENVIRONMENT_KEYS,
     Experiment,
     MeasuredMicrostructure,
     Provenance,
@@ -65,6 +66,11 @@ class ExperimentFile(Table):
     load_cell: str | None = Field(
         None, min_length=1, description="the load cell whose calibration is uncertain"
     )
+    pressure_Pa: float | None = Field(None, ge=0, description="the pressure in pascals")  # noqa: N815
+    water_fugacity_Pa: float | None = Field(  # noqa: N815
+        None, gt=0, description="the water fugacity in pascals"
+    )
+    melt_fraction: float | None = Field(None, ge=0, lt=1, description="the melt fraction")
     notices: list[str] = Field(
         default_factory=list, description="remarks of an earlier reading of the same data"
     )
@@ -90,6 +96,13 @@ def shared_values(path: Path, file: ExperimentFile) -> dict[str, Any]:
         "temperature": file.temperature_K,
         "initial_grain_size": file.initial_grain_size_m,
         "uncertain": uncertain,
+        "environment": MappingProxyType(
+            {
+                name: getattr(file, key)
+                for name, key in ENVIRONMENT_KEYS.items()
+                if getattr(file, key) is not None
+            }
+        ),
         "provenance": Provenance(**file.provenance.model_dump()),
         "metadata": MappingProxyType(dict(file.metadata)),
         "true_parameters": true_parameters,

@@ -119,7 +119,8 @@ def check_given_together(values: Mapping[str, float], where: str) -> None:
 
 def with_stated(experiment: Experiment, values: Mapping[str, float]) -> dict[str, float]:
     """Return parameters (SI) with what a test's file states of it where they do not say that."""
-    return {**values, **{k: one.value for k, one in experiment.stated.items() if k not in values}}
+    stated = {name: one.value for name, one in experiment.stated.items()}
+    return {**stated, **experiment.environment, **values}
 
 
 def with_laws(

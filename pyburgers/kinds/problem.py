@@ -242,7 +242,8 @@ def problem_of(
     _check_conditions(experiments)
     of_tests = tuple(
         _with_own_grains(own, experiments[0], experiment).exchanging(
-            *condition_priors(experiment), *reading_error_priors(own.priors, experiment.noises)
+            *condition_priors(experiment),
+            *reading_error_priors(own.priors, experiment.noises),
         )
         for experiment, own in zip(
             experiments, common_likelihood(experiments).own_priors(experiments, priors), strict=True
@@ -427,11 +428,11 @@ def stated_priors(experiment: Experiment) -> dict[str, Prior]:
 
 
 def condition_priors(experiment: Experiment) -> tuple[Prior, ...]:
-    """Return the priors of the errors of a test's conditions."""
+    """Return the priors of the errors of a test's conditions, and its environment as known."""
+    stated = {one.parameter: Stated(0.0, one.sd) for one in experiment.uncertain}
+    stated |= {name: Stated(value, 0.0) for name, value in experiment.environment.items()}
     source = "stated in the file of the test"
-    return tuple(
-        _normal(one.parameter, Stated(0.0, one.sd), source) for one in experiment.uncertain
-    )
+    return tuple(_normal(name, one, source) for name, one in stated.items())
 
 
 def _normal(name: str, stated: Stated, source: str) -> Prior:

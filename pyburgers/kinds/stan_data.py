@@ -16,12 +16,12 @@ from scipy.special import expit, logit
 
 from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.errors import InputError
-from pyburgers.model.parameters import (
+from pyburgers.model.pooling import Pooling
+from pyburgers.model.reference_quantities import (
     REFERENCE_FLOW_RATE_QUANTITY,
     REFERENCE_QUANTITIES,
     REFERENCE_STRESS_QUANTITY,
 )
-from pyburgers.model.pooling import Pooling
 
 StanData = dict[str, Any]
 

@@ -4,14 +4,11 @@ import math
 from dataclasses import replace
 
 from pyburgers.common.units import UNITS, number
-from pyburgers.model.parameters import (
-    PARAMETER_BY_NAME,
-    REFERENCE_QUANTITIES,
-    Parameter,
-)
+from pyburgers.model.parameters import PARAMETER_BY_NAME, Parameter
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.rate_parameters import RATE_PARAMETERS
 from pyburgers.model.read_quantities import STRAIN, STRESS
+from pyburgers.model.reference_quantities import REFERENCE_QUANTITIES
 
 STRESS_UNIT, STRESS_FACTOR = STRESS.display_unit, STRESS.display_factor
 STRAIN_UNIT, STRAIN_FACTOR = STRAIN.display_unit, STRAIN.display_factor
@@ -30,10 +27,18 @@ _GREEK = {
     r"\eta": "η",
     r"\sigma": "σ",
     r"\beta": "β",
+    r"\phi": "φ",
     r"\dot\epsilon": "ε̇",
     r"\epsilon": "ε",
 }
-_UNIT_TEXT = {"1": "–", "um": "µm", "1e-6/s": "10⁻⁶/s", "1e-6/K": "10⁻⁶/K", "percent": "%"}
+_UNIT_TEXT = {
+    "1": "–",
+    "um": "µm",
+    "1e-6/s": "10⁻⁶/s",
+    "1e-6/K": "10⁻⁶/K",
+    "percent": "%",
+    "cm3/mol": "cm³/mol",
+}
 
 
 def time_unit(longest: float) -> tuple[str, float]:

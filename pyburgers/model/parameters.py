@@ -300,6 +300,15 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         "whether the mechanisms of the dashpot are in series",
         standard=0.0,
     ),
+    *(
+        Parameter(f"{whose}{name}", symbol + place, label + of, quantity, unit, standard=0.0)
+        for whose, place, of in (("", "", ""), ("second_", "_2", " of the second mechanism"))
+        for name, symbol, label, quantity, unit in (
+            ("activation_volume", "V", "activation volume", "molar volume", "cm3/mol"),
+            ("water_exponent", "r", "exponent of the water fugacity", "dimensionless", "1"),
+            ("melt_factor", r"\alpha", "change of ln(rate) by melt", "dimensionless", "1"),
+        )
+    ),
 )
 """Parameters of variants (`docs/variants.md`), which a prior file may name."""
 
@@ -323,6 +332,20 @@ CONDITION_PARAMETERS: tuple[Parameter, ...] = (
 )
 """Errors of the conditions of a test; their priors come from its file, not from the material's."""
 
+ENVIRONMENT_PARAMETERS: tuple[Parameter, ...] = (
+    Parameter("pressure", r"P", "pressure", "stress", "MPa", standard=0.0),
+    Parameter("water_fugacity", r"f", "water fugacity", "stress", "MPa", standard=1e6),
+    Parameter("melt_fraction", r"\phi", "melt fraction", standard=0.0),
+)
+"""What surrounds or fills the sample of a test, which its file states."""
+
+ENVIRONMENT = tuple(p.name for p in ENVIRONMENT_PARAMETERS)
+"""Its names, those of `pyburgers.kinds.experiment.Experiment.environment`."""
+
+ENVIRONMENT_NUMBERS = ("activation_volume", "water_exponent", "melt_factor")
+"""What a mechanism makes of each of `ENVIRONMENT`; below, of both mechanisms of the dashpot."""
+ALL_ENVIRONMENT_NUMBERS = (*ENVIRONMENT_NUMBERS, *(f"second_{n}" for n in ENVIRONMENT_NUMBERS))
+
 RESIDUAL_CORRELATION = (
     "residual_correlation_strain",
     "residual_correlation_time",
@@ -334,7 +357,7 @@ RESIDUAL_CORRELATION = (
 STANDARD_VALUES: Mapping[str, float] = MappingProxyType(
     {
         p.name: p.standard
-        for p in (*VARIANT_PARAMETERS, *CONDITION_PARAMETERS)
+        for p in (*VARIANT_PARAMETERS, *CONDITION_PARAMETERS, *ENVIRONMENT_PARAMETERS)
         if p.standard is not None
     }
 )
@@ -343,7 +366,11 @@ STANDARD_VALUES: Mapping[str, float] = MappingProxyType(
 MATERIAL_PARAMETERS: tuple[Parameter, ...] = (*PARAMETERS, *VARIANT_PARAMETERS)
 """What a prior file may name."""
 
-PROGRAM_PARAMETERS: tuple[Parameter, ...] = (*MATERIAL_PARAMETERS, *CONDITION_PARAMETERS)
+PROGRAM_PARAMETERS: tuple[Parameter, ...] = (
+    *MATERIAL_PARAMETERS,
+    *CONDITION_PARAMETERS,
+    *ENVIRONMENT_PARAMETERS,
+)
 
 PLACE: Mapping[str, int] = {p.name: k for k, p in enumerate(PROGRAM_PARAMETERS, start=1)}
 """Place of each parameter in the programs, as in `stan/physics/parameters.stan`."""
@@ -395,6 +422,7 @@ CONSTANTS = frozenset(
         *PIEZOMETER,
         *SECOND_REFERENCES,
         IN_SERIES,
+        *ENVIRONMENT,
     }
 )
 """Parameters that are never inferred."""
@@ -420,20 +448,3 @@ BELOW_ONE = frozenset({"relaxation_exponent", "andrade_exponent"})
 PARAMETER_BY_NAME: Mapping[str, Parameter] = MappingProxyType(
     {p.name: p for p in PROGRAM_PARAMETERS}
 )
-
-REFERENCE_STRESS_QUANTITY = Parameter(
-    "reference_stress", r"S_0", "reference stress", "stress", "MPa"
-)
-"""The stress at which undeformed material flows at the first imposed rate; it follows from the
-parameters and has no prior of its own."""
-
-REFERENCE_FLOW_RATE_QUANTITY = Parameter(
-    "reference_flow_rate", r"\dot\epsilon_0", "reference flow rate", "strain rate", "1e-6/s"
-)
-"""The rate at which undeformed material flows at an observed stress (bias, or amplitude where the
-bias is removed); it follows from the parameters and has no prior of its own."""
-
-REFERENCE_QUANTITIES: Mapping[str, Parameter] = MappingProxyType(
-    {q.name: q for q in (REFERENCE_STRESS_QUANTITY, REFERENCE_FLOW_RATE_QUANTITY)}
-)
-"""Points of the flow law that are sampled, by their logarithms, in place of a parameter."""

@@ -25,7 +25,14 @@ from pyburgers.model.laws import (
     NONLINEAR_KELVIN_PARAMETERS,
     SECOND_SWITCH,
 )
-from pyburgers.model.parameters import BELOW_ONE, CONDITIONS, CONSTANTS, STANDARD_VALUES, Parameter
+from pyburgers.model.parameters import (
+    ALL_ENVIRONMENT_NUMBERS,
+    BELOW_ONE,
+    CONDITIONS,
+    CONSTANTS,
+    STANDARD_VALUES,
+    Parameter,
+)
 
 if TYPE_CHECKING:
     from scipy.stats._distn_infrastructure import rv_continuous_frozen
@@ -79,6 +86,7 @@ UNSIGNED = frozenset(
         "modulus_temperature_coefficient",
         "strain_offset",
         *CONDITIONS,
+        *ALL_ENVIRONMENT_NUMBERS,
     }
 )
 """Parameters whose priors may reach below zero."""

@@ -20,6 +20,7 @@ from pyburgers.common.toml_files import Table, all_of, read_toml, toml_text
 from pyburgers.model.flow_law_prior import FlowLawPrior, FlowLawTable
 from pyburgers.model.parameters import (
     CONDITIONS,
+    ENVIRONMENT,
     GIVEN_TOGETHER,
     MATERIAL_PARAMETERS,
     PARAMETER_BY_NAME,
@@ -158,7 +159,7 @@ class PriorSet:
         4.0
         """
         for name in changed:
-            if name not in PARAMETER_BY_NAME or name in CONDITIONS:
+            if name not in {p.name for p in MATERIAL_PARAMETERS}:
                 known = nearest(name, [p.name for p in MATERIAL_PARAMETERS])
                 raise InputError(f"with_: unknown parameter {name!r}, {known}")
         where = Path("with_")
@@ -294,10 +295,11 @@ def load_priors(path: str | Path, choices: Mapping[str, str] | None = None) -> P
     path = given_path(path)
     file = read_toml(path, _PriorFile)
     for name in file.parameters:
-        if name in CONDITIONS:
+        if name in CONDITIONS or name in ENVIRONMENT:
             raise InputError(
                 f"{path}: found {name!r} in [parameters], expected it in the file of a test "
-                "(temperature_sd_K or stress_calibration_sd): it belongs to no material."
+                "(temperature_sd_K, stress_calibration_sd, pressure_Pa, water_fugacity_Pa or "
+                "melt_fraction): it belongs to no material."
             )
         if name not in PARAMETER_BY_NAME:
             raise InputError(

@@ -24,7 +24,8 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.model.display import symbol_text
-from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES
+from pyburgers.model.parameters import PARAMETER_BY_NAME
+from pyburgers.model.reference_quantities import REFERENCE_QUANTITIES
 from pyburgers.page import tables
 from pyburgers.page.comparison_sections import comparison_sections
 from pyburgers.page.fit_sections import SameData, Section, by_data, write_section

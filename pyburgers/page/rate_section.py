@@ -27,7 +27,7 @@ from pyburgers.model.display import (
     STRESS_UNIT,
     shown_quantity,
 )
-from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
+from pyburgers.model.reference_quantities import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.page.mechanism_figures import MECHANISM_COLOURS, map_caption, mechanism_figure
 from pyburgers.page.tables import checks_page_table, fixed_row, posterior_row
 

@@ -23,9 +23,10 @@ from pyburgers.common.draws import TAIL, FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.netcdf_files import read_netcdf, write_netcdf
 from pyburgers.model.display import shown_quantity, unit_text
-from pyburgers.model.parameters import REFERENCE_QUANTITIES, Parameter
+from pyburgers.model.parameters import Parameter
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
+from pyburgers.model.reference_quantities import REFERENCE_QUANTITIES
 from pyburgers.sampling.run_directory import REMEDY, RunDirectory
 
 logger = logging.getLogger(__name__)

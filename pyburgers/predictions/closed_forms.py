@@ -10,7 +10,11 @@ from pyburgers.kinds.attenuation.likelihood import stress_nodes
 from pyburgers.kinds.stan_data import ends
 from pyburgers.model.closed_forms import closed_forms
 from pyburgers.model.laws import DASHPOT_STRESSES
-from pyburgers.model.parameters import SECOND_PARAMETERS
+from pyburgers.model.parameters import (
+    ALL_ENVIRONMENT_NUMBERS,
+    ENVIRONMENT,
+    SECOND_PARAMETERS,
+)
 from pyburgers.model.priors import FLOW_LAW
 from pyburgers.predictions.stress_cycles import Regime
 
@@ -55,8 +59,9 @@ def flow_rate(
     parameters : mapping of str to float or array
         SI values of stress_exponent, grain_size_exponent, activation_enthalpy and beta.
         With a breakdown_stress above zero the law is the hyperbolic sine, with a threshold_stress
-        that of a threshold. With a second_rate above zero it has a second mechanism. Other names
-        are ignored.
+        that of a threshold. With a second_rate above zero it has a second mechanism. Pressure,
+        water_fugacity and melt_fraction act by the numbers of the mechanisms. Other names are
+        ignored.
     stress : float or array
         Pa, of either sign.
     temperature : float
@@ -86,7 +91,13 @@ def flow_rate(
     """
     draws = {
         name: np.asarray(parameters[name], dtype=np.float64)
-        for name in (*FLOW_LAW, *DASHPOT_STRESSES, *SECOND_PARAMETERS)
+        for name in (
+            *FLOW_LAW,
+            *DASHPOT_STRESSES,
+            *SECOND_PARAMETERS,
+            *ALL_ENVIRONMENT_NUMBERS,
+            *ENVIRONMENT,
+        )
         if name in parameters
     }
     state = [np.asarray(one, dtype=np.float64) for one in (grain_size, fabric_factor, stress)]

@@ -20,6 +20,7 @@ from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.kinds.attenuation.table import Elasticity
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
+from pyburgers.model.environment import environment_law
 from pyburgers.model.laws import DASHPOT_LAWS
 from pyburgers.model.priors import FLOW_LAW
 from pyburgers.predictions.closed_forms import flow_rate
@@ -177,6 +178,11 @@ def creep_laws(fit: SampledFit, stated: Stated, code: str) -> CreepLaws:
             raise InputError(
                 f"{code}: cannot express the dashpot {fit.variant.maxwell!r} of the fit, expected "
                 "a power law; fit with --variant maxwell=power_law, or use --format json."
+            )
+        if environment_law(fit.priors.priors):
+            raise InputError(
+                f"{code}: cannot express a flow law that depends on pressure, water or melt, "
+                "expected one that does not; use --format json."
             )
         found = fit.posterior["posterior"].to_dataset()
         draws = {name: all_draws(found[name]) for name in FLOW_LAW}

@@ -24,6 +24,7 @@ from pyburgers.flow_law_tables.tables import RateTable
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.display import shown_quantity, unit_text
+from pyburgers.model.environment import environment_law
 from pyburgers.model.fitted_test import Test
 from pyburgers.model.laws import (
     DASHPOT_LAWS,
@@ -32,7 +33,12 @@ from pyburgers.model.laws import (
     SECOND_MECHANISMS,
     SECOND_RATE,
 )
-from pyburgers.model.parameters import CONDITIONS, RESIDUAL_CORRELATION, STANDARD_VALUES
+from pyburgers.model.parameters import (
+    CONDITIONS,
+    ENVIRONMENT,
+    RESIDUAL_CORRELATION,
+    STANDARD_VALUES,
+)
 from pyburgers.model.prior_families import Prior, is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR, PriorSet
 from pyburgers.model.read_quantities import BY_NOISE
@@ -48,6 +54,9 @@ VARIABLES: Mapping[str, str] = MappingProxyType(
         "fabric_factor": "1",
         "kelvin_strain": "1",
         "backstress": "Pa",
+        "pressure": "Pa",
+        "water_fugacity": "Pa",
+        "melt_fraction": "1",
         "time": "s",
         "R": f"{GAS_CONSTANT:.10g} J/(mol K)",
     }
@@ -72,7 +81,7 @@ def laws_of(prior_set: PriorSet, experiment: Test) -> dict[str, object]:
         "piezometric": "piezometer_reference_grain_size"
         "*(sqrt(stress^2 + piezometer_stress_floor^2)/1e6)^-piezometer_exponent",
     }[variant.grain_size]
-    flow_law = DASHPOT_LAWS[variant.maxwell].flow_law
+    flow_law = DASHPOT_LAWS[variant.maxwell].flow_law + environment_law(priors)
     hardening = HARDENING_LAWS[variant.hardening]
     hardening_law, mechanisms = hardening.expression, {}
     if hardening.parameters:
@@ -80,7 +89,7 @@ def laws_of(prior_set: PriorSet, experiment: Test) -> dict[str, object]:
     if variant.second_mechanism != "none":
         mechanisms = {
             "first_mechanism": flow_law.removeprefix("strain_rate = "),
-            "second_mechanism": SECOND_RATE,
+            "second_mechanism": SECOND_RATE + environment_law(priors, "second_"),
         }
         flow_law = f"strain_rate = {SECOND_MECHANISMS[variant.second_mechanism].expression}"
         hardening_law = hardening_law.replace("strain_rate", "first_mechanism")
@@ -128,6 +137,7 @@ LOG_FACTOR = "ln_flow_law_factor"
 LEFT_OUT = CONDITIONS | {
     *BY_NOISE,
     *RESIDUAL_CORRELATION,
+    *ENVIRONMENT,
     *("strain_offset", "apparatus_compliance"),
 }
 """Parameters that belong to a test or its readings, not to the material."""
@@ -266,7 +276,7 @@ def _mechanism_law(law: RateLaw, one: Mechanism) -> str:
     )
     for name in one.parameters:
         text = text.replace(name, own_name(name, one.name))
-    return text
+    return text + environment_law(law.priors.priors, of=f"[{one.name}]")
 
 
 def _si_unit(name: str) -> str:

@@ -12,7 +12,13 @@ from pyburgers.common.units import number
 from pyburgers.model.closed_forms import RELAXATION_PARAMETERS
 from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
 from pyburgers.model.laws import DASHPOT_STRESSES, HARDENING_SWITCH
-from pyburgers.model.parameters import IN_SERIES, PIEZOMETER, SECOND_PARAMETERS
+from pyburgers.model.parameters import (
+    ALL_ENVIRONMENT_NUMBERS,
+    ENVIRONMENT,
+    IN_SERIES,
+    PIEZOMETER,
+    SECOND_PARAMETERS,
+)
 
 PARAMETER_NAMES = (
     "maxwell_modulus",
@@ -38,6 +44,8 @@ OTHER_PARAMETERS = (
     *DASHPOT_STRESSES,
     HARDENING_SWITCH,
     *SECOND_PARAMETERS,
+    *ALL_ENVIRONMENT_NUMBERS,
+    *ENVIRONMENT,
     "modulus_temperature_coefficient",
     "modulus_reference_temperature",
     *PIEZOMETER,

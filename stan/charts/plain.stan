@@ -112,7 +112,9 @@ vector resolve_flow(vector parameter, data int replaced_parameter, data int samp
     real p = parameter[i_grain_size_exponent()];
     real at_temperature = true_temperature(parameter, temperature);
     real sampled = parameter[replaced_parameter];
-    real log_rate = samples_stress ? given : sampled;
+    // Of the same material without pressure, water and melt.
+    real log_rate = (samples_stress ? given : sampled)
+                    - log_environment(parameter, at_temperature, environment_numbers());
     real log_stress = samples_stress ? sampled : given;
     if (replaced_parameter == i_activation_enthalpy()) {
       real beta = parameter[i_beta()];

@@ -133,7 +133,7 @@ real probable_beta(real log_rate, real stress_exponent, real grain_size_exponent
 /**
  * Shifts at given plain coordinates, one for each of a test's own ones.
  *
- * n, p, E_M and the error of the temperature are not shifted; epsilon_c1 needs p; the flow rate
+ * n, p, E_M, the error of the temperature and the numbers of the environment are not shifted; epsilon_c1 needs p; the flow rate
  * needs n, p and epsilon_c1; the others need these.
  *
  * @param plain coordinates
@@ -153,7 +153,8 @@ vector shears(vector plain, vector given, data array[] int place, data matrix qu
   real p;
   real log_rate;
   for (k in {i_maxwell_modulus(), i_stress_exponent(), i_grain_size_exponent(),
-             i_critical_strain_grain_size(), i_temperature_error()}) {
+             i_critical_strain_grain_size(), i_temperature_error(), i_activation_volume(),
+             i_water_exponent(), i_melt_factor()}) {
     if (place[k] > 0) {
       parameter[k] = bounded_from_real(plain[place[k]], quantity[place[k]]);
     }
@@ -173,8 +174,10 @@ vector shears(vector plain, vector given, data array[] int place, data matrix qu
                                 record[r_temperature()], parameter);
   }
   if (replaced_parameter == i_activation_enthalpy() && place[i_beta()] > 0) {
-    shifts[place[i_beta()]] = probable_beta(log_rate, n, p, log(record[r_flow_stress()]),
-      record[r_grain_size()], true_temperature(parameter, record[r_temperature()]),
+    real at_temperature = true_temperature(parameter, record[r_temperature()]);
+    shifts[place[i_beta()]] = probable_beta(
+      log_rate - log_environment(parameter, at_temperature, environment_numbers()), n, p,
+      log(record[r_flow_stress()]), record[r_grain_size()], at_temperature,
       [location[i_activation_enthalpy()], scale[i_activation_enthalpy()]]',
       [location[i_beta()], scale[i_beta()]]');
   }

@@ -30,8 +30,7 @@ matrix log_fluidity(vector parameter, data vector temperature, data real grain_s
                                           node[here, 2]);
   }
   for (i in 1 : num_elements(temperature)) {
-    log_factor[i] = log_rate_factor(parameter[i_activation_enthalpy()], parameter[i_beta()],
-                                    temperature[i]);
+    log_factor[i] = log_rate_factor_at(parameter, temperature[i]);
   }
   first = of_stress[regime] + log_factor
           - parameter[i_grain_size_exponent()] * log(grain_size);

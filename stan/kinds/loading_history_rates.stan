@@ -146,8 +146,10 @@ array[] int varying_rates(data array[] int is_free, data matrix element, data in
   array[n_history_rates()] int varies = rep_array(0, n_history_rates());
   int n_varying = 0;
   varies[h_log_dashpot_rate()]
-    = max(is_free[{i_stress_exponent(), i_grain_size_exponent(), i_activation_enthalpy(),
-                   i_beta(), i_temperature_error(), i_stress_calibration_error()}]);
+    = max(append_array(is_free[{i_stress_exponent(), i_grain_size_exponent(),
+                                i_activation_enthalpy(), i_beta(), i_temperature_error(),
+                                i_stress_calibration_error()}],
+                       is_free[environment_numbers()]));
   varies[h_stress_exponent()] = is_free[i_stress_exponent()];
   varies[h_grain_size_exponent()] = is_free[i_grain_size_exponent()];
   varies[h_kelvin_decay()] = max(is_free[{i_kelvin_modulus(), i_kelvin_viscosity(),
@@ -177,9 +179,11 @@ array[] int varying_rates(data array[] int is_free, data matrix element, data in
   }
   if (has_second) {
     varies[h_log_second_rate()]
-      = max(is_free[{i_second_rate(), i_second_stress_exponent(),
-                     i_second_grain_size_exponent(), i_second_activation_enthalpy(),
-                     i_temperature_error(), i_stress_calibration_error()}]);
+      = max(append_array(is_free[{i_second_rate(), i_second_stress_exponent(),
+                                  i_second_grain_size_exponent(),
+                                  i_second_activation_enthalpy(), i_temperature_error(),
+                                  i_stress_calibration_error()}],
+                         is_free[second_environment_numbers()]));
     varies[h_second_stress_exponent()] = is_free[i_second_stress_exponent()];
     varies[h_second_grain_size_exponent()] = is_free[i_second_grain_size_exponent()];
   }

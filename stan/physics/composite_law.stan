@@ -3,16 +3,19 @@
  *
  * A mechanism is a power law,
  *
- *   ln(rate) = ln(r) + n ln(S/S_1) - p ln(d/d_1) - Q/R (1/T - 1/T_1),
+ *   ln(rate) = ln(r) + n ln(S/S_1) - p ln(d/d_1) - Q/R (1/T - 1/T_1) - P V/(R T) + w ln(f/f_1)
+ *              + alpha phi,
  *
- * with its rate r at reference conditions (S_1, d_1, T_1), which decouples r from n, p and Q. Above
+ * with its rate r at reference conditions (S_1, d_1, T_1, no pressure P, water fugacity f_1, no melt
+ * phi), which decouples r from n, p and Q. Above
  * a premelting temperature its activation enthalpy is another one, and the rate has a kink there.
  * Mechanisms of one step add their rates; steps of one process are in series, so that the slower
  * one rules: 1/rate is the sum of 1/rate of its steps (Goldsby and Kohlstedt 2001, Eq. 4).
  *
  * A law is a matrix with a row for each mechanism: ln(r s), n, p, Q (J/mol), Q above the
- * premelting temperature. Conditions are distances from the reference ones: x = ln(S/S_1),
- * y = ln(d/d_1), c = 1/T - 1/T_1 in 1/K.
+ * premelting temperature, V (m^3/mol), w, alpha. Conditions are distances from the reference ones:
+ * x = ln(S/S_1), y = ln(d/d_1), c = 1/T - 1/T_1 in 1/K. An environment is a row of P (Pa), ln(f/f_1)
+ * and phi for each condition; without columns V, w and alpha have no effect.
  */
 
 /** Columns of a law. */
@@ -26,7 +29,13 @@ int m_activation_enthalpy() { return 4; }
 
 int m_premelting_enthalpy() { return 5; }
 
-int n_of_mechanism() { return 5; }
+int m_activation_volume() { return 6; }
+
+int m_water_exponent() { return 7; }
+
+int m_melt_factor() { return 8; }
+
+int n_of_mechanism() { return 8; }
 
 /** Part of the distance c that lies above a premelting temperature (0: there is none), <= 0. */
 vector premelted(vector coldness, data real premelting_temperature,
@@ -39,12 +48,21 @@ vector premelted(vector coldness, data real premelting_temperature,
 
 /** ln(rate s) of one mechanism. */
 vector log_mechanism_rate(row_vector mechanism, vector log_stress, vector log_grain_size,
-                          vector coldness, vector premelted_coldness) {
+                          vector coldness, vector premelted_coldness,
+                          data real reference_temperature, matrix environment) {
   real q = mechanism[m_activation_enthalpy()];
-  return mechanism[m_rate()] + mechanism[m_stress_exponent()] * log_stress
-         - mechanism[m_grain_size_exponent()] * log_grain_size
-         - (q * coldness + (mechanism[m_premelting_enthalpy()] - q) * premelted_coldness)
-           / gas_constant();
+  vector[rows(coldness)] log_rate
+    = mechanism[m_rate()] + mechanism[m_stress_exponent()] * log_stress
+      - mechanism[m_grain_size_exponent()] * log_grain_size
+      - (q * coldness + (mechanism[m_premelting_enthalpy()] - q) * premelted_coldness)
+        / gas_constant();
+  if (cols(environment) > 0) {
+    log_rate += mechanism[m_water_exponent()] * environment[ : , 2]
+                + mechanism[m_melt_factor()] * environment[ : , 3]
+                - mechanism[m_activation_volume()] / gas_constant()
+                  * environment[ : , 1] .* (coldness + 1 / reference_temperature);
+  }
+  return log_rate;
 }
 
 /** ln(exp(a) + exp(b)), element by element. */
@@ -54,11 +72,12 @@ vector log_sum(vector a, vector b) { return a + log1p_exp(b - a); }
  * Rate of a composite law and how it changes with the conditions.
  *
  * @param process of each mechanism, from 1; those of one process are in series
+ * @param environment (n, 3) or (n, 0)
  * @return columns: ln(rate s); its derivatives by x, -y and -c/R (n, p and Q as seen from outside)
  */
 matrix composite_law(matrix law, array[] int process, data vector premelting_temperature,
                      data real reference_temperature, vector log_stress, vector log_grain_size,
-                     vector coldness) {
+                     vector coldness, data matrix environment) {
   int n_rows = rows(coldness);
   int n_processes = max(process);
   array[rows(law)] vector[n_rows] log_rate;
@@ -73,7 +92,8 @@ matrix composite_law(matrix law, array[] int process, data vector premelting_tem
     int k = process[m];
     vector[n_rows] warm = premelted(coldness, premelting_temperature[m],
                                     reference_temperature);
-    log_rate[m] = log_mechanism_rate(law[m], log_stress, log_grain_size, coldness, warm);
+    log_rate[m] = log_mechanism_rate(law[m], log_stress, log_grain_size, coldness, warm,
+                                     reference_temperature, environment);
     enthalpy[m] = rep_vector(law[m, m_activation_enthalpy()], n_rows);
     if (premelting_temperature[m] > 0) {
       for (i in 1 : n_rows) {
@@ -81,6 +101,9 @@ matrix composite_law(matrix law, array[] int process, data vector premelting_tem
           enthalpy[m, i] = law[m, m_premelting_enthalpy()];
         }
       }
+    }
+    if (cols(environment) > 0) {
+      enthalpy[m] += law[m, m_activation_volume()] * environment[ : , 1];
     }
     of_process[k] = found[k] ? -log_sum(-of_process[k], -log_rate[m]) : log_rate[m];
     found[k] = 1;
@@ -111,12 +134,12 @@ real newton_precision() { return 1e-12; }
  */
 vector log_stress_of_rate(vector log_rate, vector start, matrix law, array[] int process,
                           data vector premelting_temperature, data real reference_temperature,
-                          vector log_grain_size, vector coldness) {
+                          vector log_grain_size, vector coldness, data matrix environment) {
   vector[rows(log_rate)] x = start;
   for (step in 1 : n_newton_steps()) {
     matrix[rows(log_rate), 4] at = composite_law(law, process, premelting_temperature,
                                                  reference_temperature, x, log_grain_size,
-                                                 coldness);
+                                                 coldness, environment);
     vector[rows(log_rate)] change = fmax(fmin((log_rate - at[ : , 1]) ./ at[ : , 2], 2), -2);
     x += change;
     if (max(change) < newton_precision() && min(change) > -newton_precision()) {

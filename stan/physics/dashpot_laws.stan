@@ -14,18 +14,20 @@
 real log_reference_stress_at(vector parameter, data real strain_rate,
                              data real initial_grain_size, data real temperature) {
   return log_reference_stress(strain_rate, initial_grain_size,
-                              true_temperature(parameter, temperature),
                               parameter[i_stress_exponent()],
                               parameter[i_grain_size_exponent()],
-                              parameter[i_activation_enthalpy()], parameter[i_beta()]);
+                              log_rate_factor_at(parameter,
+                                                 true_temperature(parameter, temperature)));
 }
 
 /** ln(flow rate s) at given parameters: log_flow_rate() of physics/flow_law.stan. */
 real log_flow_rate_at(real stress, data real initial_grain_size, data real temperature,
                       vector parameter) {
-  return log_flow_rate(stress, initial_grain_size, true_temperature(parameter, temperature),
+  real at_temperature = true_temperature(parameter, temperature);
+  return log_flow_rate(stress, initial_grain_size, at_temperature,
                        parameter[i_stress_exponent()], parameter[i_grain_size_exponent()],
-                       parameter[i_activation_enthalpy()], parameter[i_beta()]);
+                       parameter[i_activation_enthalpy()], parameter[i_beta()])
+         + log_environment(parameter, at_temperature, environment_numbers());
 }
 
 /** Stresses of the laws beside the power law. */
@@ -114,8 +116,7 @@ real dashpot_rate_at(real stress, real backstress, real grain_size, real fabric_
     = dashpot_strain_rate(equivalent_stress(stress - backstress, law,
                                             law > 0 ? parameter[law] : 0, fabric_factor, n),
                           grain_size, fabric_factor, n, parameter[i_grain_size_exponent()],
-                          log_rate_factor(parameter[i_activation_enthalpy()],
-                                          parameter[i_beta()], temperature));
+                          log_rate_factor_at(parameter, temperature));
   return act == 0
          ? first
          : rate_of_both(first,

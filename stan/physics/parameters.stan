@@ -4,7 +4,7 @@
  * Priors, fixed values and `parameter` in the programs have this order. Those of variants have
  * standard values that leave them without effect (docs/variants.md).
  */
-int n_parameters() { return 55; }
+int n_parameters() { return 64; }
 
 int i_maxwell_modulus() { return 1; } // E_M, Pa
 int i_kelvin_modulus() { return 2; } // E_K, Pa
@@ -76,9 +76,20 @@ int i_second_reference_grain_size() { return 51; } // d_2, m, always fixed
 int i_second_reference_temperature() { return 52; } // T_2, K, always fixed
 int i_mechanisms_in_series() { return 53; } // 0: side by side, always fixed
 
-// Of the conditions of a test; 0 where they are taken as known
-int i_temperature_error() { return 54; } // true less stated temperature, K
-int i_stress_calibration_error() { return 55; } // c: the load cell reads 1 + c times the stress
+// Of the environment, log_environment() of physics/flow_law.stan
+int i_activation_volume() { return 54; } // V, m^3/mol
+int i_water_exponent() { return 55; } // r
+int i_melt_factor() { return 56; } // alpha
+int i_second_activation_volume() { return 57; } // V_2, m^3/mol
+int i_second_water_exponent() { return 58; } // r_2
+int i_second_melt_factor() { return 59; } // alpha_2
+
+// Of the conditions of a test; errors are 0 where conditions are taken as known
+int i_temperature_error() { return 60; } // true less stated temperature, K
+int i_stress_calibration_error() { return 61; } // c: the load cell reads 1 + c times the stress
+int i_pressure() { return 62; } // P, Pa, always fixed
+int i_water_fugacity() { return 63; } // f, Pa, always fixed
+int i_melt_fraction() { return 64; } // phi, always fixed
 
 /** Temperature of a test (K): the stated one and its error. */
 real true_temperature(vector parameter, data real stated) {

@@ -56,7 +56,10 @@ def test_stated_priors_are_those_that_a_file_keeps(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("state", "words"),
     [
-        (lambda: {"activation": pyburgers.normal(1, 1, "1")}, "did you mean 'activation_enthalpy'"),
+        (
+            lambda: {"activation_enthalp": pyburgers.normal(1, 1, "1")},
+            "did you mean 'activation_enthalpy'",
+        ),
         (lambda: {"beta": pyburgers.normal(1, 1, "GPa")}, "unit 'GPa' is not a unit of inverse"),
         (lambda: {"beta": pyburgers.normal(7e-4, 1e-5, "mol/J")}, "expected a negative value"),
         (lambda: {"beta": pyburgers.normal(1, -1, "mol/J")}, "normal: key 'scale': found -1"),

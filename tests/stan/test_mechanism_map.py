@@ -26,7 +26,7 @@ PROCESS = [1, 2, 2]
 def row(law: PowerLaw) -> list[float]:
     """Row of a law as `stan/physics/composite_law.stan` has it."""
     at = (np.array(one) for one in (STRESS, GRAIN_SIZE, TEMPERATURE))
-    return [float(np.log(law.rate(*at))), law.n, law.p, law.q, 0.0]
+    return [float(np.log(law.rate(*at))), law.n, law.p, law.q, *[0.0] * 4]
 
 
 def mapped(draws: list[list[list[float]]], *at: FloatArray) -> dict[str, Any]:
@@ -46,6 +46,8 @@ def mapped(draws: list[list[list[float]]], *at: FloatArray) -> dict[str, Any]:
                 "stress": at[0].tolist(),
                 "grain_size": at[1].tolist(),
                 "temperature": at[2].tolist(),
+                "n_environment": 0,
+                "environment": [[]] * at[0].size,
                 "keeps_draws": 1,
             }
         )

@@ -71,6 +71,7 @@ def conditions(n_rows: int, seed: int, n_sources: int = 3) -> RateTable:
     rng = np.random.default_rng(seed)
     stress_is_imposed = np.arange(n_rows) % 3 > 0
     steady = np.arange(n_rows) % 7 == 0
+    unknown = np.full(n_rows, np.nan)
     return RateTable(
         id="made-up",
         material="ice",
@@ -78,6 +79,9 @@ def conditions(n_rows: int, seed: int, n_sources: int = 3) -> RateTable:
         stress=np.exp(rng.uniform(np.log(2e5), np.log(1.2e7), n_rows)),
         strain_rate=np.exp(rng.uniform(np.log(1e-8), np.log(1e-4), n_rows)),
         grain_size=np.exp(rng.uniform(np.log(5e-6), np.log(3e-3), n_rows)),
+        pressure=unknown,
+        water_fugacity=unknown,
+        melt_fraction=unknown,
         reading_error=np.full(n_rows, 0.05),
         temperature_error=np.full(n_rows, 0.2),
         grain_size_error=np.full(n_rows, 0.1),

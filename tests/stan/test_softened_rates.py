@@ -90,6 +90,7 @@ def made_up(n_points: int, *, uncertainty: float = 0.0, seed: int = 1) -> RateTa
     )
     deviation = np.hypot(SCATTER, uncertainty)
     none = np.zeros(n_points)
+    unknown = np.full(n_points, np.nan)
     return RateTable(
         id="made-up",
         material="ice",
@@ -97,6 +98,9 @@ def made_up(n_points: int, *, uncertainty: float = 0.0, seed: int = 1) -> RateTa
         stress=np.exp(found.log_stress[0] + deviation * rng.normal(size=n_points)),
         strain_rate=strain_rate,
         grain_size=grain_size,
+        pressure=unknown,
+        water_fugacity=unknown,
+        melt_fraction=unknown,
         reading_error=np.full(n_points, uncertainty),
         temperature_error=none,
         grain_size_error=none,

@@ -12,10 +12,10 @@ from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.table import ATTENUATION, CycleConditions
 from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited, Likelihood, grid_quantities
 from pyburgers.kinds.stan_data import CHART, Layout, StanData, ends
-from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.read_quantities import LOG_MODULUS, LOG_TAN_DELTA, Quantity
+from pyburgers.model.reference_quantities import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.variants import variant_of
 
 POSITIVE = ("kelvin_modulus", "kelvin_viscosity")

@@ -22,9 +22,9 @@ from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.kinds.loading_history.stan_data import residuals_block, stress_scale
 from pyburgers.kinds.stan_data import StanData
 from pyburgers.kinds.valley import Pins, ValleyChart
-from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.read_quantities import STRAIN, STRESS
+from pyburgers.model.reference_quantities import REFERENCE_STRESS_QUANTITY
 
 
 class ConstantRateValley(ValleyChart[ConstantRateExperiment]):

@@ -24,10 +24,10 @@ from pyburgers.kinds.likelihood import (
     likelihood_of,
 )
 from pyburgers.kinds.stan_data import Layout, Mode, PlainCoordinates, StanData, ends
-from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.read_quantities import STRESS, Quantity
+from pyburgers.model.reference_quantities import REFERENCE_FLOW_RATE_QUANTITY
 
 LOG_RATE_STEP, N_SOLUTIONS = 0.5, 25
 """Between solutions that say what the dashpot does at other flow rates, and how many there are."""

@@ -1,0 +1,23 @@
+"""Points of the flow law that are sampled in place of a parameter."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from pyburgers.model.parameters import Parameter
+
+REFERENCE_STRESS_QUANTITY = Parameter(
+    "reference_stress", r"S_0", "reference stress", "stress", "MPa"
+)
+"""The stress at which undeformed material flows at the first imposed rate; it follows from the
+parameters and has no prior of its own."""
+
+REFERENCE_FLOW_RATE_QUANTITY = Parameter(
+    "reference_flow_rate", r"\dot\epsilon_0", "reference flow rate", "strain rate", "1e-6/s"
+)
+"""The rate at which undeformed material flows at an observed stress (bias, or amplitude where the
+bias is removed); it follows from the parameters and has no prior of its own."""
+
+REFERENCE_QUANTITIES: Mapping[str, Parameter] = MappingProxyType(
+    {q.name: q for q in (REFERENCE_STRESS_QUANTITY, REFERENCE_FLOW_RATE_QUANTITY)}
+)
+"""Points of the flow law that are sampled, by their logarithms, in place of a parameter."""

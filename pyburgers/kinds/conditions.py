@@ -10,7 +10,7 @@ from pyburgers.common.units import UNITS, number
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import kind_of
 from pyburgers.kinds.likelihood import likelihood_of
-from pyburgers.model.parameters import STANDARD_VALUES
+from pyburgers.model.parameters import ENVIRONMENT, STANDARD_VALUES
 from pyburgers.model.plausible import PlausibleRanges, plausible_ranges
 
 MAX_LIKELY_GRAIN_SIZE = 0.05
@@ -80,6 +80,9 @@ SHOWN: Mapping[str, tuple[str, float]] = {
 """Display unit of each condition, and its factor to SI."""
 
 
+ENVIRONMENT_WORDS = tuple(name.replace("_", " ") for name in ENVIRONMENT)
+"""Conditions that a test need not state."""
+
 ROUNDING, TEMPERATURE_ROUNDING = 0.01, 0.001
 """Shares by which a condition, or a temperature, may lie outside a range and still count as inside:
 a thousandth of a temperature is worth some three percent of a flow rate."""
@@ -107,7 +110,9 @@ def conditions(experiment: Experiment, predictions: xr.Dataset, parameters: xr.D
         "temperature": temperature_range(experiment),
         "initial grain size": (experiment.initial_grain_size, experiment.initial_grain_size),
         **{
-            name.replace("_", " "): (value, value) for name, value in experiment.environment.items()
+            words: (experiment.environment[name],) * 2
+            for name, words in zip(ENVIRONMENT, ENVIRONMENT_WORDS, strict=True)
+            if name in experiment.environment
         },
     }
     if "period_s" in solution:
@@ -142,8 +147,12 @@ def _not_of_the_material(predictions: xr.Dataset, parameters: xr.Dataset) -> xr.
 def outside(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
     """Say in which conditions a test leaves those that were fitted, a phrase for each."""
     phrases = []
-    for name in (name for name in target if all(name in one for one in fitted)):
-        low, high = target[name]
+    for name, (low, high) in target.items():
+        if not all(name in one for one in fitted):
+            if name in ENVIRONMENT_WORDS:
+                unit, factor = SHOWN[name]
+                phrases.append(f"{name} {_range(low, high, factor)} {unit} (fitted: not stated)")
+            continue
         least = min(one[name][0] for one in fitted)
         most = max(one[name][1] for one in fitted)
         rounding = TEMPERATURE_ROUNDING if name == "temperature" else ROUNDING

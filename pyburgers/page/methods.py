@@ -1,7 +1,7 @@
 """Methods of fits in sentences and their references as BibTeX, to copy into a paper."""
 
 import importlib.metadata
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
@@ -44,7 +44,7 @@ def methods_text(
         f"Priors: {priors.title} (inputs/priors.toml of the run).",
     ]
     if fit.is_part:
-        said.insert(0, f"The fit is of several tests together ({_pooling(manifest)}).")
+        said.insert(0, f"The fit is of several tests together ({_pooling(manifest, priors.free)}).")
     if not manifest["use_likelihood"]:
         said.insert(0, "The likelihood was switched off: all draws are of the prior.")
     if priors.flow_law:
@@ -57,9 +57,10 @@ def methods_text(
     return " ".join([*said, "R-hat and effective sample sizes are those of ArviZ (arviz)."])
 
 
-def _pooling(manifest: dict[str, Any]) -> str:
-    """Say which parameters the tests of a joint fit have in common, and how."""
-    kinds: dict[str, str] = manifest["pooling"]["kinds"]
+def _pooling(manifest: dict[str, Any], free: Collection[str]) -> str:
+    """Say which free parameters the tests of a joint fit have in common, and how."""
+    of_all: dict[str, str] = manifest["pooling"]["kinds"]
+    kinds = {name: kind for name, kind in of_all.items() if name in free}
     named = {
         kind: ", ".join(name for name, one in kinds.items() if one == kind)
         for kind in dict.fromkeys(kinds.values())

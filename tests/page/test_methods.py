@@ -51,6 +51,7 @@ def test_methods_say_where_the_data_were_left_out_or_other_tests_took_part(fit: 
     assert "all draws are of the prior" not in told(fit)
     assert "all draws are of the prior" in told(fit, use_likelihood=False)
     kinds = {"maxwell_modulus": "shared", "beta": "shared", "stress_exponent": "separate"}
+    kinds["kelvin_stress_exponent"] = "shared"  # known here
     together = told(fit, experiments=["A", "B"], pooling={"kinds": kinds})
     assert "(shared: maxwell modulus, beta; separate: stress exponent)" in together
 

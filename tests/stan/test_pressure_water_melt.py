@@ -295,6 +295,7 @@ def test_a_prediction_is_of_the_pressure_of_its_own_test(small_problem: Problem)
     assert with_stated(deep, values)["pressure"] == PLACE["pressure"]
     ranges = {"pressure": (3e8, 3e8)}, {"pressure": (1e7, 1e7)}
     assert outside(ranges[0], [ranges[1]]) == ("pressure 300 MPa (fitted: 10)",)
+    assert outside(ranges[0], [{}]) == ("pressure 300 MPa (fitted: not stated)",)
 
 
 def test_a_file_states_where_its_test_was_made(tmp_path: Path) -> None:

@@ -197,7 +197,7 @@ class Experiment(ABC):
     notices: tuple[str, ...]
     true_parameters: Mapping[str, float] | None
     uncertain: tuple[UncertainCondition, ...] = ()
-    environment: Mapping[str, float] = field(default_factory=dict)
+    environment: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     microstructure: tuple[MeasuredMicrostructure, ...] = ()
 
     def __post_init__(self) -> None:

@@ -120,7 +120,8 @@ def check_given_together(values: Mapping[str, float], where: str) -> None:
 def with_stated(experiment: Experiment, values: Mapping[str, float]) -> dict[str, float]:
     """Return parameters (SI) with what a test's file states of it where they do not say that."""
     stated = {name: one.value for name, one in experiment.stated.items()}
-    return {**stated, **experiment.environment, **values}
+    missing = {k: v for k, v in {**stated, **experiment.environment}.items() if k not in values}
+    return {**values, **missing}
 
 
 def with_laws(

@@ -30,6 +30,8 @@ from pyburgers.kinds.stan_data import (
 from pyburgers.model.flow_law_prior import FlowLawPrior
 from pyburgers.model.laws import KELVIN_LAWS
 from pyburgers.model.parameters import (
+    ALL_ENVIRONMENT_NUMBERS,
+    ENVIRONMENT,
     PARAMETER_BY_NAME,
     PIEZOMETER,
     PLACE,
@@ -37,7 +39,7 @@ from pyburgers.model.parameters import (
     RESIDUAL_CORRELATION,
     Parameter,
 )
-from pyburgers.model.prior_families import FAMILIES, Prior, fixed_prior
+from pyburgers.model.prior_families import FAMILIES, Prior, fixed_prior, is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import variant_of
 
@@ -306,4 +308,6 @@ def _idle(fit: FittedTest) -> frozenset[str]:
         idle |= {*RESIDUAL_CORRELATION}
     if variant.residuals == "discrepancy":
         idle |= {"residual_correlated_share"}
+    if all(is_fixed_at(fit.priors[name], 0.0) for name in ALL_ENVIRONMENT_NUMBERS):
+        idle |= {*ENVIRONMENT}
     return frozenset(idle)

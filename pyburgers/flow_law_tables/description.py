@@ -2,8 +2,8 @@
 
 Residuals of what was read, ln(rate) or ln(stress), are compared with those of replicated tables
 that are fitted as the data were (`pyburgers.checks.discrepancies`). In the place of segments stand
-the sources, or the groups of a single one. Along temperature, stress and grain size residuals may
-hold neither slope nor bend.
+the sources, or the groups of a single one. Along each condition residuals may hold neither slope
+nor bend.
 """
 
 import json
@@ -41,14 +41,24 @@ from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.draws import TAIL, all_draws
 from pyburgers.common.units import counted, number
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_FACTOR, STRESS_UNIT
+from pyburgers.model.parameters import ENVIRONMENT
 
 Row: TypeAlias = "pd.Series[Any]"
 
 LOG_READ = "log_read"
 """ln(rate s) or ln(stress/Pa), the one that was read, in the groups of draws."""
 
-ALONG = ("temperature", "stress", "grain size")
+ALONG = (
+    *("temperature", "stress", "grain size"),
+    *(name.replace("_", " ") for name in ENVIRONMENT),
+)
 """Conditions along which residuals are looked at for a slope and a bend."""
+
+MAY_BE_FEW = tuple(name for name in ALONG if name != "stress")
+"""Those of which a table may have so few values that nothing is seen along them."""
+
+MAY_BE_ZERO = ("pressure", "melt fraction")
+"""Conditions that count as they are, all others by their logarithms."""
 
 LEAST_VALUES = 3
 """Values of a condition that can show a bend along it."""
@@ -90,7 +100,7 @@ class RateLeftover:
 
     def row_text(self, k: int) -> str:
         """Return which row it is."""
-        stress, rate, temperature, size = self.conditions.iloc[k]
+        stress, rate, temperature, size = self.conditions.iloc[k, :4]
         grains = "" if np.isnan(size) else f", {number(size * LENGTH_FACTOR)} {LENGTH_UNIT}"
         return (
             f"a row of {self.sources[self.source[k]]} ({stress * STRESS_FACTOR:.3g} {STRESS_UNIT}, "
@@ -120,8 +130,8 @@ def rate_leftover(draws: CheckedDraws) -> RateLeftover:
     sources, names_of_groups = (
         tuple(json.loads(along[name].attrs["names"])) for name in ("source", "group")
     )
-    names = ["stress", "strain_rate", "temperature", "grain_size"]
-    conditions = pd.DataFrame({name: along[name].to_numpy() for name in names})
+    names = ["stress", "strain_rate", "temperature", "grain_size", *ENVIRONMENT]
+    conditions = pd.DataFrame({name: along[name].to_numpy() for name in names if name in along})
     # A stress that was read has the residual in itself: in its place stands that of the law.
     expected = np.exp(all_draws(draws.posterior["model_response"].to_dataset()[LOG_READ]).mean(0))
     was_read = along["stress_is_imposed"].to_numpy() == 0
@@ -172,7 +182,7 @@ def _check_along(condition: str) -> Check:
         """Residuals have neither slope nor bend along the condition."""
         left, name = rate_leftover(draws), _along(condition)
         if name not in left.table.index:
-            values = left.conditions[condition.replace(" ", "_")]
+            values = left.conditions.get(condition.replace(" ", "_"), pd.Series())
             few = (
                 f"{counted(values.dropna().nunique(), 'value')} of the {condition} cannot show "
                 "whether the law holds along it"
@@ -281,10 +291,11 @@ def _shapes(conditions: pd.DataFrame) -> dict[str, FloatArray]:
     """Return orthonormal slope and bend (n, 2), without level, by condition of enough values."""
     found = {}
     for name in ALONG:
-        values = conditions[name.replace(" ", "_")].to_numpy()
+        column = name.replace(" ", "_")
+        values = conditions[column].to_numpy() if column in conditions else np.empty(0)
         here = np.isfinite(values)
         if np.unique(values[here]).size >= LEAST_VALUES:
-            x = np.log(values[here])
+            x = values[here] if name in MAY_BE_ZERO else np.log(values[here])
             powers = ((x - x.mean()) / x.std())[:, None] ** np.arange(3)
             shape = np.zeros((values.size, 2))
             shape[here] = np.linalg.qr(powers)[0][:, 1:]

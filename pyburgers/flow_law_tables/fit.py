@@ -19,7 +19,7 @@ from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.paths import given_path
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit, data_words
-from pyburgers.flow_law_tables.description import LEAST_VALUES, RATE_CHECKS
+from pyburgers.flow_law_tables.description import LEAST_VALUES, MAY_BE_FEW, RATE_CHECKS
 from pyburgers.flow_law_tables.laws import MECHANISM_PARAMETERS, RateLaw, load_rate_law
 from pyburgers.flow_law_tables.mechanism_maps import MechanismMap, local_power_law, mechanism_map
 from pyburgers.flow_law_tables.posterior import FLOW_RATE_OF_TEST, build_posterior
@@ -233,7 +233,7 @@ class RateFit(SampledFit):
     def asked_checks(self) -> Sequence[Check]:
         """Return the checks that are made: there is no solver to check.
 
-        Along a temperature or grain size with fewer than three values an exponent fits any law.
+        Along a condition with fewer than three values a number of the law fits any of them.
 
         Examples
         --------
@@ -241,7 +241,7 @@ class RateFit(SampledFit):
         """
         if not self.manifest["use_likelihood"]:
             return CHAIN_CHECKS
-        may_vary = {"temperature": self.used.temperature, "grain size": self.used.grain_size}
+        may_vary = {name: getattr(self.used, name.replace(" ", "_")) for name in MAY_BE_FEW}
         few = {
             f"along {name}"
             for name, values in may_vary.items()

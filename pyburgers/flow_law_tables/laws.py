@@ -173,6 +173,11 @@ class RateLaw:
         )
 
 
+def has_environment(law: RateLaw) -> bool:
+    """Whether a rate depends on pressure, water fugacity or melt fraction."""
+    return bool({*law.needs} & {*ENVIRONMENT})
+
+
 def without_idle(law: RateLaw, *, sources: bool, steady: Sequence[int]) -> RateLaw:
     """Return a law with what no row can tell fixed: sources, enhancements by place."""
     priors = dict(law.priors.priors)

@@ -14,6 +14,7 @@ from pyburgers.flow_law_tables.laws import RateLaw
 from pyburgers.flow_law_tables.program_data import GRID_STRESSES, Line, groups, lines
 from pyburgers.flow_law_tables.tables import RateTable
 from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE
+from pyburgers.model.parameters import ENVIRONMENT
 from pyburgers.model.reference_quantities import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.posterior.labelled_draws import (
     DRIVING_ERRORS,
@@ -54,7 +55,7 @@ def build_posterior(
         {
             **{
                 name: ("point", getattr(used, name))
-                for name in ("temperature", "stress", "strain_rate", "grain_size")
+                for name in ("temperature", "stress", "strain_rate", "grain_size", *ENVIRONMENT)
             },
             "stress_is_imposed": ("point", used.stress_is_imposed.astype(np.int64)),
             "source": ("point", *_numbered(used)),

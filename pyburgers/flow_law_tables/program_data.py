@@ -8,7 +8,7 @@ import numpy as np
 from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import counted, number
-from pyburgers.flow_law_tables.laws import Mechanism, RateLaw, without_idle
+from pyburgers.flow_law_tables.laws import Mechanism, RateLaw, has_environment, without_idle
 from pyburgers.flow_law_tables.softening import N_SOFTENING, SofteningPrior
 from pyburgers.flow_law_tables.tables import RateTable
 from pyburgers.kinds.problem import plain_quantity, replaced_by_flow
@@ -116,7 +116,7 @@ def environment_of(
 
     Without effect on the law it has no columns. What is unknown has no effect.
     """
-    if not {*law.needs} & {*ENVIRONMENT}:
+    if not has_environment(law):
         return np.empty((pressure.size, 0))
     known = (
         np.where(np.isnan(one), STANDARD_VALUES[name], one)

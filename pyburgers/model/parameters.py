@@ -302,11 +302,11 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
     ),
     *(
         Parameter(f"{whose}{name}", symbol + place, label + of, quantity, unit, standard=0.0)
-        for whose, place, of in (("", "", ""), ("second_", "_2", " of the second mechanism"))
+        for whose, place, of in (("", "}", ""), ("second_", "2}", " of the second mechanism"))
         for name, symbol, label, quantity, unit in (
-            ("activation_volume", "V", "activation volume", "molar volume", "cm3/mol"),
-            ("water_exponent", "r", "exponent of the water fugacity", "dimensionless", "1"),
-            ("melt_factor", r"\alpha", "change of ln(rate) by melt", "dimensionless", "1"),
+            ("activation_volume", "V_{M", "activation volume", "molar volume", "cm3/mol"),
+            ("water_exponent", "r_{f", "exponent of the water fugacity", "dimensionless", "1"),
+            ("melt_factor", r"\alpha_{\phi", "change of ln(rate) by melt", "dimensionless", "1"),
         )
     ),
 )

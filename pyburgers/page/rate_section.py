@@ -13,7 +13,7 @@ from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import draw_band, draw_dots, figure_of
 from pyburgers.drawing.style import MARKERS
 from pyburgers.flow_law_tables.fit import RateFit
-from pyburgers.flow_law_tables.laws import TABLE_PARAMETERS
+from pyburgers.flow_law_tables.laws import TABLE_PARAMETERS, has_environment
 from pyburgers.flow_law_tables.mechanism_maps import NEAR_FACTOR
 from pyburgers.flow_law_tables.posterior import FLOW_RATE_OF_TEST, SOFTENING
 from pyburgers.flow_law_tables.program_data import lines
@@ -48,6 +48,8 @@ SOFTENED_CAPTION = (
     "of undeformed material. The distance between both is the softening; the slope of the broken "
     "lines is the stress exponent n."
 )
+
+ENVIRONMENT_CAPTION = " Pressure, water fugacity and melt fraction are the means {}."
 
 RESIDUAL_CAPTION = (
     "Rates over those of the law by source, with its bias taken off: one point for each test, the "
@@ -116,7 +118,9 @@ def rate_section(fit: RateFit, key: str = RATE_KEY) -> PageSection:
             PageFigure(
                 "flow_law",
                 "Flow law",
-                LAW_CAPTION if fit.softening is None else LAW_CAPTION + SOFTENED_CAPTION,
+                LAW_CAPTION
+                + SOFTENED_CAPTION * (fit.softening is not None)
+                + ENVIRONMENT_CAPTION.format("of the same rows") * has_environment(fit.law),
                 partial(law_figure, fit),
                 "",
             ),
@@ -143,6 +147,7 @@ def mechanism_figures(fit: RateFit) -> tuple[PageFigure, ...]:
         return mechanism_figure(fit.used, maps)
 
     caption = map_caption(fit.data.material)
+    caption += ENVIRONMENT_CAPTION.format("of all tests") * has_environment(fit.law)
     return (PageFigure("mechanisms", "Leading mechanism", caption, drawn, ""),)
 
 

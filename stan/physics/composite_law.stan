@@ -3,8 +3,8 @@
  *
  * A mechanism is a power law,
  *
- *   ln(rate) = ln(r) + n ln(S/S_1) - p ln(d/d_1) - Q/R (1/T - 1/T_1) - P V/(R T) + w ln(f/f_1)
- *              + alpha phi,
+ *   ln(rate) = ln(r) + n ln(S/S_1) - p ln(d/d_1) - Q/R (1/T - 1/T_1) - P V_M/(R T)
+ *              + r_f ln(f/f_1) + alpha_phi phi,
  *
  * with its rate r at reference conditions (S_1, d_1, T_1, no pressure P, water fugacity f_1, no melt
  * phi), which decouples r from n, p and Q. Above
@@ -13,9 +13,9 @@
  * one rules: 1/rate is the sum of 1/rate of its steps (Goldsby and Kohlstedt 2001, Eq. 4).
  *
  * A law is a matrix with a row for each mechanism: ln(r s), n, p, Q (J/mol), Q above the
- * premelting temperature, V (m^3/mol), w, alpha. Conditions are distances from the reference ones:
+ * premelting temperature, V_M (m^3/mol), r_f, alpha_phi. Conditions are distances from the reference ones:
  * x = ln(S/S_1), y = ln(d/d_1), c = 1/T - 1/T_1 in 1/K. An environment is a row of P (Pa), ln(f/f_1)
- * and phi for each condition; without columns V, w and alpha have no effect.
+ * and phi for each condition; without columns these three have no effect.
  */
 
 /** Columns of a law. */

@@ -26,12 +26,12 @@ real log_rate_factor(real activation_enthalpy, real beta, real temperature) {
 real reference_water_fugacity() { return 1e6; }
 
 /**
- * ln of the factor of a rate by pressure, water and melt, -P V/(R T) + r ln(f/f_1) + alpha phi
+ * ln of the factor of a rate by pressure, water and melt, -P V_M/(R T) + r_f ln(f/f_1) + alpha_phi phi
  * (Hirth and Kohlstedt 2003, Eq. 1).
  *
  * @param parameter in the order of physics/parameters.stan
  * @param temperature true one, K
- * @param numbers places of V, r and alpha of the mechanism
+ * @param numbers places of V_M, r_f and alpha_phi of the mechanism
  */
 real log_environment(vector parameter, real temperature, data array[] int numbers) {
   real pressure = parameter[i_pressure()];

@@ -77,12 +77,12 @@ int i_second_reference_temperature() { return 52; } // T_2, K, always fixed
 int i_mechanisms_in_series() { return 53; } // 0: side by side, always fixed
 
 // Of the environment, log_environment() of physics/flow_law.stan
-int i_activation_volume() { return 54; } // V, m^3/mol
-int i_water_exponent() { return 55; } // r
-int i_melt_factor() { return 56; } // alpha
-int i_second_activation_volume() { return 57; } // V_2, m^3/mol
-int i_second_water_exponent() { return 58; } // r_2
-int i_second_melt_factor() { return 59; } // alpha_2
+int i_activation_volume() { return 54; } // V_M, m^3/mol
+int i_water_exponent() { return 55; } // r_f
+int i_melt_factor() { return 56; } // alpha_phi
+int i_second_activation_volume() { return 57; } // V_M2, m^3/mol
+int i_second_water_exponent() { return 58; } // r_f2
+int i_second_melt_factor() { return 59; } // alpha_phi2
 
 // Of the conditions of a test; errors are 0 where conditions are taken as known
 int i_temperature_error() { return 60; } // true less stated temperature, K

@@ -101,7 +101,10 @@ class StraightLaw:
 LAW = StraightLaw(LOG_RATES, GROUP, np.zeros(GROUP.size))
 
 
-ASKED = tuple(check for check in RATE_CHECKS if check.name != "along grain size")
+UNKNOWN = {
+    f"along {name}" for name in ("grain size", "pressure", "water fugacity", "melt fraction")
+}
+ASKED = tuple(check for check in RATE_CHECKS if check.name not in UNKNOWN)
 """Those that a table with two grain sizes is held against (`RateFit.asked_checks`)."""
 
 

@@ -22,6 +22,7 @@ from pyburgers import (
     normal,
     rate_law,
 )
+from pyburgers.checks.fit_checks import Outcome
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.new_test import parameters_for_other_test
 from pyburgers.flow_law_tables.fit import second_mechanism_priors
@@ -228,6 +229,11 @@ def test_a_table_tells_volume_exponent_and_factor(tmp_path: Path) -> None:
     table, law = wet_table(80), rate_law("olivine_wet")
     found = fit_rates(table, law, out=tmp_path / "run", options=TABLE_RUN)
     assert found.describes_data.value == "yes"
+    assert {"along pressure", "along melt fraction"} < {one.name for one in found.checks()}
+    dry = fit_rates(table, rate_law("olivine_composite"), out=tmp_path / "dry", options=TABLE_RUN)
+    outcomes = {one.name: one.outcome for one in dry.checks()}
+    assert outcomes["along water fugacity"] is Outcome.NO
+    assert outcomes["along stress"] is Outcome.YES
     draws = found.posterior["posterior"].to_dataset()
     for name, truth in TRUE_TABLE.items():
         own = draws[name].to_numpy()

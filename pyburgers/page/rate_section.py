@@ -26,10 +26,13 @@ from pyburgers.model.display import (
     STRESS_FACTOR,
     STRESS_UNIT,
     shown_quantity,
+    symbol_text,
+    unit_after_number,
 )
 from pyburgers.model.reference_quantities import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.page.mechanism_figures import MECHANISM_COLOURS, map_caption, mechanism_figure
 from pyburgers.page.tables import checks_page_table, fixed_row, posterior_row
+from pyburgers.posterior.labelled_draws import own_name
 
 RATE_KEY = "rates"
 
@@ -152,22 +155,32 @@ def mechanism_figures(fit: RateFit) -> tuple[PageFigure, ...]:
 
 
 def _law_text(fit: RateFit) -> str:
-    """Say which mechanisms there are, with n and Q (kJ/mol) of each, and who decided these."""
+    """Say which mechanisms there are, with n, Q and what else each has, and who decided these."""
     summary = fit.summary("SI")
     draws = fit.posterior["posterior"].to_dataset()
 
-    def shown(name: str, factor: float = 1.0, unit: str = "") -> str:
-        values = all_draws(draws[name]) * factor
+    def shown(parameter: str, mechanism: str) -> str:
+        name, quantity = own_name(parameter, mechanism), shown_quantity(parameter)
+        values = all_draws(draws[name]) * quantity.display_factor
+        unit = unit_after_number(quantity)
+        # Without the M of the Maxwell dashpot: a mechanism is of the material.
+        symbol = f"{symbol_text(quantity).removesuffix('_M')} = "
         if name not in summary.index:
-            return f"{values[0]:g}{unit} (given)"
+            return f"{symbol}{values[0]:g}{unit} (given)"
         decided = str(summary.at[name, "decided_by"])
-        text = _mean_and_sd(values) + unit
+        text = symbol + _mean_and_sd(values) + unit
         return text if decided == "data" else f"{text} (decided by: {decided})"
 
-    parts = [
-        f"{one.name.replace('_', ' ')} has n = {shown(f'stress_exponent[{one.name}]')} and "
-        f"Q = {shown(f'activation_enthalpy[{one.name}]', 1e-3, ' kJ/mol')}"
+    numbers = {
+        one.name: [
+            shown(parameter, one.name)
+            for parameter in ("stress_exponent", "activation_enthalpy", *one.environment)
+        ]
         for one in fit.law.mechanisms
+    }
+    parts = [
+        f"{name.replace('_', ' ')} has {', '.join(others)} and {last}"
+        for name, (*others, last) in numbers.items()
     ]
     return f"{fit.law.priors.title}: {'; '.join(parts)}."
 

@@ -31,6 +31,7 @@ class AnyTest:
     id: str
     protocol: str
     laws: Mapping[str, Sequence[str]]
+    linear_hardening: bool
     residual_correlation: str
     temperature: float
     initial_grain_size: float
@@ -94,6 +95,7 @@ def _any_test(protocol: str) -> AnyTest:
         id="test",
         protocol=protocol,
         laws=kind.laws,
+        linear_hardening=kind.linear_hardening,
         residual_correlation=kind.residual_correlation,
         temperature=1000.0,
         initial_grain_size=1e-4,

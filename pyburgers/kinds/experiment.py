@@ -132,6 +132,8 @@ class Experiment(ABC):
     laws : mapping of str to sequence of str
         Laws that such tests can be fitted with, by part of the model
         (`pyburgers.model.variants.CHOICES`): any of a part that is not named.
+    linear_hardening : bool
+        Whether a backstress has its linear form in such tests.
     parts_name : str
         Name of the parts of a test, in the plural.
     residual_correlation : str
@@ -181,6 +183,7 @@ class Experiment(ABC):
             "hardening": ("none",),
         }
     )
+    linear_hardening: ClassVar[bool] = False
     parts_name: ClassVar[str] = "parts"
     residual_correlation: ClassVar[str] = "residual_correlation_strain"
     may_be_uncertain: ClassVar[frozenset[str]] = CONDITIONS

@@ -22,6 +22,10 @@ class Test(Protocol):
         """Laws that such tests can be fitted with, by part: any of a part that is not named."""
 
     @property
+    def linear_hardening(self) -> bool:
+        """Whether a backstress has its linear form in such tests."""
+
+    @property
     def residual_correlation(self) -> str:
         """Parameter along which residuals may correlate: over strain or over time."""
 

@@ -263,7 +263,7 @@ def check_laws(priors: PriorSet, experiment: Test) -> None:
                 f"{experiment.protocol}, expected {' or '.join(experiment.laws[part])}; tests that "
                 "are given as loading histories take more laws (docs/variants.md)."
             )
-    if "hardening" in experiment.laws:
+    if experiment.linear_hardening:
         check_linear_hardening(priors.priors, experiment.protocol, experiment.id)
     mechanisms.check_mechanisms(priors.priors, experiment.id)
 
@@ -354,7 +354,7 @@ def _choose_maxwell(priors: PriorSet, experiment: Test, choice: str) -> PriorSet
 
 def _choose_hardening(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
     """Free the numbers of a law; tests of a kind that names it take its linear form."""
-    is_linear = "hardening" in experiment.laws
+    is_linear = experiment.linear_hardening
     stress = 0.0 if is_linear else _largest_stress(experiment)
     medians = medians_of_hardening(priors.priors, stress, experiment.duration)
     held = held_by_hardening(priors.priors, experiment.temperature, is_linear=is_linear)

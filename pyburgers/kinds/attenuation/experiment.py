@@ -60,7 +60,7 @@ class AttenuationExperiment(Experiment):
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
         {
             **laws_in_closed_form(),
-            "hardening": (*HARDENING_LAWS,),  # in its linear form
+            "hardening": (*HARDENING_LAWS,),
             "grain_size": ("constant",),
             "fabric": ("constant",),
             "residuals": ("independent",),
@@ -83,6 +83,7 @@ class AttenuationExperiment(Experiment):
             "discrepancy",
         }
     )
+    linear_hardening: ClassVar[bool] = True
     parts_name: ClassVar[str] = "temperatures"
     conditions: CycleConditions
     readings: Readings

@@ -190,6 +190,10 @@ UNCERTAIN_CONDITIONS: Mapping[str, tuple[float, str]] = MappingProxyType(
 """Standard deviations that are proposed, and what they are of, by the condition's error."""
 
 
+ENVIRONMENT_COMMENT = "if laws depend on it; also water_fugacity_Pa, melt_fraction"
+"""Of the proposed line about the environment."""
+
+
 HEAD = """\
 id = {id}  # names the run and its files
 material = {material}  # its priors are taken unless --priors is given
@@ -331,6 +335,7 @@ def experiment_text(protocol: str, new_file: NewFile, test: Description) -> str:
         for name, (sd, comment) in UNCERTAIN_CONDITIONS.items()
         if name in new_file.experiment.may_be_uncertain
     ]
+    conditions.append(with_comment("# pressure_Pa = 0.0", ENVIRONMENT_COMMENT))
     filling = {
         **values,
         "protocol": protocol,

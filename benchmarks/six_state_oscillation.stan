@@ -5,6 +5,7 @@
 functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
+#include physics/environment.stan
 #include physics/dashpot_laws.stan
 #include physics/kelvin_laws.stan
 #include physics/microstructure.stan

@@ -2,7 +2,7 @@
  * Laws of the dashpot. Each is the power law of physics/flow_law.stan at another stress, and has a
  * stress of its own, a parameter that is 0 in all other laws. A law is named by the place of that
  * parameter (physics/parameters.stan), the power law by 0. Needs both files, and
- * physics/second_mechanism.stan for the rate of the whole dashpot.
+ * physics/environment.stan; physics/second_mechanism.stan for the rate of the whole dashpot.
  */
 
 /**
@@ -13,11 +13,12 @@
  */
 real log_reference_stress_at(vector parameter, data real strain_rate,
                              data real initial_grain_size, data real temperature) {
-  return log_reference_stress(strain_rate, initial_grain_size,
-                              parameter[i_stress_exponent()],
+  real at_temperature = true_temperature(parameter, temperature);
+  real n = parameter[i_stress_exponent()];
+  return log_reference_stress(strain_rate, initial_grain_size, at_temperature, n,
                               parameter[i_grain_size_exponent()],
-                              log_rate_factor_at(parameter,
-                                                 true_temperature(parameter, temperature)));
+                              parameter[i_activation_enthalpy()], parameter[i_beta()])
+         - log_environment(parameter, at_temperature, environment_numbers()) / n;
 }
 
 /** ln(flow rate s) at given parameters: log_flow_rate() of physics/flow_law.stan. */

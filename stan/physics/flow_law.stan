@@ -3,8 +3,7 @@
  * beginning of, and the reference stress of the power law.
  *
  * Everything is SI: stress Pa, grain size m, temperature K, strain rate 1/s,
- * activation enthalpy Q_M J/mol, beta = ln(A)/Q_M mol/J with A in Pa^-n m^p s^-1. Needs
- * physics/parameters.stan.
+ * activation enthalpy Q_M J/mol, beta = ln(A)/Q_M mol/J with A in Pa^-n m^p s^-1.
  */
 
 /** Gas constant R, J/(mol K) (CODATA 2018). */
@@ -20,45 +19,6 @@ real gas_constant() { return 8.314462618; }
  */
 real log_rate_factor(real activation_enthalpy, real beta, real temperature) {
   return activation_enthalpy * (beta - 1 / (gas_constant() * temperature));
-}
-
-/** Water fugacity (Pa) at which the rate of a mechanism is given, as at no pressure and no melt. */
-real reference_water_fugacity() { return 1e6; }
-
-/**
- * ln of the factor of a rate by pressure, water and melt, -P V_M/(R T) + r_f ln(f/f_1) + alpha_phi phi
- * (Hirth and Kohlstedt 2003, Eq. 1).
- *
- * @param parameter in the order of physics/parameters.stan
- * @param temperature true one, K
- * @param numbers places of V_M, r_f and alpha_phi of the mechanism
- */
-real log_environment(vector parameter, real temperature, data array[] int numbers) {
-  real pressure = parameter[i_pressure()];
-  real fugacity = parameter[i_water_fugacity()];
-  real melt = parameter[i_melt_fraction()];
-  if (pressure == 0 && melt == 0 && fugacity == reference_water_fugacity()) {
-    return 0;
-  }
-  return parameter[numbers[2]] * log(fugacity / reference_water_fugacity())
-         + parameter[numbers[3]] * melt
-         - pressure * parameter[numbers[1]] / (gas_constant() * temperature);
-}
-
-/** Numbers of the flow law for log_environment(). */
-array[] int environment_numbers() {
-  return {i_activation_volume(), i_water_exponent(), i_melt_factor()};
-}
-
-/** The same of the second mechanism. */
-array[] int second_environment_numbers() {
-  return {i_second_activation_volume(), i_second_water_exponent(), i_second_melt_factor()};
-}
-
-/** log_rate_factor() at given parameters, in their environment. */
-real log_rate_factor_at(vector parameter, real temperature) {
-  return log_rate_factor(parameter[i_activation_enthalpy()], parameter[i_beta()], temperature)
-         + log_environment(parameter, temperature, environment_numbers());
 }
 
 /**
@@ -128,12 +88,13 @@ real dashpot_strain_rate(real stress, real grain_size, real fabric_factor, real 
  * ln of the reference stress S_0 at which undeformed material (F = 1, d = d_0) flows at the
  * imposed rate: S_0^n = strain_rate d_0^p exp[-Q_M (beta - 1/(R T))].
  *
- * @param log_factor value of log_rate_factor()
  * @return ln(S_0 / Pa)
  */
-real log_reference_stress(real strain_rate, real initial_grain_size, real stress_exponent,
-                          real grain_size_exponent, real log_factor) {
-  return (log(strain_rate) + grain_size_exponent * log(initial_grain_size) - log_factor)
+real log_reference_stress(real strain_rate, real initial_grain_size, real temperature,
+                          real stress_exponent, real grain_size_exponent,
+                          real activation_enthalpy, real beta) {
+  return (log(strain_rate) + grain_size_exponent * log(initial_grain_size)
+          - log_rate_factor(activation_enthalpy, beta, temperature))
          / stress_exponent;
 }
 

@@ -76,7 +76,7 @@ int i_second_reference_grain_size() { return 51; } // d_2, m, always fixed
 int i_second_reference_temperature() { return 52; } // T_2, K, always fixed
 int i_mechanisms_in_series() { return 53; } // 0: side by side, always fixed
 
-// Of the environment, log_environment() of physics/flow_law.stan
+// Of the environment, physics/environment.stan
 int i_activation_volume() { return 54; } // V_M, m^3/mol
 int i_water_exponent() { return 55; } // r_f
 int i_melt_factor() { return 56; } // alpha_phi

@@ -4,7 +4,7 @@
  *   v = v_1 + v_2  or  1/v = 1/v_1 + 1/v_2,
  *   v_2 = r_2 sgn(stress) |stress/S_2|^n_2 (d/d_2)^-p_2 exp[-(Q_2/R)(1/T - 1/T_2)] exp(e_2),
  *
- * v_1 the rate by physics/dashpot_laws.stan, e_2 of log_environment(). The second mechanism is one of
+ * v_1 the rate by physics/dashpot_laws.stan, e_2 of physics/environment.stan. The second mechanism is one of
  * physics/composite_law.stan, so a law of a table of rates holds here. It flows by the whole stress,
  * whatever the fabric and the backstress. Needs that file and physics/parameters.stan.
  */

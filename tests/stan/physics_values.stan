@@ -2,6 +2,7 @@
 functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
+#include physics/environment.stan
 #include physics/kelvin_laws.stan
 #include physics/relaxation.stan
 #include physics/composite_law.stan
@@ -67,9 +68,9 @@ generated quantities {
   vector[n_stresses] dashpot_rate;
   real prior_density = density_of_prior;
   vector[n_stresses] preferred_grain_size; // by the piezometer
-  real log_s0 = log_reference_stress(strain_rate, initial_grain_size, stress_exponent,
-                                     grain_size_exponent,
-                                     log_rate_factor(activation_enthalpy, beta, temperature));
+  real log_s0 = log_reference_stress(strain_rate, initial_grain_size, temperature,
+                                     stress_exponent, grain_size_exponent, activation_enthalpy,
+                                     beta);
   real rate_at_reference_stress
     = dashpot_strain_rate(exp(log_s0), initial_grain_size, 1, stress_exponent,
                           grain_size_exponent,

@@ -88,10 +88,8 @@ CASES = (
         for laws in LAWS
     ),
     Case("data/dunite/dunite_4581.toml", DUNITE, {"kelvin": "two_elements"}, FASTER_ELEMENT),
-    *(
-        Case("data/dunite/dunite_4581.toml", DUNITE, {"kelvin": law})
-        for law in (*MANY_TIMES[1:], "extended_peak")
-    ),
+    *(Case("data/dunite/dunite_4581.toml", DUNITE, {"kelvin": law}) for law in MANY_TIMES[1:]),
+    Case("data/calibration/ice_creep.toml", ICE, {"kelvin": "extended_peak"}),
     *(
         Case(test, priors, {"kelvin": law})
         for test, priors in (

@@ -18,6 +18,7 @@ from typing import Any
 
 import pandas as pd
 from simulated_tables import rank_curve, rank_hand_over, simulate_table
+from tables import verdict_table
 
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError, SamplingError
@@ -30,7 +31,7 @@ from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import default_priors
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sbc.data_sets import DataSetPlan, calibration_priors
-from pyburgers.sbc.rank_uniformity import VERDICTS_TEXT, judge_ranks, rank_bands
+from pyburgers.sbc.rank_uniformity import VERDICTS_TEXT
 
 ROOT = Path(__file__).parents[1]
 TABLE = ROOT / "data" / "ice" / "rates" / "qi_goldsby_2021.toml"
@@ -192,16 +193,8 @@ def section(stage: Stage) -> list[str]:
     if not ranked:
         return lines
     names = list(ranked[0]["ranks"])
-    ranks = {name: [one["ranks"][name] for one in ranked] for name in names}
-    verdicts = judge_ranks(ranks, rank_bands(len(ranked), OF_CURVE.n_ranked, len(names)))
-    table = pd.DataFrame(
-        {
-            "quantity": names,
-            "mean rank": [f"{verdicts[name].mean:.3f}" for name in names],
-            "spread": [f"{verdicts[name].spread:.3f}" for name in names],
-            "verdict": [verdicts[name].verdict for name in names],
-            "in words": [verdicts[name].sentence for name in names],
-        }
+    table = verdict_table(
+        {name: [one["ranks"][name] for one in ranked] for name in names}, OF_CURVE.n_ranked
     )
     return [*lines, *rows(table), ""]
 

@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pandas as pd
 from growing_tables import Key, Row, grow
-from tables import ICE, markdown
+from tables import ICE, markdown, verdict_table
 
 from pyburgers.checks.fit_checks import Outcome
 from pyburgers.cmdstan.program import load_program
@@ -29,7 +29,7 @@ from pyburgers.flow_law_tables.table_files import load_rate_table
 from pyburgers.flow_law_tables.tables import RateTable, joined
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sbc.rank_uniformity import VERDICTS_TEXT, judge_ranks, rank_bands
+from pyburgers.sbc.rank_uniformity import VERDICTS_TEXT
 
 TABLES = {
     "ice_power_law": ("fan_2020", "qi_2017", "jacka_1984_minimum"),
@@ -139,15 +139,7 @@ def page(name: str, rows: pd.DataFrame) -> str:
     well = rows[rows["sampled_well"] == Outcome.YES.value]
     names = [*rows.columns.drop(["seed", "sampled_well", "failure"])]
     ranks = {one: well[one].astype(int).tolist() for one in names}
-    verdicts = judge_ranks(ranks, rank_bands(len(well), N_RANKED, len(names)))
-    table = pd.DataFrame(
-        {
-            "quantity": names,
-            "mean rank": [one.mean for one in verdicts.values()],
-            "spread": [one.spread for one in verdicts.values()],
-            "verdict": [one.verdict for one in verdicts.values()],
-        }
-    )
+    table = verdict_table(ranks, N_RANKED)
     of_tables = ", ".join(TABLES[name]) or "80 made-up tests"
     return PAGE.format(
         law=name,

@@ -40,6 +40,7 @@ from pyburgers.checks.residual_numbers import TINY, largest_residual, segment_pa
 from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.draws import TAIL, all_draws
 from pyburgers.common.units import counted, number
+from pyburgers.kinds.conditions import ENVIRONMENT_WORDS
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_FACTOR, STRESS_UNIT
 from pyburgers.model.parameters import ENVIRONMENT
 
@@ -48,10 +49,7 @@ Row: TypeAlias = "pd.Series[Any]"
 LOG_READ = "log_read"
 """ln(rate s) or ln(stress/Pa), the one that was read, in the groups of draws."""
 
-ALONG = (
-    *("temperature", "stress", "grain size"),
-    *(name.replace("_", " ") for name in ENVIRONMENT),
-)
+ALONG = ("temperature", "stress", "grain size", *ENVIRONMENT_WORDS)
 """Conditions along which residuals are looked at for a slope and a bend."""
 
 MAY_BE_FEW = tuple(name for name in ALONG if name != "stress")

@@ -66,8 +66,10 @@ class ExperimentFile(Table):
     load_cell: str | None = Field(
         None, min_length=1, description="the load cell whose calibration is uncertain"
     )
-    pressure_Pa: float | None = Field(None, ge=0, description="the pressure in pascals")  # noqa: N815
-    water_fugacity_Pa: float | None = Field(  # noqa: N815
+    pressure_Pa: float | None = Field(  # noqa: N815 (the key of the file, Pa for pascal)
+        None, ge=0, description="the pressure in pascals"
+    )
+    water_fugacity_Pa: float | None = Field(  # noqa: N815 (the same)
         None, gt=0, description="the water fugacity in pascals"
     )
     melt_fraction: float | None = Field(None, ge=0, lt=1, description="the melt fraction")

@@ -242,8 +242,7 @@ def problem_of(
     _check_conditions(experiments)
     of_tests = tuple(
         _with_own_grains(own, experiments[0], experiment).exchanging(
-            *condition_priors(experiment),
-            *reading_error_priors(own.priors, experiment.noises),
+            *condition_priors(experiment), *reading_error_priors(own.priors, experiment.noises)
         )
         for experiment, own in zip(
             experiments, common_likelihood(experiments).own_priors(experiments, priors), strict=True

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from conftest import ICE, TABLE_RUN, Problem
 from evaluated_laws import value_of
-from history_twins import GRAIN_SIZE, TEMPERATURE, TRUTH, history_twin
+from history_twins import GRAIN_SIZE, SECOND, TEMPERATURE, TRUTH, history_twin
 from ice_spectrum import ice_spectrum
 from log_density import assert_gradient_is_slope, program_with
 from rate_oracle import GAS_CONSTANT
+from table_ranks import conditions
 
 from pyburgers import (
     Regime,
@@ -48,15 +49,6 @@ pytestmark = pytest.mark.usefixtures("programs")
 EXACT = SolverOptions(tolerance=1e-12, max_num_steps=10_000_000)
 PLACE = {"pressure": 3e8, "water_fugacity": 2e8, "melt_fraction": 0.02}
 NUMBERS = {"activation_volume": 1.5e-5, "water_exponent": 0.3, "melt_factor": 30.0}
-SECOND = {
-    "second_rate": 2e-5,
-    "second_stress_exponent": 1.8,
-    "second_grain_size_exponent": 1.4,
-    "second_activation_enthalpy": 49e3,
-    "second_reference_stress": 2e6,
-    "second_reference_grain_size": 3e-4,
-    "second_reference_temperature": 265.0,
-}
 SECOND_NUMBERS = {
     "second_activation_volume": -4e-6,
     "second_water_exponent": 0.2,
@@ -172,61 +164,29 @@ TRUE_TABLE = {
 }
 
 
-def wet_table(n_rows: int) -> RateTable:
+def wet_table() -> RateTable:
     """Rates of wet olivine, solved in NumPy, with a scatter of a tenth."""
-    law, rng = rate_law("olivine_wet"), np.random.default_rng(6)
+    law, data = rate_law("olivine_wet"), conditions("olivine_wet")
     values = {name: prior.location for name, prior in law.priors.priors.items()} | TRUE_TABLE
-    columns = {
-        "T": rng.uniform(1400.0, 1600.0, n_rows),
-        "S": np.exp(rng.uniform(np.log(5e6), np.log(5e8), n_rows)),
-        "d": np.exp(rng.uniform(np.log(3e-6), np.log(3e-4), n_rows)),
-        "P": rng.uniform(1e8, 4e9, n_rows),
-        "f": np.exp(rng.uniform(np.log(1e7), np.log(1e10), n_rows)),
-        "phi": rng.uniform(0.0, 0.1, n_rows),
-    }
-    rate = np.zeros(n_rows)
+    rate = np.zeros(data.n_rows)
     for mechanism in law.mechanisms:
         own = {k.split("[")[0]: v for k, v in values.items() if f"[{mechanism.name}]" in k}
-        slower = 1 / columns["T"] - 1 / law.reference.temperature
+        slower = 1 / data.temperature - 1 / law.reference.temperature
         rate += (
             own["mechanism_rate"]
-            * (columns["S"] / law.reference.stress) ** own["stress_exponent"]
-            * (columns["d"] / law.reference.grain_size) ** -own["grain_size_exponent"]
+            * (data.stress / law.reference.stress) ** own["stress_exponent"]
+            * (data.grain_size / law.reference.grain_size) ** -own["grain_size_exponent"]
             * np.exp(-own["activation_enthalpy"] * slower / GAS_CONSTANT)
-            * np.exp(-columns["P"] * own["activation_volume"] / (GAS_CONSTANT * columns["T"]))
-            * (columns["f"] / 1e6) ** own["water_exponent"]
-            * np.exp(own["melt_factor"] * columns["phi"])
+            * np.exp(-data.pressure * own["activation_volume"] / (GAS_CONSTANT * data.temperature))
+            * (data.water_fugacity / 1e6) ** own["water_exponent"]
+            * np.exp(own["melt_factor"] * data.melt_fraction)
         )
-    units = {"S": "Pa", "d": "m", "P": "Pa", "f": "Pa", "phi": "fraction", "T": "K", "rate": "1/s"}
-    names = {
-        "T": "temperature",
-        "S": "stress",
-        "rate": "strain_rate",
-        "d": "grain_size",
-        "P": "pressure",
-        "f": "water_fugacity",
-        "phi": "melt_fraction",
-    }
-    columns["rate"] = rate * np.exp(0.1 * rng.standard_normal(n_rows))
-    data = {f"{name}_column": key for key, name in names.items()}
-    return load_rate_table(
-        {
-            "id": "wet",
-            "material": "olivine",
-            "protocol": "rates",
-            "data": {
-                "file": columns,
-                **data,
-                **{f"{name}_unit": units[key] for key, name in names.items()},
-            },
-            "tests": [{"imposed": "stress", "regime": "minimum", "geometry": "compression"}],
-            "provenance": {"kind": "synthetic", "source": "made for a test"},
-        }
-    )
+    scatter = np.exp(0.1 * np.random.default_rng(6).standard_normal(data.n_rows))
+    return replace(data, id="wet", strain_rate=rate * scatter)
 
 
 def test_a_table_tells_volume_exponent_and_factor(tmp_path: Path) -> None:
-    table, law = wet_table(80), rate_law("olivine_wet")
+    table, law = wet_table(), rate_law("olivine_wet")
     found = fit_rates(table, law, out=tmp_path / "run", options=TABLE_RUN)
     assert found.describes_data.value == "yes"
     assert {"along pressure", "along melt fraction"} < {one.name for one in found.checks()}
@@ -247,7 +207,9 @@ def test_a_table_tells_volume_exponent_and_factor(tmp_path: Path) -> None:
     slower = float((rates - shallow["log_strain_rate"]).mean())
     volume = mean["activation_volume[diffusion]"]
     assert slower == pytest.approx(-8e9 * volume / (GAS_CONSTANT * 1500.0), rel=0.05)
-    expression = str(composite_law(found.law)["mechanisms"]["diffusion"])  # type: ignore[index]
+    mechanisms = composite_law(found.law)["mechanisms"]
+    assert isinstance(mechanisms, dict)
+    expression = mechanisms["diffusion"]
     for one in ("activation_volume[diffusion]", "water_exponent[diffusion]", "melt_fraction"):
         assert one in expression
     # One of its mechanisms beside the law of a curve.
@@ -265,7 +227,7 @@ def test_a_table_tells_volume_exponent_and_factor(tmp_path: Path) -> None:
 
 
 def test_rows_without_what_a_law_needs_are_left_out() -> None:
-    table, law = wet_table(12), rate_law("olivine_wet")
+    table, law = wet_table().rows(np.arange(12)), rate_law("olivine_wet")
     dry = np.where(np.arange(12) < 3, np.nan, table.water_fugacity)
     left = usable_rows(replace(table, water_fugacity=dry), law)
     assert left.n_rows == 9

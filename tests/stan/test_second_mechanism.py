@@ -12,7 +12,7 @@ import oscillation_oracle
 import pytest
 from conftest import ICE
 from evaluated_laws import value_of
-from history_twins import GRAIN_SIZE, TEMPERATURE, TRUTH, history_twin
+from history_twins import GRAIN_SIZE, SECOND, TEMPERATURE, TRUTH, history_twin
 from ice_spectrum import PERIODS, ice_spectrum
 from log_density import assert_gradient_is_slope, program_with
 
@@ -46,15 +46,6 @@ FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
 EXACT = SolverOptions(tolerance=1e-12, max_num_steps=10_000_000)
-SECOND = {
-    "second_rate": 2e-5,
-    "second_stress_exponent": 1.8,
-    "second_grain_size_exponent": 1.4,
-    "second_activation_enthalpy": 49e3,
-    "second_reference_stress": 2e6,
-    "second_reference_grain_size": 3e-4,
-    "second_reference_temperature": 265.0,
-}
 IN_SERIES = {**SECOND, "mechanisms_in_series": 1.0}
 LAWS = tuple(law for law in SECOND_MECHANISMS if law != "none")
 

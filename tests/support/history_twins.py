@@ -33,6 +33,19 @@ TRUTH: Mapping[str, float] = MappingProxyType(
     }
 )
 
+SECOND: Mapping[str, float] = MappingProxyType(
+    {
+        "second_rate": 2e-5,
+        "second_stress_exponent": 1.8,
+        "second_grain_size_exponent": 1.4,
+        "second_activation_enthalpy": 49e3,
+        "second_reference_stress": 2e6,
+        "second_reference_grain_size": 3e-4,
+        "second_reference_temperature": 265.0,
+    }
+)
+"""A second mechanism of the dashpot."""
+
 _STAGES: Mapping[str, Sequence[tuple[str, float, float]]] = MappingProxyType(
     {
         "creep": (("stress", 4000.0, 5e6),),

@@ -18,7 +18,7 @@ functions {
 #include physics/flow_law.stan
 #include physics/environment.stan
 #include physics/composite_law.stan
-#include physics/second_mechanism.stan
+#include physics/dashpot_mechanisms.stan
 #include physics/dashpot_laws.stan
 #include physics/hardening.stan
 #include physics/kelvin_laws.stan
@@ -69,9 +69,9 @@ transformed data {
   // What some free parameter changes; the rest is constant to the solver.
   array[n_parameters()] int is_free = free_in_any_test(own_parameter, pooled_parameter);
   int hardens = any_backstress(prior_location);
-  int has_second = any_second_mechanism(prior_location);
-  array[size(varying_rates(is_free, element, hardens, has_second))] int varying
-    = varying_rates(is_free, element, hardens, has_second);
+  int n_further = most_further_mechanisms(prior_location);
+  array[size(varying_rates(is_free, element, hardens, n_further))] int varying
+    = varying_rates(is_free, element, hardens, n_further);
   array[leg_end[n_tests + 1]] vector[n_history_rates()] fixed;
   array[n_tests] vector[n_history_constants()] test;
   array[n_tests] vector[n_parameters()] prior_mass

@@ -6,7 +6,7 @@ functions {
 #include physics/flow_law.stan
 #include physics/environment.stan
 #include physics/composite_law.stan
-#include physics/second_mechanism.stan
+#include physics/dashpot_mechanisms.stan
 #include physics/dashpot_laws.stan
 #include physics/kelvin_laws.stan
 #include physics/relaxation.stan
@@ -89,13 +89,10 @@ generated quantities {
               - log(fabric_factor)
               + log_rate_factor_at(parameter, temperature)
               - parameter[i_grain_size_exponent()] * log(grain_size));
-      if (mechanisms_act(parameter) > 0) {
-        fluidity[r]
-          = exp(log_fluidity_of_both(log(fluidity[r]), median_stress[r], amplitude[r],
-                                     grain_size, parameter, temperature,
-                                     node[node_end[r] + 1 : node_end[r + 1], 1],
-                                     node[node_end[r] + 1 : node_end[r + 1], 2]));
-      }
+      fluidity[r] = exp(log_fluidity_of_all(log(fluidity[r]), median_stress[r], amplitude[r],
+                                            grain_size, parameter, temperature,
+                                            node[node_end[r] + 1 : node_end[r + 1], 1],
+                                            node[node_end[r] + 1 : node_end[r + 1], 2]));
       has_peak[r] = n_delays > 0
                     ? rises_somewhere((away[ : , 2] + fluidity[r] * exp(log_longest - log_delay))
                                       ./ (1 / maxwell_modulus + away[ : , 1]))

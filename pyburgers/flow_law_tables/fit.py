@@ -15,25 +15,20 @@ import xarray as xr
 from pyburgers.checks.fit_checks import CHAIN_CHECKS, Check
 from pyburgers.checks.prior_influence import Influence, prior_influence
 from pyburgers.common.draws import TAIL, FloatArray, all_draws
-from pyburgers.common.errors import InputError, nearest
+from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit, data_words
 from pyburgers.flow_law_tables.description import LEAST_VALUES, MAY_BE_FEW, RATE_CHECKS
-from pyburgers.flow_law_tables.laws import MECHANISM_PARAMETERS, RateLaw, load_rate_law
+from pyburgers.flow_law_tables.laws import RateLaw, load_rate_law
 from pyburgers.flow_law_tables.mechanism_maps import MechanismMap, local_power_law, mechanism_map
-from pyburgers.flow_law_tables.posterior import FLOW_RATE_OF_TEST, build_posterior
+from pyburgers.flow_law_tables.posterior import build_posterior
 from pyburgers.flow_law_tables.program_data import law_for
 from pyburgers.flow_law_tables.softening import SofteningPrior
 from pyburgers.flow_law_tables.table_files import load_rate_table
 from pyburgers.flow_law_tables.tables import RateTable
 from pyburgers.kinds.experiment import Provenance
-from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE
-from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, FlowLawPrior
-from pyburgers.model.parameters import PARAMETER_BY_NAME, SECOND_PARAMETERS
-from pyburgers.model.prior_families import LOWER_LIMITS, PriorTable
 from pyburgers.model.priors import FLOW_LAW
-from pyburgers.model.stated_priors import fixed, lognormal, normal
 from pyburgers.posterior.labelled_draws import load_posterior, own_name, summary_table
 from pyburgers.sampling.manifest import RunManifest
 from pyburgers.sampling.run_directory import RunDirectory
@@ -340,122 +335,3 @@ def is_rate_run(path: str | Path) -> bool:
 def fit_of_run(path: str | Path) -> Fit | RateFit:
     """Read a run directory of a fit of tests or of tables; raise InputError if it is neither."""
     return RateFit.load(path) if is_rate_run(path) else Fit.load(path)
-
-
-def flow_law_prior(fit: RateFit) -> FlowLawPrior:
-    """Return the posterior flow law of another test (see `FlowLawPrior`).
-
-    Its ln(flow rate) scatters as specimens and sources do. If that scatter is one of readings, not
-    of samples, the prior is too wide.
-
-    Parameters
-    ----------
-    fit : RateFit
-        Finished fit with the softening of a curve, in which the whole flow law is free.
-
-    Returns
-    -------
-    FlowLawPrior
-        Joint normal prior for `with_flow_law`.
-
-    Raises
-    ------
-    InputError
-        If the law is not that of undeformed material, or a part of it was fixed.
-
-    Examples
-    --------
-    >>> prior = pyburgers.flow_law_prior(peaks)
-    """
-    if fit.softening is None:
-        raise InputError(
-            f"{fit.directory.path}: its tests are not softened, expected a fit with the priors of "
-            "a curve (--curve-priors), whose law is that of undeformed material."
-        )
-    if fixed := fit.law.fixed_flow_law:
-        raise InputError(
-            f"{fit.directory.path}: {fixed[0]} is fixed, expected a fit in which the whole flow "
-            "law is free."
-        )
-    of_test = all_draws(fit.posterior["predictions"].to_dataset()[FLOW_RATE_OF_TEST])
-    draws = {**fit.power_law(), f"log_{REFERENCE_FLOW_RATE}": of_test}
-    columns = [draws[name] for name in PRIOR_QUANTITIES]
-    return FlowLawPrior(
-        quantities=PRIOR_QUANTITIES,
-        mean=np.mean(columns, axis=1),
-        covariance=np.cov(columns),
-        conditions=fit.used.mean_conditions,
-        material=fit.data.material,
-        source=f"{fit.data.id}: {fit.provenance.source}; its law: {fit.law.priors.title}",
-        tests=fit.used.tests,
-    )
-
-
-def second_mechanism_priors(fit: RateFit, mechanism: str) -> dict[str, PriorTable]:
-    """Return a mechanism of a fitted law as priors of the second mechanism of a dashpot.
-
-    Its numbers are independent of each other in these priors, and of the first mechanism: their
-    correlations are dropped. ln(rate) scatters as specimens and sources do. A test that the table
-    contains should be left out of it (`without_test`).
-
-    Parameters
-    ----------
-    fit : RateFit
-        Finished fit.
-    mechanism : str
-        Name of the mechanism. If it shares its process with another one, it is in series.
-
-    Returns
-    -------
-    dict of str to PriorTable
-        For `PriorSet.with_`.
-
-    Raises
-    ------
-    InputError
-        If there is no such mechanism, or its activation enthalpy changes at a temperature.
-
-    Examples
-    --------
-    >>> second = pyburgers.second_mechanism_priors(creep, "creep")
-    >>> ice = pyburgers.priors("ice").with_(**second)
-    """
-    found = {one.name: one for one in fit.law.mechanisms}
-    if mechanism not in found:
-        raise InputError(
-            f"{fit.directory.path}: has no mechanism {mechanism!r}, {nearest(mechanism, found)}"
-        )
-    if found[mechanism].premelting_temperature:
-        raise InputError(
-            f"{fit.directory.path}: the activation enthalpy of {mechanism} changes at "
-            f"{found[mechanism].premelting_temperature:g} K, expected a mechanism with one "
-            "enthalpy."
-        )
-    predictions = fit.posterior["predictions"].to_dataset()
-    of_mechanism = predictions["law"].sel(mechanism=mechanism)
-    log_rate, *draws = (
-        all_draws(of_mechanism.isel(column=MECHANISM_PARAMETERS.index(name)))
-        for name in (*MECHANISM_PARAMETERS[:4], *found[mechanism].environment)
-    )
-    mean_rate = all_draws(fit.posterior["posterior"].to_dataset()[REFERENCE_FLOW_RATE])
-    log_rate = log_rate + all_draws(predictions[FLOW_RATE_OF_TEST]) - np.log(mean_rate)
-    processes = [one.process for one in fit.law.mechanisms]
-    in_series = processes.count(found[mechanism].process) > 1
-    at = fit.law.reference
-    constants = (at.stress, at.grain_size, at.temperature, float(in_series))
-    source = f"{fit.data.id}: {fit.provenance.source}; {mechanism} of {fit.law.priors.title}"
-    switch, *numbers = SECOND_PARAMETERS[:4]
-    bounds = (LOWER_LIMITS[numbers[0]][0], 0.0, 0.0, *[None] * len(found[mechanism].environment))
-    numbers += [f"second_{name}" for name in found[mechanism].environment]
-    unit = {name: PARAMETER_BY_NAME[name].si_unit for name in (*SECOND_PARAMETERS, *numbers)}
-    median = float(np.exp(log_rate.mean()))
-    tables = {switch: lognormal(median, float(log_rate.std()), unit[switch], source=source)}
-    for name, lower, one in zip(numbers, bounds, draws, strict=True):
-        tables[name] = (
-            normal(float(one.mean()), float(one.std()), unit[name], lower=lower, source=source)
-            if np.ptp(one) > 0
-            else fixed(float(one[0]), unit[name], source=source)
-        )
-    for name, value in zip(SECOND_PARAMETERS[4:], constants, strict=True):
-        tables[name] = fixed(value, unit[name], source=source)
-    return tables

@@ -17,7 +17,8 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.fitting.continuation import sample_until_good
 from pyburgers.fitting.sampled_fit import write_tables
-from pyburgers.flow_law_tables.fit import LAW_FILE, SOFTENING_FILE, RateFit, flow_law_prior
+from pyburgers.flow_law_tables.fit import LAW_FILE, SOFTENING_FILE, RateFit
+from pyburgers.flow_law_tables.hand_over import flow_law_prior
 from pyburgers.flow_law_tables.laws import RateLaw, rate_law, save_rate_law
 from pyburgers.flow_law_tables.program_data import (
     first_metric,

@@ -301,7 +301,7 @@ def _check_priors(
     if variant.hardening != "none":
         raise ChartUnsuited("the stress at a rate depends on the backstress")
     if variant.second_mechanism != "none":
-        raise ChartUnsuited("the stress at a rate is no product of powers with two mechanisms")
+        raise ChartUnsuited("the stress at a rate is no product of powers with several mechanisms")
     if not solved:
         raise ChartUnsuited("neither grain size nor fabric evolves")
     for name in solved:

@@ -1,8 +1,8 @@
-"""Laws of the dashpot, its hardening, its second mechanism and the Kelvin part: records.
+"""Laws of the dashpot, its hardening, its further mechanisms and the Kelvin part: records.
 
 Priors, choices, export, advice and tables of combinations follow from the records. The equations
 are in `stan/physics/dashpot_laws.stan`, `stan/physics/hardening.stan`,
-`stan/physics/second_mechanism.stan`, `stan/physics/kelvin_laws.stan` and
+`stan/physics/dashpot_mechanisms.stan`, `stan/physics/kelvin_laws.stan` and
 `stan/physics/relaxation.stan`, the parameters in `pyburgers.model.parameters`.
 """
 
@@ -257,56 +257,74 @@ HARDENING_SWITCH = "hardening_modulus"
 
 
 @dataclass(frozen=True)
-class SecondMechanism(Law):
-    """A second mechanism of the dashpot; `expression` is the rate of both.
+class Mechanism(Law):
+    """A further mechanism of the dashpot.
 
-    Its numbers have the values `held` (SI) where priors do not say them.
+    `expression` is a rate with it, of the rate `own` and of the one `before`. `in_series` says
+    whether the second is in series with the first, or the third with the second. Its numbers have
+    the values `held` (SI) where priors do not say them.
     """
 
+    in_series: bool = False
     held: Mapping[str, float] = field(default_factory=dict)
 
 
-SECOND_SWITCH = "second_rate"
-"""Parameter that takes the second mechanism out at 0."""
+def _mechanism(
+    which: str, name: str, exponent: float, grain_size_exponent: float, *, in_series: bool = False
+) -> Mechanism:
+    return Mechanism(
+        name,
+        (f"{which}_rate",),
+        "1/(1/({before}) + 1/({own}))" if in_series else "{before} + {own}",
+        closed_form=not in_series,
+        in_series=in_series,
+        held={
+            f"{which}_stress_exponent": exponent,
+            f"{which}_grain_size_exponent": grain_size_exponent,
+        },
+    )
 
-_SIDE_BY_SIDE = "first_mechanism + second_mechanism"
 
-
-def _numbers(exponent: float, grain_size_exponent: float) -> dict[str, float]:
-    return {
-        "second_stress_exponent": exponent,
-        "second_grain_size_exponent": grain_size_exponent,
-    }
-
-
-SECOND_MECHANISMS: Mapping[str, SecondMechanism] = MappingProxyType(
+MECHANISMS: Mapping[str, Mapping[str, Mechanism]] = MappingProxyType(
     {
-        law.name: law
-        for law in (
-            SecondMechanism("none", (), ""),
-            # Along grain boundaries (Coble 1963, Journal of Applied Physics 34, 1679-1682).
-            SecondMechanism("diffusion", (SECOND_SWITCH,), _SIDE_BY_SIDE, held=_numbers(1.0, 3.0)),
-            # Sliding along grain boundaries, and basal slip, of ice (Goldsby and Kohlstedt 2001,
-            # Journal of Geophysical Research 106, 11017-11030, Table 5).
-            SecondMechanism("power_law", (SECOND_SWITCH,), _SIDE_BY_SIDE, held=_numbers(1.8, 1.4)),
-            SecondMechanism(
-                "in_series",
-                (SECOND_SWITCH,),
-                "1/(1/first_mechanism + 1/second_mechanism)",
-                closed_form=False,
-                held=_numbers(2.4, 0.0),
-            ),
-        )
+        which: {
+            law.name: law
+            for law in (
+                Mechanism("none", (), "{before}"),
+                # Along grain boundaries (Coble 1963, Journal of Applied Physics 34, 1679-1682).
+                _mechanism(which, "diffusion", 1.0, 3.0),
+                # Sliding along grain boundaries, and basal slip, of ice (Goldsby and Kohlstedt
+                # 2001, Journal of Geophysical Research 106, 11017-11030, Table 5).
+                _mechanism(which, "power_law", 1.8, 1.4),
+                _mechanism(which, "in_series", 2.4, 0.0, in_series=True),
+            )
+        }
+        for which in ("second", "third")
     }
 )
-"""Second mechanisms of the dashpot by name."""
+"""Laws of the second and of the third mechanism of the dashpot by name."""
 
-SECOND_RATE = (
-    "second_rate*(stress/second_reference_stress)^second_stress_exponent"
-    "*(grain_size/second_reference_grain_size)^-second_grain_size_exponent"
-    "*exp(-second_activation_enthalpy/R*(1/temperature - 1/second_reference_temperature))"
-)
-"""Rate of a second mechanism in an export."""
+
+def rate_of_mechanisms(second: str, third: str) -> str:
+    """Return the rate of the dashpot in an export, from those of its mechanisms."""
+    of_third, of_second = MECHANISMS["third"][third], MECHANISMS["second"][second]
+    own = "second_mechanism"
+    if of_third.in_series:
+        own = of_third.expression.format(before=own, own="third_mechanism")
+    rate = of_second.expression.format(before="first_mechanism", own=own)
+    if of_third.in_series:
+        return rate
+    return of_third.expression.format(before=rate, own="third_mechanism")
+
+
+def further_rate(which: str) -> str:
+    """Return the rate of a further mechanism in an export."""
+    return (
+        f"{which}_rate*(stress/mechanism_reference_stress)^{which}_stress_exponent"
+        f"*(grain_size/mechanism_reference_grain_size)^-{which}_grain_size_exponent"
+        f"*exp(-{which}_activation_enthalpy/R"
+        "*(1/temperature - 1/mechanism_reference_temperature))"
+    )
 
 
 def laws_in_closed_form() -> Mapping[str, tuple[str, ...]]:
@@ -314,7 +332,7 @@ def laws_in_closed_form() -> Mapping[str, tuple[str, ...]]:
     parts: Mapping[str, Mapping[str, Law]] = {
         "kelvin": KELVIN_LAWS,
         "maxwell": DASHPOT_LAWS,
-        "second_mechanism": SECOND_MECHANISMS,
+        **{f"{which}_mechanism": laws for which, laws in MECHANISMS.items()},
     }
     return {
         part: tuple(law.name for law in laws.values() if law.closed_form)

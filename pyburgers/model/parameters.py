@@ -43,6 +43,8 @@ class Parameter:
         return 1.0 / UNITS[self.quantity][self.display_unit]
 
 
+_ONE, _ENTHALPY = "dimensionless", "activation enthalpy"
+
 PARAMETERS: tuple[Parameter, ...] = (
     Parameter("maxwell_modulus", r"E_M", "Maxwell modulus", "stress", "GPa"),
     Parameter("kelvin_modulus", r"E_K", "Kelvin modulus", "stress", "GPa"),
@@ -250,63 +252,40 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
     Parameter(
         "discrepancy", r"\delta", "discrepancy of the law over the reading error", standard=0.0
     ),
-    Parameter(
-        "second_rate", r"r_2", "rate of the second mechanism", "strain rate", "1e-6/s", standard=0.0
+    *(
+        Parameter(
+            f"{which}_{name}", symbol, f"{label} of the {which} mechanism", quantity, unit, standard
+        )
+        for which, place in (("second", "2"), ("third", "3"))
+        for name, symbol, label, quantity, unit, standard in (
+            ("rate", f"r_{place}", "rate", "strain rate", "1e-6/s", 0.0),
+            ("stress_exponent", f"n_{place}", "stress exponent", _ONE, "1", 1.0),
+            ("grain_size_exponent", f"p_{place}", "grain size exponent", _ONE, "1", 0.0),
+            ("activation_enthalpy", f"Q_{place}", _ENTHALPY, "molar energy", "kJ/mol", 0.0),
+            ("in_series", f"s_{place}", "arrangement", _ONE, "1", 0.0),
+        )
     ),
-    Parameter(
-        "second_stress_exponent", r"n_2", "stress exponent of the second mechanism", standard=1.0
-    ),
-    Parameter(
-        "second_grain_size_exponent",
-        r"p_2",
-        "grain size exponent of the second mechanism",
-        standard=0.0,
-    ),
-    Parameter(
-        "second_activation_enthalpy",
-        r"Q_2",
-        "activation enthalpy of the second mechanism",
-        "molar energy",
-        "kJ/mol",
-        standard=0.0,
-    ),
-    Parameter(
-        "second_reference_stress",
-        r"S_2",
-        "stress of the rate of the second mechanism",
-        "stress",
-        "MPa",
-        standard=1e6,
-    ),
-    Parameter(
-        "second_reference_grain_size",
-        r"d_2",
-        "grain size of the rate of the second mechanism",
-        "length",
-        "um",
-        standard=1e-3,
-    ),
-    Parameter(
-        "second_reference_temperature",
-        r"T_2",
-        "temperature of the rate of the second mechanism",
-        "temperature",
-        "K",
-        standard=273.15,
-    ),
-    Parameter(
-        "mechanisms_in_series",
-        r"s_2",
-        "whether the mechanisms of the dashpot are in series",
-        standard=0.0,
+    *(
+        Parameter(
+            f"mechanism_reference_{name}", symbol, f"{label} of mechanism rates", quantity, unit, si
+        )
+        for name, symbol, label, quantity, unit, si in (
+            ("stress", "S_r", "stress", "stress", "MPa", 1e6),
+            ("grain_size", "d_r", "grain size", "length", "um", 1e-3),
+            ("temperature", "T_r", "temperature", "temperature", "K", 273.15),
+        )
     ),
     *(
         Parameter(f"{whose}{name}", symbol + place, label + of, quantity, unit, standard=0.0)
-        for whose, place, of in (("", "}", ""), ("second_", "2}", " of the second mechanism"))
+        for whose, place, of in (
+            ("", "}", ""),
+            ("second_", "2}", " of the second mechanism"),
+            ("third_", "3}", " of the third mechanism"),
+        )
         for name, symbol, label, quantity, unit in (
             ("activation_volume", "V_{M", "activation volume", "molar volume", "cm3/mol"),
-            ("water_exponent", "r_{f", "exponent of the water fugacity", "dimensionless", "1"),
-            ("melt_factor", r"\alpha_{\phi", "change of ln(rate) by melt", "dimensionless", "1"),
+            ("water_exponent", "r_{f", "exponent of the water fugacity", _ONE, "1"),
+            ("melt_factor", r"\alpha_{\phi", "change of ln(rate) by melt", _ONE, "1"),
         )
     ),
 )
@@ -343,8 +322,10 @@ ENVIRONMENT = tuple(p.name for p in ENVIRONMENT_PARAMETERS)
 """Its names, those of `pyburgers.kinds.experiment.Experiment.environment`."""
 
 ENVIRONMENT_NUMBERS = ("activation_volume", "water_exponent", "melt_factor")
-"""What a mechanism makes of each of `ENVIRONMENT`; below, of both mechanisms of the dashpot."""
-ALL_ENVIRONMENT_NUMBERS = (*ENVIRONMENT_NUMBERS, *(f"second_{n}" for n in ENVIRONMENT_NUMBERS))
+"""What a mechanism makes of each of `ENVIRONMENT`; below, of all mechanisms of the dashpot."""
+ALL_ENVIRONMENT_NUMBERS = tuple(
+    f"{whose}{name}" for whose in ("", "second_", "third_") for name in ENVIRONMENT_NUMBERS
+)
 
 RESIDUAL_CORRELATION = (
     "residual_correlation_strain",
@@ -395,33 +376,45 @@ KELVIN_REFERENCES: Mapping[str, str] = MappingProxyType(
 )
 """Where the Kelvin viscosity varies by the first, the second says for what it is given."""
 
-SECOND_REFERENCES = (
-    "second_reference_stress",
-    "second_reference_grain_size",
-    "second_reference_temperature",
+MECHANISM_REFERENCES = (
+    "mechanism_reference_stress",
+    "mechanism_reference_grain_size",
+    "mechanism_reference_temperature",
 )
-"""Conditions for which the rate of a second mechanism is given."""
+"""Conditions for which the rates of further mechanisms are given."""
 
-IN_SERIES = "mechanisms_in_series"
-"""Parameter that is 1 where the mechanisms of the dashpot are in series, 0 side by side."""
-
-SECOND_PARAMETERS = (
-    "second_rate",
-    "second_stress_exponent",
-    "second_grain_size_exponent",
-    "second_activation_enthalpy",
-    *SECOND_REFERENCES,
-    IN_SERIES,
+_OF_MECHANISM = (
+    "rate",
+    "stress_exponent",
+    "grain_size_exponent",
+    "activation_enthalpy",
+    "in_series",
 )
-"""All that a second mechanism of the dashpot is given by."""
+
+FURTHER_MECHANISMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {which: tuple(f"{which}_{name}" for name in _OF_MECHANISM) for which in ("second", "third")}
+)
+"""Parameters of each further mechanism of the dashpot; without the first there is none.
+
+The last is 1 where the second is in series with the first, or the third with the second.
+"""
+
+STRESS_EXPONENTS = ("stress_exponent", *(own[1] for own in FURTHER_MECHANISMS.values()))
+"""Of all mechanisms of the dashpot."""
+
+FURTHER_PARAMETERS = (
+    *(name for own in FURTHER_MECHANISMS.values() for name in own),
+    *MECHANISM_REFERENCES,
+)
+"""All that further mechanisms of the dashpot are given by."""
 
 CONSTANTS = frozenset(
     {
         *KELVIN_REFERENCES.values(),
         "modulus_reference_temperature",
         *PIEZOMETER,
-        *SECOND_REFERENCES,
-        IN_SERIES,
+        *MECHANISM_REFERENCES,
+        *(own[-1] for own in FURTHER_MECHANISMS.values()),
         *ENVIRONMENT,
     }
 )
@@ -436,8 +429,8 @@ GIVEN_TOGETHER: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "hardening_modulus": ("backstress_limit",),
         "recovery_exponent": (),
         "recovery_activation_enthalpy": ("kelvin_reference_temperature",),
-        SECOND_PARAMETERS[0]: SECOND_PARAMETERS[1:-1],
-        "second_stress_exponent": (),
+        **{own[0]: (*own[1:-1], *MECHANISM_REFERENCES) for own in FURTHER_MECHANISMS.values()},
+        **dict.fromkeys(STRESS_EXPONENTS[1:], ()),
     }
 )
 """Where the first is not left without effect, the others have to be given too."""

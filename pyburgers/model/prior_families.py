@@ -23,14 +23,15 @@ from pyburgers.model.laws import (
     DASHPOT_STRESSES,
     HARDENING_SWITCH,
     NONLINEAR_KELVIN_PARAMETERS,
-    SECOND_SWITCH,
 )
 from pyburgers.model.parameters import (
     ALL_ENVIRONMENT_NUMBERS,
     BELOW_ONE,
     CONDITIONS,
     CONSTANTS,
+    FURTHER_MECHANISMS,
     STANDARD_VALUES,
+    STRESS_EXPONENTS,
     Parameter,
 )
 
@@ -100,7 +101,7 @@ BOUNDED_AWAY_FROM_ZERO = frozenset(
         *NONLINEAR_KELVIN_PARAMETERS,
         HARDENING_SWITCH,
         "backstress_limit",
-        SECOND_SWITCH,
+        *(own[0] for own in FURTHER_MECHANISMS.values()),
         "relaxation_exponent",
         "peak_width",
     }
@@ -122,9 +123,9 @@ LOWER_LIMITS: Mapping[str, tuple[float, str]] = MappingProxyType(
             1.0,
             "at least 1, because below it a small backstress recovers infinitely fast",
         ),
-        "second_stress_exponent": (
-            1.0,
-            "at least 1, because below it the rate rises infinitely fast from zero stress",
+        **dict.fromkeys(
+            STRESS_EXPONENTS[1:],
+            (1.0, "at least 1, because below it the rate rises infinitely fast from zero stress"),
         ),
     }
 )

@@ -5,15 +5,16 @@ part of the model out. The Stan programs read from the same priors which equatio
 priors and equations cannot contradict each other, and what a run used can be told from its priors.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 
 from pyburgers.common.errors import InputError, nearest
-from pyburgers.model import second_mechanism as mechanisms
+from pyburgers.model import mechanisms
 from pyburgers.model.dashpot_laws import beta_of_linear, dashpot_law
 from pyburgers.model.fitted_test import Test
 from pyburgers.model.hardening import (
@@ -29,8 +30,7 @@ from pyburgers.model.laws import (
     DASHPOT_STRESSES,
     HARDENING_LAWS,
     KELVIN_LAWS,
-    SECOND_MECHANISMS,
-    SECOND_SWITCH,
+    MECHANISMS,
 )
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PIEZOMETER
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
@@ -70,6 +70,8 @@ class ModelVariant:
         Whether the dashpot of the Maxwell element flows by the stress less a backstress.
     second_mechanism : {"none", "diffusion", "power_law", "in_series"}
         Whether the dashpot has a second mechanism, beside the first one or in series with it.
+    third_mechanism : {"none", "diffusion", "power_law", "in_series"}
+        Whether it has a third one, beside both or in series with the second.
 
     Examples
     --------
@@ -84,6 +86,7 @@ class ModelVariant:
     residuals: ResidualsLaw = "independent"
     hardening: str = "none"
     second_mechanism: str = "none"
+    third_mechanism: str = "none"
 
     def record(self) -> dict[str, str]:
         """Return the choices by name, as manifests hold them.
@@ -128,7 +131,7 @@ CHOICES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "fabric": ("evolving", "constant"),
         "residuals": ("independent", "autocorrelated", "discrepancy"),
         "hardening": (*HARDENING_LAWS,),
-        "second_mechanism": (*SECOND_MECHANISMS,),
+        **{f"{which}_mechanism": (*laws,) for which, laws in MECHANISMS.items()},
     }
 )
 """Names of the parts and of the laws that each may follow."""
@@ -207,7 +210,8 @@ def variant_of(priors: PriorSet, experiment: Test) -> ModelVariant:
         residuals=residuals_law(priors.priors, experiment.residual_correlation),
         kelvin=kelvin_law(priors.priors, experiment.id),
         hardening=hardening_law(priors.priors),
-        second_mechanism=mechanisms.second_mechanism(priors.priors),
+        second_mechanism=mechanisms.mechanism("second", priors.priors),
+        third_mechanism=mechanisms.mechanism("third", priors.priors),
     )
 
 
@@ -255,7 +259,7 @@ def check_laws(priors: PriorSet, experiment: Test) -> None:
             f"{', '.join(PIEZOMETER[:-1])} and {PIEZOMETER[-1]} in them, or the variant "
             "grain_size=constant."
         )
-    for part in ("kelvin", "maxwell", "hardening", "second_mechanism"):
+    for part in ("kelvin", "maxwell", "hardening", "second_mechanism", "third_mechanism"):
         law = variant.record()[part]
         if not _allows(experiment, part, law):
             raise InputError(
@@ -362,13 +366,13 @@ def _choose_hardening(priors: PriorSet, experiment: Test, choice: str) -> PriorS
     return priors.exchanging(*changes_of_hardening(choice, priors.priors, freed, medians, held))
 
 
-def _choose_second_mechanism(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
+def _choose_mechanism(which: str, priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
     """Free the rate, which holds at the largest stress, to one digit, before the test."""
     stress = float(f"{_largest_stress(experiment):.0e}")
     conditions = (stress, experiment.initial_grain_size, experiment.temperature)
-    weak = priors_of_freed_parameters()[SECOND_SWITCH]
+    weak = priors_of_freed_parameters()[f"{which}_rate"]
     return priors.exchanging(
-        *mechanisms.changes_of_mechanism(choice, priors.priors, weak, conditions)
+        *mechanisms.changes_of_mechanism(which, choice, priors.priors, weak, conditions)
     )
 
 
@@ -412,7 +416,7 @@ def _choose_residuals(priors: PriorSet, experiment: Test, choice: str) -> PriorS
     )
 
 
-_CHANGES = MappingProxyType(
+_CHANGES: Mapping[str, Callable[[PriorSet, Test, str], PriorSet]] = MappingProxyType(
     {
         "kelvin": _choose_kelvin,
         "maxwell": _choose_maxwell,
@@ -420,7 +424,7 @@ _CHANGES = MappingProxyType(
         "fabric": _choose_fabric,
         "residuals": _choose_residuals,
         "hardening": _choose_hardening,
-        "second_mechanism": _choose_second_mechanism,
+        **{f"{which}_mechanism": partial(_choose_mechanism, which) for which in MECHANISMS},
     }
 )
 """What each choice does to the priors."""

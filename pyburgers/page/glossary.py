@@ -56,7 +56,10 @@ DEFINITIONS = {
     "relaxation times": "Times after which strain that comes late has come.",
     **{law.name.replace("_", " "): law.words for law in DASHPOT_LAWS.values() if law.words},
     "backstress": "Stress that flow has stored, and that opposes the flow.",
-    "second mechanism": "Another way in which the dashpot flows at the same time.",
+    **dict.fromkeys(
+        ("second mechanism", "third mechanism"),
+        "Another way in which the dashpot flows at the same time.",
+    ),
     "breakdown stress": "Stress at which a hyperbolic sine turns exponential.",
     "compliance": "Strain over stress.",
     "Debye peak": "Attenuation of a single relaxation time against the period.",

@@ -13,7 +13,7 @@ from pyburgers.model.laws import DASHPOT_STRESSES
 from pyburgers.model.parameters import (
     ALL_ENVIRONMENT_NUMBERS,
     ENVIRONMENT,
-    SECOND_PARAMETERS,
+    FURTHER_PARAMETERS,
 )
 from pyburgers.model.priors import FLOW_LAW
 from pyburgers.predictions.stress_cycles import Regime
@@ -59,9 +59,9 @@ def flow_rate(
     parameters : mapping of str to float or array
         SI values of stress_exponent, grain_size_exponent, activation_enthalpy and beta.
         With a breakdown_stress above zero the law is the hyperbolic sine, with a threshold_stress
-        that of a threshold. With a second_rate above zero it has a second mechanism. Pressure,
-        water_fugacity and melt_fraction act by the numbers of the mechanisms. Other names are
-        ignored.
+        that of a threshold. A second_rate and a third_rate above zero are more mechanisms.
+        Pressure, water_fugacity and melt_fraction act by the numbers of the mechanisms. Other
+        names are ignored.
     stress : float or array
         Pa, of either sign.
     temperature : float
@@ -94,7 +94,7 @@ def flow_rate(
         for name in (
             *FLOW_LAW,
             *DASHPOT_STRESSES,
-            *SECOND_PARAMETERS,
+            *FURTHER_PARAMETERS,
             *ALL_ENVIRONMENT_NUMBERS,
             *ENVIRONMENT,
         )

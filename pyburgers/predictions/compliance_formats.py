@@ -35,8 +35,8 @@ class ShearCompliances:
     notes: tuple[str, ...]
 
 
-LINEAR = ("none", "diffusion")
-"""Second mechanisms that leave a linear dashpot linear."""
+LINEAR = {"none", "diffusion"}
+"""Further mechanisms that leave a linear dashpot linear."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,8 @@ def shear_compliances(fit: SampledFit, stated: Stated, code: str) -> ShearCompli
             f"{code}: found no Poisson's ratio, expected --poisson-ratio: E_M is Young's modulus."
         )
     regime = stated.regime
-    linear = fit.variant.maxwell == "linear" and fit.variant.second_mechanism in LINEAR
+    further = {fit.variant.second_mechanism, fit.variant.third_mechanism}
+    linear = fit.variant.maxwell == "linear" and further <= LINEAR
     if regime is None and not linear:
         raise InputError(
             f"{code}: found no stress, expected --median-stress-MPa and --amplitude-MPa: "

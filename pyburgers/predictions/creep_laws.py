@@ -171,8 +171,8 @@ def creep_laws(fit: SampledFit, stated: Stated, code: str) -> CreepLaws:
             )
         if fit.variant.second_mechanism != "none":
             raise InputError(
-                f"{code}: cannot express two mechanisms of the dashpot, expected a power law; fit "
-                "with --variant second_mechanism=none, or use --format json."
+                f"{code}: cannot express several mechanisms of the dashpot, expected a power "
+                "law; fit with one mechanism, or use --format json."
             )
         if DASHPOT_LAWS[fit.variant.maxwell].own_stress:
             raise InputError(

@@ -30,8 +30,9 @@ from pyburgers.model.laws import (
     DASHPOT_LAWS,
     HARDENING_LAWS,
     KELVIN_LAWS,
-    SECOND_MECHANISMS,
-    SECOND_RATE,
+    MECHANISMS,
+    further_rate,
+    rate_of_mechanisms,
 )
 from pyburgers.model.parameters import (
     CONDITIONS,
@@ -89,9 +90,14 @@ def laws_of(prior_set: PriorSet, experiment: Test) -> dict[str, object]:
     if variant.second_mechanism != "none":
         mechanisms = {
             "first_mechanism": flow_law.removeprefix("strain_rate = "),
-            "second_mechanism": SECOND_RATE + environment_law(priors, "second_"),
+            **{
+                f"{which}_mechanism": further_rate(which) + environment_law(priors, f"{which}_")
+                for which in MECHANISMS
+                if variant.record()[f"{which}_mechanism"] != "none"
+            },
         }
-        flow_law = f"strain_rate = {SECOND_MECHANISMS[variant.second_mechanism].expression}"
+        rate = rate_of_mechanisms(variant.second_mechanism, variant.third_mechanism)
+        flow_law = f"strain_rate = {rate}"
         hardening_law = hardening_law.replace("strain_rate", "first_mechanism")
     fabric = "1" if variant.fabric == "constant" else "steady_state_fabric_factor"
     return {

@@ -15,9 +15,9 @@ from pyburgers.model.laws import DASHPOT_STRESSES, HARDENING_SWITCH
 from pyburgers.model.parameters import (
     ALL_ENVIRONMENT_NUMBERS,
     ENVIRONMENT,
-    IN_SERIES,
+    FURTHER_MECHANISMS,
+    FURTHER_PARAMETERS,
     PIEZOMETER,
-    SECOND_PARAMETERS,
 )
 
 PARAMETER_NAMES = (
@@ -43,7 +43,7 @@ OTHER_PARAMETERS = (
     *RELAXATION_PARAMETERS,
     *DASHPOT_STRESSES,
     HARDENING_SWITCH,
-    *SECOND_PARAMETERS,
+    *FURTHER_PARAMETERS,
     *ALL_ENVIRONMENT_NUMBERS,
     *ENVIRONMENT,
     "modulus_temperature_coefficient",
@@ -148,12 +148,13 @@ def checked_inputs(
                 f"{law.name} because stress cycles have no closed form with it; fit and simulate "
                 "them as a loading history."
             )
-    if np.any(np.asarray(parameters.get(IN_SERIES, 0.0)) != 0):
-        raise InputError(
-            f"{IN_SERIES}: found values other than 0, expected mechanisms side by side because "
-            "stress cycles have no closed form with others; fit and simulate them as a loading "
-            "history."
-        )
+    for *_, name in FURTHER_MECHANISMS.values():
+        if np.any(np.asarray(parameters.get(name, 0.0)) != 0):
+            raise InputError(
+                f"{name}: found values other than 0, expected mechanisms side by side because "
+                "stress cycles have no closed form with others; fit and simulate them as a "
+                "loading history."
+            )
     if len(shape) not in DRAW_DIMENSIONS:
         raise InputError(
             f"parameters: found draws of shape {shape}, expected (chain, draw), (draw,) or ()."

@@ -114,7 +114,7 @@ vector resolve_flow(vector parameter, data int replaced_parameter, data int samp
     real sampled = parameter[replaced_parameter];
     // Of the same material without pressure, water and melt.
     real log_rate = (samples_stress ? given : sampled)
-                    - log_environment(parameter, at_temperature, environment_numbers());
+                    - log_environment(parameter, at_temperature, environment_numbers(1));
     real log_stress = samples_stress ? sampled : given;
     if (replaced_parameter == i_activation_enthalpy()) {
       real beta = parameter[i_beta()];

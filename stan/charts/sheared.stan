@@ -176,7 +176,7 @@ vector shears(vector plain, vector given, data array[] int place, data matrix qu
   if (replaced_parameter == i_activation_enthalpy() && place[i_beta()] > 0) {
     real at_temperature = true_temperature(parameter, record[r_temperature()]);
     shifts[place[i_beta()]] = probable_beta(
-      log_rate - log_environment(parameter, at_temperature, environment_numbers()), n, p,
+      log_rate - log_environment(parameter, at_temperature, environment_numbers(1)), n, p,
       log(record[r_flow_stress()]), record[r_grain_size()], at_temperature,
       [location[i_activation_enthalpy()], scale[i_activation_enthalpy()]]',
       [location[i_beta()], scale[i_beta()]]');

@@ -19,7 +19,7 @@ matrix log_fluidity(vector parameter, data vector temperature, data real grain_s
                     data array[] int regime, data vector median_stress,
                     data vector amplitude, data array[] int node_end, data matrix node) {
   vector[num_elements(amplitude)] of_stress;
-  vector[num_elements(temperature)] both;
+  vector[num_elements(temperature)] all;
   vector[num_elements(temperature)] first;
   vector[num_elements(temperature)] log_factor;
   for (r in 1 : num_elements(amplitude)) {
@@ -34,16 +34,16 @@ matrix log_fluidity(vector parameter, data vector temperature, data real grain_s
   }
   first = of_stress[regime] + log_factor
           - parameter[i_grain_size_exponent()] * log(grain_size);
-  both = first;
+  all = first;
   if (mechanisms_act(parameter) > 0) {
     for (i in 1 : num_elements(temperature)) {
       int r = regime[i];
       array[node_end[r + 1] - node_end[r]] int here = part(node_end, r);
-      both[i] = log_fluidity_of_both(first[i], median_stress[r], amplitude[r], grain_size,
-                                     parameter, temperature[i], node[here, 1], node[here, 2]);
+      all[i] = log_fluidity_of_all(first[i], median_stress[r], amplitude[r], grain_size,
+                                   parameter, temperature[i], node[here, 1], node[here, 2]);
     }
   }
-  return append_col(both, first);
+  return append_col(all, first);
 }
 
 /** ln of the longest relaxation time of the Kelvin part in every reading, ln s. */

@@ -11,7 +11,7 @@
  *
  * With a power-law Kelvin element (physics/kelvin_laws.stan) the linear driving stress stands
  * for y - z in the rates, and with another law of the dashpot (physics/dashpot_laws.stan) the
- * equivalent stress for y in v_d, and a second mechanism (physics/second_mechanism.stan) has a rate
+ * equivalent stress for y in v_d, and a further mechanism (physics/dashpot_mechanisms.stan) has a rate
  * v_2 as in kinds/loading_history_rates.stan. Numbers that only some laws need are vectors, empty in the others:
  * every number costs the solver sensitivities.
  *
@@ -95,7 +95,7 @@ matrix harmonics_of(data vector sine, data vector cosine, data vector background
  * @param piezometer d_1 (m), exponent and stress floor (Pa), see piezometer_grain_size()
  * @param kelvin of a Kelvin element that is not linear: the number of its law, ln(S/q_0)
  * @param dashpot of another law than the power law: its stress over S
- * @param second of a second mechanism: ln of its rate at stress S and grain size d_0, n_2 and p_2
+ * @param further of each further mechanism: ln of its rate at stress S and grain size d_0, n_k, p_k
  * @param law, kelvin_law, act of dashpot_law(), kelvin_law_at() and mechanisms_act()
  */
 vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvin_fluidity,
@@ -106,7 +106,7 @@ vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvi
                               data vector background_range, data real first_tau,
                               real stress_scale, data real strain_scale,
                               data real unit, data vector piezometer, vector kelvin,
-                              vector dashpot, vector second, data int law,
+                              vector dashpot, matrix further, data int law,
                               data int kelvin_law, data int act) {
   real log_grain_size = log(grain_size_unit() * state[3]);
   real rate = driving_rate(tau, harmonics, error, n_harmonics, background_range, first_tau)
@@ -124,10 +124,12 @@ vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvi
   dashpot_rate = signed_power(flow_stress, 0, stress_exponent,
                               log_dashpot_rate - grain_size_exponent * log_grain_size);
   if (act > 0) {
-    dashpot_rate = rate_of_both(dashpot_rate,
-                                signed_power(state[1], 0, second[2],
-                                             second[1] - second[3] * log_grain_size),
-                                act);
+    vector[rows(further)] rates;
+    for (k in 1 : rows(further)) {
+      rates[k] = signed_power(state[1], 0, further[k, 2],
+                              further[k, 1] - further[k, 3] * log_grain_size);
+    }
+    dashpot_rate = rate_of_mechanisms(dashpot_rate, rates, act);
   }
   if (tau >= first_tau) {
     real preferred = piezometer_grain_size(stress_scale * state[1], piezometer[1],
@@ -191,7 +193,7 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
   vector[kelvin_law > 0 ? 2 : 0] kelvin;
   int act = mechanisms_act(constant);
   vector[law > 0] dashpot;
-  vector[act > 0 ? 3 : 0] second;
+  matrix[n_further_mechanisms(act), 3] further;
   array[size(tau)] vector[3] solution;
   if (kelvin_law > 0) {
     kelvin = [parameter[kelvin_law],
@@ -200,11 +202,11 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
   if (law > 0) {
     dashpot = [parameter[law] / stress_scale]';
   }
-  if (act > 0) {
-    second = [log_second_rate(stress_scale, initial_grain_size, parameter, at_temperature)
-              + log(period / strain_scale),
-              parameter[i_second_stress_exponent()],
-              parameter[i_second_grain_size_exponent()]]';
+  for (k in 1 : rows(further)) {
+    further[k, 1] = log_further_rate(k, stress_scale, initial_grain_size, parameter,
+                                     at_temperature)
+                    + log(period / strain_scale);
+    further[k, 2 : 3] = parameter[mechanism_numbers(k)[2 : 3]]';
   }
   if (size(tau) > 0) {
     // The state at the start is an expression of data: constant to the solver.
@@ -218,7 +220,7 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
                            grain_size_unit() * initial_grain_size,
                            constant[{i_piezometer_reference_grain_size(),
                                      i_piezometer_exponent(), i_piezometer_stress_floor()}],
-                           kelvin, dashpot, second, law, kelvin_law, act);
+                           kelvin, dashpot, further, law, kelvin_law, act);
   }
   for (i in 1 : size(tau)) {
     solution[i] = solution[i]

@@ -17,8 +17,8 @@
  * v_0 the rate of the undeformed dashpot at stress S. With a power-law Kelvin element its linear
  * driving stress stands for q (physics/kelvin_laws.stan), with another law of the dashpot
  * (physics/dashpot_laws.stan) the equivalent stress for y in v_d. A backstress (physics/hardening.stan)
- * leaves y - b of y there. A second mechanism (physics/second_mechanism.stan) has the rate
- * v_2 = v_20 sgn(y) |y|^n_2 (d/d_0)^-p_2, v_20 that at stress S. A Kelvin part with many relaxation times
+ * leaves y - b of y there. A further mechanism (physics/dashpot_mechanisms.stan) has the rate
+ * v_k = v_k0 sgn(y) |y|^n_k (d/d_0)^-p_k, v_k0 that at stress S. A Kelvin part with many relaxation times
  * (physics/relaxation.stan) is a sum of elements, each with a z_k of its own:
  *
  *   dz_k/dt = c_k (D E_K/eta_K) (y - z_k),  z = sum of w_k z_k.
@@ -28,7 +28,7 @@
  * rest, as the whole microstructure where it is constant, is data.
  */
 
-int n_history_rates() { return 21 + n_relaxation_numbers(); }
+int n_history_rates() { return 24 + n_relaxation_numbers(); }
 
 int h_log_dashpot_rate() { return 1; } // ln v_0
 int h_stress_exponent() { return 2; } // n
@@ -48,10 +48,10 @@ int h_hardening() { return 15; } // H e/S, and the other numbers of backstress_r
 int h_backstress_limit() { return 16; } // sigma_max/S
 int h_recovery() { return 17; } // D r
 int h_recovery_exponent() { return 18; } // m
-int h_log_second_rate() { return 19; } // ln v_20; 0 without a second mechanism
-int h_second_stress_exponent() { return 20; } // n_2
-int h_second_grain_size_exponent() { return 21; } // p_2
-int h_relaxation() { return 22; } // the first of relaxation_numbers()
+int h_log_further_rate(int k) { return 16 + 3 * k; } // ln v_k0 of the second (1) and the third; or 0
+int h_further_stress_exponent(int k) { return 17 + 3 * k; } // n_k
+int h_further_grain_size_exponent(int k) { return 18 + 3 * k; } // p_k
+int h_relaxation() { return 25; } // the first of relaxation_numbers()
 
 /** Places in the constants of a test, which are data. */
 int n_history_constants() { return 10; }
@@ -106,11 +106,12 @@ vector history_rates(vector parameter, data vector constant, data real duration,
                                               parameter[i_kelvin_activation_enthalpy()],
                                               at_temperature,
                                               constant[i_kelvin_reference_temperature()]);
-  real log_second = 0;
+  vector[2] log_further = rep_vector(0, 2);
   real log_coarser = log(initial_grain_size / constant[i_kelvin_reference_grain_size()]);
-  if (test[c_mechanisms()] > 0) {
-    log_second = log_second_rate(stress_scale, initial_grain_size, parameter, at_temperature)
-                 + log(duration / strain_scale);
+  for (k in 1 : n_further_mechanisms(test[c_mechanisms()])) {
+    log_further[k] = log_further_rate(k, stress_scale, initial_grain_size, parameter,
+                                      at_temperature)
+                     + log(duration / strain_scale);
   }
   return append_row(
          [log_flow_rate_at(stress_scale, initial_grain_size, temperature, parameter)
@@ -129,8 +130,10 @@ vector history_rates(vector parameter, data vector constant, data real duration,
           parameter[i_backstress_limit()] / stress_scale,
           duration * recovery_rate_at(parameter, at_temperature,
                                       constant[i_kelvin_reference_temperature()]),
-          parameter[i_recovery_exponent()], log_second,
-          parameter[i_second_stress_exponent()], parameter[i_second_grain_size_exponent()]]',
+          parameter[i_recovery_exponent()], log_further[1],
+          parameter[i_second_stress_exponent()], parameter[i_second_grain_size_exponent()],
+          log_further[2], parameter[i_third_stress_exponent()],
+          parameter[i_third_grain_size_exponent()]]',
          relaxation_numbers(parameter));
 }
 
@@ -139,17 +142,18 @@ vector history_rates(vector parameter, data vector constant, data real duration,
  *
  * @param is_free of each parameter, whether it is inferred in any test
  * @param element elements of the Kelvin part (history_elements())
- * @param hardens, has_second 1: the dashpot has a backstress, a second mechanism in some test
+ * @param hardens 1: the dashpot has a backstress in some test
+ * @param n_further of most_further_mechanisms()
  */
 array[] int varying_rates(data array[] int is_free, data matrix element, data int hardens,
-                          data int has_second) {
+                          data int n_further) {
   array[n_history_rates()] int varies = rep_array(0, n_history_rates());
   int n_varying = 0;
   varies[h_log_dashpot_rate()]
     = max(append_array(is_free[{i_stress_exponent(), i_grain_size_exponent(),
                                 i_activation_enthalpy(), i_beta(), i_temperature_error(),
                                 i_stress_calibration_error()}],
-                       is_free[environment_numbers()]));
+                       is_free[environment_numbers(1)]));
   varies[h_stress_exponent()] = is_free[i_stress_exponent()];
   varies[h_grain_size_exponent()] = is_free[i_grain_size_exponent()];
   varies[h_kelvin_decay()] = max(is_free[{i_kelvin_modulus(), i_kelvin_viscosity(),
@@ -177,15 +181,13 @@ array[] int varying_rates(data array[] int is_free, data matrix element, data in
                                         i_temperature_error()}]);
     varies[h_recovery_exponent()] = is_free[i_recovery_exponent()];
   }
-  if (has_second) {
-    varies[h_log_second_rate()]
-      = max(append_array(is_free[{i_second_rate(), i_second_stress_exponent(),
-                                  i_second_grain_size_exponent(),
-                                  i_second_activation_enthalpy(), i_temperature_error(),
-                                  i_stress_calibration_error()}],
-                         is_free[second_environment_numbers()]));
-    varies[h_second_stress_exponent()] = is_free[i_second_stress_exponent()];
-    varies[h_second_grain_size_exponent()] = is_free[i_second_grain_size_exponent()];
+  for (k in 1 : n_further) {
+    array[5] int number = mechanism_numbers(k);
+    varies[h_log_further_rate(k)]
+      = max(is_free[append_array(append_array(number, environment_numbers(k + 1)),
+                                 {i_temperature_error(), i_stress_calibration_error()})]);
+    varies[h_further_stress_exponent(k)] = is_free[number[2]];
+    varies[h_further_grain_size_exponent(k)] = is_free[number[3]];
   }
   varies[h_relaxation() : ] = relaxation_numbers_vary(is_free, element);
   n_varying = sum(varies);
@@ -346,12 +348,15 @@ vector history_dashpot_rates(real y, real b, real g, real u, vector varying,
                        - history_rate(h_grain_size_exponent(), varying, place, fixed)
                          * log_grain_size);
   if (test[c_mechanisms()] > 0) {
-    real second
-      = signed_power(y, 0, history_rate(h_second_stress_exponent(), varying, place, fixed),
-                     history_rate(h_log_second_rate(), varying, place, fixed)
-                     - history_rate(h_second_grain_size_exponent(), varying, place, fixed)
-                       * log_grain_size);
-    return [rate_of_both(first, second, test[c_mechanisms()]), first]';
+    vector[n_further_mechanisms(test[c_mechanisms()])] further;
+    for (k in 1 : num_elements(further)) {
+      further[k]
+        = signed_power(y, 0, history_rate(h_further_stress_exponent(k), varying, place, fixed),
+                       history_rate(h_log_further_rate(k), varying, place, fixed)
+                       - history_rate(h_further_grain_size_exponent(k), varying, place, fixed)
+                         * log_grain_size);
+    }
+    return [rate_of_mechanisms(first, further, test[c_mechanisms()]), first]';
   }
   return [first, first]';
 }
@@ -399,19 +404,23 @@ array[] vector fast_history_leg(data int driven, data array[] int state, data ar
   if (solver == 1) {
     vector[num_elements(start)] from = start;
     int n_linear = test[c_kelvin_law()] == 0 ? rows(elements) : 0;
-    vector[23] argument;
+    int act = 0; // of mechanisms_act()
+    vector[26] argument;
+    for (k in 0 : 7) {
+      act += test[c_mechanisms()] > k;
+    }
     for (k in 1 : 13) {
       argument[k] = history_rate(k, varying, place, fixed);
     }
     argument[15] = history_rate(h_stress_scale(), varying, place, fixed);
     argument[14] = log(argument[15] / test[c_kelvin_reference()]);
     argument[16] = start_path;
-    for (k in 1 : 7) {
+    for (k in 1 : 10) {
       argument[16 + k] = history_rate(h_hardening() + k - 1, varying, place, fixed);
     }
     return radau_leg({driven, place_of_dashpot_law(test[c_dashpot_law()]),
                       place_of_kelvin_law(test[c_kelvin_law()]), state[1], state[2], state[3],
-                      (test[c_mechanisms()] > 0) + (test[c_mechanisms()] > 1)},
+                      act},
                      {y_0, rate, test[c_strain_scale()], test[c_piezometer()],
                       test[c_piezometer_exponent()], test[c_piezometer_stress_floor()]},
                      time, tolerance, from,

@@ -2,7 +2,7 @@
  * Laws of the dashpot. Each is the power law of physics/flow_law.stan at another stress, and has a
  * stress of its own, a parameter that is 0 in all other laws. A law is named by the place of that
  * parameter (physics/parameters.stan), the power law by 0. Needs both files, and
- * physics/environment.stan; physics/second_mechanism.stan for the rate of the whole dashpot.
+ * physics/environment.stan; physics/dashpot_mechanisms.stan for the rate of the whole dashpot.
  */
 
 /**
@@ -18,7 +18,7 @@ real log_reference_stress_at(vector parameter, data real strain_rate,
   return log_reference_stress(strain_rate, initial_grain_size, at_temperature, n,
                               parameter[i_grain_size_exponent()],
                               parameter[i_activation_enthalpy()], parameter[i_beta()])
-         - log_environment(parameter, at_temperature, environment_numbers()) / n;
+         - log_environment(parameter, at_temperature, environment_numbers(1)) / n;
 }
 
 /** ln(flow rate s) at given parameters: log_flow_rate() of physics/flow_law.stan. */
@@ -28,7 +28,7 @@ real log_flow_rate_at(real stress, data real initial_grain_size, data real tempe
   return log_flow_rate(stress, initial_grain_size, at_temperature,
                        parameter[i_stress_exponent()], parameter[i_grain_size_exponent()],
                        parameter[i_activation_enthalpy()], parameter[i_beta()])
-         + log_environment(parameter, at_temperature, environment_numbers());
+         + log_environment(parameter, at_temperature, environment_numbers(1));
 }
 
 /** Stresses of the laws beside the power law. */
@@ -118,10 +118,10 @@ real dashpot_rate_at(real stress, real backstress, real grain_size, real fabric_
                                             law > 0 ? parameter[law] : 0, fabric_factor, n),
                           grain_size, fabric_factor, n, parameter[i_grain_size_exponent()],
                           log_rate_factor_at(parameter, temperature));
-  return act == 0
-         ? first
-         : rate_of_both(first,
-                        signed_power(stress, 0, parameter[i_second_stress_exponent()],
-                                     log_second_rate(1, grain_size, parameter, temperature)),
-                        act);
+  vector[n_further_mechanisms(act)] further;
+  for (k in 1 : num_elements(further)) {
+    further[k] = signed_power(stress, 0, parameter[mechanism_numbers(k)[2]],
+                              log_further_rate(k, 1, grain_size, parameter, temperature));
+  }
+  return act == 0 ? first : rate_of_mechanisms(first, further, act);
 }

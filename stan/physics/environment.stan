@@ -26,18 +26,15 @@ real log_environment(vector parameter, real temperature, data array[] int number
          - pressure * parameter[numbers[1]] / (gas_constant() * temperature);
 }
 
-/** Numbers of the flow law for log_environment(). */
-array[] int environment_numbers() {
-  return {i_activation_volume(), i_water_exponent(), i_melt_factor()};
-}
-
-/** The same of the second mechanism. */
-array[] int second_environment_numbers() {
-  return {i_second_activation_volume(), i_second_water_exponent(), i_second_melt_factor()};
+/** Numbers of a mechanism of the dashpot for log_environment(); 1: the flow law. */
+array[] int environment_numbers(data int mechanism) {
+  int first = {i_activation_volume(), i_second_activation_volume(),
+               i_third_activation_volume()}[mechanism];
+  return {first, first + 1, first + 2};
 }
 
 /** log_rate_factor() at given parameters, in their environment. */
 real log_rate_factor_at(vector parameter, real temperature) {
   return log_rate_factor(parameter[i_activation_enthalpy()], parameter[i_beta()], temperature)
-         + log_environment(parameter, temperature, environment_numbers());
+         + log_environment(parameter, temperature, environment_numbers(1));
 }

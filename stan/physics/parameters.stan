@@ -4,7 +4,7 @@
  * Priors, fixed values and `parameter` in the programs have this order. Those of variants have
  * standard values that leave them without effect (docs/variants.md).
  */
-int n_parameters() { return 64; }
+int n_parameters() { return 72; }
 
 int i_maxwell_modulus() { return 1; } // E_M, Pa
 int i_kelvin_modulus() { return 2; } // E_K, Pa
@@ -66,30 +66,38 @@ int i_recovery_activation_enthalpy() { return 44; } // Q_r, J/mol
 
 int i_discrepancy() { return 45; } // of the law, over the reading error; 0: w parts the residuals
 
-// Of a second mechanism of the dashpot, physics/second_mechanism.stan
-int i_second_rate() { return 46; } // r_2, 1/s, at S_2, d_2 and T_2; 0: there is none
+// Of further mechanisms of the dashpot, physics/dashpot_mechanisms.stan
+int i_second_rate() { return 46; } // r_2, 1/s, at S_r, d_r and T_r; 0: there is none
 int i_second_stress_exponent() { return 47; } // n_2
 int i_second_grain_size_exponent() { return 48; } // p_2
 int i_second_activation_enthalpy() { return 49; } // Q_2, J/mol
-int i_second_reference_stress() { return 50; } // S_2, Pa, always fixed
-int i_second_reference_grain_size() { return 51; } // d_2, m, always fixed
-int i_second_reference_temperature() { return 52; } // T_2, K, always fixed
-int i_mechanisms_in_series() { return 53; } // 0: side by side, always fixed
+int i_second_in_series() { return 50; } // 1: with the first, 0: beside it, always fixed
+int i_third_rate() { return 51; } // r_3, as r_2
+int i_third_stress_exponent() { return 52; } // n_3
+int i_third_grain_size_exponent() { return 53; } // p_3
+int i_third_activation_enthalpy() { return 54; } // Q_3, J/mol
+int i_third_in_series() { return 55; } // 1: with the second, 0: beside both, always fixed
+int i_mechanism_reference_stress() { return 56; } // S_r, Pa, always fixed
+int i_mechanism_reference_grain_size() { return 57; } // d_r, m, always fixed
+int i_mechanism_reference_temperature() { return 58; } // T_r, K, always fixed
 
-// Of the environment, physics/environment.stan
-int i_activation_volume() { return 54; } // V_M, m^3/mol
-int i_water_exponent() { return 55; } // r_f
-int i_melt_factor() { return 56; } // alpha_phi
-int i_second_activation_volume() { return 57; } // V_M2, m^3/mol
-int i_second_water_exponent() { return 58; } // r_f2
-int i_second_melt_factor() { return 59; } // alpha_phi2
+// Of the environment, physics/environment.stan, which has the three of a mechanism in a row
+int i_activation_volume() { return 59; } // V_M, m^3/mol
+int i_water_exponent() { return 60; } // r_f
+int i_melt_factor() { return 61; } // alpha_phi
+int i_second_activation_volume() { return 62; } // V_M2, m^3/mol
+int i_second_water_exponent() { return 63; } // r_f2
+int i_second_melt_factor() { return 64; } // alpha_phi2
+int i_third_activation_volume() { return 65; } // V_M3, m^3/mol
+int i_third_water_exponent() { return 66; } // r_f3
+int i_third_melt_factor() { return 67; } // alpha_phi3
 
 // Of the conditions of a test; errors are 0 where conditions are taken as known
-int i_temperature_error() { return 60; } // true less stated temperature, K
-int i_stress_calibration_error() { return 61; } // c: the load cell reads 1 + c times the stress
-int i_pressure() { return 62; } // P, Pa, always fixed
-int i_water_fugacity() { return 63; } // f, Pa, always fixed
-int i_melt_fraction() { return 64; } // phi, always fixed
+int i_temperature_error() { return 68; } // true less stated temperature, K
+int i_stress_calibration_error() { return 69; } // c: the load cell reads 1 + c times the stress
+int i_pressure() { return 70; } // P, Pa, always fixed
+int i_water_fugacity() { return 71; } // f, Pa, always fixed
+int i_melt_fraction() { return 72; } // phi, always fixed
 
 /** Temperature of a test (K): the stated one and its error. */
 real true_temperature(vector parameter, data real stated) {

@@ -8,7 +8,7 @@
  * which depends on the stresses, not on the frequency. Rates are those of a frozen microstructure:
  * B is the product of the rate factor, d^-p, and a number of the stresses and the stress exponent,
  * whose logarithm these functions return. Needs physics/flow_law.stan and
- * physics/second_mechanism.stan.
+ * physics/dashpot_mechanisms.stan.
  */
 
 /**
@@ -60,7 +60,7 @@ real log_fluidity_of_stress(real median_stress, real amplitude, real stress_expo
 }
 
 /**
- * ln of B of a dashpot with a second mechanism beside the first. Rates under a given stress add,
+ * ln of B of a dashpot with further mechanisms side by side. Rates under a given stress add,
  * whatever their stress exponents.
  *
  * @param log_first ln of B of the first mechanism
@@ -68,12 +68,16 @@ real log_fluidity_of_stress(real median_stress, real amplitude, real stress_expo
  * @param temperature true one, K
  * @param sine, weight see log_fluidity_about()
  */
-real log_fluidity_of_both(real log_first, real median_stress, real amplitude, real grain_size,
-                          vector parameter, real temperature, data vector sine,
-                          data vector weight) {
-  return log_sum_exp(log_first,
-                     log_fluidity_of_stress(median_stress, amplitude,
-                                            parameter[i_second_stress_exponent()], 0, sine,
-                                            weight)
-                     + log_second_rate(1, grain_size, parameter, temperature));
+real log_fluidity_of_all(real log_first, real median_stress, real amplitude, real grain_size,
+                         vector parameter, real temperature, data vector sine,
+                         data vector weight) {
+  real log_total = log_first;
+  for (k in 1 : n_further_mechanisms(mechanisms_act(parameter))) {
+    log_total = log_sum_exp(log_total,
+                            log_fluidity_of_stress(median_stress, amplitude,
+                                                   parameter[mechanism_numbers(k)[2]], 0,
+                                                   sine, weight)
+                            + log_further_rate(k, 1, grain_size, parameter, temperature));
+  }
+  return log_total;
 }

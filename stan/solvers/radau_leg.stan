@@ -18,8 +18,8 @@
  * @param start states at the start; those of linear elements come last
  * @param argument the first 13 numbers of kinds/loading_history_rates.stan, ln(S/q_0), S (Pa), g at
  *   the start (where strain only grows, less what the load has stretched), the four numbers of a
- *   backstress, the three of a second mechanism, and the decays, then the weights, of linear
- *   elements
+ *   backstress, the three of each of two further mechanisms, and the decays, then the weights, of
+ *   linear elements
  * @return array over time of the states; NaN where the method does not converge
  */
 array[] vector radau_leg(data array[] int law, data array[] real known, data array[] real time,

@@ -72,6 +72,7 @@ EVERY_CHOICE = {
     "residuals": "autocorrelated",
     "hardening": "none",
     "second_mechanism": "none",
+    "third_mechanism": "none",
 }
 
 
@@ -379,10 +380,14 @@ VARIANT_TABLES = {
     "second_stress_exponent": '"normal"\nlocation = 1.8\nscale = 0.2\nlower = 1\nunit = "1"',
     "second_grain_size_exponent": '"fixed"\nvalue = 0.0\nunit = "1"',
     "second_activation_enthalpy": '"fixed"\nvalue = 49\nunit = "kJ/mol"',
-    "second_reference_stress": '"fixed"\nvalue = 2.0\nunit = "MPa"',
-    "second_reference_grain_size": '"fixed"\nvalue = 300\nunit = "um"',
-    "second_reference_temperature": '"fixed"\nvalue = 260\nunit = "K"',
-    "mechanisms_in_series": '"fixed"\nvalue = 1.0\nunit = "1"',
+    "mechanism_reference_stress": '"fixed"\nvalue = 2.0\nunit = "MPa"',
+    "mechanism_reference_grain_size": '"fixed"\nvalue = 300\nunit = "um"',
+    "mechanism_reference_temperature": '"fixed"\nvalue = 260\nunit = "K"',
+    "second_in_series": '"fixed"\nvalue = 1.0\nunit = "1"',
+    "third_stress_exponent": '"fixed"\nvalue = 2.4\nunit = "1"',
+    "third_grain_size_exponent": '"fixed"\nvalue = 0.0\nunit = "1"',
+    "third_activation_enthalpy": '"fixed"\nvalue = 60\nunit = "kJ/mol"',
+    "third_in_series": '"fixed"\nvalue = 1.0\nunit = "1"',
 }
 
 
@@ -434,8 +439,8 @@ def test_prior_files_may_name_the_parameters_of_variants(tmp_path: Path) -> None
         ),
         (
             {"second_rate": '"lognormal"\nlocation = 1e-6\nscale = 1\nunit = "1/s"'}
-            | {"second_reference_stress": None},
-            r"\[parameters.second_reference_stress\] is missing",
+            | {"mechanism_reference_stress": None},
+            r"\[parameters.mechanism_reference_stress\] is missing",
         ),
     ],
 )

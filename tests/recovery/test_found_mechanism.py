@@ -16,9 +16,9 @@ SECOND = {
     "second_stress_exponent": 1.0,
     "second_grain_size_exponent": 3.0,
     "second_activation_enthalpy": 60e3,
-    "second_reference_stress": 5e6,
-    "second_reference_grain_size": GRAIN_SIZE,
-    "second_reference_temperature": TEMPERATURE,
+    "mechanism_reference_stress": 5e6,
+    "mechanism_reference_grain_size": GRAIN_SIZE,
+    "mechanism_reference_temperature": TEMPERATURE,
 }
 KNOWN = (*EVOLUTION, *(name for name in SECOND if name != "second_rate"))
 OPTIONS = SamplerOptions(chains=2, warmup=300, draws=500, seed=3)

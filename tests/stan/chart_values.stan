@@ -4,7 +4,7 @@ functions {
 #include physics/flow_law.stan
 #include physics/environment.stan
 #include physics/composite_law.stan
-#include physics/second_mechanism.stan
+#include physics/dashpot_mechanisms.stan
 #include physics/dashpot_laws.stan
 #include physics/kelvin_laws.stan
 #include physics/relaxation.stan

@@ -6,7 +6,7 @@ functions {
 #include physics/kelvin_laws.stan
 #include physics/relaxation.stan
 #include physics/composite_law.stan
-#include physics/second_mechanism.stan
+#include physics/dashpot_mechanisms.stan
 #include physics/stress_cycles.stan
 #include physics/microstructure.stan
 #include statistics/residuals.stan

@@ -4,7 +4,7 @@ functions {
 #include physics/flow_law.stan
 #include physics/environment.stan
 #include physics/composite_law.stan
-#include physics/second_mechanism.stan
+#include physics/dashpot_mechanisms.stan
 #include physics/dashpot_laws.stan
 #include physics/hardening.stan
 #include physics/kelvin_laws.stan
@@ -66,9 +66,9 @@ transformed data {
     is_free[k] = 1;
   }
   int hardens = has_backstress(parameter[1]');
-  int has_second = mechanisms_act(parameter[1]') > 0;
-  array[size(varying_rates(is_free, element, hardens, has_second))] int varying
-    = varying_rates(is_free, element, hardens, has_second);
+  int n_further = n_further_mechanisms(mechanisms_act(parameter[1]'));
+  array[size(varying_rates(is_free, element, hardens, n_further))] int varying
+    = varying_rates(is_free, element, hardens, n_further);
 }
 parameters {
   vector[n_sets * n_free] coordinate;

@@ -73,7 +73,15 @@ PIEZOMETER = {
     "piezometer_stress_floor": 1e5,
 }
 COMPLIANT = {"apparatus_compliance": 5e-11}
-SECOND = tuple({"second_mechanism": law} for law in ("diffusion", "power_law", "in_series"))
+MECHANISMS = tuple(
+    {"second_mechanism": second, "third_mechanism": third}
+    for second, third in (
+        ("diffusion", "none"),
+        ("in_series", "none"),
+        ("power_law", "in_series"),
+        ("in_series", "diffusion"),
+    )
+)
 ICE_TESTS = ("ice/PIL40", "calibration/ice_creep", "calibration/ice_mixed")
 # With an element of a time a millionth as long, the tight solver takes minutes for these.
 FASTER_ELEMENT = {"peak_time_decades": 1.5}
@@ -98,7 +106,7 @@ CASES = (
         )
         for law in MANY_TIMES
     ),
-    *(Case(f"data/{test}.toml", ICE, laws) for test in ICE_TESTS for laws in SECOND),
+    *(Case(f"data/{test}.toml", ICE, laws) for test in ICE_TESTS for laws in MECHANISMS),
     *(
         Case(
             "data/calibration/ice_mixed.toml",
@@ -112,7 +120,7 @@ CASES = (
         Case(
             "data/calibration/ice_mixed.toml",
             ICE,
-            {**laws, **SECOND[1], **HARDENING},
+            {**laws, **MECHANISMS[2], **HARDENING},
             PIEZOMETER | COMPLIANT,
         )
         for laws in LAWS

@@ -60,9 +60,17 @@ SECOND = {
     "second_stress_exponent": 1.8,
     "second_grain_size_exponent": 1.4,
     "second_activation_enthalpy": 49e3,
-    "second_reference_stress": 2e6,
-    "second_reference_grain_size": 3e-4,
-    "second_reference_temperature": 260.0,
+    "mechanism_reference_stress": 2e6,
+    "mechanism_reference_grain_size": 3e-4,
+    "mechanism_reference_temperature": 260.0,
+}
+
+THIRD = {
+    **SECOND,
+    "third_rate": 1e-6,
+    "third_stress_exponent": 2.4,
+    "third_grain_size_exponent": 0.5,
+    "third_activation_enthalpy": 55e3,
 }
 
 
@@ -215,10 +223,12 @@ MATERIALS: Mapping[str, Mapping[str, float]] = {
         "apparatus_compliance": 1e-10,
     },
     "second mechanism": SECOND,
-    "second mechanism in series": {**SECOND, "mechanisms_in_series": 1.0},
+    "second mechanism in series": {**SECOND, "second_in_series": 1.0},
+    "third mechanism in series with the second": {**THIRD, "third_in_series": 1.0},
+    "third mechanism beside two in series": {**THIRD, "second_in_series": 1.0},
     "second mechanism, threshold in series": {
         **SECOND,
-        "mechanisms_in_series": 1.0,
+        "second_in_series": 1.0,
         "threshold_stress": 5e5,
     },
     "second mechanism, backstress, piezometer": {
@@ -348,7 +358,7 @@ def test_the_work_of_the_load_is_stored_or_dissipated(material: str) -> None:
                 for at in zip(stress[within], kelvin[within], strict=True)
             ]
         )
-        flow, _ = oracle.both_rates(values, TEMPERATURE, stress, backstress, size, fabric)
+        flow, _ = oracle.all_rates(values, TEMPERATURE, stress, backstress, size, fabric)
         flow = flow[within]
         driving = stress[within] - values["kelvin_modulus"] * kelvin[within]
         dissipated += [weight @ (driving * rates), weight @ (stress[within] * flow)]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from conftest import ICE, TABLE_RUN, Problem
 from evaluated_laws import value_of
-from history_twins import GRAIN_SIZE, SECOND, TEMPERATURE, TRUTH, history_twin
+from history_twins import GRAIN_SIZE, SECOND, TEMPERATURE, THIRD, TRUTH, history_twin
 from ice_spectrum import ice_spectrum
 from log_density import assert_gradient_is_slope, program_with
 from rate_oracle import GAS_CONSTANT
@@ -26,8 +26,8 @@ from pyburgers import (
 from pyburgers.checks.fit_checks import Outcome
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.new_test import parameters_for_other_test
-from pyburgers.flow_law_tables.fit import second_mechanism_priors
 from pyburgers.flow_law_tables.fit_rates import fit_rates
+from pyburgers.flow_law_tables.hand_over import mechanism_priors
 from pyburgers.flow_law_tables.laws import load_rate_law
 from pyburgers.flow_law_tables.program_data import usable_rows
 from pyburgers.flow_law_tables.table_files import load_rate_table, save_rate_table
@@ -42,6 +42,7 @@ from pyburgers.kinds.program_data import given_parameters, program_data
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.parameters import ALL_ENVIRONMENT_NUMBERS, ENVIRONMENT, PARAMETER_BY_NAME
 from pyburgers.model.priors import default_priors
+from pyburgers.model.variants import variant_of
 from pyburgers.predictions.exported import composite_law, laws_of
 
 pytestmark = pytest.mark.usefixtures("programs")
@@ -53,6 +54,14 @@ SECOND_NUMBERS = {
     "second_activation_volume": -4e-6,
     "second_water_exponent": 0.2,
     "second_melt_factor": 20.0,
+}
+THREE = {
+    **THIRD,
+    **SECOND_NUMBERS,
+    "third_activation_volume": 9e-6,
+    "third_water_exponent": -0.1,
+    "third_melt_factor": 10.0,
+    "third_in_series": 1.0,
 }
 
 
@@ -67,13 +76,15 @@ def without_environment(values: Mapping[str, float]) -> dict[str, float]:
         + values["melt_factor"] * PLACE["melt_fraction"]
     )
     changed |= {"activation_enthalpy": enthalpy, "beta": log_factor / enthalpy}
-    if "second_rate" in values:
-        more = PLACE["pressure"] * values["second_activation_volume"]
-        changed["second_activation_enthalpy"] += more
-        changed["second_rate"] *= np.exp(
-            values["second_water_exponent"] * np.log(fugacity)
-            + values["second_melt_factor"] * PLACE["melt_fraction"]
-            - more / (GAS_CONSTANT * values["second_reference_temperature"])
+    for which in ("second", "third"):
+        if f"{which}_rate" not in values:
+            continue
+        more = PLACE["pressure"] * values[f"{which}_activation_volume"]
+        changed[f"{which}_activation_enthalpy"] += more
+        changed[f"{which}_rate"] *= np.exp(
+            values[f"{which}_water_exponent"] * np.log(fugacity)
+            + values[f"{which}_melt_factor"] * PLACE["melt_fraction"]
+            - more / (GAS_CONSTANT * values["mechanism_reference_temperature"])
         )
     return {
         name: value
@@ -95,7 +106,9 @@ def assert_same(test: Experiment, values: Mapping[str, float], columns: tuple[st
     assert differs
 
 
-@pytest.mark.parametrize("others", [{}, {**SECOND, **SECOND_NUMBERS}], ids=["one", "two"])
+@pytest.mark.parametrize(
+    "others", [{}, {**SECOND, **SECOND_NUMBERS}, THREE], ids=["one", "two", "three"]
+)
 @pytest.mark.parametrize("name", ["creep", "load and unload", "mixed"])
 def test_a_history_is_that_of_other_enthalpies_and_factors(
     name: str, others: Mapping[str, float]
@@ -108,7 +121,9 @@ def test_other_kinds_are_too(tmp_path: Path) -> None:
     assert_same(load_experiment(ICE / "PIL40.toml"), values, ("stress_Pa",))
     both = {**values, **SECOND, **SECOND_NUMBERS}
     linear = {"stress_exponent": 1.0, "second_stress_exponent": 1.0}
-    assert_same(ice_spectrum(tmp_path), {**both, **linear, "beta": -1.5e-4}, ("log_reading",))
+    linear |= {"third_stress_exponent": 1.0, "third_in_series": 0.0}
+    for some in (both, {**values, **THREE}):
+        assert_same(ice_spectrum(tmp_path), {**some, **linear, "beta": -1.5e-4}, ("log_reading",))
     olivine = load_forced_oscillation(ICE.parent / "olivine" / "olivine_twin.toml")
     assert olivine.true_parameters is not None
     frozen = {**olivine.true_parameters, **NUMBERS, "critical_strain_grain_size": 1e9}
@@ -212,11 +227,35 @@ def test_a_table_tells_volume_exponent_and_factor(tmp_path: Path) -> None:
     expression = mechanisms["diffusion"]
     for one in ("activation_volume[diffusion]", "water_exponent[diffusion]", "melt_fraction"):
         assert one in expression
-    # One of its mechanisms beside the law of a curve.
-    handed = second_mechanism_priors(found, "diffusion")
-    priors = default_priors("olivine", "constant_rate").with_(**handed)
+    # Its mechanisms beside the law of a curve.
+    olivine = default_priors("olivine", "constant_rate")
     own = draws["activation_volume[diffusion]"].to_numpy()
-    assert priors["second_activation_volume"].location == pytest.approx(own.mean())
+    with_one = olivine.with_(**mechanism_priors(found, "diffusion"))
+    assert with_one["second_activation_volume"].location == pytest.approx(own.mean())
+    with_two = olivine.with_(**mechanism_priors(found, "dislocation", "diffusion"))
+    assert with_two["third_activation_volume"] == replace(
+        with_one["second_activation_volume"], parameter="third_activation_volume"
+    )
+    curve = load_experiment(ICE.parent / "dunite" / "dunite_4506.toml")
+    laws = [variant_of(priors, curve).record() for priors in (with_one, with_two)]
+    assert [law["second_mechanism"] for law in laws] == ["diffusion", "power_law"]
+    assert [law["third_mechanism"] for law in laws] == ["none", "diffusion"]
+    first, last = found.law.mechanisms
+    third = replace(first, name="third", process=3)
+    for processes, expected in (
+        ((1, 1, 3), ("diffusion", "in_series")),
+        ((1, 2, 1), ("in_series", "power_law")),
+    ):
+        mechanisms = tuple(
+            replace(one, process=process)
+            for one, process in zip((first, last, third), processes, strict=True)
+        )
+        changed = replace(found, law=replace(found.law, mechanisms=mechanisms))
+        priors = olivine.with_(**mechanism_priors(changed, first.name, last.name))
+        record = variant_of(priors, curve).record()
+        assert (record["second_mechanism"], record["third_mechanism"]) == expected
+    with pytest.raises(InputError, match="in series with a mechanism other than"):
+        mechanism_priors(changed, last.name, first.name)
     save_rate_table(found.data, tmp_path)
     again = load_rate_table(tmp_path / "rates.toml")
     np.testing.assert_array_equal(again.water_fugacity, found.data.water_fugacity)

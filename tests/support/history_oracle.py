@@ -74,7 +74,7 @@ def _rates(
     kelvin = oracle.kelvin_rate(parameters, leg.temperature, stress, state[KELVIN])
     dashpot, first = map(
         float,
-        oracle.both_rates(parameters, leg.temperature, stress, state[BACKSTRESS], grains, fabric),
+        oracle.all_rates(parameters, leg.temperature, stress, state[BACKSTRESS], grains, fabric),
     )
     if leg.driven == "stress":
         stress_rate = leg.rate

@@ -39,12 +39,23 @@ SECOND: Mapping[str, float] = MappingProxyType(
         "second_stress_exponent": 1.8,
         "second_grain_size_exponent": 1.4,
         "second_activation_enthalpy": 49e3,
-        "second_reference_stress": 2e6,
-        "second_reference_grain_size": 3e-4,
-        "second_reference_temperature": 265.0,
+        "mechanism_reference_stress": 2e6,
+        "mechanism_reference_grain_size": 3e-4,
+        "mechanism_reference_temperature": 265.0,
     }
 )
 """A second mechanism of the dashpot."""
+
+THIRD: Mapping[str, float] = MappingProxyType(
+    {
+        **SECOND,
+        "third_rate": 1e-5,
+        "third_stress_exponent": 2.4,
+        "third_grain_size_exponent": 0.5,
+        "third_activation_enthalpy": 55e3,
+    }
+)
+"""The same, and a third one."""
 
 _STAGES: Mapping[str, Sequence[tuple[str, float, float]]] = MappingProxyType(
     {

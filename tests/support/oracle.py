@@ -43,7 +43,7 @@ def dashpot_rate(
     return rate
 
 
-def both_rates(
+def all_rates(
     parameters: Mapping[str, float],
     temperature: float,
     stress: FloatArray,
@@ -55,21 +55,27 @@ def both_rates(
     first = dashpot_rate(parameters, temperature, stress - backstress, grain_size, fabric)
     if parameters.get("second_rate", 0.0) == 0.0:
         return first, first
-    slower = 1 / temperature - 1 / parameters["second_reference_temperature"]
-    second = (
-        parameters["second_rate"]
+    slower = 1 / temperature - 1 / parameters["mechanism_reference_temperature"]
+    second, third = (
+        parameters.get(f"{which}_rate", 0.0)
         * np.sign(stress)
-        * np.abs(stress / parameters["second_reference_stress"])
-        ** parameters["second_stress_exponent"]
-        * (parameters["second_reference_grain_size"] / grain_size)
-        ** parameters["second_grain_size_exponent"]
-        * np.exp(-parameters["second_activation_enthalpy"] / GAS_CONSTANT * slower)
+        * np.abs(stress / parameters["mechanism_reference_stress"])
+        ** parameters.get(f"{which}_stress_exponent", 1.0)
+        * (parameters["mechanism_reference_grain_size"] / grain_size)
+        ** parameters.get(f"{which}_grain_size_exponent", 0.0)
+        * np.exp(-parameters.get(f"{which}_activation_enthalpy", 0.0) / GAS_CONSTANT * slower)
+        for which in ("second", "third")
     )
-    if parameters.get("mechanisms_in_series", 0.0) == 0.0:
-        return first + second, first
-    total = np.asarray(first + second)
-    rest = np.zeros(total.shape)
-    return np.divide(first * second, total, out=rest, where=total != 0), first
+    if parameters.get("third_in_series", 0.0) == 1.0:
+        second, third = _in_series(second, third), np.zeros_like(third)
+    if parameters.get("second_in_series", 0.0) == 1.0:
+        return _in_series(first, second) + third, first
+    return first + second + third, first
+
+
+def _in_series(one: FloatArray, other: FloatArray) -> FloatArray:
+    total = np.asarray(one + other)
+    return np.divide(one * other, total, out=np.zeros(total.shape), where=total != 0)
 
 
 def kelvin_rate(
@@ -148,7 +154,7 @@ def six_states(
     def rates(_time: float, state: FloatArray, strain_rate: float) -> FloatArray:
         stress, kelvin_strain, _, _, grain_size, fabric = state
         kelvin = kelvin_rate(parameters, temperature, stress, kelvin_strain)
-        dashpot, _ = both_rates(parameters, temperature, stress, NONE, grain_size, fabric)
+        dashpot, _ = all_rates(parameters, temperature, stress, NONE, grain_size, fabric)
         elastic = strain_rate - kelvin - dashpot
         return np.array(
             [
@@ -301,7 +307,7 @@ def oscillation(
         stress, kelvin_strain, grain_size = state
         strain_rate = imposed.rate(at)
         kelvin = kelvin_rate(parameters, temperature, stress, kelvin_strain)
-        dashpot, _ = both_rates(parameters, temperature, stress, NONE, grain_size, np.ones(()))
+        dashpot, _ = all_rates(parameters, temperature, stress, NONE, grain_size, np.ones(()))
         growth = (piezometer(stress) - grain_size) / parameters["critical_strain_grain_size"]
         return np.array(
             [

@@ -12,6 +12,7 @@ from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.table import ATTENUATION, CycleConditions
 from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited, Likelihood, grid_quantities
 from pyburgers.kinds.stan_data import CHART, Layout, StanData, ends
+from pyburgers.model.parameters import STRESS_EXPONENTS
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.read_quantities import LOG_MODULUS, LOG_TAN_DELTA, Quantity
@@ -21,15 +22,12 @@ from pyburgers.model.variants import variant_of
 POSITIVE = ("kelvin_modulus", "kelvin_viscosity")
 """Parameters whose logarithms are shifted."""
 
-
 SMALL_SHARE = 0.03
 """Of the loss in some row: what data say of a dashpot is asked where it carries that much, or at
 the mode where it carries more."""
 
-
 STEP = 0.2
 """Of the differences, in units of that flow rate."""
-
 
 SEEN = (1e-3, 1.0 / SMALL_SHARE)
 """Least and largest flow rate, in the same units, from which on it may count by itself."""
@@ -297,8 +295,8 @@ class AttenuationLikelihood(Likelihood[AttenuationExperiment]):
                     f"{experiment.id}: found readings without a stated error and no {name} in the "
                     f"priors {priors.title!r}, expected a prior of it in them."
                 )
-        exponents = (priors["stress_exponent"], priors["second_stress_exponent"])
-        if not (experiment.amplitude_is_stated or all(is_fixed_at(n, 1.0) for n in exponents)):
+        linear = all(is_fixed_at(priors[name], 1.0) for name in STRESS_EXPONENTS)
+        if not (experiment.amplitude_is_stated or linear):
             raise InputError(
                 f"{experiment.id}: the amplitude of the stress is not stated, so that only a "
                 "linear dashpot is known to answer it, found a stress exponent other than 1 in "

@@ -38,10 +38,10 @@ enum Argument {
   backstress_limit, // sigma_max/S
   recovery,         // D r
   recovery_exponent,
-  log_second_rate, // ln v_20; from here on given where there is a second mechanism
-  second_stress_exponent,
-  second_grain_size_exponent,
-  n_arguments
+  log_further_rate, // ln v_k0 of the second mechanism; from here on given where there is one
+  further_stress_exponent,
+  further_grain_size_exponent,
+  n_arguments = log_further_rate + 6 // the same of the third
 };
 
 /** What drives a leg: the first entry of its laws. */
@@ -51,8 +51,8 @@ enum Driven { by_strain, by_stress, by_force };
 enum DashpotLaw { power_law, breakdown, threshold };
 enum KelvinLaw { linear, kelvin_power_law };
 
-/** How mechanisms of the dashpot act. */
-enum Mechanisms { one_mechanism, side_by_side, in_series };
+/** How mechanisms of the dashpot act: the least numbers with a third one beside, in series. */
+enum Mechanisms { one_mechanism, third_beside = 4, third_in_series = 7, last_mechanisms };
 
 /** The laws and states of a leg, and the numbers that are data. */
 struct Leg {
@@ -75,7 +75,7 @@ struct Leg {
 
   /** Whether these laws are known here. */
   bool is_known() const {
-    return dashpot_law <= threshold && kelvin_law <= kelvin_power_law && mechanisms <= in_series;
+    return dashpot_law <= threshold && kelvin_law <= kelvin_power_law && mechanisms <= last_mechanisms;
   }
 
   /** Whether g is known from the time. */
@@ -145,36 +145,68 @@ struct Flow {
   }
 };
 
-/** Rate of the dashpot, v_d, and of its second mechanism, v_2. */
+/** Rate of two mechanisms, side by side or in series, with rates of one sign. */
+struct Pair {
+  double rate, by_first, by_second;
+
+  Pair(double first, double second, bool in_series)
+      : rate(first + second), by_first(1), by_second(1) {
+    if (in_series && (first == 0 || second == 0)) {
+      rate = by_first = by_second = 0;
+    } else if (in_series) {
+      const double share = 1 / (1 + first / second); // of the rate in the first
+      rate = share > 0.5 ? first * share : second * (1 - share);
+      by_first = share * share;
+      by_second = (1 - share) * (1 - share);
+    }
+  }
+};
+
+/** A further mechanism, v_k, and the derivative of v_d by it. */
+struct Further {
+  double rate, by_stress, of_dashpot;
+};
+
+/** Rate of the dashpot, v_d, of all mechanisms. */
 struct Mechanism {
-  double rate, second;
-  double log_stress;
-  double by_first, by_second, second_by_stress;
+  double rate, by_first, log_stress;
+  int n_further;
+  Further further[2];
 
   void set(double first, double y, double log_grain_size, int mechanisms, const double *x) {
     rate = first;
     by_first = 1;
-    second = log_stress = by_second = second_by_stress = 0;
-    if (mechanisms == one_mechanism) {
+    log_stress = y != 0 ? std::log(std::fabs(y)) : 0;
+    n_further = mechanisms >= third_beside ? 2 : (mechanisms > one_mechanism ? 1 : 0);
+    if (n_further == 0) {
       return;
     }
-    if (y != 0) {
-      log_stress = std::log(std::fabs(y));
-      second = std::exp(x[second_stress_exponent] * log_stress + x[log_second_rate]
-                        - x[second_grain_size_exponent] * log_grain_size);
-      second_by_stress = x[second_stress_exponent] * second / std::fabs(y);
-      second = y < 0 ? -second : second;
+    for (int k = 0; k < n_further; ++k) {
+      const double *own = x + 3 * k;
+      further[k] = {0, 0, 1};
+      if (y != 0) {
+        const double magnitude
+            = std::exp(own[further_stress_exponent] * log_stress + own[log_further_rate]
+                       - own[further_grain_size_exponent] * log_grain_size);
+        further[k].rate = y < 0 ? -magnitude : magnitude;
+        further[k].by_stress = own[further_stress_exponent] * magnitude / std::fabs(y);
+      }
     }
-    if (mechanisms == side_by_side) {
-      rate = first + second;
-      by_second = 1;
-    } else if (first == 0 || second == 0) {
-      rate = by_first = 0;
-    } else {
-      const double share = 1 / (1 + first / second); // v_d over v_1
-      rate = share > 0.5 ? first * share : second * (1 - share);
-      by_first = share * share;
-      by_second = (1 - share) * (1 - share);
+    double partner = further[0].rate;
+    if (mechanisms >= third_in_series) {
+      const Pair pair(further[0].rate, further[1].rate, true);
+      partner = pair.rate;
+      further[0].of_dashpot = pair.by_first;
+      further[1].of_dashpot = pair.by_second;
+    }
+    const Pair pair(first, partner, mechanisms % 3 == 2);
+    rate = pair.rate;
+    by_first = pair.by_first;
+    further[0].of_dashpot *= pair.by_second;
+    if (mechanisms >= third_in_series) {
+      further[1].of_dashpot *= pair.by_second;
+    } else if (n_further == 2) {
+      rate += further[1].rate;
     }
   }
 };
@@ -380,7 +412,14 @@ class LegRates {
       }
     }
     kelvin_rate += inelastic * x_[kelvin_compliance];
-    const double second_rate = flow_rate * p.dashpot.by_second;
+    double further_rate[2]; // v_k times its adjoint
+    double log_grain_size = 0;
+    for (int k = 0; k < p.dashpot.n_further; ++k) {
+      const Further &own = p.dashpot.further[k];
+      further_rate[k] = flow_rate * own.of_dashpot * own.rate;
+      y += flow_rate * own.of_dashpot * own.by_stress;
+      log_grain_size -= further_rate[k] * x_[further_grain_size_exponent + 3 * k];
+    }
     flow_rate *= p.dashpot.by_first; // of the first mechanism from here on
     if (leg_.b >= 0) {
       const double storage = by_rate[leg_.b];
@@ -394,11 +433,9 @@ class LegRates {
       }
     }
     const double log_fabric = flow_rate * p.flow.by_log_fabric;
-    const double log_grain_size
-        = -flow_rate * p.flow.rate * x_[grain_size_exponent]
-          - second_rate * p.dashpot.second * x_[second_grain_size_exponent];
+    log_grain_size -= flow_rate * p.flow.rate * x_[grain_size_exponent];
     double path = log_fabric * p.fabric.by_path;
-    y += flow_rate * p.flow.by_stress + second_rate * p.dashpot.second_by_stress;
+    y += flow_rate * p.flow.by_stress;
     if (leg_.z >= 0) {
       y += kelvin_rate * p.kelvin.by_stress;
       by_state[leg_.z] -= kelvin_rate * p.kelvin.by_stress;
@@ -419,13 +456,14 @@ class LegRates {
       by_x[kelvin_compliance] += inelastic * p.z_rate;
       by_x[log_dashpot_rate] += flow_rate * p.flow.rate;
       by_x[stress_exponent] += flow_rate * p.flow.rate * p.flow.log_strength;
-      by_x[grain_size_exponent]
-          -= flow_rate * p.flow.rate * (leg_.u >= 0 ? std::log(p.u) : p.grains.log);
+      const double log_coarser = leg_.u >= 0 ? std::log(p.u) : p.grains.log;
+      by_x[grain_size_exponent] -= flow_rate * p.flow.rate * log_coarser;
       by_x[dashpot_stress] += flow_rate * p.flow.by_law_stress;
-      by_x[log_second_rate] += second_rate * p.dashpot.second;
-      by_x[second_stress_exponent] += second_rate * p.dashpot.second * p.dashpot.log_stress;
-      by_x[second_grain_size_exponent]
-          -= second_rate * p.dashpot.second * (leg_.u >= 0 ? std::log(p.u) : p.grains.log);
+      for (int k = 0; k < p.dashpot.n_further; ++k) {
+        by_x[log_further_rate + 3 * k] += further_rate[k];
+        by_x[further_stress_exponent + 3 * k] += further_rate[k] * p.dashpot.log_stress;
+        by_x[further_grain_size_exponent + 3 * k] -= further_rate[k] * log_coarser;
+      }
       by_x[fabric_deficit] += log_fabric * p.fabric.by_deficit;
       by_x[fabric_decay] += log_fabric * p.fabric.by_decay;
       if (leg_.u < 0) {

@@ -1,7 +1,6 @@
-"""A dashpot with a second mechanism: limits, gradients, tables, priors, export, refusals."""
+"""A dashpot of two and three mechanisms: limits, gradients, tables, priors, export, refusals."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import history_oracle
@@ -12,7 +11,7 @@ import oscillation_oracle
 import pytest
 from conftest import ICE
 from evaluated_laws import value_of
-from history_twins import GRAIN_SIZE, SECOND, TEMPERATURE, TRUTH, history_twin
+from history_twins import GRAIN_SIZE, SECOND, TEMPERATURE, THIRD, TRUTH, history_twin
 from ice_spectrum import PERIODS, ice_spectrum
 from log_density import assert_gradient_is_slope, program_with
 
@@ -35,8 +34,8 @@ from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import given_parameters, program_data
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.arrhenius import GAS_CONSTANT
-from pyburgers.model.laws import SECOND_MECHANISMS
-from pyburgers.model.parameters import SECOND_PARAMETERS
+from pyburgers.model.laws import MECHANISMS
+from pyburgers.model.parameters import FURTHER_MECHANISMS
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import variant_of, with_variant
 from pyburgers.predictions.exported import laws_of
@@ -46,23 +45,36 @@ FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
 EXACT = SolverOptions(tolerance=1e-12, max_num_steps=10_000_000)
-IN_SERIES = {**SECOND, "mechanisms_in_series": 1.0}
-LAWS = tuple(law for law in SECOND_MECHANISMS if law != "none")
+IN_SERIES = {**SECOND, "second_in_series": 1.0}
+LAWS = tuple(law for law in MECHANISMS["second"] if law != "none")
+NETWORKS: Mapping[str, Mapping[str, float]] = {
+    "side by side": SECOND,
+    "in series": IN_SERIES,
+    "three side by side": THIRD,
+    "third in series with the second": {**THIRD, "third_in_series": 1.0},
+    "third beside two in series": {**THIRD, "second_in_series": 1.0},
+    "three in series": {**THIRD, "second_in_series": 1.0, "third_in_series": 1.0},
+}
+of_every_network = pytest.mark.parametrize("numbers", NETWORKS.values(), ids=NETWORKS)
 
 
-def like_the_first(values: Mapping[str, float]) -> dict[str, float]:
-    """Numbers of a second mechanism that is the first one once more, without a fabric."""
+def like_the_first(
+    values: Mapping[str, float], which: tuple[str, ...] = ("second",)
+) -> dict[str, float]:
+    """Numbers of further mechanisms that are the first one once more, without a fabric."""
     rate = oracle.dashpot_rate(
         values, TEMPERATURE, np.array(2e6), np.array(GRAIN_SIZE), np.array(1.0)
     )
     return {
-        "second_rate": float(rate),
-        "second_stress_exponent": values["stress_exponent"],
-        "second_grain_size_exponent": values["grain_size_exponent"],
-        "second_activation_enthalpy": values["activation_enthalpy"],
-        "second_reference_stress": 2e6,
-        "second_reference_grain_size": GRAIN_SIZE,
-        "second_reference_temperature": TEMPERATURE,
+        **{
+            f"{one}_{name}": values[name]
+            for one in which
+            for name in ("stress_exponent", "grain_size_exponent", "activation_enthalpy")
+        },
+        **{f"{one}_rate": float(rate) for one in which},
+        "mechanism_reference_stress": 2e6,
+        "mechanism_reference_grain_size": GRAIN_SIZE,
+        "mechanism_reference_temperature": TEMPERATURE,
     }
 
 
@@ -85,10 +97,16 @@ def test_limits_are_dashpots_of_one_mechanism(name: str) -> None:
     assert_same(test, {**plain, **IN_SERIES, "second_rate": 1e25}, plain)
     twice = {**plain, **like_the_first(plain)}
     assert_same(test, twice, faster(plain, 2.0))
-    assert_same(test, {**twice, "mechanisms_in_series": 1.0}, faster(plain, 0.5))
+    assert_same(test, {**twice, "second_in_series": 1.0}, faster(plain, 0.5))
+    thrice = {**plain, **like_the_first(plain, ("second", "third"))}
+    assert_same(test, thrice, faster(plain, 3.0))
+    assert_same(test, {**thrice, "third_in_series": 1.0}, faster(plain, 1.5))
+    assert_same(test, {**thrice, "second_in_series": 1.0}, faster(plain, 1.5))
+    in_series = {"second_in_series": 1.0, "third_in_series": 1.0}
+    assert_same(test, {**thrice, **in_series}, faster(plain, 1 / 3))
 
 
-@pytest.mark.parametrize("numbers", [SECOND, IN_SERIES], ids=["side by side", "in series"])
+@of_every_network
 def test_a_curve_is_that_of_the_independent_solution(numbers: Mapping[str, float]) -> None:
     curve = load_experiment(ICE / "PIL40.toml")
     values = {**TRUTH, **numbers}
@@ -117,9 +135,9 @@ def test_an_oscillation_is_that_of_the_independent_solution() -> None:
         **SECOND,
         "second_rate": 1e-4,
         "second_stress_exponent": 1.0,
-        "second_reference_stress": 1e8,
-        "second_reference_grain_size": 2e-5,
-        "second_reference_temperature": 1423.0,
+        "mechanism_reference_stress": 1e8,
+        "mechanism_reference_grain_size": 2e-5,
+        "mechanism_reference_temperature": 1423.0,
     }
     frozen = {"critical_strain_grain_size": 1e9}
     # Grains that grow for an instant near zero stress cost precision.
@@ -129,24 +147,35 @@ def test_an_oscillation_is_that_of_the_independent_solution() -> None:
         np.testing.assert_allclose(found, expected, rtol=0, atol=precision * scale)
     plain, _ = oscillation_of({})
     assert np.abs(found - plain).max() > 0.02 * scale
-    slower = {**second, **frozen, "second_rate": 1e-8, "mechanisms_in_series": 1.0}
-    in_series, expected = oscillation_of(slower)
-    np.testing.assert_allclose(in_series, expected, rtol=0, atol=1e-6 * scale)
+    slower = {**second, **frozen, "second_rate": 1e-8, "second_in_series": 1.0}
+    third = {
+        "third_rate": 1e-8,
+        "third_stress_exponent": 1.0,
+        "third_grain_size_exponent": 2.0,
+        "third_activation_enthalpy": 3e5,
+        "third_in_series": 1.0,
+    }
+    for numbers in (slower, {**slower, **third}, {**second, **frozen, **third}):
+        in_series, expected = oscillation_of(numbers)
+        np.testing.assert_allclose(in_series, expected, rtol=0, atol=1e-6 * scale)
 
 
+@pytest.mark.parametrize("which", ["second", "third"])
 @pytest.mark.parametrize("law", LAWS)
-def test_gradients_are_slopes_of_the_density(law: str, tmp_path: Path) -> None:
+def test_gradients_are_slopes_of_the_density(law: str, which: str, tmp_path: Path) -> None:
     test = history_twin("mixed", 16)
-    priors = with_variant(default_priors("ice"), test, {"second_mechanism": law})
+    choices = {"second_mechanism": "in_series", f"{which}_mechanism": law}
+    priors = with_variant(default_priors("ice"), test, choices)
     if law != "diffusion":
         about = normal(2.0, 0.1, "1", lower=1.0)
-        priors = priors.with_(second_stress_exponent=about, second_grain_size_exponent=about)
+        free = {f"{which}_{name}": about for name in ("stress_exponent", "grain_size_exponent")}
+        priors = priors.with_(**free)
     problem = problem_of([test], priors)
     data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
     program = program_with(problem.likelihood.program, data, tmp_path / "program")
     point = np.array(0.1 * np.random.default_rng(2).standard_normal(data["n_coordinates"]))
     names = list(problem.layout.names)
-    places = [names.index(name) for name in SECOND_PARAMETERS if name in names]
+    places = [names.index(name) for name in FURTHER_MECHANISMS[which] if name in names]
     assert len(places) == (1 if law == "diffusion" else 3)
     assert_gradient_is_slope(program, point, places)
 
@@ -156,10 +185,11 @@ def test_a_table_has_the_sum_of_the_fluidities(tmp_path: Path) -> None:
     linear = {**TRUTH, "stress_exponent": 1.0, "grain_size_exponent": 0.0}
     # A first mechanism of 1e-12 1/(Pa s).
     slower = np.log(1e-12) / linear["activation_enthalpy"] + 1 / (GAS_CONSTANT * TEMPERATURE)
-    values = {**linear, "beta": slower, **SECOND, "second_stress_exponent": 1.0}
+    linear_ones = {"second_stress_exponent": 1.0, "third_stress_exponent": 1.0}
+    values = {**linear, "beta": slower, **THIRD, **linear_ones}
     both = simulate(table, values, at=[*table.conditions.place, *(1 + table.conditions.place)])
     found = np.exp(both["log_reading"].to_numpy())
-    second = oracle.both_rates(
+    second = oracle.all_rates(
         values, TEMPERATURE, np.array(1.0), np.array(0.0), np.array(GRAIN_SIZE), np.array(1.0)
     )[0]
     omega = 2 * np.pi / np.array(PERIODS)
@@ -185,7 +215,7 @@ def test_tables_need_amplitudes_of_what_is_not_linear() -> None:
 
 @pytest.mark.parametrize("exponent", [1.0, 1.8])
 def test_stress_cycles_add_what_each_mechanism_loses(exponent: float) -> None:
-    """With the numbers of the first mechanism, the second doubles the fluidity."""
+    """With the numbers of the first mechanism, two more treble the fluidity."""
     values = {**TRUTH, "stress_exponent": exponent, "beta": 0.0}
     values["beta"] = 1 / (GAS_CONSTANT * TEMPERATURE) - np.log(2e6) / 62e3 * exponent
     for regime in (Regime(0.0, 1e5), Regime(2e6, 1e6)):
@@ -193,21 +223,24 @@ def test_stress_cycles_add_what_each_mechanism_loses(exponent: float) -> None:
             attenuation_spectrum(
                 one, [1e-3], [regime], temperature=TEMPERATURE, grain_size=GRAIN_SIZE
             )["loss_compliance"]
-            for one in ({**values, **like_the_first(values)}, faster(values, 2.0))
+            for one in (
+                {**values, **like_the_first(values, ("second", "third"))},
+                faster(values, 3.0),
+            )
         )
         np.testing.assert_allclose(found, expected, rtol=1e-9)
-    with pytest.raises(InputError, match="mechanisms_in_series: found values other than 0"):
+    with pytest.raises(InputError, match="second_in_series: found values other than 0"):
         attenuation_spectrum(
             {**values, **IN_SERIES}, [1e-3], [regime], temperature=263.0, grain_size=2e-4
         )
 
 
-@pytest.mark.parametrize("numbers", [SECOND, IN_SERIES], ids=["side by side", "in series"])
+@of_every_network
 def test_the_flow_rate_and_the_exported_law_are_those_of_the_equations(
     numbers: Mapping[str, float],
 ) -> None:
     values, stress, fabric = {**TRUTH, **numbers}, np.array(5e6), np.array(0.9)
-    expected, first = oracle.both_rates(
+    expected, first = oracle.all_rates(
         values, TEMPERATURE, stress, np.array(0.0), np.array(GRAIN_SIZE), fabric
     )
     rate = flow_rate(
@@ -222,6 +255,7 @@ def test_the_flow_rate_and_the_exported_law_are_those_of_the_equations(
     assert isinstance(mechanisms, dict)
     rates = {name: value_of(law, names) for name, law in mechanisms.items()}
     assert rates["first_mechanism"] == pytest.approx(float(first), rel=1e-9)
+    assert len(rates) == 2 + ("third_rate" in numbers)
     assert value_of(str(laws["flow_law"]), rates) == pytest.approx(float(expected), rel=1e-9)
 
 
@@ -244,21 +278,26 @@ def test_exported_hardening_is_that_of_the_first_mechanism() -> None:
         simulate(history_twin("creep", 4), {**values, **IN_SERIES})
 
 
+@pytest.mark.parametrize("which", ["second", "third"])
 @pytest.mark.parametrize("law", LAWS)
-def test_weak_priors_follow_the_test(law: str) -> None:
+def test_weak_priors_follow_the_test(law: str, which: str) -> None:
     test, priors = history_twin("mixed", 16), default_priors("ice")
-    changed = with_variant(priors, test, {"second_mechanism": law})
-    assert variant_of(changed, test) == replace(variant_of(priors, test), second_mechanism=law)
-    assert set(changed.free) - set(priors.free) == {"second_rate"}
-    stress = changed["second_reference_stress"].location
+    part = f"{which}_mechanism"
+    if which == "third":
+        priors = with_variant(priors, test, {"second_mechanism": "power_law"})
+    changed = with_variant(priors, test, {part: law})
+    expected = {**variant_of(priors, test).record(), part: law}
+    assert variant_of(changed, test).record() == expected
+    assert set(changed.free) - set(priors.free) == {f"{which}_rate"}
+    stress = changed["mechanism_reference_stress"].location
     assert stress == float(f"{test.largest_stress:.0e}")
     rate = stress / priors["kelvin_viscosity"].mean_sd()[0]
-    assert changed["second_rate"].location == float(f"{rate:.0e}")
-    for name, value in SECOND_MECHANISMS[law].held.items():
+    assert changed[f"{which}_rate"].location == float(f"{rate:.0e}")
+    for name, value in MECHANISMS[which][law].held.items():
         assert changed[name].location == value
     for other in (*LAWS, "none"):
-        another = with_variant(changed, test, {"second_mechanism": other})
-        assert with_variant(another, test, {"second_mechanism": law}) == changed
+        another = with_variant(changed, test, {part: other})
+        assert with_variant(another, test, {part: law}) == changed
 
 
 def test_numbers_of_a_prior_file_stay() -> None:
@@ -274,6 +313,22 @@ def test_numbers_of_a_prior_file_stay() -> None:
         "second_rate",
         "second_stress_exponent",
     }
+
+
+def test_a_third_mechanism_needs_a_second() -> None:
+    test, priors = history_twin("mixed", 16), default_priors("ice")
+    with pytest.raises(InputError, match=r"third_mechanism=diffusion without a second mechanism"):
+        with_variant(priors, test, {"third_mechanism": "diffusion"})
+    both = {"third_mechanism": "in_series", "second_mechanism": "power_law"}
+    either_way = [
+        with_variant(priors, test, dict(order)) for order in (both.items(), [*both.items()][::-1])
+    ]
+    assert [variant_of(one, test).record() | both for one in either_way] == [
+        variant_of(one, test).record() for one in either_way
+    ]
+    values = {**TRUTH, **THIRD, "second_rate": 0.0}
+    with pytest.raises(InputError, match="without a second mechanism"):
+        simulate(history_twin("creep", 4), values)
 
 
 def test_an_exponent_below_one_is_refused() -> None:

@@ -14,7 +14,12 @@ from pyburgers.common.paths import shown
 from pyburgers.common.units import UNITS
 from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit
-from pyburgers.kinds.conditions import Ranges, beyond_sentences, temperature_range
+from pyburgers.kinds.conditions import (
+    Ranges,
+    beyond_sentences,
+    environment_ranges,
+    temperature_range,
+)
 from pyburgers.predictions.assumptions import (
     CRITICAL_SHARE,
     elastic_modulus_sentence,
@@ -84,6 +89,9 @@ def _add_attenuation_options(command: argparse.ArgumentParser) -> None:
         ("--temperature-K", "T", "default: the experiment's"),
         ("--grain-size-um", "D", "default: by --microstructure"),
         ("--fabric-factor", "F", "default: by --microstructure"),
+        ("--pressure-MPa", "P", "default: the experiment's, as of the next two"),
+        ("--water-fugacity-MPa", "F", "for fits whose rates depend on it"),
+        ("--melt-fraction", "PHI", "the same"),
         ("--hold-time-h", "H", "time at the median stress before the cycles (default 1.5)"),
         (
             "--critical-share",
@@ -151,7 +159,10 @@ def _attenuation(options: argparse.Namespace) -> int:
         raise InputError(f"--out {options.out}: expected a file name that ends in .csv.")
     whole = Fit.load(options.directory)
     fits = [whole[options.test]] if options.test is not None else [*whole.tests().values()]
-    fitted = [{"temperature": temperature_range(test)} for test in whole.problem.experiments]
+    fitted = [
+        {"temperature": temperature_range(test), **environment_ranges(test.environment)}
+        for test in whole.problem.experiments
+    ]
     for fit in fits:
         out = options.out
         if len(fits) > 1:
@@ -170,6 +181,15 @@ def _predict(fit: Fit, fitted: Sequence[Ranges], options: argparse.Namespace, ou
     if options.hold_time_h is not None:
         hold_time = options.hold_time_h * UNITS["time"]["h"]
     regimes = _regimes(options)
+    environment = {
+        name: value
+        for name, value in (
+            ("pressure", _in_pascals(options.pressure_MPa)),
+            ("water_fugacity", _in_pascals(options.water_fugacity_MPa)),
+            ("melt_fraction", options.melt_fraction),
+        )
+        if value is not None
+    }
     material = fitted_material(
         fit,
         microstructure=options.microstructure.replace("-", "_"),
@@ -178,6 +198,7 @@ def _predict(fit: Fit, fitted: Sequence[Ranges], options: argparse.Namespace, ou
         fabric_factor=options.fabric_factor,
         elastic_modulus=modulus,
         elastic_modulus_sd=deviation,
+        environment=environment,
         seed=options.seed,
     )
     spectrum = material_spectrum(
@@ -189,7 +210,8 @@ def _predict(fit: Fit, fitted: Sequence[Ranges], options: argparse.Namespace, ou
             CRITICAL_SHARE if options.critical_share is None else options.critical_share
         ),
     )
-    beyond = beyond_sentences({"temperature": (material.temperature,) * 2}, fitted)
+    there = {"temperature": (material.temperature,) * 2, **environment_ranges(environment)}
+    beyond = beyond_sentences(there, fitted)
     cautions = (*fit.cautions, *beyond)
     spectrum = spectrum.assign_attrs(cautions="\n".join(cautions))
     comparison = None
@@ -221,6 +243,10 @@ def _predict(fit: Fit, fitted: Sequence[Ranges], options: argparse.Namespace, ou
         print(evolving_sentence(comparison))
     for file in files:
         print(shown(file))
+
+
+def _in_pascals(stress: float | None) -> float | None:
+    return None if stress is None else stress * UNITS["stress"]["MPa"]
 
 
 def _elastic_modulus(options: argparse.Namespace) -> tuple[float | None, float]:

@@ -12,10 +12,11 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.array_types import BoolArray, FloatArray
 from pyburgers.common.draws import all_draws, evenly_spaced
-from pyburgers.common.errors import InputError, nearest
+from pyburgers.common.errors import InputError
 from pyburgers.flow_law_tables.laws import RateLaw
 from pyburgers.flow_law_tables.program_data import environment_of
 from pyburgers.flow_law_tables.tables import RateTable
+from pyburgers.model.environment import check_environment
 from pyburgers.model.parameters import ENVIRONMENT
 
 DRAWS = 400
@@ -227,19 +228,13 @@ def _environment_at(
     used: RateTable, shape: tuple[int, ...], given: Mapping[str, npt.ArrayLike]
 ) -> dict[str, FloatArray]:
     """Return each of `ENVIRONMENT` (SI) as an array of a shape: as given, or the tests' mean."""
-    for name in given:
-        if name not in ENVIRONMENT:
-            raise InputError(f"environment: unknown name {name!r}, {nearest(name, ENVIRONMENT)}")
+    check_environment(given)
     found = {}
     for name in ENVIRONMENT:
         known = getattr(used, name)
         known = known[np.isfinite(known)]
         mean = known.mean() if known.size else np.nan
-        values = np.broadcast_to(np.asarray(given.get(name, mean), dtype=np.float64), shape)
-        least = 0.0 if name != "water_fugacity" else np.finfo(np.float64).tiny
-        if (values < least).any() or np.isinf(values).any():
-            raise InputError(f"environment: {name}: found {values.min():g}, expected more than 0.")
-        found[name] = values
+        found[name] = np.broadcast_to(np.asarray(given.get(name, mean), dtype=np.float64), shape)
     return found
 
 

@@ -17,6 +17,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.units import counted
 from pyburgers.kinds.experiment import Experiment, Provenance
 from pyburgers.kinds.limits import impossible_conditions
+from pyburgers.model.environment import environment_faults
 from pyburgers.model.flow_law_prior import Conditions
 from pyburgers.model.parameters import ENVIRONMENT
 from pyburgers.model.peak_test import PeakTest
@@ -303,17 +304,7 @@ def _faults(values: Mapping[str, FloatArray]) -> Iterator[str]:
             float(extreme(known)) if known.size else 1e-3,
             ("temperature (key 'temperature_unit' in [data] may be K or C)", "grain size"),
         )
-    for name, least in (("pressure", 0.0), ("water_fugacity", None), ("melt_fraction", 0.0)):
-        found = values.get(name, np.empty(0))
-        low = found[found <= 0 if least is None else found < least]
-        if low.size:
-            yield (
-                f"the {name.replace('_', ' ')} is {low[0]:g} in SI units, expected "
-                f"{'more than 0' if least is None else 'at least 0'}."
-            )
-    melt = values.get("melt_fraction", np.empty(0))
-    if (melt >= 1).any():
-        yield f"the melt fraction is {np.nanmax(melt):g}, expected less than 1."
+    yield from environment_faults(values)
     error = values.get("reading_error", np.zeros(1))
     if not (np.all(error >= 0) and np.all(error < 1)):
         yield f"found a reading error of {error.max():g}, expected a fraction from 0 to 1."

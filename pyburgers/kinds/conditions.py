@@ -109,11 +109,7 @@ def conditions(experiment: Experiment, predictions: xr.Dataset, parameters: xr.D
     found = {
         "temperature": temperature_range(experiment),
         "initial grain size": (experiment.initial_grain_size, experiment.initial_grain_size),
-        **{
-            words: (experiment.environment[name],) * 2
-            for name, words in zip(ENVIRONMENT, ENVIRONMENT_WORDS, strict=True)
-            if name in experiment.environment
-        },
+        **environment_ranges(experiment.environment),
     }
     if "period_s" in solution:
         found["period"] = (float(solution["period_s"].min()), float(solution["period_s"].max()))
@@ -172,8 +168,15 @@ def beyond_sentences(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...
 def ranges_text(ranges: Ranges) -> str:
     """Say in display units which conditions were passed."""
     return "; ".join(
-        f"{name} {_range(*ends, SHOWN[name][1])} {SHOWN[name][0]}" for name, ends in ranges.items()
+        f"{name} {_range(*ends, SHOWN[name][1])} {SHOWN[name][0]}".rstrip()
+        for name, ends in ranges.items()
     )
+
+
+def environment_ranges(environment: Mapping[str, float]) -> Ranges:
+    """Return the values of `ENVIRONMENT` (SI) that are known as conditions."""
+    words = dict(zip(ENVIRONMENT, ENVIRONMENT_WORDS, strict=True))
+    return {words[name]: (value, value) for name, value in environment.items()}
 
 
 def temperature_range(experiment: Experiment) -> tuple[float, float]:

@@ -281,6 +281,8 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
             ("", "}", ""),
             ("second_", "2}", " of the second mechanism"),
             ("third_", "3}", " of the third mechanism"),
+            ("kelvin_", "K}", " of the Kelvin part"),
+            ("recovery_", "r}", " of static recovery"),
         )
         for name, symbol, label, quantity, unit in (
             ("activation_volume", "V_{M", "activation volume", "molar volume", "cm3/mol"),
@@ -322,9 +324,11 @@ ENVIRONMENT = tuple(p.name for p in ENVIRONMENT_PARAMETERS)
 """Its names, those of `pyburgers.kinds.experiment.Experiment.environment`."""
 
 ENVIRONMENT_NUMBERS = ("activation_volume", "water_exponent", "melt_factor")
-"""What a mechanism makes of each of `ENVIRONMENT`; below, of all mechanisms of the dashpot."""
+"""What a rate makes of each of `ENVIRONMENT`; below, all rates of the material."""
 ALL_ENVIRONMENT_NUMBERS = tuple(
-    f"{whose}{name}" for whose in ("", "second_", "third_") for name in ENVIRONMENT_NUMBERS
+    f"{whose}{name}"
+    for whose in ("", "second_", "third_", "kelvin_", "recovery_")
+    for name in ENVIRONMENT_NUMBERS
 )
 
 RESIDUAL_CORRELATION = (

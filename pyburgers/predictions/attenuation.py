@@ -20,6 +20,7 @@ of the strain and its steady drift do not enter: tan(delta) is that of the funda
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
@@ -186,6 +187,7 @@ def predict_attenuation(
     fabric_factor: float | None = None,
     elastic_modulus: float | None = None,
     elastic_modulus_sd: float = 0.0,
+    environment: Mapping[str, float] = MappingProxyType({}),
     hold_time: float = HOLD_TIME,
     critical_share: float = CRITICAL_SHARE,
     with_strains: bool = True,
@@ -208,6 +210,8 @@ def predict_attenuation(
     elastic_modulus, elastic_modulus_sd : float, optional
         Pa; mean and standard deviation of a log-normal distribution that takes the place of E_M.
         Of a test at constant rate, E_M is mostly the stiffness of the apparatus.
+    environment : mapping of str to float
+        Pressure (Pa), water_fugacity (Pa) and melt_fraction; default the experiment's.
     seed : int
         Of the draws of the elastic modulus.
     frequencies, regimes, hold_time, critical_share, with_strains
@@ -223,7 +227,7 @@ def predict_attenuation(
     ------
     InputError
         If `microstructure` is unknown, a number out of range, the Kelvin element of the fit not
-        linear, or the fit a joint one.
+        linear, or the fit a joint one. If no rate of the fit depends on a given `environment`.
 
     Examples
     --------
@@ -238,6 +242,7 @@ def predict_attenuation(
         fabric_factor=fabric_factor,
         elastic_modulus=elastic_modulus,
         elastic_modulus_sd=elastic_modulus_sd,
+        environment=environment,
         seed=seed,
     )
     return material_spectrum(

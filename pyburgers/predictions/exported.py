@@ -84,7 +84,7 @@ def laws_of(prior_set: PriorSet, experiment: Test) -> dict[str, object]:
     }[variant.grain_size]
     flow_law = DASHPOT_LAWS[variant.maxwell].flow_law + environment_law(priors)
     hardening = HARDENING_LAWS[variant.hardening]
-    hardening_law, mechanisms = hardening.expression, {}
+    hardening_law, mechanisms = hardening.expression + environment_law(priors, "recovery_"), {}
     if hardening.parameters:
         flow_law = re.sub(r"\bstress\b", "(stress - backstress)", flow_law)
     if variant.second_mechanism != "none":
@@ -134,6 +134,8 @@ def _kelvin_law(law: str, priors: Mapping[str, Prior]) -> str:
         )
     if _has(priors, "kelvin_grain_size_exponent"):
         slowing += "*(initial_grain_size/kelvin_reference_grain_size)^kelvin_grain_size_exponent"
+    if faster := environment_law(priors, "kelvin_"):
+        slowing += f"/({faster.removeprefix('*')})"
     return KELVIN_LAWS[law].expression.format(slower=slowing)
 
 

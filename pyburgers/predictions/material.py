@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Literal, get_args
 
 import numpy as np
@@ -10,8 +11,11 @@ from pyburgers.common.array_types import IntArray
 from pyburgers.common.draws import FloatArray, evenly_spaced
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, number
+from pyburgers.kinds.conditions import environment_ranges, ranges_text
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
+from pyburgers.model.environment import check_environment
+from pyburgers.model.parameters import ALL_ENVIRONMENT_NUMBERS, ENVIRONMENT
 from pyburgers.predictions.stress_cycles import OTHER_PARAMETERS, PARAMETER_NAMES
 
 Microstructure = Literal["initial", "steady_state"]
@@ -54,6 +58,7 @@ def fitted_material(
     fabric_factor: float | None = None,
     elastic_modulus: float | None = None,
     elastic_modulus_sd: float = 0.0,
+    environment: Mapping[str, float] = MappingProxyType({}),
     seed: int = 1,
 ) -> Material:
     """Return the material of a fit, by arguments of `pyburgers.predict_attenuation`."""
@@ -68,6 +73,15 @@ def fitted_material(
         if name in draws
     }
     shape = parameters["maxwell_modulus"].shape
+    check_environment(environment)
+    for name, value in environment.items():
+        parameters[name] = np.full(shape, value)
+        numbers = ALL_ENVIRONMENT_NUMBERS[ENVIRONMENT.index(name) :: len(ENVIRONMENT)]
+        if not any(np.any(parameters.get(number, 0.0)) for number in numbers):
+            raise InputError(
+                f"environment: found {name}, on which no rate of the fit depends, expected none or "
+                f"a fit with a prior of {numbers[0]} or another one of its kind."
+            )
     if elastic_modulus is not None:
         parameters["maxwell_modulus"] = _modulus_draws(
             elastic_modulus, elastic_modulus_sd, shape, seed
@@ -84,6 +98,7 @@ def fitted_material(
     described = _microstructure_text(microstructure, grain_size, fabric_factor)
     modulus = _modulus_text(elastic_modulus, elastic_modulus_sd)
     conditions = [f"{given:g} K", described]
+    conditions += [ranges_text(environment_ranges(environment))] if environment else []
     conditions += [f"elastic modulus {modulus}"] if modulus else []
     about = f"{experiment.material}, fitted to {experiment.provenance.kind} data"
     return Material(

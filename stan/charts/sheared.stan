@@ -133,8 +133,8 @@ real probable_beta(real log_rate, real stress_exponent, real grain_size_exponent
 /**
  * Shifts at given plain coordinates, one for each of a test's own ones.
  *
- * n, p, E_M, the error of the temperature and the numbers of the environment are not shifted; epsilon_c1 needs p; the flow rate
- * needs n, p and epsilon_c1; the others need these.
+ * n, p, E_M, the error of the temperature and the numbers of the environment are not shifted;
+ * epsilon_c1 needs p; the flow rate needs n, p and epsilon_c1; the others need these.
  *
  * @param plain coordinates
  * @param given values of the parameters that are not the test's own; other entries have no effect
@@ -154,7 +154,8 @@ vector shears(vector plain, vector given, data array[] int place, data matrix qu
   real log_rate;
   for (k in {i_maxwell_modulus(), i_stress_exponent(), i_grain_size_exponent(),
              i_critical_strain_grain_size(), i_temperature_error(), i_activation_volume(),
-             i_water_exponent(), i_melt_factor()}) {
+             i_water_exponent(), i_melt_factor(), i_kelvin_activation_volume(),
+             i_kelvin_water_exponent(), i_kelvin_melt_factor()}) {
     if (place[k] > 0) {
       parameter[k] = bounded_from_real(plain[place[k]], quantity[place[k]]);
     }
@@ -190,6 +191,9 @@ vector shears(vector plain, vector given, data array[] int place, data matrix qu
                                         dashpot_compliance(unshifted, record),
                                         record[r_storage_compliance() : r_loss_compliance()],
                                         record[r_period()]);
+    kelvin[2] *= exp(log_environment(parameter,
+                                     true_temperature(parameter, record[r_temperature()]),
+                                     environment_numbers(4)));
     for (k in 1 : 2) {
       shifts[i[k]] = real_from_bounded(kelvin[k], quantity[i[k]]);
     }

@@ -176,9 +176,7 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
                                            data int max_num_steps) {
   real at_temperature = true_temperature(parameter, temperature);
   real kelvin_modulus = parameter[i_kelvin_modulus()];
-  real kelvin_viscosity = kelvin_viscosity_at(parameter[i_kelvin_viscosity()],
-                                              parameter[i_kelvin_activation_enthalpy()],
-                                              at_temperature,
+  real kelvin_viscosity = kelvin_viscosity_at(parameter, at_temperature,
                                               constant[i_kelvin_reference_temperature()]);
   real stress_exponent = parameter[i_stress_exponent()];
   real grain_size_exponent = parameter[i_grain_size_exponent()];

@@ -43,9 +43,7 @@ vector imposed_stress_rhs(real time, vector state, data real median_stress, data
   int evolves = num_elements(state) > 2;
   real stress = cyclic_stress(time, median_stress, amplitude, angular_frequency);
   real kelvin_viscosity
-    = kelvin_viscosity_at(parameter[i_kelvin_viscosity()],
-                          parameter[i_kelvin_activation_enthalpy()], temperature,
-                          parameter[i_kelvin_reference_temperature()]);
+    = kelvin_viscosity_at(parameter, temperature, parameter[i_kelvin_reference_temperature()]);
   real driving_stress
     = linear_driving_stress(stress / largest_stress - state[1],
                             kelvin_law_at(parameter),

@@ -102,9 +102,7 @@ vector history_rates(vector parameter, data vector constant, data real duration,
   real stress_scale = test[c_stress_scale()] / stress_reading_factor(parameter);
   vector[3] compliance = history_compliances(parameter, test);
   real at_temperature = true_temperature(parameter, temperature);
-  real kelvin_viscosity = kelvin_viscosity_at(parameter[i_kelvin_viscosity()],
-                                              parameter[i_kelvin_activation_enthalpy()],
-                                              at_temperature,
+  real kelvin_viscosity = kelvin_viscosity_at(parameter, at_temperature,
                                               constant[i_kelvin_reference_temperature()]);
   vector[2] log_further = rep_vector(0, 2);
   real log_coarser = log(initial_grain_size / constant[i_kelvin_reference_grain_size()]);
@@ -156,10 +154,11 @@ array[] int varying_rates(data array[] int is_free, data matrix element, data in
                        is_free[environment_numbers(1)]));
   varies[h_stress_exponent()] = is_free[i_stress_exponent()];
   varies[h_grain_size_exponent()] = is_free[i_grain_size_exponent()];
-  varies[h_kelvin_decay()] = max(is_free[{i_kelvin_modulus(), i_kelvin_viscosity(),
-                                          i_kelvin_activation_enthalpy(),
-                                          i_kelvin_grain_size_exponent(),
-                                          i_temperature_error()}]);
+  varies[h_kelvin_decay()]
+    = max(is_free[append_array(environment_numbers(4),
+                               {i_kelvin_modulus(), i_kelvin_viscosity(),
+                                i_kelvin_activation_enthalpy(), i_kelvin_grain_size_exponent(),
+                                i_temperature_error()})]);
   varies[h_kelvin_compliance()] = max(is_free[{i_kelvin_modulus(),
                                                i_stress_calibration_error()}]);
   varies[h_spring_compliance()] = max(is_free[{i_maxwell_modulus(),
@@ -177,8 +176,10 @@ array[] int varying_rates(data array[] int is_free, data matrix element, data in
     varies[h_hardening()] = max(is_free[{i_hardening_modulus(), i_stress_calibration_error()}]);
     varies[h_backstress_limit()] = max(is_free[{i_backstress_limit(),
                                                 i_stress_calibration_error()}]);
-    varies[h_recovery()] = max(is_free[{i_recovery_rate(), i_recovery_activation_enthalpy(),
-                                        i_temperature_error()}]);
+    varies[h_recovery()]
+      = max(is_free[append_array(environment_numbers(5),
+                                 {i_recovery_rate(), i_recovery_activation_enthalpy(),
+                                  i_temperature_error()})]);
     varies[h_recovery_exponent()] = is_free[i_recovery_exponent()];
   }
   for (k in 1 : n_further) {

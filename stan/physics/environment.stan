@@ -1,9 +1,9 @@
 /**
- * Pressure, water and melt: the factor that a mechanism of the dashpot has in the environment of a
- * test. Needs physics/parameters.stan and physics/flow_law.stan.
+ * Pressure, water and melt: the factor that a rate of the material has in the environment of a test.
+ * Needs physics/parameters.stan and physics/flow_law.stan.
  */
 
-/** Water fugacity (Pa) at which the rate of a mechanism is given, as at no pressure and no melt. */
+/** Water fugacity (Pa) at which rates are given, as at no pressure and no melt. */
 real reference_water_fugacity() { return 1e6; }
 
 /**
@@ -12,7 +12,7 @@ real reference_water_fugacity() { return 1e6; }
  *
  * @param parameter in the order of physics/parameters.stan
  * @param temperature true one, K
- * @param numbers places of V_M, r_f and alpha_phi of the mechanism
+ * @param numbers places of V_M, r_f and alpha_phi of the rate
  */
 real log_environment(vector parameter, real temperature, data array[] int numbers) {
   real pressure = parameter[i_pressure()];
@@ -26,10 +26,13 @@ real log_environment(vector parameter, real temperature, data array[] int number
          - pressure * parameter[numbers[1]] / (gas_constant() * temperature);
 }
 
-/** Numbers of a mechanism of the dashpot for log_environment(); 1: the flow law. */
-array[] int environment_numbers(data int mechanism) {
-  int first = {i_activation_volume(), i_second_activation_volume(),
-               i_third_activation_volume()}[mechanism];
+/**
+ * Places of the numbers for log_environment().
+ *
+ * @param rate 1: the flow law, 2 and 3: the further mechanisms, 4: the Kelvin part, 5: recovery
+ */
+array[] int environment_numbers(data int rate) {
+  int first = i_activation_volume() + 3 * (rate - 1);
   return {first, first + 1, first + 2};
 }
 

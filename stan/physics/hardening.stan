@@ -6,7 +6,7 @@
  * v the rate of the dashpot. Flow stores backstress with the modulus H and recovers it (dynamic
  * recovery, up to the limit sigma_max); r is the rate of static recovery at that limit. Without
  * recovery a linear dashpot with a backstress is a Kelvin element of the modulus H. Needs
- * physics/parameters.stan and physics/flow_law.stan.
+ * physics/parameters.stan, physics/flow_law.stan and physics/environment.stan.
  */
 
 /** Whether the dashpot has a backstress. */
@@ -49,9 +49,10 @@ row_vector backstress_compliance(data real frequency, real fluidity, real modulu
          * [fluidity * modulus, (square(frequency) + recovery * decay) / frequency];
 }
 
-/** Rate of static recovery at a temperature, r exp[-(Q_r/R)(1/T - 1/T_0)]. */
+/** Rate of static recovery, r exp[-(Q_r/R)(1/T - 1/T_0)] and the factor of its environment. */
 real recovery_rate_at(vector parameter, real temperature, real reference_temperature) {
   return parameter[i_recovery_rate()]
-         * exp(-parameter[i_recovery_activation_enthalpy()] / gas_constant()
-               * (1 / temperature - 1 / reference_temperature));
+         * exp(log_environment(parameter, temperature, environment_numbers(5))
+               - parameter[i_recovery_activation_enthalpy()] / gas_constant()
+                 * (1 / temperature - 1 / reference_temperature));
 }

@@ -57,17 +57,22 @@ real log_thermal_slowing(real activation_enthalpy, real temperature, real refere
   return activation_enthalpy / gas_constant() * (1 / temperature - 1 / reference_temperature);
 }
 
+/** The same of the Kelvin part at given parameters, in their environment. */
+real log_kelvin_slowing(vector parameter, real temperature, real reference_temperature) {
+  return log_thermal_slowing(parameter[i_kelvin_activation_enthalpy()], temperature,
+                             reference_temperature)
+         - log_environment(parameter, temperature, environment_numbers(4));
+}
+
 /**
- * Effective viscosity at a temperature, at the driving stress q_0.
+ * Effective viscosity at a temperature and in an environment, at the driving stress q_0.
  *
- * @param viscosity eta_K, Pa s, at the reference temperature
- * @param activation_enthalpy Q_K, J/mol
+ * @param parameter in the order of physics/parameters.stan; eta_K is that at the reference temperature
  * @return Pa s
  */
-real kelvin_viscosity_at(real viscosity, real activation_enthalpy, real temperature,
-                         data real reference_temperature) {
-  return viscosity
-         * exp(log_thermal_slowing(activation_enthalpy, temperature, reference_temperature));
+real kelvin_viscosity_at(vector parameter, real temperature, data real reference_temperature) {
+  return parameter[i_kelvin_viscosity()]
+         * exp(log_kelvin_slowing(parameter, temperature, reference_temperature));
 }
 
 /** The power law: q |q/q_0|^(n_K - 1), see linear_driving_stress(). */

@@ -4,7 +4,7 @@
  * Priors, fixed values and `parameter` in the programs have this order. Those of variants have
  * standard values that leave them without effect (docs/variants.md).
  */
-int n_parameters() { return 72; }
+int n_parameters() { return 78; }
 
 int i_maxwell_modulus() { return 1; } // E_M, Pa
 int i_kelvin_modulus() { return 2; } // E_K, Pa
@@ -81,7 +81,7 @@ int i_mechanism_reference_stress() { return 56; } // S_r, Pa, always fixed
 int i_mechanism_reference_grain_size() { return 57; } // d_r, m, always fixed
 int i_mechanism_reference_temperature() { return 58; } // T_r, K, always fixed
 
-// Of the environment, physics/environment.stan, which has the three of a mechanism in a row
+// Of the environment, physics/environment.stan, which has the three of a rate in a row
 int i_activation_volume() { return 59; } // V_M, m^3/mol
 int i_water_exponent() { return 60; } // r_f
 int i_melt_factor() { return 61; } // alpha_phi
@@ -91,13 +91,19 @@ int i_second_melt_factor() { return 64; } // alpha_phi2
 int i_third_activation_volume() { return 65; } // V_M3, m^3/mol
 int i_third_water_exponent() { return 66; } // r_f3
 int i_third_melt_factor() { return 67; } // alpha_phi3
+int i_kelvin_activation_volume() { return 68; } // V_MK, m^3/mol
+int i_kelvin_water_exponent() { return 69; } // r_fK
+int i_kelvin_melt_factor() { return 70; } // alpha_phiK
+int i_recovery_activation_volume() { return 71; } // V_Mr, m^3/mol
+int i_recovery_water_exponent() { return 72; } // r_fr
+int i_recovery_melt_factor() { return 73; } // alpha_phir
 
 // Of the conditions of a test; errors are 0 where conditions are taken as known
-int i_temperature_error() { return 68; } // true less stated temperature, K
-int i_stress_calibration_error() { return 69; } // c: the load cell reads 1 + c times the stress
-int i_pressure() { return 70; } // P, Pa, always fixed
-int i_water_fugacity() { return 71; } // f, Pa, always fixed
-int i_melt_fraction() { return 72; } // phi, always fixed
+int i_temperature_error() { return 74; } // true less stated temperature, K
+int i_stress_calibration_error() { return 75; } // c: the load cell reads 1 + c times the stress
+int i_pressure() { return 76; } // P, Pa, always fixed
+int i_water_fugacity() { return 77; } // f, Pa, always fixed
+int i_melt_fraction() { return 78; } // phi, always fixed
 
 /** Temperature of a test (K): the stated one and its error. */
 real true_temperature(vector parameter, data real stated) {

@@ -198,6 +198,22 @@ def test_temperatures_of_all_tests_of_a_joint_fit_were_fitted(
     assert "temperature 266 K (fitted: 260 to 265)" in capsys.readouterr().out
 
 
+def test_a_pressure_is_said_to_be_beyond_what_was_fitted(
+    small_fit: Fit,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    posterior = small_fit.posterior.copy()
+    volume = xr.full_like(posterior["posterior"].to_dataset()["maxwell_modulus"], 1e-5)
+    posterior["posterior"] = posterior["posterior"].assign(activation_volume=volume)
+    monkeypatch.setattr(Fit, "load", lambda _: replace(small_fit, posterior=posterior))
+    options = ("--frequencies-Hz", "1e-3", "--pressure-MPa", "300")
+    assert predict(small_fit.directory.path, tmp_path / "deep.csv", *options) == 0
+    told = "Beyond what was fitted: pressure 300 MPa (fitted: not stated)."
+    assert told in capsys.readouterr().out.splitlines()
+
+
 def test_the_steady_state_is_softer(small_fit: Fit, tmp_path: Path) -> None:
     options = ("--regimes", "4", "--frequencies-Hz", "1e-4")
     values = {}

@@ -3,6 +3,7 @@
 import time
 import tracemalloc
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -399,6 +400,30 @@ def test_a_fit_predicts_each_draw_with_its_microstructure_or_the_given_one(
         assert (found["tan_delta"] > predict_attenuation(fit, SHORT)["tan_delta"]).all()
     with pytest.raises(InputError, match="'frozen', expected 'initial' or 'steady_state'"):
         predict_attenuation(fit, SHORT, microstructure="frozen")
+
+
+def test_a_fit_predicts_at_a_pressure_on_which_its_rates_depend(fit: Fit) -> None:
+    posterior = fit.posterior.copy()
+    draws = posterior["posterior"].to_dataset()
+    volume = xr.full_like(draws["kelvin_viscosity"], 6e-6)
+    posterior["posterior"] = posterior["posterior"].assign(kelvin_activation_volume=volume)
+    deep = predict_attenuation(
+        replace(fit, posterior=posterior), SHORT, environment={"pressure": 3e8}
+    )
+    slower = np.exp(3e8 * 6e-6 / (oracle.GAS_CONSTANT * fit.experiment.temperature))
+    own = draws_of(fit)
+    expected = spectrum_of(
+        {**own, "kelvin_viscosity": slower * own["kelvin_viscosity"]}, grain_size=INITIAL_GRAIN_SIZE
+    )
+    np.testing.assert_allclose(deep["tan_delta"], expected["tan_delta"], rtol=1e-9)
+    assert "pressure 300 MPa" in deep.attrs["title"]
+    for environment, message in (
+        ({"melt_fraction": 0.1}, "found melt_fraction, on which no rate of the fit depends"),
+        ({"presure": 1e8}, "unknown name 'presure'"),
+        ({"pressure": -1.0}, "the pressure is -1 Pa, expected at least 0"),
+    ):
+        with pytest.raises(InputError, match=message):
+            predict_attenuation(fit, SHORT, environment=environment)
 
 
 def test_the_table_holds_the_quantiles_of_the_draws(fit: Fit) -> None:

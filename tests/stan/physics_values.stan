@@ -122,8 +122,9 @@ generated quantities {
   for (i in 1 : n_driving) {
     kelvin_rate[i] = linear_driving_stress(driving_stress[i], i_kelvin_stress_exponent(),
                                            kelvin_stress_exponent, -log(reference_stress))
-                     / kelvin_viscosity_at(viscosity, kelvin_activation_enthalpy, temperature,
-                                           reference_temperature);
+                     / (viscosity
+                        * exp(log_thermal_slowing(kelvin_activation_enthalpy, temperature,
+                                                  reference_temperature)));
   }
   for (i in 1 : n_cycles) {
     log_fluidity[i] = log_fluidity_of_stress(median_stress[i], amplitude[i], cyclic_exponent[i],

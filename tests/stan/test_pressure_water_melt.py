@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import oracle
 import pytest
 from conftest import ICE, TABLE_RUN, Problem
 from evaluated_laws import value_of
@@ -40,7 +41,12 @@ from pyburgers.kinds.forward import simulate, with_stated
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import given_parameters, program_data
 from pyburgers.kinds.stan_data import SolverOptions
-from pyburgers.model.parameters import ALL_ENVIRONMENT_NUMBERS, ENVIRONMENT, PARAMETER_BY_NAME
+from pyburgers.model.parameters import (
+    ALL_ENVIRONMENT_NUMBERS,
+    ENVIRONMENT,
+    PARAMETER_BY_NAME,
+    STANDARD_VALUES,
+)
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import variant_of
 from pyburgers.predictions.exported import composite_law, laws_of
@@ -49,11 +55,29 @@ pytestmark = pytest.mark.usefixtures("programs")
 
 EXACT = SolverOptions(tolerance=1e-12, max_num_steps=10_000_000)
 PLACE = {"pressure": 3e8, "water_fugacity": 2e8, "melt_fraction": 0.02}
-NUMBERS = {"activation_volume": 1.5e-5, "water_exponent": 0.3, "melt_factor": 30.0}
+NUMBERS = {
+    "activation_volume": 1.5e-5,
+    "water_exponent": 0.3,
+    "melt_factor": 30.0,
+    "kelvin_activation_volume": 6e-6,
+    "kelvin_water_exponent": 0.25,
+    "kelvin_melt_factor": 15.0,
+}
 SECOND_NUMBERS = {
     "second_activation_volume": -4e-6,
     "second_water_exponent": 0.2,
     "second_melt_factor": 20.0,
+}
+HARDENING = {
+    "hardening_modulus": 4e8,
+    "backstress_limit": 4e6,
+    "recovery_rate": 2e-3,
+    "recovery_exponent": 2.5,
+    "recovery_activation_enthalpy": 60e3,
+    "kelvin_reference_temperature": 265.0,
+    "recovery_activation_volume": 1.1e-5,
+    "recovery_water_exponent": 0.15,
+    "recovery_melt_factor": -12.0,
 }
 THREE = {
     **THIRD,
@@ -76,16 +100,24 @@ def without_environment(values: Mapping[str, float]) -> dict[str, float]:
         + values["melt_factor"] * PLACE["melt_fraction"]
     )
     changed |= {"activation_enthalpy": enthalpy, "beta": log_factor / enthalpy}
-    for which in ("second", "third"):
-        if f"{which}_rate" not in values:
+    for which, number, reference in (
+        ("second", "second_rate", "mechanism_reference_temperature"),
+        ("third", "third_rate", "mechanism_reference_temperature"),
+        ("kelvin", "kelvin_viscosity", "kelvin_reference_temperature"),
+        ("recovery", "recovery_rate", "kelvin_reference_temperature"),
+    ):
+        if f"{which}_activation_volume" not in values:
             continue
         more = PLACE["pressure"] * values[f"{which}_activation_volume"]
-        changed[f"{which}_activation_enthalpy"] += more
-        changed[f"{which}_rate"] *= np.exp(
+        own = f"{which}_activation_enthalpy"
+        changed[own] = values.get(own, 0.0) + more
+        changed.setdefault(reference, STANDARD_VALUES[reference])
+        log_factor = (
             values[f"{which}_water_exponent"] * np.log(fugacity)
             + values[f"{which}_melt_factor"] * PLACE["melt_fraction"]
-            - more / (GAS_CONSTANT * values["mechanism_reference_temperature"])
+            - more / (GAS_CONSTANT * changed[reference])
         )
+        changed[number] *= np.exp(-log_factor if which == "kelvin" else log_factor)
     return {
         name: value
         for name, value in changed.items()
@@ -107,7 +139,15 @@ def assert_same(test: Experiment, values: Mapping[str, float], columns: tuple[st
 
 
 @pytest.mark.parametrize(
-    "others", [{}, {**SECOND, **SECOND_NUMBERS}, THREE], ids=["one", "two", "three"]
+    "others",
+    [
+        {},
+        {**SECOND, **SECOND_NUMBERS},
+        THREE,
+        HARDENING,
+        {"relaxation_time_decades": 3.0, "relaxation_exponent": 0.4},
+    ],
+    ids=["one", "two", "three", "backstress", "a band of times"],
 )
 @pytest.mark.parametrize("name", ["creep", "load and unload", "mixed"])
 def test_a_history_is_that_of_other_enthalpies_and_factors(
@@ -130,7 +170,7 @@ def test_other_kinds_are_too(tmp_path: Path) -> None:
     assert_same(with_background(olivine, "removed"), frozen, ("stress_Pa",))
 
 
-def test_the_flow_rate_the_spectrum_and_the_exported_law_are_too() -> None:
+def test_the_flow_rate_the_spectrum_and_the_exported_laws_are_too() -> None:
     values = {**TRUTH, **NUMBERS, **SECOND, **SECOND_NUMBERS, **PLACE}
     plain = without_environment(values)
     at = {"temperature": TEMPERATURE, "grain_size": GRAIN_SIZE}
@@ -152,14 +192,32 @@ def test_the_flow_rate_the_spectrum_and_the_exported_law_are_too() -> None:
     assert value_of(str(laws["flow_law"]), rates) == pytest.approx(float(expected), rel=1e-9)
 
 
+def test_exported_laws_of_kelvin_part_and_recovery_are_too() -> None:
+    hardened = {**TRUTH, **NUMBERS, **HARDENING, **PLACE}
+    laws = laws_of(given_parameters("ice", hardened), history_twin("creep", 4))
+    state = {"R": GAS_CONSTANT, "temperature": TEMPERATURE, "stress": 5e6, "kelvin_strain": 1e-4}
+    state |= {"strain_rate": 3e-5, "backstress": 2e6}
+    rate = value_of(str(laws["kelvin_law"]), {**hardened, **state})
+    stored = value_of(str(laws["hardening_law"]), {**hardened, **state})
+    plain = without_environment(hardened)
+    assert rate == pytest.approx(oracle.kelvin_rate(plain, TEMPERATURE, 5e6, 1e-4), rel=1e-9)
+    expected_rate = oracle.backstress_rate(plain, TEMPERATURE, 2e6, 3e-5)
+    assert stored == pytest.approx(expected_rate, rel=1e-9)
+
+
 def test_gradients_are_slopes_of_the_density(tmp_path: Path) -> None:
     test = replace(history_twin("mixed", 16), environment=PLACE)
-    values = {**NUMBERS, **SECOND_NUMBERS}
+    recovery = {name: HARDENING[name] for name in HARDENING if name in ALL_ENVIRONMENT_NUMBERS}
+    values = {**NUMBERS, **SECOND_NUMBERS, **recovery}
     free = {
         name: normal(value, abs(value) / 4, PARAMETER_BY_NAME[name].si_unit)
         for name, value in values.items()
     }
-    held = {name: fixed(value, PARAMETER_BY_NAME[name].si_unit) for name, value in SECOND.items()}
+    held = {
+        name: fixed(value, PARAMETER_BY_NAME[name].si_unit)
+        for name, value in {**SECOND, **HARDENING}.items()
+        if name not in recovery
+    }
     problem = problem_of([test], default_priors("ice").with_(**free, **held))
     assert problem.priors[0]["pressure"].location == PLACE["pressure"]
     data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
@@ -261,7 +319,7 @@ def test_a_table_tells_volume_exponent_and_factor(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.water_fugacity, found.data.water_fugacity)
     with pytest.raises(InputError, match="environment: unknown name 'presure'"):
         found.rates_at(1500.0, 1e6, 1e-3, environment={"presure": 1e9})
-    with pytest.raises(InputError, match="pressure: found -1, expected more than 0"):
+    with pytest.raises(InputError, match="environment: the pressure is -1 Pa, expected at least 0"):
         found.rates_at(1500.0, 1e6, 1e-3, environment={"pressure": -1.0})
 
 
@@ -274,9 +332,11 @@ def test_rows_without_what_a_law_needs_are_left_out() -> None:
     with pytest.raises(InputError, match="wet: no row has a pressure, expected one because"):
         usable_rows(replace(table, pressure=np.full(12, np.nan)), law)
     assert usable_rows(replace(table, pressure=dry), rate_law("olivine_composite")).n_rows == 12
-    with pytest.raises(InputError, match=r"the melt fraction is 1\.5, expected less than 1"):
+    with pytest.raises(
+        InputError, match=r"the melt fraction is 1\.5, expected at least 0 and less than 1"
+    ):
         replace(table, melt_fraction=np.full(12, 1.5))
-    with pytest.raises(InputError, match="the water fugacity is 0 in SI units, expected more than"):
+    with pytest.raises(InputError, match="the water fugacity is 0 Pa, expected more than"):
         replace(table, water_fugacity=np.zeros(12))
 
 

@@ -86,8 +86,11 @@ def _seen_times(
 ) -> tuple[float, float]:
     """Return the range of 1/omega of all rows (s), moved to the temperature of the file's head."""
     conditions = experiment.conditions
-    name = "kelvin_activation_enthalpy"
-    enthalpy = values.get(name, np.array(STANDARD_VALUES[name]))
+    enthalpy, volume = (
+        values.get(name, np.array(STANDARD_VALUES[name]))
+        for name in ("kelvin_activation_enthalpy", "kelvin_activation_volume")
+    )
+    enthalpy = enthalpy + experiment.environment.get("pressure", 0.0) * volume
     times = []
     for temperature in np.unique(conditions.temperature):
         period = conditions.period[conditions.temperature == temperature]

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, product
 
 import numpy as np
 
@@ -17,10 +17,15 @@ from pyburgers.kinds.likelihood import measured_block, strains_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Leg
 from pyburgers.kinds.stan_data import StanData, ends
-from pyburgers.model.arrhenius import log_slowdown
+from pyburgers.model.arrhenius import GAS_CONSTANT, log_slowdown
 from pyburgers.model.kelvin_elements import element_rows
 from pyburgers.model.laws import RELAXATION_TIMES
-from pyburgers.model.parameters import PLACE
+from pyburgers.model.parameters import (
+    ENVIRONMENT,
+    ENVIRONMENT_NUMBERS,
+    PLACE,
+    STANDARD_VALUES,
+)
 from pyburgers.model.prior_families import Prior, is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of
@@ -314,12 +319,27 @@ def _log_times(test: HistoryExperiment, priors: PriorSet) -> tuple[float, float]
     reference = priors["kelvin_reference_temperature"].location
     coarseness = np.log(test.initial_grain_size / priors["kelvin_reference_grain_size"].location)
     slower = [
-        float(log_slowdown(enthalpy, temperature, reference)) + exponent * coarseness
+        float(log_slowdown(enthalpy, temperature, reference)) + exponent * coarseness - faster
         for temperature in test.temperatures
         for enthalpy in _ends(priors["kelvin_activation_enthalpy"])
         for exponent in _ends(priors["kelvin_grain_size_exponent"])
+        for faster in _log_factors(test, priors, temperature)
     ]
     return float(np.log(min(shortest))) - max(slower), float(np.log(test.end_time)) - min(slower)
+
+
+def _log_factors(test: HistoryExperiment, priors: PriorSet, temperature: float) -> Iterable[float]:
+    """Return ends of ln of the factor of 1/time by the environment, at a temperature (K)."""
+    pressure, fugacity, melt = (
+        test.environment.get(name, STANDARD_VALUES[name]) for name in ENVIRONMENT
+    )
+    changes = (
+        -pressure / (GAS_CONSTANT * temperature),
+        np.log(fugacity / STANDARD_VALUES["water_fugacity"]),
+        melt,
+    )
+    numbers = (_ends(priors[f"kelvin_{name}"]) for name in ENVIRONMENT_NUMBERS)
+    return (float(np.dot(changes, ends)) for ends in product(*numbers))
 
 
 def _ends(prior: Prior) -> Iterable[float]:

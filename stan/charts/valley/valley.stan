@@ -66,8 +66,8 @@ int c_replaced_deviation() { return 7; }
  */
 matrix kelvin_elements(vector parameter, data matrix element, data real temperature,
                        data real grain_size) {
-  real slowing = log_thermal_slowing(parameter[i_kelvin_activation_enthalpy()], temperature,
-                                     parameter[i_kelvin_reference_temperature()])
+  real slowing = log_kelvin_slowing(parameter, temperature,
+                                    parameter[i_kelvin_reference_temperature()])
                  + parameter[i_kelvin_grain_size_exponent()]
                    * log(grain_size / parameter[i_kelvin_reference_grain_size()]);
   matrix[rows(element), 2] decay_and_compliance

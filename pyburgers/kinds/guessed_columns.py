@@ -25,6 +25,10 @@ OTHER_QUANTITIES = re.compile(
 pressures and strains across the axis."""
 
 
+CONFINING = re.compile(r"confin|cell.?p|hydrostat|manteldruck")
+"""Pattern of columns of the pressure on a sample."""
+
+
 SET_POINT = (
     r"(?<![a-z])set(?![a-z])|setpoint|target|command|demand|(?<![a-z])(?:sp|soll)|sollwert|consigne"
 )
@@ -282,6 +286,8 @@ def left_out(
             )
             if OTHER_QUANTITIES.search(name):
                 by_itself = "its name is that of a rate, or of what acts beside the axis"
+            if CONFINING.search(name):
+                by_itself = "laws depend on one pressure at most, which the key pressure_Pa states"
             if not table.numbers(column):
                 by_itself = "it holds no numbers"
                 if has_date(next(iter(table.cleaned(table.columns.index(column))), "")):

@@ -11,7 +11,14 @@ import oracle
 import pytest
 from conftest import ICE
 from evaluated_laws import value_of
-from history_twins import GRAIN_SIZE, TEMPERATURE, TRUTH, history_twin, residual_covariance
+from history_twins import (
+    BACKSTRESS,
+    GRAIN_SIZE,
+    TEMPERATURE,
+    TRUTH,
+    history_twin,
+    residual_covariance,
+)
 from ice_spectrum import PERIODS, ice_spectrum
 from log_density import assert_gradient_is_slope, program_with
 from scipy import stats
@@ -49,14 +56,6 @@ FROZEN = {
     "activation_enthalpy": 60e3,
 }
 STIFF = {"kelvin_modulus": 1e20, "kelvin_viscosity": 1e22}
-BACKSTRESS = {
-    "hardening_modulus": 4e8,
-    "backstress_limit": 4e6,
-    "recovery_rate": 2e-3,
-    "recovery_exponent": 2.5,
-    "recovery_activation_enthalpy": 60e3,
-    "kelvin_reference_temperature": 265.0,
-}
 
 
 def beta(rate: float, stress: float, exponent: float) -> float:

@@ -11,7 +11,7 @@ import oscillation_oracle
 import pytest
 from conftest import ICE
 from evaluated_laws import value_of
-from history_twins import GRAIN_SIZE, SECOND, TEMPERATURE, THIRD, TRUTH, history_twin
+from history_twins import BACKSTRESS, GRAIN_SIZE, SECOND, TEMPERATURE, THIRD, TRUTH, history_twin
 from ice_spectrum import PERIODS, ice_spectrum
 from log_density import assert_gradient_is_slope, program_with
 
@@ -260,15 +260,7 @@ def test_the_flow_rate_and_the_exported_law_are_those_of_the_equations(
 
 
 def test_exported_hardening_is_that_of_the_first_mechanism() -> None:
-    backstress = {
-        "hardening_modulus": 4e8,
-        "backstress_limit": 4e6,
-        "recovery_rate": 2e-3,
-        "recovery_exponent": 2.5,
-        "recovery_activation_enthalpy": 60e3,
-        "kelvin_reference_temperature": 265.0,
-    }
-    values = {**TRUTH, **SECOND, **backstress}
+    values = {**TRUTH, **SECOND, **BACKSTRESS}
     laws = laws_of(given_parameters("ice", values), history_twin("creep", 4))
     first = {"first_mechanism": 3e-5, "backstress": 2e6, "temperature": TEMPERATURE}
     stored = value_of(str(laws["hardening_law"]), {**values, **first, "R": GAS_CONSTANT})

@@ -9,7 +9,7 @@ import oracle
 import pytest
 from conftest import ICE, TABLE_RUN, Problem
 from evaluated_laws import value_of
-from history_twins import GRAIN_SIZE, SECOND, TEMPERATURE, THIRD, TRUTH, history_twin
+from history_twins import BACKSTRESS, GRAIN_SIZE, SECOND, TEMPERATURE, THIRD, TRUTH, history_twin
 from ice_spectrum import ice_spectrum
 from log_density import assert_gradient_is_slope, program_with
 from rate_oracle import GAS_CONSTANT
@@ -69,12 +69,7 @@ SECOND_NUMBERS = {
     "second_melt_factor": 20.0,
 }
 HARDENING = {
-    "hardening_modulus": 4e8,
-    "backstress_limit": 4e6,
-    "recovery_rate": 2e-3,
-    "recovery_exponent": 2.5,
-    "recovery_activation_enthalpy": 60e3,
-    "kelvin_reference_temperature": 265.0,
+    **BACKSTRESS,
     "recovery_activation_volume": 1.1e-5,
     "recovery_water_exponent": 0.15,
     "recovery_melt_factor": -12.0,

@@ -57,6 +57,18 @@ THIRD: Mapping[str, float] = MappingProxyType(
 )
 """The same, and a third one."""
 
+BACKSTRESS: Mapping[str, float] = MappingProxyType(
+    {
+        "hardening_modulus": 4e8,
+        "backstress_limit": 4e6,
+        "recovery_rate": 2e-3,
+        "recovery_exponent": 2.5,
+        "recovery_activation_enthalpy": 60e3,
+        "kelvin_reference_temperature": 265.0,
+    }
+)
+"""A backstress of the dashpot."""
+
 _STAGES: Mapping[str, Sequence[tuple[str, float, float]]] = MappingProxyType(
     {
         "creep": (("stress", 4000.0, 5e6),),

@@ -35,6 +35,7 @@ functions {
 #include statistics/measured_microstructure.stan
 #include charts/plain.stan
 #include charts/flow_of_hardened.stan
+#include charts/parted_rates.stan
 #include charts/pooling.stan
 #include kinds/attenuation_response.stan
 #include charts/valley/pins.stan
@@ -98,10 +99,15 @@ transformed parameters {
       = parameters_from_plain(head(plain, size(own)), own_parameter[own], quantity[own], given,
                               0, 0, 0, initial_grain_size[e], temperature[e]);
     int samples_stress = reference_stress_rate[e] > 0;
+    vector[n_parameters() + 1] parted
+      = with_parted_rates(head(mapped, n_parameters()),
+                          rates_that_move(own_place[e], quantity[own]), replaced_parameter[e],
+                          samples_stress, samples_stress ? log(reference_stress_rate[e]) : 0,
+                          stress_scale[e], initial_grain_size[e], temperature[e]);
     real shift = samples_stress ? 0
-                 : log_reference_flow_shift(head(mapped, n_parameters()), stress_scale[e],
+                 : log_reference_flow_shift(head(parted, n_parameters()), stress_scale[e],
                                             strain_scale[e], initial_grain_size[e]);
-    parameter[e] = head(mapped, n_parameters());
+    parameter[e] = head(parted, n_parameters());
     if (replaced_parameter[e] > 0) {
       parameter[e][replaced_parameter[e]] -= shift;
     }
@@ -117,7 +123,7 @@ transformed parameters {
                          + log_flow_rate_at(stress_scale[e], initial_grain_size[e],
                                             temperature[e], parameter[e]);
     log_jacobian += plain[size(own) + 1] + mapped[n_parameters() + 1]
-                    + resolved[n_parameters() + 1];
+                    + parted[n_parameters() + 1] + resolved[n_parameters() + 1];
     // A table has nothing to say of what is partially pooled: it carries another test's value.
     if (row_end[e + 1] == row_end[e]) {
       log_jacobian += pooled[n_parameters() + 1];

@@ -13,7 +13,9 @@ from conftest import ICE
 from evaluated_laws import value_of
 from history_twins import BACKSTRESS, GRAIN_SIZE, SECOND, TEMPERATURE, THIRD, TRUTH, history_twin
 from ice_spectrum import PERIODS, ice_spectrum
+from jacobians import assert_jacobian_is_that_of_the_map
 from log_density import assert_gradient_is_slope, program_with
+from stan_data import parameters_in
 
 from pyburgers import (
     Regime,
@@ -178,6 +180,60 @@ def test_gradients_are_slopes_of_the_density(law: str, which: str, tmp_path: Pat
     places = [names.index(name) for name in FURTHER_MECHANISMS[which] if name in names]
     assert len(places) == (1 if law == "diffusion" else 3)
     assert_gradient_is_slope(program, point, places)
+
+
+CHOICES = (
+    ("diffusion", "none"),
+    ("in_series", "none"),
+    ("power_law", "diffusion"),
+    ("power_law", "in_series"),
+    ("in_series", "diffusion"),
+    ("in_series", "in_series"),
+)
+
+
+@pytest.mark.parametrize("choice", CHOICES, ids=" ".join)
+@pytest.mark.parametrize("source", ["history", "curve"])
+def test_the_rate_of_all_mechanisms_is_sampled(
+    source: str, choice: tuple[str, str], tmp_path: Path
+) -> None:
+    test: Experiment = load_experiment(ICE / "PIL40.toml")
+    if source == "history":
+        test = history_twin("mixed", 8)
+    second, third = choice
+    choices = {"second_mechanism": second, "third_mechanism": third}
+    problem = problem_of([test], with_variant(default_priors("ice"), test, choices))
+    data = program_data(problem, solver=EXACT, use_likelihood=False)
+    program = program_with(problem.likelihood.program, data, tmp_path)
+    rng = np.random.default_rng(4)
+    point = data["unit"] * rng.standard_normal(data["n_coordinates"])
+
+    def free(columns: Mapping[str, float]) -> FloatArray:
+        values = parameters_in(columns)
+        return np.array([values[name] for name in problem.free])
+
+    assert_jacobian_is_that_of_the_map(program, point, free)
+    values = parameters_in(program.columns_at({"coordinate": point.tolist()}))
+    (coordinates,) = problem.coordinates
+    place = coordinates.quantities.index(problem.likelihood.reference.name)
+    stress = data["stress_scale"][0]
+    rate, first = (
+        float(one)
+        for one in oracle.all_rates(
+            values,
+            test.temperature,
+            np.array(stress),
+            np.array(0.0),
+            np.array(test.initial_grain_size),
+            np.array(1.0),
+        )
+    )
+    assert abs(np.log(rate / first)) > 1e-6
+    log_quantity = np.log(rate)
+    if source == "curve":
+        log_at_rate = np.log(data["reference_stress_rate"][0] / rate)
+        log_quantity = np.log(stress) + log_at_rate / values["stress_exponent"]
+    assert coordinates.of_quantity(place, log_quantity) == pytest.approx(point[place], abs=1e-8)
 
 
 def test_a_table_has_the_sum_of_the_fluidities(tmp_path: Path) -> None:

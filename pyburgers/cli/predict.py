@@ -182,11 +182,11 @@ def _predict(fit: Fit, fitted: Sequence[Ranges], options: argparse.Namespace, ou
         hold_time = options.hold_time_h * UNITS["time"]["h"]
     regimes = _regimes(options)
     environment = {
-        name: value
-        for name, value in (
-            ("pressure", _in_pascals(options.pressure_MPa)),
-            ("water_fugacity", _in_pascals(options.water_fugacity_MPa)),
-            ("melt_fraction", options.melt_fraction),
+        name: value * factor
+        for name, value, factor in (
+            ("pressure", options.pressure_MPa, UNITS["stress"]["MPa"]),
+            ("water_fugacity", options.water_fugacity_MPa, UNITS["stress"]["MPa"]),
+            ("melt_fraction", options.melt_fraction, 1.0),
         )
         if value is not None
     }
@@ -243,10 +243,6 @@ def _predict(fit: Fit, fitted: Sequence[Ranges], options: argparse.Namespace, ou
         print(evolving_sentence(comparison))
     for file in files:
         print(shown(file))
-
-
-def _in_pascals(stress: float | None) -> float | None:
-    return None if stress is None else stress * UNITS["stress"]["MPa"]
 
 
 def _elastic_modulus(options: argparse.Namespace) -> tuple[float | None, float]:

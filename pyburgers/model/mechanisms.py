@@ -77,7 +77,7 @@ def changes_of_mechanism(
     }
     changed = [
         fixed_prior(PARAMETER_BY_NAME[name], value, f"{source}{law}")
-        for name, value in {in_series: float(law == "in_series"), **held}.items()
+        for name, value in {in_series: float(MECHANISMS[which][law].in_series), **held}.items()
     ]
     if is_standard(priors, rate) or priors[rate].source == weak.source:
         given_at = MECHANISM_REFERENCES[0]

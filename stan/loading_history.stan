@@ -69,10 +69,10 @@ transformed data {
   int n_reading_grid = reading_grid_end[n_tests + 1];
   // What some free parameter changes; the rest is constant to the solver.
   array[n_parameters()] int is_free = free_in_any_test(own_parameter, pooled_parameter);
-  int hardens = any_backstress(prior_location);
+  int hardening = any_hardening(prior_location);
   int n_further = most_further_mechanisms(prior_location);
-  array[size(varying_rates(is_free, element, hardens, n_further))] int varying
-    = varying_rates(is_free, element, hardens, n_further);
+  array[size(varying_rates(is_free, element, hardening, n_further))] int varying
+    = varying_rates(is_free, element, hardening, n_further);
   array[leg_end[n_tests + 1]] vector[n_history_rates()] fixed;
   array[n_tests] vector[n_history_constants()] test;
   array[n_tests] vector[n_parameters()] prior_mass

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from pyburgers.common.errors import InputError
-from pyburgers.model.laws import HARDENING_LAWS, HARDENING_SWITCH
+from pyburgers.model.laws import DISLOCATIONS_SWITCH, HARDENING_LAWS, HARDENING_SWITCH
 from pyburgers.model.parameters import PARAMETER_BY_NAME, STANDARD_VALUES
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at, is_standard
 
@@ -17,41 +17,41 @@ RECOVERIES = 10.0
 NOT_LINEAR = ("backstress_limit", "recovery_exponent")
 """Parameters that leave the linear form about zero stress alone at their standard values."""
 
+LIMIT_OF_DISLOCATIONS, FIRST_DISLOCATIONS = 5.0, 0.1
+"""Prior medians of limit and start of the backstress of dislocations, as BACKSTRESS_SHARE."""
+
+DISLOCATION_RECOVERY = 5.0
+"""Exponent of recovery along pipes."""
+
+SOURCE_LENGTH = 4e-10
+"""Length (m) that Young's modulus over the grain size takes for a stress of sources.
+
+It is 2 G b: the shear modulus G is 0.4 of Young's, the Burgers vector b half a nanometre.
+"""
+
+OF_BACKSTRESS = frozenset(
+    {DISLOCATIONS_SWITCH, *(name for law in HARDENING_LAWS.values() for name in law.parameters)}
+)
+"""Parameters that laws of the hardening free, and the one that tells them apart."""
+
 
 def hardening_law(priors: Mapping[str, Prior]) -> str:
     """Tell the law from priors."""
-    return "none" if is_standard(priors, HARDENING_SWITCH) else "backstress"
+    if is_standard(priors, HARDENING_SWITCH):
+        return "none"
+    return "backstress" if is_standard(priors, DISLOCATIONS_SWITCH) else "dislocations"
 
 
-def medians_of_hardening(
-    priors: Mapping[str, Prior], largest_stress: float, duration: float
-) -> Mapping[str, float]:
-    """Return medians (SI) of weak priors for a test. A stress or duration (s) of 0 says nothing.
-
-    The modulus has the prior mean of the Kelvin modulus.
-    """
-    medians = {HARDENING_SWITCH: priors["kelvin_modulus"].mean_sd()[0]}
-    if largest_stress > 0:
-        medians["backstress_limit"] = BACKSTRESS_SHARE * largest_stress
-    if duration > 0:
-        medians["recovery_rate"] = RECOVERIES / duration
-    return medians
-
-
-def held_by_hardening(
-    priors: Mapping[str, Prior], temperature: float, *, is_linear: bool
-) -> Mapping[str, float]:
-    """Return values (SI) at which parameters are fixed where the priors do not say them.
-
-    Recovery has the enthalpy of the flow law, and its rate is that at the temperature (K). The
-    linear form has recovery in proportion to the backstress, and no limit.
-    """
-    linear = {name: STANDARD_VALUES[name] for name in NOT_LINEAR} if is_linear else {}
-    return {
-        "recovery_activation_enthalpy": float(priors["activation_enthalpy"].mean_sd()[0]),
-        "kelvin_reference_temperature": temperature,
-        **linear,
-    }
+def check_dislocations(priors: Mapping[str, Prior], where: str) -> None:
+    """Raise InputError for dislocations that store no backstress, or that are none at the start."""
+    if is_standard(priors, DISLOCATIONS_SWITCH):
+        return
+    for name in (HARDENING_SWITCH, "initial_backstress"):
+        if is_standard(priors, name):
+            raise InputError(
+                f"{where}: found {name} fixed at 0 beside a {DISLOCATIONS_SWITCH}, which is for "
+                f"hardening=dislocations, expected a positive {name}, or no {DISLOCATIONS_SWITCH}."
+            )
 
 
 def check_linear_hardening(priors: Mapping[str, Prior], protocol: str, where: str) -> None:
@@ -71,23 +71,25 @@ def changes_of_hardening(
     law: str,
     priors: Mapping[str, Prior],
     freed: Mapping[str, Prior],
-    medians: Mapping[str, float],
-    held: Mapping[str, float],
+    conditions: tuple[float, float, float, float],
+    *,
+    is_linear: bool,
 ) -> Sequence[Prior]:
-    """Return the priors to exchange for another law.
+    """Return the priors to exchange for a law, from none, or for none.
 
-    `freed` are weak priors, of which some get `medians` (SI), to one digit. Others are `held`.
+    `freed` are weak priors, of which some get medians for a test, to one digit. `conditions` of the
+    test are its largest stress (Pa), the time of its readings (s), its initial grain size (m) and
+    its temperature (K); a stress or time of 0 says nothing.
     """
-    present = hardening_law(priors)
     source = f"Variant hardening={law}"
-    if law == present:
+    if law == hardening_law(priors):
         return ()
-    parameters = HARDENING_LAWS["backstress"].parameters
-    fixed = dict(held)
-    free: list[Prior] = []
+    medians = _medians(law, priors, *conditions[:3])
+    fixed = _held(law, priors, conditions, is_linear=is_linear)
     if law == "none":
-        fixed = {name: STANDARD_VALUES[name] for name in parameters}
-    for name in parameters:
+        fixed = {name: STANDARD_VALUES[name] for name in OF_BACKSTRESS}
+    free: list[Prior] = []
+    for name in HARDENING_LAWS[law].parameters:
         if name not in fixed and is_standard(priors, name):
             location = medians.get(name)
             weak = freed[name]
@@ -97,6 +99,51 @@ def changes_of_hardening(
     put = [
         fixed_prior(PARAMETER_BY_NAME[name], value, source)
         for name, value in fixed.items()
-        if law == "none" or name not in priors or name in NOT_LINEAR
+        if name not in priors or name in OF_BACKSTRESS
     ]
     return [*free, *put]
+
+
+def _medians(
+    law: str, priors: Mapping[str, Prior], stress: float, duration: float, grain_size: float
+) -> Mapping[str, float]:
+    """Medians (SI) of weak priors; the modulus has the prior mean of the Kelvin modulus."""
+    medians = {
+        HARDENING_SWITCH: priors["kelvin_modulus"].mean_sd()[0],
+        "source_stress": SOURCE_LENGTH * priors["maxwell_modulus"].mean_sd()[0] / grain_size,
+    }
+    if stress > 0:
+        share = LIMIT_OF_DISLOCATIONS if law == "dislocations" else BACKSTRESS_SHARE
+        medians["backstress_limit"] = share * stress
+        medians["initial_backstress"] = FIRST_DISLOCATIONS * stress
+    if duration > 0:
+        medians["recovery_rate"] = RECOVERIES / duration
+    return medians
+
+
+def _held(
+    law: str,
+    priors: Mapping[str, Prior],
+    conditions: tuple[float, float, float, float],
+    *,
+    is_linear: bool,
+) -> Mapping[str, float]:
+    """Values (SI) at which parameters are fixed where the priors do not say them.
+
+    Recovery has the enthalpy of the flow law. The linear form has recovery in proportion to the
+    backstress, and no limit. Rates of dislocations are those at the largest stress, to one digit.
+    """
+    stress, _, grain_size, temperature = conditions
+    held = {
+        "recovery_activation_enthalpy": float(priors["activation_enthalpy"].mean_sd()[0]),
+        "kelvin_reference_temperature": temperature,
+    }
+    if is_linear:
+        held |= {name: STANDARD_VALUES[name] for name in NOT_LINEAR}
+    if law == "dislocations":
+        held |= {
+            DISLOCATIONS_SWITCH: float(f"{stress:.0e}"),
+            "kelvin_reference_grain_size": grain_size,
+            "recovery_exponent": DISLOCATION_RECOVERY,
+        }
+    return held

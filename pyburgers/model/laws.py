@@ -228,12 +228,29 @@ DASHPOT_STRESSES: Mapping[str, DashpotLaw] = MappingProxyType(
 """Laws of the dashpot by their own stress."""
 
 
-HARDENING_LAWS: Mapping[str, Law] = MappingProxyType(
+@dataclass(frozen=True)
+class HardeningLaw(Law):
+    """A law of the hardening of the dashpot.
+
+    `driving` is the stress of the flow law in an export, `density` a factor of its rate.
+    """
+
+    driving: str = "stress"
+    density: str = ""
+
+
+_RECOVERING = (
+    "^(recovery_exponent - 1){boundaries})*exp(-recovery_activation_enthalpy/R"
+    "*(1/temperature - 1/kelvin_reference_temperature))"
+)
+_SOURCES = "source_stress*kelvin_reference_grain_size/grain_size"
+
+HARDENING_LAWS: Mapping[str, HardeningLaw] = MappingProxyType(
     {
         law.name: law
         for law in (
-            Law("none", (), ""),
-            Law(
+            HardeningLaw("none", (), ""),
+            HardeningLaw(
                 "backstress",
                 (
                     "hardening_modulus",
@@ -243,17 +260,40 @@ HARDENING_LAWS: Mapping[str, Law] = MappingProxyType(
                 ),
                 "backstress_rate = hardening_modulus*(strain_rate"
                 " - abs(strain_rate)*backstress/backstress_limit)"
-                " - recovery_rate*backstress*abs(backstress/backstress_limit)"
-                "^(recovery_exponent - 1)*exp(-recovery_activation_enthalpy/R"
-                "*(1/temperature - 1/kelvin_reference_temperature))",
+                " - recovery_rate*(backstress*abs(backstress/backstress_limit)"
+                + _RECOVERING.format(boundaries=""),
+                driving="(stress - backstress)",
+            ),
+            HardeningLaw(
+                "dislocations",
+                (
+                    "hardening_modulus",
+                    "backstress_limit",
+                    "recovery_rate",
+                    "initial_backstress",
+                    "source_stress",
+                    "boundary_recovery",
+                ),
+                "backstress_rate = hardening_modulus*(strain_rate"
+                f"*(1 + {_SOURCES}/backstress) - abs(strain_rate)*backstress/backstress_limit)"
+                " - recovery_rate*(backstress*(backstress/reference_backstress)"
+                + _RECOVERING.format(
+                    boundaries=f" + boundary_recovery*{_SOURCES}"
+                    "*(backstress/reference_backstress)^3"
+                ),
+                driving=f"(stress - backstress - {_SOURCES})",
+                density="*(backstress/reference_backstress)^2",
             ),
         )
     }
 )
-"""Laws of the hardening of the dashpot by name; the first parameter is 0 without the law."""
+"""Laws of the hardening of the dashpot by name; the first parameter is 0 without any."""
 
 HARDENING_SWITCH = "hardening_modulus"
 """Parameter that takes the backstress out at 0."""
+
+DISLOCATIONS_SWITCH = "reference_backstress"
+"""Parameter that is 0 where the backstress is not that of dislocations."""
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,7 @@ class Parameter:
 
 
 _ONE, _ENTHALPY = "dimensionless", "activation enthalpy"
+_OF_RECOVERY = "activation enthalpy of static recovery"
 
 PARAMETERS: tuple[Parameter, ...] = (
     Parameter("maxwell_modulus", r"E_M", "Maxwell modulus", "stress", "GPa"),
@@ -216,38 +217,19 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         "MPa",
         standard=0.0,
     ),
-    Parameter(
-        "hardening_modulus",
-        r"H",
-        "hardening modulus of the backstress",
-        "stress",
-        "GPa",
-        standard=0.0,
-    ),
-    Parameter(
-        "backstress_limit",
-        r"\sigma_{max}",
-        "limit of the backstress by dynamic recovery",
-        "stress",
-        "MPa",
-        standard=1e6,
-    ),
-    Parameter(
-        "recovery_rate",
-        r"r",
-        "rate of static recovery at the limit of the backstress",
-        "strain rate",
-        "1e-6/s",
-        standard=0.0,
-    ),
-    Parameter("recovery_exponent", r"m_r", "exponent of static recovery", standard=1.0),
-    Parameter(
-        "recovery_activation_enthalpy",
-        r"Q_r",
-        "activation enthalpy of static recovery",
-        "molar energy",
-        "kJ/mol",
-        standard=0.0,
+    *(
+        Parameter(name, symbol, label, quantity, unit, standard)
+        for name, symbol, label, quantity, unit, standard in (
+            ("hardening_modulus", "H", "hardening modulus of the backstress", "stress", "GPa", 0.0),
+            ("backstress_limit", r"\sigma_{max}", "limit of the backstress", "stress", "MPa", 1e6),
+            ("recovery_rate", "r", "rate of static recovery", "strain rate", "1e-6/s", 0.0),
+            ("recovery_exponent", "m_r", "exponent of static recovery", _ONE, "1", 1.0),
+            ("recovery_activation_enthalpy", "Q_r", _OF_RECOVERY, "molar energy", "kJ/mol", 0.0),
+            ("initial_backstress", r"\sigma_{b0}", "backstress at the start", "stress", "MPa", 0.0),
+            ("source_stress", r"\sigma_d", "stress of dislocation sources", "stress", "MPa", 0.0),
+            ("boundary_recovery", "c_r", "recovery by grain boundaries", _ONE, "1", 0.0),
+            ("reference_backstress", r"\sigma_0", "reference backstress", "stress", "MPa", 0.0),
+        )
     ),
     Parameter(
         "discrepancy", r"\delta", "discrepancy of the law over the reading error", standard=0.0
@@ -416,6 +398,7 @@ CONSTANTS = frozenset(
     {
         *KELVIN_REFERENCES.values(),
         "modulus_reference_temperature",
+        "reference_backstress",
         *PIEZOMETER,
         *MECHANISM_REFERENCES,
         *(own[-1] for own in FURTHER_MECHANISMS.values()),
@@ -432,6 +415,12 @@ GIVEN_TOGETHER: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "peak_strength": ("peak_time_decades", "peak_width"),
         "hardening_modulus": ("backstress_limit",),
         "recovery_exponent": (),
+        "reference_backstress": (
+            "initial_backstress",
+            "source_stress",
+            "boundary_recovery",
+            "kelvin_reference_grain_size",
+        ),
         "recovery_activation_enthalpy": ("kelvin_reference_temperature",),
         **{own[0]: (*own[1:-1], *MECHANISM_REFERENCES) for own in FURTHER_MECHANISMS.values()},
         **dict.fromkeys(STRESS_EXPONENTS[1:], ()),

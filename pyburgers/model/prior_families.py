@@ -101,6 +101,7 @@ BOUNDED_AWAY_FROM_ZERO = frozenset(
         *NONLINEAR_KELVIN_PARAMETERS,
         HARDENING_SWITCH,
         "backstress_limit",
+        "initial_backstress",
         *(own[0] for own in FURTHER_MECHANISMS.values()),
         "relaxation_exponent",
         "peak_width",

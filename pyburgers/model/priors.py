@@ -476,6 +476,6 @@ def _check_together(path: Path, priors: Mapping[str, Prior]) -> None:
         for other in others:
             if in_use and other not in priors:
                 raise InputError(
-                    f"{path}: table [parameters.{other}] is missing, expected a fixed value "
-                    f"because {name} is not fixed at {standard:g}."
+                    f"{path}: table [parameters.{other}] is missing, expected a prior or a fixed "
+                    f"value because {name} is not fixed at {standard:g}."
                 )

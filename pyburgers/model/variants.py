@@ -19,10 +19,9 @@ from pyburgers.model.dashpot_laws import beta_of_linear, dashpot_law
 from pyburgers.model.fitted_test import Test
 from pyburgers.model.hardening import (
     changes_of_hardening,
+    check_dislocations,
     check_linear_hardening,
     hardening_law,
-    held_by_hardening,
-    medians_of_hardening,
 )
 from pyburgers.model.kelvin_laws import changes_for, kelvin_law
 from pyburgers.model.laws import (
@@ -66,8 +65,9 @@ class ModelVariant:
     residuals : {"independent", "autocorrelated", "discrepancy"}
         From point to point; along strain or time; or the sum of reading errors and a smooth
         discrepancy of the law.
-    hardening : {"none", "backstress"}
-        Whether the dashpot of the Maxwell element flows by the stress less a backstress.
+    hardening : {"none", "backstress", "dislocations"}
+        Whether the dashpot of the Maxwell element flows by the stress less a backstress, and
+        whether that is the one of dislocations.
     second_mechanism : {"none", "diffusion", "power_law", "in_series"}
         Whether the dashpot has a second mechanism, beside the first one or in series with it.
     third_mechanism : {"none", "diffusion", "power_law", "in_series"}
@@ -178,6 +178,7 @@ def with_variant(priors: PriorSet, experiment: Test, choices: Mapping[str, str])
     'linear'
     """
     _check_names(choices, "variant")
+    _check_kind(choices, experiment)
     changed = priors
     for part, choice in choices.items():
         changed = _CHANGES[part](changed, experiment, choice)
@@ -259,17 +260,22 @@ def check_laws(priors: PriorSet, experiment: Test) -> None:
             f"{', '.join(PIEZOMETER[:-1])} and {PIEZOMETER[-1]} in them, or the variant "
             "grain_size=constant."
         )
+    _check_kind(variant.record(), experiment)
+    if experiment.linear_hardening:
+        check_linear_hardening(priors.priors, experiment.protocol, experiment.id)
+    check_dislocations(priors.priors, experiment.id)
+    mechanisms.check_mechanisms(priors.priors, experiment.id)
+
+
+def _check_kind(choices: Mapping[str, str], experiment: Test) -> None:
+    """Raise InputError for laws by part that tests of the kind do not take."""
     for part in ("kelvin", "maxwell", "hardening", "second_mechanism", "third_mechanism"):
-        law = variant.record()[part]
-        if not _allows(experiment, part, law):
+        if part in choices and not _allows(experiment, part, choices[part]):
             raise InputError(
-                f"{experiment.id}: {part}={law} is not for tests of the protocol "
+                f"{experiment.id}: {part}={choices[part]} is not for tests of the protocol "
                 f"{experiment.protocol}, expected {' or '.join(experiment.laws[part])}; tests that "
                 "are given as loading histories take more laws (docs/variants.md)."
             )
-    if experiment.linear_hardening:
-        check_linear_hardening(priors.priors, experiment.protocol, experiment.id)
-    mechanisms.check_mechanisms(priors.priors, experiment.id)
 
 
 def _allows(experiment: Test, part: str, law: str) -> bool:
@@ -358,12 +364,15 @@ def _choose_maxwell(priors: PriorSet, experiment: Test, choice: str) -> PriorSet
 
 def _choose_hardening(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
     """Free the numbers of a law; tests of a kind that names it take its linear form."""
+    if choice != "none" and hardening_law(priors.priors) not in ("none", choice):
+        priors = _choose_hardening(priors, experiment, "none")
     is_linear = experiment.linear_hardening
     stress = 0.0 if is_linear else _largest_stress(experiment)
-    medians = medians_of_hardening(priors.priors, stress, experiment.duration)
-    held = held_by_hardening(priors.priors, experiment.temperature, is_linear=is_linear)
-    freed = priors_of_freed_parameters()
-    return priors.exchanging(*changes_of_hardening(choice, priors.priors, freed, medians, held))
+    of_material = experiment.initial_grain_size, experiment.temperature
+    conditions, freed = (stress, experiment.duration, *of_material), priors_of_freed_parameters()
+    return priors.exchanging(
+        *changes_of_hardening(choice, priors.priors, freed, conditions, is_linear=is_linear)
+    )
 
 
 def _choose_mechanism(which: str, priors: PriorSet, experiment: Test, choice: str) -> PriorSet:

@@ -86,7 +86,7 @@ def laws_of(prior_set: PriorSet, experiment: Test) -> dict[str, object]:
     hardening = HARDENING_LAWS[variant.hardening]
     hardening_law, mechanisms = hardening.expression + environment_law(priors, "recovery_"), {}
     if hardening.parameters:
-        flow_law = re.sub(r"\bstress\b", "(stress - backstress)", flow_law)
+        flow_law = re.sub(r"\bstress\b", hardening.driving, flow_law) + hardening.density
     if variant.second_mechanism != "none":
         mechanisms = {
             "first_mechanism": flow_law.removeprefix("strain_rate = "),

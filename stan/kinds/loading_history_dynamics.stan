@@ -24,7 +24,7 @@ array[] vector fixed_rates(data vector parameter, data matrix leg, data real ini
 }
 
 /**
- * States along a test that starts at rest.
+ * States along a test that starts at rest, with the backstress of its dislocations.
  *
  * @param parameter in the order of physics/parameters.stan
  * @param constant parameters that are never inferred, at their places in the same order, and those
@@ -48,7 +48,9 @@ matrix history_states(vector parameter, data vector constant, data array[] int v
   array[n_history_rates()] int place = place_among(varying);
   int n_states = 6 + n_summed(element);
   matrix[size(time), n_states] solution;
-  row_vector[n_states] state = append_col([0, 0, 0, 0, 1, 0],
+  real initial_backstress = parameter[i_initial_backstress()] * stress_reading_factor(parameter)
+                            / test[c_stress_scale()];
+  row_vector[n_states] state = append_col([0, 0, 0, 0, 1, initial_backstress],
                                           rep_row_vector(0, n_summed(element)));
   int before = 0;
   for (k in 1 : rows(leg)) {

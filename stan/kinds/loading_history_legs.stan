@@ -23,7 +23,8 @@
  *
  *   g = g_0 + (S/(E_M e)) (y - y_0) + (S/(E_K e)) (z - z_0) + x.
  *
- * That is so under a load that does not fall, from a Kelvin part that it still strains.
+ * That is so under a load that does not fall, from a Kelvin part that it still strains. Dislocations
+ * that a test starts with can push back.
  *
  * Force driven, the true stress follows from the strain s of the specimen, in the unit e: at constant
  * volume y = f exp(-e s), with f = f_0 + r t the force over the first area. The solver follows s, g,
@@ -60,7 +61,7 @@ vector strain_driven_rhs(real t, vector state, real start_path, vector varying, 
   real apparatus = history_rate(h_apparatus_compliance(), varying, place, fixed);
   real path = compliant ? state[place_of_b + 1] : start_path + magnitude(rate) * t;
   real u = test[c_piezometer()] > 0 ? state[2] : 1;
-  real b = test[c_hardens()] > 0 ? state[place_of_b] : 0;
+  real b = test[c_hardening()] > 0 ? state[place_of_b] : 0;
   vector[2] x_rates = history_dashpot_rates(state[1], b, path, u, varying, place, fixed, test);
   matrix[n_kelvin, 2] elements = history_elements(element, varying, place, fixed);
   vector[n_kelvin] z_rates = history_kelvin_rates(state[1], tail(state, n_kelvin), elements,
@@ -76,8 +77,9 @@ vector strain_driven_rhs(real t, vector state, real start_path, vector varying, 
   if (test[c_piezometer()] > 0) {
     slope[2] = history_grain_growth(state[1], u, path_rate, varying, place, fixed, test);
   }
-  if (test[c_hardens()] > 0) {
-    slope[place_of_b] = history_backstress_rate(b, x_rates[2], varying, place, fixed);
+  if (test[c_hardening()] > 0) {
+    slope[place_of_b] = history_backstress_rate(b, path, u, x_rates[2], varying, place, fixed,
+                                                test);
   }
   if (compliant) {
     slope[place_of_b + 1] = path_rate;
@@ -104,7 +106,7 @@ vector stress_driven_rhs(real t, vector state, real start_path, vector start_kel
   vector[n_kelvin] z = solves_kelvin
                        ? tail(state, 1)
                        : linear_kelvin_strains(t, start_kelvin, y_0, rate, elements);
-  int hardens = test[c_hardens()] > 0;
+  int hardens = test[c_hardening()] > 0;
   int place_of_b = n_states - solves_kelvin;
   real u = test[c_piezometer()] > 0 ? state[3] : 1;
   real b = hardens ? state[place_of_b] : 0;
@@ -126,7 +128,8 @@ vector stress_driven_rhs(real t, vector state, real start_path, vector start_kel
     slope[3] = history_grain_growth(y, u, path_rate, varying, place, fixed, test);
   }
   if (hardens) {
-    slope[place_of_b] = history_backstress_rate(b, x_rates[2], varying, place, fixed);
+    slope[place_of_b] = history_backstress_rate(b, start_path + state[2], u, x_rates[2], varying, place, fixed,
+                                                test);
   }
   return slope;
 }
@@ -151,7 +154,7 @@ matrix strain_driven_leg(row_vector start, data array[] real time, data real rat
   int has_grains = test[c_piezometer()] > 0;
   int compliant = in_use(h_apparatus_compliance(), place, fixed, 0);
   int n_kelvin = rows(element);
-  int hardens = test[c_hardens()] > 0;
+  int hardens = test[c_hardening()] > 0;
   int n_states = 1 + n_kelvin + has_grains + hardens + compliant;
   matrix[n_kelvin, 2] elements = history_elements(element, varying, place, fixed);
   real kelvin = history_rate(h_kelvin_compliance(), varying, place, fixed);
@@ -212,8 +215,9 @@ matrix stress_driven_leg(row_vector start, data array[] real time, data real y_0
   int solves_kelvin = test[c_kelvin_law()] > 0;
   int n_kelvin = rows(element);
   vector[n_kelvin] start_kelvin = kelvin_states(start, element);
-  int grows = !has_grains && !solves_kelvin && strain_only_grows(start_kelvin, y_0, rate);
-  int hardens = test[c_hardens()] > 0;
+  int hardens = test[c_hardening()] > 0;
+  int grows = !has_grains && !solves_kelvin && test[c_hardening()] < 2
+              && strain_only_grows(start_kelvin, y_0, rate);
   int n_others = (grows ? 1 : 2) + has_grains + hardens;
   real spring = history_rate(h_spring_compliance(), varying, place, fixed);
   real kelvin = history_rate(h_kelvin_compliance(), varying, place, fixed);
@@ -308,7 +312,7 @@ vector force_driven_rhs(real t, vector state, vector varying, data real force, d
   real y = (force + rate * t) * area;
   int place_of_b = n_states - n_kelvin;
   real u = test[c_piezometer()] > 0 ? state[3] : 1;
-  real b = test[c_hardens()] > 0 ? state[place_of_b] : 0;
+  real b = test[c_hardening()] > 0 ? state[place_of_b] : 0;
   vector[2] x_rates = history_dashpot_rates(y, b, state[2], u, varying, place, fixed, test);
   matrix[n_kelvin, 2] elements = history_elements(element, varying, place, fixed);
   vector[n_kelvin] z_rates
@@ -324,8 +328,9 @@ vector force_driven_rhs(real t, vector state, vector varying, data real force, d
   if (test[c_piezometer()] > 0) {
     slope[3] = history_grain_growth(y, u, slope[2], varying, place, fixed, test);
   }
-  if (test[c_hardens()] > 0) {
-    slope[place_of_b] = history_backstress_rate(b, x_rates[2], varying, place, fixed);
+  if (test[c_hardening()] > 0) {
+    slope[place_of_b] = history_backstress_rate(b, state[2], u, x_rates[2], varying, place, fixed,
+                                                test);
   }
   return slope;
 }
@@ -346,7 +351,7 @@ matrix force_driven_leg(row_vector start, data array[] real time, data real forc
   int n_at_start = first_after(time, 0) - 1;
   int n = size(time) + 1 - n_at_start;
   array[n] real after_start = append_array(time[n_at_start + 1 : ], {1.0});
-  int hardens = test[c_hardens()] > 0;
+  int hardens = test[c_hardening()] > 0;
   int n_states = n_kelvin + 2 + has_grains + hardens;
   vector[n_states] from = append_row(append_row(specimen_strain(start, varying, place, fixed),
                                                 to_vector(segment(start, 4, 1 + has_grains))),

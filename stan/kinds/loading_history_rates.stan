@@ -17,7 +17,7 @@
  * v_0 the rate of the undeformed dashpot at stress S. With a power-law Kelvin element its linear
  * driving stress stands for q (physics/kelvin_laws.stan), with another law of the dashpot
  * (physics/dashpot_laws.stan) the equivalent stress for y in v_d. A backstress (physics/hardening.stan)
- * leaves y - b of y there. A further mechanism (physics/dashpot_mechanisms.stan) has the rate
+ * leaves y - b of y there, one of dislocations y - b - (sigma_d/S) (d/d_0)^-1. A further mechanism (physics/dashpot_mechanisms.stan) has the rate
  * v_k = v_k0 sgn(y) |y|^n_k (d/d_0)^-p_k, v_k0 that at stress S. A Kelvin part with many relaxation times
  * (physics/relaxation.stan) is a sum of elements, each with a z_k of its own:
  *
@@ -28,7 +28,7 @@
  * rest, as the whole microstructure where it is constant, is data.
  */
 
-int n_history_rates() { return 24 + n_relaxation_numbers(); }
+int n_history_rates() { return 27 + n_relaxation_numbers(); }
 
 int h_log_dashpot_rate() { return 1; } // ln v_0
 int h_stress_exponent() { return 2; } // n
@@ -48,10 +48,13 @@ int h_hardening() { return 15; } // H e/S, and the other numbers of backstress_r
 int h_backstress_limit() { return 16; } // sigma_max/S
 int h_recovery() { return 17; } // D r
 int h_recovery_exponent() { return 18; } // m
-int h_log_further_rate(int k) { return 16 + 3 * k; } // ln v_k0 of the second (1) and the third; or 0
-int h_further_stress_exponent(int k) { return 17 + 3 * k; } // n_k
-int h_further_grain_size_exponent(int k) { return 18 + 3 * k; } // p_k
-int h_relaxation() { return 25; } // the first of relaxation_numbers()
+int h_source_stress() { return 19; } // sigma_d/S at d_0
+int h_boundary_recovery() { return 20; } // c_r
+int h_reference_backstress() { return 21; } // sigma_0/S
+int h_log_further_rate(int k) { return 19 + 3 * k; } // ln v_k0 of the second (1) and the third; or 0
+int h_further_stress_exponent(int k) { return 20 + 3 * k; } // n_k
+int h_further_grain_size_exponent(int k) { return 21 + 3 * k; } // p_k
+int h_relaxation() { return 28; } // the first of relaxation_numbers()
 
 /** Places in the constants of a test, which are data. */
 int n_history_constants() { return 10; }
@@ -64,7 +67,7 @@ int c_piezometer_exponent() { return 5; }
 int c_piezometer_stress_floor() { return 6; } // Pa
 int c_dashpot_law() { return 7; } // of dashpot_law()
 int c_kelvin_law() { return 8; } // of kelvin_law_at()
-int c_hardens() { return 9; } // 1: the dashpot has a backstress
+int c_hardening() { return 9; } // of hardening_law()
 int c_mechanisms() { return 10; } // of mechanisms_act()
 
 /** Constants of a test: see their places. */
@@ -74,7 +77,7 @@ vector history_constants(data vector constant, data real initial_grain_size,
   return [stress_scale, strain_scale, constant[i_kelvin_reference_stress()],
           constant[i_piezometer_reference_grain_size()] / initial_grain_size,
           constant[i_piezometer_exponent()], constant[i_piezometer_stress_floor()],
-          dashpot_law(constant), kelvin_law, has_backstress(constant),
+          dashpot_law(constant), kelvin_law, hardening_law(constant),
           mechanisms_act(constant)]';
 }
 
@@ -128,7 +131,11 @@ vector history_rates(vector parameter, data vector constant, data real duration,
           parameter[i_backstress_limit()] / stress_scale,
           duration * recovery_rate_at(parameter, at_temperature,
                                       constant[i_kelvin_reference_temperature()]),
-          parameter[i_recovery_exponent()], log_further[1],
+          parameter[i_recovery_exponent()],
+          parameter[i_source_stress()] * parameter[i_kelvin_reference_grain_size()]
+          / (initial_grain_size * stress_scale),
+          parameter[i_boundary_recovery()],
+          parameter[i_reference_backstress()] / stress_scale, log_further[1],
           parameter[i_second_stress_exponent()], parameter[i_second_grain_size_exponent()],
           log_further[2], parameter[i_third_stress_exponent()],
           parameter[i_third_grain_size_exponent()]]',
@@ -140,10 +147,10 @@ vector history_rates(vector parameter, data vector constant, data real duration,
  *
  * @param is_free of each parameter, whether it is inferred in any test
  * @param element elements of the Kelvin part (history_elements())
- * @param hardens 1: the dashpot has a backstress in some test
+ * @param hardening of any_hardening()
  * @param n_further of most_further_mechanisms()
  */
-array[] int varying_rates(data array[] int is_free, data matrix element, data int hardens,
+array[] int varying_rates(data array[] int is_free, data matrix element, data int hardening,
                           data int n_further) {
   array[n_history_rates()] int varies = rep_array(0, n_history_rates());
   int n_varying = 0;
@@ -172,7 +179,7 @@ array[] int varying_rates(data array[] int is_free, data matrix element, data in
   varies[h_stress_scale()] = is_free[i_stress_calibration_error()];
   varies[h_dashpot_stress()] = max(is_free[append_array(dashpot_stresses(),
                                                         {i_stress_calibration_error()})]);
-  if (hardens) {
+  if (hardening) {
     varies[h_hardening()] = max(is_free[{i_hardening_modulus(), i_stress_calibration_error()}]);
     varies[h_backstress_limit()] = max(is_free[{i_backstress_limit(),
                                                 i_stress_calibration_error()}]);
@@ -181,6 +188,11 @@ array[] int varying_rates(data array[] int is_free, data matrix element, data in
                                  {i_recovery_rate(), i_recovery_activation_enthalpy(),
                                   i_temperature_error()})]);
     varies[h_recovery_exponent()] = is_free[i_recovery_exponent()];
+  }
+  if (hardening > 1) {
+    varies[h_source_stress()] = max(is_free[{i_source_stress(), i_stress_calibration_error()}]);
+    varies[h_boundary_recovery()] = is_free[i_boundary_recovery()];
+    varies[h_reference_backstress()] = is_free[i_stress_calibration_error()];
   }
   for (k in 1 : n_further) {
     array[5] int number = mechanism_numbers(k);
@@ -311,31 +323,49 @@ vector kelvin_states(row_vector state, data matrix element) {
 }
 
 /**
- * Rates of the dashpot and of its first mechanism, v_d and v_1.
+ * ln(d/d_0).
  *
- * @param b backstress, 0 without one
  * @param g path strain over e
  * @param u d/d_0 where the grain size follows a piezometer; elsewhere it has no effect
  */
+real log_history_grain_size(real g, real u, vector varying, data array[] int place,
+                            data vector fixed, data vector test) {
+  if (test[c_piezometer()] > 0) {
+    return log(u);
+  }
+  return in_use(h_grain_size_deficit(), place, fixed, 0)
+         ? log_relative_microstructure(g,
+                                       history_rate(h_grain_size_deficit(), varying, place, fixed),
+                                       history_rate(h_grain_size_decay(), varying, place, fixed))
+         : 0;
+}
+
+/** Stress that the sources of dislocations take, over S. */
+real history_source_stress(real log_grain_size, vector varying, data array[] int place,
+                           data vector fixed) {
+  return history_rate(h_source_stress(), varying, place, fixed) * exp(-log_grain_size);
+}
+
+/**
+ * Rates of the dashpot and of its first mechanism, v_d and v_1.
+ *
+ * @param b backstress, 0 without one
+ * @param g, u of log_history_grain_size()
+ */
 vector history_dashpot_rates(real y, real b, real g, real u, vector varying,
                              data array[] int place, data vector fixed, data vector test) {
-  real log_grain_size = 0;
+  real log_grain_size = log_history_grain_size(g, u, varying, place, fixed, test);
   real log_fabric = 0;
   real flow_stress = y - b;
   real first;
-  if (test[c_piezometer()] > 0) {
-    log_grain_size = log(u);
-  } else if (in_use(h_grain_size_deficit(), place, fixed, 0)) {
-    log_grain_size
-      = log_relative_microstructure(g,
-                                    history_rate(h_grain_size_deficit(), varying, place, fixed),
-                                    history_rate(h_grain_size_decay(), varying, place, fixed));
-  }
   if (in_use(h_fabric_deficit(), place, fixed, 0)) {
     log_fabric
       = log_relative_microstructure(g,
                                     history_rate(h_fabric_deficit(), varying, place, fixed),
                                     history_rate(h_fabric_decay(), varying, place, fixed));
+  }
+  if (test[c_hardening()] > 1) {
+    flow_stress -= history_source_stress(log_grain_size, varying, place, fixed);
   }
   if (test[c_dashpot_law()] > 0) {
     flow_stress = equivalent_stress(flow_stress, test[c_dashpot_law()],
@@ -348,6 +378,9 @@ vector history_dashpot_rates(real y, real b, real g, real u, vector varying,
                        history_rate(h_log_dashpot_rate(), varying, place, fixed)
                        - history_rate(h_grain_size_exponent(), varying, place, fixed)
                          * log_grain_size);
+  if (test[c_hardening()] > 1) {
+    first *= square(b / history_rate(h_reference_backstress(), varying, place, fixed));
+  }
   if (test[c_mechanisms()] > 0) {
     vector[n_further_mechanisms(test[c_mechanisms()])] further;
     for (k in 1 : num_elements(further)) {
@@ -372,13 +405,22 @@ real history_grain_growth(real y, real u, real path_rate, vector varying,
             - u);
 }
 
-/** db/dt of a backstress that the first mechanism stores, 0 without one. */
-real history_backstress_rate(real b, real first_rate, vector varying, data array[] int place,
-                             data vector fixed) {
-  return backstress_rate(b, first_rate, history_rate(h_hardening(), varying, place, fixed),
-                         history_rate(h_backstress_limit(), varying, place, fixed),
-                         history_rate(h_recovery(), varying, place, fixed),
-                         history_rate(h_recovery_exponent(), varying, place, fixed));
+/** db/dt of a backstress that the first mechanism stores; g and u as in history_dashpot_rates(). */
+real history_backstress_rate(real b, real g, real u, real first_rate, vector varying,
+                             data array[] int place, data vector fixed, data vector test) {
+  real modulus = history_rate(h_hardening(), varying, place, fixed);
+  real limit = history_rate(h_backstress_limit(), varying, place, fixed);
+  real recovery = history_rate(h_recovery(), varying, place, fixed);
+  real exponent = history_rate(h_recovery_exponent(), varying, place, fixed);
+  if (test[c_hardening()] > 1) {
+    return dislocation_backstress_rate(
+             b, first_rate, modulus, limit, recovery, exponent,
+             history_rate(h_reference_backstress(), varying, place, fixed),
+             history_source_stress(log_history_grain_size(g, u, varying, place, fixed, test), varying,
+                                   place, fixed),
+             history_rate(h_boundary_recovery(), varying, place, fixed));
+  }
+  return backstress_rate(b, first_rate, modulus, limit, recovery, exponent);
 }
 
 /** Magnitude; of 0 with the slope 0. */
@@ -406,7 +448,7 @@ array[] vector fast_history_leg(data int driven, data array[] int state, data ar
     vector[num_elements(start)] from = start;
     int n_linear = test[c_kelvin_law()] == 0 ? rows(elements) : 0;
     int act = 0; // of mechanisms_act()
-    vector[26] argument;
+    vector[29] argument;
     for (k in 0 : 7) {
       act += test[c_mechanisms()] > k;
     }
@@ -416,7 +458,7 @@ array[] vector fast_history_leg(data int driven, data array[] int state, data ar
     argument[15] = history_rate(h_stress_scale(), varying, place, fixed);
     argument[14] = log(argument[15] / test[c_kelvin_reference()]);
     argument[16] = start_path;
-    for (k in 1 : 10) {
+    for (k in 1 : 13) {
       argument[16 + k] = history_rate(h_hardening() + k - 1, varying, place, fixed);
     }
     return radau_leg({driven, place_of_dashpot_law(test[c_dashpot_law()]),

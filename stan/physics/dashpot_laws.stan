@@ -113,11 +113,16 @@ real dashpot_rate_at(real stress, real backstress, real grain_size, real fabric_
   int law = dashpot_law(parameter);
   int act = mechanisms_act(parameter);
   real n = parameter[i_stress_exponent()];
+  real reference = parameter[i_reference_backstress()];
+  real source = reference > 0
+                ? parameter[i_source_stress()] * parameter[i_kelvin_reference_grain_size()] / grain_size
+                : 0;
   real first
-    = dashpot_strain_rate(equivalent_stress(stress - backstress, law,
+    = dashpot_strain_rate(equivalent_stress(stress - backstress - source, law,
                                             law > 0 ? parameter[law] : 0, fabric_factor, n),
                           grain_size, fabric_factor, n, parameter[i_grain_size_exponent()],
-                          log_rate_factor_at(parameter, temperature));
+                          log_rate_factor_at(parameter, temperature))
+      * (reference > 0 ? square(backstress / reference) : 1);
   vector[n_further_mechanisms(act)] further;
   for (k in 1 : num_elements(further)) {
     further[k] = signed_power(stress, 0, parameter[mechanism_numbers(k)[2]],

@@ -4,7 +4,7 @@
  * Priors, fixed values and `parameter` in the programs have this order. Those of variants have
  * standard values that leave them without effect (docs/variants.md).
  */
-int n_parameters() { return 78; }
+int n_parameters() { return 82; }
 
 int i_maxwell_modulus() { return 1; } // E_M, Pa
 int i_kelvin_modulus() { return 2; } // E_K, Pa
@@ -63,47 +63,51 @@ int i_backstress_limit() { return 41; } // sigma_max, Pa
 int i_recovery_rate() { return 42; } // r, 1/s, at sigma_max and T_0
 int i_recovery_exponent() { return 43; } // m
 int i_recovery_activation_enthalpy() { return 44; } // Q_r, J/mol
+int i_initial_backstress() { return 45; } // sigma_b0, Pa, at the start of a test
+int i_source_stress() { return 46; } // sigma_d, Pa, at d_K
+int i_boundary_recovery() { return 47; } // c_r
+int i_reference_backstress() { return 48; } // sigma_0, Pa, always fixed; 0: no dislocations
 
-int i_discrepancy() { return 45; } // of the law, over the reading error; 0: w parts the residuals
+int i_discrepancy() { return 49; } // of the law, over the reading error; 0: w parts the residuals
 
 // Of further mechanisms of the dashpot, physics/dashpot_mechanisms.stan
-int i_second_rate() { return 46; } // r_2, 1/s, at S_r, d_r and T_r; 0: there is none
-int i_second_stress_exponent() { return 47; } // n_2
-int i_second_grain_size_exponent() { return 48; } // p_2
-int i_second_activation_enthalpy() { return 49; } // Q_2, J/mol
-int i_second_in_series() { return 50; } // 1: with the first, 0: beside it, always fixed
-int i_third_rate() { return 51; } // r_3, as r_2
-int i_third_stress_exponent() { return 52; } // n_3
-int i_third_grain_size_exponent() { return 53; } // p_3
-int i_third_activation_enthalpy() { return 54; } // Q_3, J/mol
-int i_third_in_series() { return 55; } // 1: with the second, 0: beside both, always fixed
-int i_mechanism_reference_stress() { return 56; } // S_r, Pa, always fixed
-int i_mechanism_reference_grain_size() { return 57; } // d_r, m, always fixed
-int i_mechanism_reference_temperature() { return 58; } // T_r, K, always fixed
+int i_second_rate() { return 50; } // r_2, 1/s, at S_r, d_r and T_r; 0: there is none
+int i_second_stress_exponent() { return 51; } // n_2
+int i_second_grain_size_exponent() { return 52; } // p_2
+int i_second_activation_enthalpy() { return 53; } // Q_2, J/mol
+int i_second_in_series() { return 54; } // 1: with the first, 0: beside it, always fixed
+int i_third_rate() { return 55; } // r_3, as r_2
+int i_third_stress_exponent() { return 56; } // n_3
+int i_third_grain_size_exponent() { return 57; } // p_3
+int i_third_activation_enthalpy() { return 58; } // Q_3, J/mol
+int i_third_in_series() { return 59; } // 1: with the second, 0: beside both, always fixed
+int i_mechanism_reference_stress() { return 60; } // S_r, Pa, always fixed
+int i_mechanism_reference_grain_size() { return 61; } // d_r, m, always fixed
+int i_mechanism_reference_temperature() { return 62; } // T_r, K, always fixed
 
 // Of the environment, physics/environment.stan, which has the three of a rate in a row
-int i_activation_volume() { return 59; } // V_M, m^3/mol
-int i_water_exponent() { return 60; } // r_f
-int i_melt_factor() { return 61; } // alpha_phi
-int i_second_activation_volume() { return 62; } // V_M2, m^3/mol
-int i_second_water_exponent() { return 63; } // r_f2
-int i_second_melt_factor() { return 64; } // alpha_phi2
-int i_third_activation_volume() { return 65; } // V_M3, m^3/mol
-int i_third_water_exponent() { return 66; } // r_f3
-int i_third_melt_factor() { return 67; } // alpha_phi3
-int i_kelvin_activation_volume() { return 68; } // V_MK, m^3/mol
-int i_kelvin_water_exponent() { return 69; } // r_fK
-int i_kelvin_melt_factor() { return 70; } // alpha_phiK
-int i_recovery_activation_volume() { return 71; } // V_Mr, m^3/mol
-int i_recovery_water_exponent() { return 72; } // r_fr
-int i_recovery_melt_factor() { return 73; } // alpha_phir
+int i_activation_volume() { return 63; } // V_M, m^3/mol
+int i_water_exponent() { return 64; } // r_f
+int i_melt_factor() { return 65; } // alpha_phi
+int i_second_activation_volume() { return 66; } // V_M2, m^3/mol
+int i_second_water_exponent() { return 67; } // r_f2
+int i_second_melt_factor() { return 68; } // alpha_phi2
+int i_third_activation_volume() { return 69; } // V_M3, m^3/mol
+int i_third_water_exponent() { return 70; } // r_f3
+int i_third_melt_factor() { return 71; } // alpha_phi3
+int i_kelvin_activation_volume() { return 72; } // V_MK, m^3/mol
+int i_kelvin_water_exponent() { return 73; } // r_fK
+int i_kelvin_melt_factor() { return 74; } // alpha_phiK
+int i_recovery_activation_volume() { return 75; } // V_Mr, m^3/mol
+int i_recovery_water_exponent() { return 76; } // r_fr
+int i_recovery_melt_factor() { return 77; } // alpha_phir
 
 // Of the conditions of a test; errors are 0 where conditions are taken as known
-int i_temperature_error() { return 74; } // true less stated temperature, K
-int i_stress_calibration_error() { return 75; } // c: the load cell reads 1 + c times the stress
-int i_pressure() { return 76; } // P, Pa, always fixed
-int i_water_fugacity() { return 77; } // f, Pa, always fixed
-int i_melt_fraction() { return 78; } // phi, always fixed
+int i_temperature_error() { return 78; } // true less stated temperature, K
+int i_stress_calibration_error() { return 79; } // c: the load cell reads 1 + c times the stress
+int i_pressure() { return 80; } // P, Pa, always fixed
+int i_water_fugacity() { return 81; } // f, Pa, always fixed
+int i_melt_fraction() { return 82; } // phi, always fixed
 
 /** Temperature of a test (K): the stated one and its error. */
 real true_temperature(vector parameter, data real stated) {

@@ -17,7 +17,7 @@
  * @param tolerance relative and absolute
  * @param start states at the start; those of linear elements come last
  * @param argument the first 13 numbers of kinds/loading_history_rates.stan, ln(S/q_0), S (Pa), g at
- *   the start (where strain only grows, less what the load has stretched), the four numbers of a
+ *   the start (where strain only grows, less what the load has stretched), the seven numbers of a
  *   backstress, the three of each of two further mechanisms, and the decays, then the weights, of
  *   linear elements
  * @return array over time of the states; NaN where the method does not converge

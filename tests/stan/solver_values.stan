@@ -65,10 +65,10 @@ transformed data {
   for (k in free) {
     is_free[k] = 1;
   }
-  int hardens = has_backstress(parameter[1]');
+  int hardening = hardening_law(parameter[1]');
   int n_further = n_further_mechanisms(mechanisms_act(parameter[1]'));
-  array[size(varying_rates(is_free, element, hardens, n_further))] int varying
-    = varying_rates(is_free, element, hardens, n_further);
+  array[size(varying_rates(is_free, element, hardening, n_further))] int varying
+    = varying_rates(is_free, element, hardening, n_further);
 }
 parameters {
   vector[n_sets * n_free] coordinate;

@@ -292,5 +292,5 @@ def test_exported_laws_are_those_of_the_program() -> None:
         assert flow == pytest.approx(float(expected), rel=1e-9)
         stored = value_of(str(laws["hardening_law"]), {**here, "strain_rate": flow})
         assert stored == pytest.approx(
-            oracle.backstress_rate(values, TEMPERATURE, backstress, flow), rel=1e-9
+            oracle.backstress_rate(values, TEMPERATURE, backstress, flow, GRAIN_SIZE), rel=1e-9
         )

@@ -320,7 +320,7 @@ def test_exported_hardening_is_that_of_the_first_mechanism() -> None:
     laws = laws_of(given_parameters("ice", values), history_twin("creep", 4))
     first = {"first_mechanism": 3e-5, "backstress": 2e6, "temperature": TEMPERATURE}
     stored = value_of(str(laws["hardening_law"]), {**values, **first, "R": GAS_CONSTANT})
-    expected = oracle.backstress_rate(values, TEMPERATURE, 2e6, 3e-5)
+    expected = oracle.backstress_rate(values, TEMPERATURE, 2e6, 3e-5, GRAIN_SIZE)
     assert stored == pytest.approx(expected, rel=1e-9)
     with pytest.raises(InputError, match="can turn the flow of the first mechanism against"):
         simulate(history_twin("creep", 4), {**values, **IN_SERIES})

@@ -66,6 +66,7 @@ LAWS: tuple[Mapping[str, str], ...] = (
 )
 MANY_TIMES = ("two_elements", "extended", "andrade")
 HARDENING = {"hardening": "backstress"}
+DISLOCATIONS = {"hardening": "dislocations"}
 # The first also says that there is a piezometer: at 5 MPa grains of 60 micrometres are wanted.
 PIEZOMETER = {
     "piezometer_reference_grain_size": 5e-4,
@@ -124,6 +125,19 @@ CASES = (
             PIEZOMETER | COMPLIANT,
         )
         for laws in LAWS
+    ),
+    *(
+        Case(f"data/{test}.toml", ICE, DISLOCATIONS)
+        for test in ("ice/PIL40", "calibration/ice_creep")
+    ),
+    *(
+        Case(
+            "data/calibration/ice_mixed.toml",
+            ICE,
+            {**laws, **MECHANISMS[2], **DISLOCATIONS},
+            PIEZOMETER | COMPLIANT,
+        )
+        for laws in ({}, {"kelvin": "power_law", "maxwell": "hyperbolic_sine"})
     ),
     Case("data/ice/PIL40.toml", ICE, constants=PIEZOMETER),
     Case("data/calibration/ice_mixed.toml", ICE, constants=COMPLIANT),

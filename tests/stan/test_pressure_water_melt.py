@@ -196,7 +196,7 @@ def test_exported_laws_of_kelvin_part_and_recovery_are_too() -> None:
     stored = value_of(str(laws["hardening_law"]), {**hardened, **state})
     plain = without_environment(hardened)
     assert rate == pytest.approx(oracle.kelvin_rate(plain, TEMPERATURE, 5e6, 1e-4), rel=1e-9)
-    expected_rate = oracle.backstress_rate(plain, TEMPERATURE, 2e6, 3e-5)
+    expected_rate = oracle.backstress_rate(plain, TEMPERATURE, 2e6, 3e-5, GRAIN_SIZE)
     assert stored == pytest.approx(expected_rate, rel=1e-9)
 
 

@@ -21,12 +21,13 @@ def history(
     legs: Sequence[Leg],
     times: Sequence[FloatArray],
 ) -> FloatArray:
-    """Solution of a test that starts at rest, at times (s) of each leg, shape (8, n_times).
+    """Solution of a test that starts from rest, at times (s) of each leg, shape (8, n_times).
 
     Every state has a rate of its own: nothing is known in advance, nothing is eliminated.
     """
     elastic = 1 / parameters["maxwell_modulus"]
-    state = np.array([0.0, 0.0, 0.0, 0.0, 0.0, initial_grain_size, 1.0, 0.0])
+    start = parameters.get("initial_backstress", 0.0)
+    state = np.array([0.0, 0.0, 0.0, 0.0, 0.0, initial_grain_size, 1.0, start])
     parts = []
     for leg, wanted in zip(legs, times, strict=True):
         if leg.driven == "stress":
@@ -93,6 +94,6 @@ def _rates(
             abs(specimen)
             * (parameters["steady_state_fabric_factor"] - fabric)
             / parameters["critical_strain_fabric"],
-            oracle.backstress_rate(parameters, leg.temperature, state[BACKSTRESS], first),
+            oracle.backstress_rate(parameters, leg.temperature, state[BACKSTRESS], first, grains),
         ]
     )

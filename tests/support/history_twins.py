@@ -69,6 +69,21 @@ BACKSTRESS: Mapping[str, float] = MappingProxyType(
 )
 """A backstress of the dashpot."""
 
+DISLOCATIONS: Mapping[str, float] = MappingProxyType(
+    {
+        **BACKSTRESS,
+        "hardening_modulus": 2e9,
+        "backstress_limit": 2e7,
+        "recovery_exponent": 5.0,
+        "initial_backstress": 8e5,
+        "source_stress": 1e5,
+        "boundary_recovery": 2.0,
+        "reference_backstress": 3e6,
+        "kelvin_reference_grain_size": 3e-4,
+    }
+)
+"""The backstress of dislocations."""
+
 _STAGES: Mapping[str, Sequence[tuple[str, float, float]]] = MappingProxyType(
     {
         "creep": (("stress", 4000.0, 5e6),),

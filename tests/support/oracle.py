@@ -52,7 +52,10 @@ def all_rates(
     fabric: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Rates (1/s) of the dashpot with all its mechanisms, and of the first of them."""
-    first = dashpot_rate(parameters, temperature, stress - backstress, grain_size, fabric)
+    flow_stress = stress - backstress - source_stress(parameters, grain_size)
+    first = dashpot_rate(parameters, temperature, flow_stress, grain_size, fabric)
+    if (reference := parameters.get("reference_backstress", 0.0)) > 0.0:
+        first = (backstress / reference) ** 2 * first
     if parameters.get("second_rate", 0.0) == 0.0:
         return first, first
     slower = 1 / temperature - 1 / parameters["mechanism_reference_temperature"]
@@ -104,8 +107,20 @@ def kelvin_rate(
     return float(rate)
 
 
+def source_stress(parameters: Mapping[str, float], grain_size: npt.ArrayLike) -> FloatArray:
+    """Stress (Pa) that sources of dislocations take."""
+    if parameters.get("reference_backstress", 0.0) == 0.0:
+        return NONE
+    finer = parameters["kelvin_reference_grain_size"] / np.asarray(grain_size)
+    return np.asarray(parameters["source_stress"] * finer)
+
+
 def backstress_rate(
-    parameters: Mapping[str, float], temperature: float, backstress: float, dashpot_rate: float
+    parameters: Mapping[str, float],
+    temperature: float,
+    backstress: float,
+    dashpot_rate: float,
+    grain_size: float,
 ) -> float:
     """Storage by flow less dynamic recovery and static recovery (Pa/s)."""
     modulus = parameters.get("hardening_modulus", 0.0)
@@ -115,6 +130,15 @@ def backstress_rate(
     activated = np.exp(-parameters["recovery_activation_enthalpy"] / GAS_CONSTANT * slower)
     share = backstress / parameters["backstress_limit"]
     static = parameters["recovery_rate"] * activated * backstress
+    if (reference := parameters.get("reference_backstress", 0.0)) > 0.0:
+        sources = float(source_stress(parameters, grain_size))
+        ratio = backstress / reference
+        along = backstress * ratio ** (parameters["recovery_exponent"] - 1)
+        boundaries = parameters["boundary_recovery"] * sources * ratio**3
+        stored = dashpot_rate * (1 + sources / backstress) - abs(dashpot_rate) * share
+        return float(
+            modulus * stored - parameters["recovery_rate"] * activated * (along + boundaries)
+        )
     return float(
         modulus * (dashpot_rate - abs(dashpot_rate) * share)
         - static * abs(share) ** (parameters["recovery_exponent"] - 1)

@@ -22,7 +22,7 @@ from pyburgers.kinds.attenuation.table import (
     spectra_of,
 )
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.model.laws import HARDENING_LAWS, laws_in_closed_form
+from pyburgers.model.laws import laws_in_closed_form
 from pyburgers.model.read_quantities import LOG_MODULUS, LOG_TAN_DELTA
 
 UNSTATED_STRESS = 1e6
@@ -60,7 +60,7 @@ class AttenuationExperiment(Experiment):
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
         {
             **laws_in_closed_form(),
-            "hardening": (*HARDENING_LAWS,),
+            "hardening": ("none", "backstress"),
             "grain_size": ("constant",),
             "fabric": ("constant",),
             "residuals": ("independent",),

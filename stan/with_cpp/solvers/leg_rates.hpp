@@ -38,6 +38,9 @@ enum Argument {
   backstress_limit, // sigma_max/S
   recovery,         // D r
   recovery_exponent,
+  source_stress,      // sigma_d/S at d_0
+  boundary_recovery,  // c_r
+  reference_backstress, // sigma_0/S; 0: the backstress is not that of dislocations
   log_further_rate, // ln v_k0 of the second mechanism; from here on given where there is one
   further_stress_exponent,
   further_grain_size_exponent,
@@ -81,6 +84,9 @@ struct Leg {
   /** Whether g is known from the time. */
   bool path_is_known() const { return driven == by_strain && g < 0; }
 
+  /** Whether the backstress is that of dislocations. */
+  bool has_dislocations(const double *x) const { return b >= 0 && x[reference_backstress] > 0; }
+
   /** Whether g follows from the strains, which only grow. */
   bool strain_grows() const { return driven == by_stress && g < 0; }
 };
@@ -110,7 +116,9 @@ struct Flow {
   double log_strength; // ln(|equivalent stress|/F)
   double by_stress, by_log_fabric, by_law_stress;
 
-  void set(double y, double log_fabric, double log_grain_size, int law, const double *x) {
+  /** `density` is that of dislocations over the one at sigma_0, or 1. */
+  void set(double y, double log_fabric, double log_grain_size, double density, int law,
+           const double *x) {
     const double n = x[stress_exponent];
     double strength_by_stress, strength_by_fabric = -1, strength_by_law_stress = 0;
     double s = y;
@@ -136,8 +144,9 @@ struct Flow {
       strength_by_stress = 1 / s;
       strength_by_law_stress = law == threshold ? -1 / std::fabs(s) : 0;
     }
-    rate = std::exp(n * log_strength + x[log_dashpot_rate]
-                    - x[grain_size_exponent] * log_grain_size);
+    rate = density
+           * std::exp(n * log_strength + x[log_dashpot_rate]
+                      - x[grain_size_exponent] * log_grain_size);
     rate = s < 0 ? -rate : rate;
     by_stress = rate * n * strength_by_stress;
     by_log_fabric = rate * n * strength_by_fabric;
@@ -214,23 +223,38 @@ struct Mechanism {
 /** db/dt of the backstress. */
 struct Backstress {
   double rate, by_flow, by_backstress, by_hardening, by_limit, by_recovery, by_exponent;
+  double by_source, by_boundary, by_reference;
 
-  void set(double b, double flow_rate, const double *x) {
+  /** `source` is the stress of the sources of dislocations. */
+  void set(double b, double flow_rate, double source, bool has_dislocations, const double *x) {
     const double limit = x[backstress_limit];
-    const double stored = flow_rate - std::fabs(flow_rate) * b / limit;
-    // r sgn(b) |b/limit|^m, and its part |b/limit|^(m - 1) at any b
-    const double ratio = std::fabs(b) / limit;
+    const double unit = has_dislocations ? x[reference_backstress] : limit;
+    const double sources = has_dislocations ? source / b : 0;
+    const double stored = flow_rate * (1 + sources) - std::fabs(flow_rate) * b / limit;
+    // r sgn(b) |b/unit|^m, and its part |b/unit|^(m - 1) at any b
+    const double ratio = std::fabs(b) / unit;
     const double slower = std::pow(ratio, x[recovery_exponent] - 1);
-    const double share = b / limit * slower;
+    const double share = b / unit * slower;
     const double recovery_slope = x[recovery] * x[recovery_exponent] * slower;
-    rate = x[hardening] * stored - limit * x[recovery] * share;
-    by_flow = x[hardening] * (1 - (flow_rate < 0 ? -b : b) / limit);
+    const double cube = has_dislocations ? std::pow(b / unit, 3) : 0;
+    const double by_boundaries = x[boundary_recovery] * source * cube; // over r
+    rate = x[hardening] * stored - x[recovery] * (unit * share + by_boundaries);
+    by_flow = x[hardening] * (1 + sources - (flow_rate < 0 ? -b : b) / limit);
     by_backstress = -x[hardening] * std::fabs(flow_rate) / limit - recovery_slope;
     by_hardening = stored;
-    by_limit = x[hardening] * std::fabs(flow_rate) * b / (limit * limit) - x[recovery] * share
-               + recovery_slope * b / limit;
-    by_recovery = -limit * share;
-    by_exponent = ratio > 0 ? -limit * x[recovery] * share * std::log(ratio) : 0;
+    by_limit = x[hardening] * std::fabs(flow_rate) * b / (limit * limit);
+    by_recovery = -unit * share - by_boundaries;
+    by_exponent = ratio > 0 ? -unit * x[recovery] * share * std::log(ratio) : 0;
+    by_source = by_boundary = 0;
+    by_reference = recovery_slope * b / unit - x[recovery] * share; // by the unit
+    if (has_dislocations) {
+      by_backstress -= (x[hardening] * flow_rate * sources + 3 * x[recovery] * by_boundaries) / b;
+      by_source = x[hardening] * flow_rate / b - x[recovery] * x[boundary_recovery] * cube;
+      by_boundary = -x[recovery] * source * cube;
+      by_reference += 3 * x[recovery] * by_boundaries / unit;
+    } else {
+      by_limit += by_reference;
+    }
   }
 };
 
@@ -278,7 +302,7 @@ class LegRates {
 
   struct Point {
     double t, state[N], rate[N];
-    double y, y_slope, z, z_rate, path, u, b, area;
+    double y, y_slope, z, z_rate, path, u, b, area, finer, source;
     double path_rate, sign, denominator;
     Relative fabric, grains;
     Flow flow;
@@ -336,7 +360,14 @@ class LegRates {
       set_microstructure(p);
     }
     const double log_grain_size = leg_.u >= 0 ? std::log(p.u) : p.grains.log;
-    p.flow.set(p.y - p.b, p.fabric.log, log_grain_size, leg_.dashpot_law, x_);
+    double density = 1;
+    p.source = 0;
+    if (leg_.has_dislocations(x_)) {
+      p.finer = std::exp(-log_grain_size);
+      p.source = x_[source_stress] * p.finer;
+      density = std::pow(p.b / x_[reference_backstress], 2);
+    }
+    p.flow.set(p.y - p.b - p.source, p.fabric.log, log_grain_size, density, leg_.dashpot_law, x_);
     p.dashpot.set(p.flow.rate, p.y, log_grain_size, leg_.mechanisms, x_);
     const double inelastic = x_[kelvin_compliance] * p.z_rate + p.dashpot.rate;
     double strain_rate;
@@ -361,7 +392,7 @@ class LegRates {
       p.rate[leg_.g] = p.path_rate;
     }
     if (leg_.b >= 0) {
-      p.backstress.set(p.b, p.flow.rate, x_);
+      p.backstress.set(p.b, p.flow.rate, p.source, leg_.has_dislocations(x_), x_);
       p.rate[leg_.b] = p.backstress.rate;
     }
     if (leg_.u >= 0) {
@@ -430,6 +461,19 @@ class LegRates {
         by_x[backstress_limit] += storage * p.backstress.by_limit;
         by_x[recovery] += storage * p.backstress.by_recovery;
         by_x[recovery_exponent] += storage * p.backstress.by_exponent;
+      }
+      if (leg_.has_dislocations(x_)) {
+        const double by_source
+            = storage * p.backstress.by_source - flow_rate * p.flow.by_stress;
+        by_state[leg_.b] += 2 * flow_rate * p.flow.rate / p.b;
+        log_grain_size -= by_source * p.source;
+        if (args) {
+          by_x[source_stress] += by_source * p.finer;
+          by_x[boundary_recovery] += storage * p.backstress.by_boundary;
+          by_x[reference_backstress]
+              += storage * p.backstress.by_reference
+                 - 2 * flow_rate * p.flow.rate / x_[reference_backstress];
+        }
       }
     }
     const double log_fabric = flow_rate * p.flow.by_log_fabric;

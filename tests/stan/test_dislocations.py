@@ -1,0 +1,253 @@
+"""The backstress of dislocations: steady states, limits, density, gradients, priors, refusals."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import history_oracle
+import numpy as np
+import oracle
+import pytest
+from conftest import ICE
+from evaluated_laws import value_of
+from history_twins import DISLOCATIONS, GRAIN_SIZE, TEMPERATURE, TRUTH, history_twin
+from ice_spectrum import ice_spectrum
+from log_density import assert_gradient_is_slope, program_with
+from scipy.optimize import brentq
+from stan_data import parameters_in
+from test_backstress import EXACT, FROZEN, STIFF, flowing, of_one_stage
+
+from pyburgers import load_experiment
+from pyburgers.common.errors import InputError
+from pyburgers.kinds.forward import simulate
+from pyburgers.kinds.likelihood import likelihood_of
+from pyburgers.kinds.loading_history.stages import legs_of
+from pyburgers.kinds.problem import problem_of
+from pyburgers.kinds.program_data import given_parameters, program_data
+from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.model.arrhenius import GAS_CONSTANT
+from pyburgers.model.laws import HARDENING_LAWS
+from pyburgers.model.priors import default_priors
+from pyburgers.model.variants import variant_of, with_variant
+from pyburgers.predictions.exported import laws_of
+
+pytestmark = pytest.mark.usefixtures("programs")
+
+CHOICE = {"hardening": "dislocations"}
+PARAMETERS = HARDENING_LAWS["dislocations"].parameters
+
+
+@pytest.mark.parametrize("stress", [20e6, 60e6, 150e6])
+@pytest.mark.parametrize("grain_size", [20e-6, 1e-3])
+def test_creep_of_olivine_ends_in_the_steady_state_of_the_paper(
+    stress: float, grain_size: float
+) -> None:
+    """Breithaupt et al. 2023 in their own numbers: A s^2 sinh[(sigma - s - s_d)/s_ref].
+
+    Enthalpy, Peierls stress, hardening modulus and sources are those of olivine, the rates of
+    recovery are chosen: they hold the Taylor stress s below the applied one.
+    """
+    temperature, enthalpy, modulus = 1573.0, 450e3, 135e9
+    reference_stress = GAS_CONSTANT * temperature / enthalpy * 3.1e9
+    activated = np.exp(-enthalpy / (GAS_CONSTANT * temperature))
+    prefactor = 8.7096e6 * 1e-12 * activated  # 1/(Pa2 s)
+    sources = 2 * 65e9 * 0.5e-9 / grain_size
+    limit, pipes, boundaries = 1.8e9, 1e-44, 1e-36  # Pa, 1/(Pa5 s), 1/(Pa4 s)
+
+    def flow(taylor: float) -> float:
+        driving = (stress - taylor - sources) / reference_stress
+        return float(prefactor * taylor**2 * np.sinh(driving))
+
+    def storage(taylor: float) -> float:
+        stored = flow(taylor) * ((taylor + sources) / taylor - taylor / limit)
+        return stored - pipes * taylor**5 - boundaries * taylor**3 * sources
+
+    steady = brentq(storage, 0.05 * stress, stress - sources, xtol=1e-6, rtol=1e-14)
+    reference, d_k = 30e6, 100e-6
+    rate_factor = prefactor * reference**2 / reference_stress  # of Garofalo's law with n = 1
+    values = {
+        **FROZEN,
+        **STIFF,
+        "maxwell_modulus": 160e9,
+        "steady_state_grain_size": grain_size,
+        "stress_exponent": 1.0,
+        "activation_enthalpy": enthalpy,
+        "beta": np.log(rate_factor) / enthalpy + 1 / (GAS_CONSTANT * temperature),
+        "breakdown_stress": reference_stress,
+        "hardening_modulus": modulus,
+        "backstress_limit": limit,
+        "recovery_rate": modulus * pipes * reference**4,
+        "recovery_exponent": 5.0,
+        "recovery_activation_enthalpy": enthalpy,
+        "kelvin_reference_temperature": temperature,
+        "initial_backstress": 0.05 * stress,
+        "source_stress": sources * grain_size / d_k,
+        "boundary_recovery": boundaries / (pipes * reference),
+        "reference_backstress": reference,
+        "kelvin_reference_grain_size": d_k,
+    }
+    duration = 100 * steady / (modulus * flow(steady))
+    test = of_one_stage("stress", stress, duration)
+    test = replace(
+        test,
+        material="olivine",
+        temperature=temperature,
+        initial_grain_size=grain_size,
+        stages=(replace(test.stages[0], temperature=temperature),),
+    )
+    end = [0.9 * duration, duration]
+    found = simulate(test, values, at=end, solver=EXACT)
+    rate = np.diff(found["strain"]).item() / (0.1 * duration)
+    assert rate == pytest.approx(flow(steady), rel=1e-8)
+    assert 0.1 < steady / stress < 0.99
+
+
+def test_a_backstress_that_does_not_change_is_a_threshold_and_a_factor() -> None:
+    held = {
+        **DISLOCATIONS,
+        "hardening_modulus": 1e-6,
+        "recovery_rate": 0.0,
+        "initial_backstress": 1.5e6,
+    }
+    values = flowing(1e-5, 3e6, 3.0, **held, steady_state_grain_size=GRAIN_SIZE)
+    stress, time = 5e6, np.geomspace(1.0, 1e4, 20)
+    found = simulate(of_one_stage("stress", stress, 1e4), values, at=time, solver=EXACT)
+    sources = 1e5 * 3e-4 / GRAIN_SIZE
+    rate = 1e-5 * (1.5 / 3) ** 2 * ((stress - 1.5e6 - sources) / 3e6) ** 3
+    expected = stress / values["maxwell_modulus"] + rate * time
+    np.testing.assert_allclose(found["strain"], expected, rtol=1e-8)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 3.0])
+def test_a_steady_rate_balances_storage_and_recovery(exponent: float) -> None:
+    rate = 1e-4
+    held = {**DISLOCATIONS, "steady_state_grain_size": GRAIN_SIZE}
+    values = flowing(rate, 3e6, exponent, **held)
+    found = simulate(of_one_stage("strain_rate", rate, 4e3), values, at=[4e3], solver=EXACT)
+    slower = 1 / TEMPERATURE - 1 / values["kelvin_reference_temperature"]
+    here = values["recovery_rate"] * np.exp(-60e3 / GAS_CONSTANT * slower)
+    sources = 1e5 * 3e-4 / GRAIN_SIZE
+
+    def balance(stored: float) -> float:
+        ratio = stored / 3e6
+        lost = here * (stored * ratio**4 + 2.0 * sources * ratio**3)
+        return float(2e9 * rate * (1 + sources / stored - stored / 2e7) - lost)
+
+    stored = brentq(balance, 1e5, 2e7, rtol=1e-14)
+    # The rest of the stress drives fewer or more dislocations than at the reference.
+    expected = stored + sources + 3e6 * (3e6 / stored) ** (2 / exponent)
+    assert found["stress_Pa"].item() == pytest.approx(expected, rel=1e-8)
+
+
+def test_the_log_likelihood_is_that_of_the_independent_solution(tmp_path: Path) -> None:
+    test = history_twin("mixed", 16)
+    priors = with_variant(
+        default_priors("ice"),
+        test,
+        {**CHOICE, "maxwell": "hyperbolic_sine", "residuals": "independent"},
+    )
+    problem = problem_of([test], priors)
+    data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
+    program = program_with(problem.likelihood.program, data, tmp_path / "program")
+    at = np.array(0.2 * np.random.default_rng(4).standard_normal(data["n_coordinates"]))
+    columns = program.columns_at({"coordinate": at.tolist()})
+    values = parameters_in(columns)
+    assert min(values[name] for name in PARAMETERS) > 0
+    legs = legs_of(test.stages)
+    times = [test.time[test.reading_stage == stage] for stage in range(len(legs))]
+    solution = history_oracle.history(values, GRAIN_SIZE, legs, times)
+    is_strain = test.response_is_strain
+    model = np.where(is_strain, solution[history_oracle.STRAIN], solution[history_oracle.STRESS])
+    noise = np.where(is_strain, values["strain_noise"], values["stress_noise"])
+    terms = -0.5 * np.square((test.response - model) / noise) - np.log(noise)
+    expected = np.sum(terms - 0.5 * np.log(2 * np.pi))
+    found = sum(columns[f"log_lik.{i + 1}"] for i in range(test.n_points))
+    assert found == pytest.approx(expected, abs=1e-3)
+
+
+@pytest.mark.parametrize("others", [{}, {"maxwell": "linear"}, {"kelvin": "power_law"}])
+def test_gradients_are_slopes_of_the_density(others: Mapping[str, str], tmp_path: Path) -> None:
+    test = history_twin("mixed", 16)
+    priors = with_variant(default_priors("ice"), test, {**others, **CHOICE})
+    problem = problem_of([test], priors)
+    data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
+    program = program_with(problem.likelihood.program, data, tmp_path / "program")
+    point = np.array(0.1 * np.random.default_rng(2).standard_normal(data["n_coordinates"]))
+    names = list(problem.layout.names)
+    assert_gradient_is_slope(program, point, [names.index(name) for name in PARAMETERS])
+
+
+def test_weak_priors_follow_the_test() -> None:
+    test, priors = history_twin("mixed", 16), default_priors("ice")
+    changed = with_variant(priors, test, CHOICE)
+    assert variant_of(changed, test) == replace(variant_of(priors, test), hardening="dislocations")
+    assert set(changed.free) - set(priors.free) == {*PARAMETERS}
+    largest, modulus = test.largest_stress, priors["maxwell_modulus"].mean_sd()[0]
+    medians = [5 * largest, 0.1 * largest, 4e-10 * modulus / test.initial_grain_size]
+    found = [changed[PARAMETERS[place]].location for place in (1, 3, 4)]
+    assert found == [float(f"{one:.0e}") for one in medians]  # to one digit
+    assert changed["reference_backstress"].location == float(f"{largest:.0e}")
+    assert changed["recovery_exponent"].location == 5.0
+    assert with_variant(changed, test, CHOICE) == changed
+    for law in ("none", "backstress"):
+        other = with_variant(changed, test, {"hardening": law})
+        assert other.free == with_variant(priors, test, {"hardening": law}).free
+        assert with_variant(other, test, CHOICE).free == changed.free
+
+
+def test_a_curve_takes_it_as_the_history_that_it_is() -> None:
+    curve = load_experiment(ICE / "PIL40.toml")
+    history = likelihood_of(curve).as_history(curve)
+    strain = np.array([1e-4, 0.003, 0.03, 0.2])
+    values = {**FROZEN, **DISLOCATIONS}
+    stress = simulate(curve, values, at=strain)["stress_Pa"]
+    time = strain * curve.duration / np.ptp(curve.position)
+    expected = simulate(history, values, at=time)["stress_Pa"]
+    np.testing.assert_allclose(stress, expected, rtol=1e-7)
+    denser = {**values, "initial_backstress": 2e6}
+    assert np.abs(simulate(curve, denser, at=strain)["stress_Pa"] / stress - 1).max() > 3e-3
+
+
+@pytest.mark.parametrize("name", ["hardening_modulus", "initial_backstress"])
+def test_dislocations_without_a_backstress_are_refused(name: str) -> None:
+    with pytest.raises(InputError, match=f"found {name} fixed at 0 beside a reference_backstress"):
+        simulate(history_twin("creep", 4), {**TRUTH, **DISLOCATIONS, name: 0.0})
+
+
+def test_tables_of_attenuation_do_not_take_it(tmp_path: Path) -> None:
+    table, priors = ice_spectrum(tmp_path), default_priors("ice", "attenuation")
+    with pytest.raises(InputError, match="hardening=dislocations is not for tests"):
+        with_variant(priors, table, CHOICE)
+
+
+def test_stresses_of_either_sign_are_refused() -> None:
+    test = history_twin("creep", 8)
+    turned = replace(
+        test,
+        stages=(
+            *test.stages,
+            replace(
+                test.stages[-1], start_time=test.end_time, end_time=2 * test.end_time, value=-1e6
+            ),
+        ),
+    )
+    priors = with_variant(default_priors("ice"), turned, CHOICE)
+    with pytest.raises(InputError, match="of one sign, found -1 MPa"):
+        problem_of([turned], priors)
+
+
+def test_exported_laws_are_those_of_the_program() -> None:
+    test, values = history_twin("creep", 4), {**TRUTH, **DISLOCATIONS}
+    laws = laws_of(given_parameters("ice", values), test)
+    factor = values["beta"] * values["activation_enthalpy"]
+    names = {**values, "R": GAS_CONSTANT, "temperature": TEMPERATURE, "fabric_factor": 0.9}
+    names |= {"grain_size": GRAIN_SIZE, "ln_flow_law_factor": factor, "stress": 5e6}
+    for backstress in (1e5, 2e6):
+        here = {**names, "backstress": backstress}
+        flow = value_of(str(laws["flow_law"]), here)
+        state = np.array(5e6), np.array(backstress), np.array(GRAIN_SIZE), np.array(0.9)
+        expected, _ = oracle.all_rates(values, TEMPERATURE, *state)
+        assert flow == pytest.approx(float(expected), rel=1e-9)
+        stored = value_of(str(laws["hardening_law"]), {**here, "strain_rate": flow})
+        expected_rate = oracle.backstress_rate(values, TEMPERATURE, backstress, flow, GRAIN_SIZE)
+        assert stored == pytest.approx(expected_rate, rel=1e-9)

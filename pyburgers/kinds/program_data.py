@@ -296,6 +296,8 @@ def _idle(fit: FittedTest) -> frozenset[str]:
     read = likelihood_of(fit.experiment).read
     without_readings = {*read} - {read[k] for k in fit.experiment.quantity}
     idle = {*fit.experiment.without_effect, *(one.noise for one in without_readings)}
+    if fit.experiment.linear_hardening and variant.hardening == "backstress":
+        idle |= {"backstress_limit"}
     if variant.grain_size != "piezometric":
         idle |= {*PIEZOMETER}
     if variant.grain_size != "evolving":

@@ -56,7 +56,7 @@ def check_dislocations(priors: Mapping[str, Prior], where: str) -> None:
 
 def check_linear_hardening(priors: Mapping[str, Prior], protocol: str, where: str) -> None:
     """Raise InputError for a backstress that has no linear form about zero stress."""
-    if hardening_law(priors) == "none":
+    if hardening_law(priors) != "backstress":
         return
     for name in ("stress_exponent", "recovery_exponent"):
         if not is_fixed_at(priors[name], 1.0):
@@ -79,7 +79,7 @@ def changes_of_hardening(
 
     `freed` are weak priors, of which some get medians for a test, to one digit. `conditions` of the
     test are its largest stress (Pa), the time of its readings (s), its initial grain size (m) and
-    its temperature (K); a stress or time of 0 says nothing.
+    its temperature (K); a stress or time of 0 says nothing. `is_linear` says that it is a table.
     """
     source = f"Variant hardening={law}"
     if law == hardening_law(priors):
@@ -138,7 +138,7 @@ def _held(
         "recovery_activation_enthalpy": float(priors["activation_enthalpy"].mean_sd()[0]),
         "kelvin_reference_temperature": temperature,
     }
-    if is_linear:
+    if is_linear and law == "backstress":
         held |= {name: STANDARD_VALUES[name] for name in NOT_LINEAR}
     if law == "dislocations":
         held |= {
@@ -146,4 +146,6 @@ def _held(
             "kelvin_reference_grain_size": grain_size,
             "recovery_exponent": DISLOCATION_RECOVERY,
         }
+        if is_linear:  # of a steady state, which knows no start
+            held["initial_backstress"] = held[DISLOCATIONS_SWITCH]
     return held

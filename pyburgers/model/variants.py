@@ -367,7 +367,8 @@ def _choose_hardening(priors: PriorSet, experiment: Test, choice: str) -> PriorS
     if choice != "none" and hardening_law(priors.priors) not in ("none", choice):
         priors = _choose_hardening(priors, experiment, "none")
     is_linear = experiment.linear_hardening
-    stress = 0.0 if is_linear else _largest_stress(experiment)
+    needless = is_linear and choice != "dislocations"
+    stress = 0.0 if needless else _largest_stress(experiment)
     of_material = experiment.initial_grain_size, experiment.temperature
     conditions, freed = (stress, experiment.duration, *of_material), priors_of_freed_parameters()
     return priors.exchanging(

@@ -3,7 +3,7 @@
     array[reading_grid_end[e + 1] - reading_grid_end[e]] int here = part(reading_grid_end, e);
     if (size(here) > 0) {
       array[regime_end[e + 1] - regime_end[e]] int regimes = part(regime_end, e);
-      matrix[size(here), 2] log_of_fluidity
+      matrix[size(here), 4] log_of_fluidity
         = log_fluidity(parameter[e], grid_temperature[here], initial_grain_size[e],
                        grid_regime[here], median_stress[regimes], amplitude[regimes],
                        node_end[regime_end[e] + 1 : regime_end[e + 1] + 1], node);

@@ -8,8 +8,8 @@
  */
 
 /**
- * ln of the fluidity (axial, 1/(Pa s)) in every reading: of the dashpot and of its first mechanism,
- * as columns.
+ * ln of the fluidity (axial, 1/(Pa s)) in every reading: of the dashpot and of its first mechanism;
+ * and storage and recovery of the first one's backstress (1/s, physics/hardening.stan), as columns.
  *
  * @param regime of every reading, from 1
  * @param median_stress, amplitude of every regime, axial equivalents, Pa
@@ -22,6 +22,8 @@ matrix log_fluidity(vector parameter, data vector temperature, data real grain_s
   vector[num_elements(temperature)] all;
   vector[num_elements(temperature)] first;
   vector[num_elements(temperature)] log_factor;
+  matrix[num_elements(temperature), 2] memory = rep_matrix(0, num_elements(temperature), 2);
+  int hardening = hardening_law(parameter);
   for (r in 1 : num_elements(amplitude)) {
     array[node_end[r + 1] - node_end[r]] int here = part(node_end, r);
     of_stress[r] = log_fluidity_of_stress(median_stress[r], amplitude[r],
@@ -34,6 +36,23 @@ matrix log_fluidity(vector parameter, data vector temperature, data real grain_s
   }
   first = of_stress[regime] + log_factor
           - parameter[i_grain_size_exponent()] * log(grain_size);
+  for (i in 1 : num_elements(temperature)) {
+    if (hardening == 1) {
+      memory[i] = [exp(first[i]) * parameter[i_hardening_modulus()],
+                   recovery_rate_at(parameter, temperature[i],
+                                    parameter[i_kelvin_reference_temperature()])];
+    } else if (hardening > 1 && i > 1 && temperature[i] == temperature[i - 1]
+               && regime[i] == regime[i - 1]) {
+      first[i] = first[i - 1];
+      memory[i] = memory[i - 1];
+    } else if (hardening > 1) {
+      vector[3] response
+        = dislocation_response(median_stress[regime[i]], grain_size, parameter, temperature[i],
+                               parameter[i_kelvin_reference_temperature()]);
+      first[i] = log(response[1]);
+      memory[i] = [response[2], response[3]];
+    }
+  }
   all = first;
   if (mechanisms_act(parameter) > 0) {
     for (i in 1 : num_elements(temperature)) {
@@ -43,7 +62,7 @@ matrix log_fluidity(vector parameter, data vector temperature, data real grain_s
                                    parameter, temperature[i], node[here, 1], node[here, 2]);
     }
   }
-  return append_col(all, first);
+  return append_col(append_col(all, first), memory);
 }
 
 /** ln of the longest relaxation time of the Kelvin part in every reading, ln s. */
@@ -75,9 +94,7 @@ vector log_tan_delta_and_modulus(vector parameter, data vector frequency,
     for (i in 1 : n) {
       row_vector[2] dashpot
         = backstress_compliance(frequency[i], exp(log_of_fluidity[i, 2]),
-                                parameter[i_hardening_modulus()],
-                                recovery_rate_at(parameter, temperature[i],
-                                                 parameter[i_kelvin_reference_temperature()]));
+                                log_of_fluidity[i, 3], log_of_fluidity[i, 4]);
       storage[i] += conversion[3] * dashpot[1];
       loss[i] += conversion[3] * (dashpot[2] - exp(log_of_fluidity[i, 2]) / frequency[i]);
     }
@@ -92,7 +109,7 @@ real largest_log_dashpot_share(vector parameter, data vector frequency, data vec
                                data vector amplitude, data array[] int node_end,
                                data matrix node) {
   int n = num_elements(frequency);
-  matrix[n, 2] log_of_fluidity = log_fluidity(parameter, temperature, grain_size, regime,
+  matrix[n, 4] log_of_fluidity = log_fluidity(parameter, temperature, grain_size, regime,
                                               median_stress, amplitude, node_end, node);
   vector[2 * n] both = log_tan_delta_and_modulus(parameter, frequency, temperature, grain_size,
                                                  conversion, log_of_fluidity);

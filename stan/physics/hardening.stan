@@ -65,18 +65,19 @@ real dislocation_backstress_rate(real backstress, real flow_rate, real modulus, 
 }
 
 /**
- * Complex compliance of a linear dashpot whose backstress recovers in proportion to itself, under
- * small cycles about zero stress. Dynamic recovery is of second order there.
+ * Complex compliance of a dashpot under small cycles, in which its backstress is stored and recovers
+ * in proportion to itself. Dynamic recovery is of second order about zero stress.
  *
  * @param frequency omega, rad/s
- * @param fluidity strain rate over stress, 1/(Pa s)
- * @param modulus, recovery H (Pa) and r (1/s); H = 0: fluidity/omega is the loss
+ * @param fluidity derivative of the strain rate by the stress, 1/(Pa s)
+ * @param storage, recovery 1/s: a linear dashpot has fluidity H, and r; without storage
+ *   fluidity/omega is the loss
  * @return [J1, J2], 1/Pa
  */
-row_vector backstress_compliance(data real frequency, real fluidity, real modulus, real recovery) {
-  real decay = recovery + fluidity * modulus;
+row_vector backstress_compliance(data real frequency, real fluidity, real storage, real recovery) {
+  real decay = recovery + storage;
   return fluidity / (square(frequency) + square(decay))
-         * [fluidity * modulus, (square(frequency) + recovery * decay) / frequency];
+         * [storage, (square(frequency) + recovery * decay) / frequency];
 }
 
 /** Rate of static recovery, r exp[-(Q_r/R)(1/T - 1/T_0)] and the factor of its environment. */
@@ -85,4 +86,77 @@ real recovery_rate_at(vector parameter, real temperature, real reference_tempera
          * exp(log_environment(parameter, temperature, environment_numbers(5))
                - parameter[i_recovery_activation_enthalpy()] / gas_constant()
                  * (1 / temperature - 1 / reference_temperature));
+}
+
+/**
+ * Dislocations at a stress and a backstress, F = 1: rate of flow v, its derivative by the stress, rate
+ * of the backstress, and its derivatives by v and by the backstress.
+ *
+ * @param numbers log_rate_factor_at(), r at the temperature, and sigma_d at the grain size
+ */
+vector dislocation_rates(real stress, real backstress, data real grain_size, vector parameter,
+                         vector numbers) {
+  real n = parameter[i_stress_exponent()];
+  real breakdown = parameter[i_breakdown_stress()];
+  real reference = parameter[i_reference_backstress()];
+  real modulus = parameter[i_hardening_modulus()];
+  real limit = parameter[i_backstress_limit()];
+  real exponent = parameter[i_recovery_exponent()];
+  real boundary = parameter[i_boundary_recovery()];
+  real driving = stress - backstress - numbers[3];
+  real rate = square(backstress / reference)
+              * dashpot_strain_rate(power_law_stress(driving, breakdown, 1, n), grain_size, 1, n,
+                                    parameter[i_grain_size_exponent()], numbers[1]);
+  real steepness = breakdown == 0 ? 1 / driving : 1 / (breakdown * tanh(driving / breakdown));
+  real per_flow = modulus * (1 + numbers[3] / backstress - backstress / limit);
+  real ratio = backstress / reference;
+  real loss_slope = numbers[2]
+                    * (exponent * ratio ^ (exponent - 1)
+                       + 3 * boundary * numbers[3] * square(ratio) / reference);
+  return [rate, n * rate * steepness,
+          dislocation_backstress_rate(backstress, rate, modulus, limit, numbers[2], exponent,
+                                      reference, numbers[3], boundary),
+          per_flow, -modulus * rate * (numbers[3] / square(backstress) + 1 / limit) - loss_slope]';
+}
+
+/**
+ * Dislocations under small cycles about their steady state at a stress (Hein et al. 2025).
+ *
+ * Halving finds the steady backstress without derivatives, Newton steps of its equation give them.
+ *
+ * @param stress median, Pa
+ * @param temperature, reference_temperature T and T_0, K
+ * @return fluidity, storage and recovery of backstress_compliance(); no fluidity where sources take
+ *   the whole stress
+ */
+vector dislocation_response(data real stress, data real grain_size, vector parameter,
+                            data real temperature, real reference_temperature) {
+  vector[3] numbers = [log_rate_factor_at(parameter, temperature),
+                       recovery_rate_at(parameter, temperature, reference_temperature),
+                       parameter[i_source_stress()] * parameter[i_kelvin_reference_grain_size()]
+                       / grain_size]';
+  real span = stress - numbers[3];
+  real low = 0;
+  real high = 1;
+  real backstress;
+  vector[5] rates;
+  if (span <= 0) {
+    return rep_vector(0, 3);
+  }
+  for (i in 1 : 40) {
+    real middle = 0.5 * (low + high);
+    if (dislocation_rates(stress, middle * span, grain_size, parameter, numbers)[3] > 0) {
+      low = middle;
+    } else {
+      high = middle;
+    }
+  }
+  backstress = 0.5 * (low + high) * span;
+  rates = dislocation_rates(stress, backstress, grain_size, parameter, numbers);
+  for (i in 1 : 2) {
+    real slope = rates[4] * (2 * rates[1] / backstress - rates[2]) + rates[5];
+    backstress -= rates[3] / slope;
+    rates = dislocation_rates(stress, backstress, grain_size, parameter, numbers);
+  }
+  return [rates[2], (rates[2] - 2 * rates[1] / backstress) * rates[4], -rates[5]]';
 }

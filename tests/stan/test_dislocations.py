@@ -11,14 +11,16 @@ import pytest
 from conftest import ICE
 from evaluated_laws import value_of
 from history_twins import DISLOCATIONS, GRAIN_SIZE, TEMPERATURE, TRUTH, history_twin
-from ice_spectrum import ice_spectrum
+from ice_spectrum import PERIODS, SPECTRUM
 from log_density import assert_gradient_is_slope, program_with
 from scipy.optimize import brentq
 from stan_data import parameters_in
-from test_backstress import EXACT, FROZEN, STIFF, flowing, of_one_stage
+from test_backstress import EXACT, FROZEN, STIFF, complex_compliance, flowing, of_one_stage
 
 from pyburgers import load_experiment
 from pyburgers.common.errors import InputError
+from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
+from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.stages import legs_of
@@ -214,10 +216,64 @@ def test_dislocations_without_a_backstress_are_refused(name: str) -> None:
         simulate(history_twin("creep", 4), {**TRUTH, **DISLOCATIONS, name: 0.0})
 
 
-def test_tables_of_attenuation_do_not_take_it(tmp_path: Path) -> None:
-    table, priors = ice_spectrum(tmp_path), default_priors("ice", "attenuation")
-    with pytest.raises(InputError, match="hardening=dislocations is not for tests"):
-        with_variant(priors, table, CHOICE)
+def steady_table(folder: Path) -> AttenuationExperiment:
+    """Return the spectrum of ice with small cycles about 4 MPa."""
+    stress = "attenuation.median_stress_Pa = 4e6\nattenuation.amplitude_Pa = 100.0\nspectra"
+    text = SPECTRUM.replace("spectra", stress)
+    (folder / "spectrum.toml").write_text(text, encoding="utf-8")
+    return load_attenuation(folder / "spectrum.toml")
+
+
+@pytest.mark.parametrize("sine", [{}, {"breakdown_stress": 1.5e6, "stress_exponent": 1.0}])
+@pytest.mark.parametrize("period", PERIODS)
+def test_small_cycles_about_steady_flow_have_the_compliance_of_a_table(
+    period: float, sine: Mapping[str, float], tmp_path: Path
+) -> None:
+    table = steady_table(tmp_path)
+    exponent = sine.get("stress_exponent", 3.0)
+    values = {**flowing(1e-5, 3e6, exponent), **DISLOCATIONS, **sine}
+    values |= {"kelvin_modulus": 5e9, "kelvin_viscosity": 1e11}
+    values |= {"steady_state_grain_size": GRAIN_SIZE}
+    places = table.conditions.place
+    read = simulate(table, values, at=[*places, *(1 + places)])["log_reading"].to_numpy()
+    log_tan_delta, log_modulus = read.reshape(2, 3)[:, PERIODS.index(period)]
+    # First to the steady state, then as many cycles as the slowest part needs to settle.
+    n_cycles = 12 + int(np.ceil(4e3 / period))
+    knots = np.linspace(0.0, n_cycles, 200 * n_cycles + 1)
+    cycles = 4e6 + 100.0 * np.sin(2 * np.pi * knots)
+    test = of_one_stage("stress_series", 0.0, 1e5 + n_cycles * period)
+    at = np.concatenate([[0.0], 1e5 + knots * period])
+    legs = tuple(zip(at, np.concatenate([[4e6], cycles]), strict=True))
+    test = replace(test, stages=(replace(test.stages[0], knots=legs),))
+    found = complex_compliance(test, values, period)
+    assert -found.imag / found.real == pytest.approx(np.exp(log_tan_delta), rel=1e-4)
+    assert 1 / abs(found) == pytest.approx(np.exp(log_modulus), rel=1e-4)
+    of_flow = 1e-5 / 3e6 * period / (2 * np.pi)  # a dashpot that is far from this one
+    assert abs(-found.imag / of_flow - 1) > 0.1
+
+
+def test_tables_take_it_about_steady_flow_alone() -> None:
+    table, priors = (
+        load_attenuation(ICE / "attenuation_twin.toml"),
+        default_priors("ice", "attenuation"),
+    )
+    chosen = with_variant(priors, table, CHOICE)
+    assert set(chosen.free) - set(priors.free) == {*PARAMETERS} - {"initial_backstress"}
+    problem_of([table], chosen)
+    conditions = replace(table.conditions, median_stress=0 * table.conditions.median_stress)
+    with pytest.raises(InputError, match="expected one above 0 in every row"):
+        problem_of([replace(table, conditions=conditions)], chosen)
+
+
+def test_gradients_of_a_table_are_slopes_of_its_density(tmp_path: Path) -> None:
+    table = load_attenuation(ICE / "attenuation_twin.toml")
+    problem = problem_of([table], with_variant(default_priors("ice", "attenuation"), table, CHOICE))
+    data = program_data(problem, solver=SolverOptions())
+    program = program_with(problem.likelihood.program, data, tmp_path / "program")
+    point = np.array(0.1 * np.random.default_rng(2).standard_normal(data["n_coordinates"]))
+    freed = [name for name in PARAMETERS if name != "initial_backstress"]
+    names = list(problem.layout.names)
+    assert_gradient_is_slope(program, point, [names.index(name) for name in freed])
 
 
 def test_stresses_of_either_sign_are_refused() -> None:

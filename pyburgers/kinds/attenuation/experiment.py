@@ -22,7 +22,7 @@ from pyburgers.kinds.attenuation.table import (
     spectra_of,
 )
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.model.laws import laws_in_closed_form
+from pyburgers.model.laws import HARDENING_LAWS, laws_in_closed_form
 from pyburgers.model.read_quantities import LOG_MODULUS, LOG_TAN_DELTA
 
 UNSTATED_STRESS = 1e6
@@ -60,7 +60,7 @@ class AttenuationExperiment(Experiment):
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
         {
             **laws_in_closed_form(),
-            "hardening": ("none", "backstress"),
+            "hardening": (*HARDENING_LAWS,),
             "grain_size": ("constant",),
             "fabric": ("constant",),
             "residuals": ("independent",),
@@ -76,7 +76,7 @@ class AttenuationExperiment(Experiment):
             "strain_noise",
             "strain_offset",
             "apparatus_compliance",
-            "backstress_limit",
+            "initial_backstress",
             "residual_correlation_strain",
             "residual_correlation_time",
             "residual_correlated_share",

@@ -303,12 +303,17 @@ class AttenuationLikelihood(Likelihood[AttenuationExperiment]):
                 f"the priors {priors.title!r}, expected amplitudes or the variant maxwell=linear, "
                 "alone or with second_mechanism=diffusion."
             )
-        if variant_of(priors, experiment).hardening != "none" and np.any(
-            experiment.conditions.median_stress != 0
-        ):
+        hardening = variant_of(priors, experiment).hardening
+        median = experiment.conditions.median_stress
+        if hardening == "backstress" and np.any(median != 0):
             raise InputError(
                 f"{experiment.id}: hardening=backstress takes cycles about zero stress, found a "
                 "median stress, expected none or the variant hardening=none."
+            )
+        if hardening == "dislocations" and np.any(median <= 0):
+            raise InputError(
+                f"{experiment.id}: hardening=dislocations takes small cycles about steady flow, "
+                "found no median stress, expected one above 0 in every row, or hardening=none."
             )
 
     def as_history(self, experiment: AttenuationExperiment) -> AttenuationExperiment:

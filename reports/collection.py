@@ -60,6 +60,7 @@ OF_CURVES: Choices = {
     "autocorrelated": {"residuals": "autocorrelated"},
     "kelvin_power_law": {"kelvin": "power_law"},
     "threshold_stress": {"maxwell": "threshold_stress"},
+    "dislocations": {"hardening": "dislocations"},
     "backstress": {"hardening": "backstress"},
 }
 

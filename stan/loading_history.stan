@@ -39,6 +39,7 @@ functions {
 #include charts/pooling.stan
 #include kinds/attenuation_response.stan
 #include charts/valley/pins.stan
+#include charts/valley/mechanisms.stan
 #include charts/valley/least_squares.stan
 #include charts/valley/quantiles.stan
 #include charts/valley/softening.stan
@@ -101,7 +102,10 @@ transformed parameters {
     int samples_stress = reference_stress_rate[e] > 0;
     vector[n_parameters() + 1] parted
       = with_parted_rates(head(mapped, n_parameters()),
-                          rates_that_move(own_place[e], quantity[own]), replaced_parameter[e],
+                          coordinate_system == 2 && pin_end[e + 1] > pin_end[e]
+                          ? {0, 0}
+                          : rates_that_move(own_place[e], quantity[own]),
+                          replaced_parameter[e],
                           samples_stress, samples_stress ? log(reference_stress_rate[e]) : 0,
                           stress_scale[e], initial_grain_size[e], temperature[e]);
     real shift = samples_stress ? 0

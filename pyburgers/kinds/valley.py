@@ -76,7 +76,8 @@ class Pins:
         stress.
     `knot`: knots at which the pins are.
     `unit`: unit of rates (1/s) of each pin.
-    `path_strain`, `strain_rate`, `stress_rate`: the solution there, rates (1, Pa) in the unit.
+    `path_strain`, `strain_rate`, `stress_rate`, `grain_size`: the solution there, rates (1, Pa) in
+        the unit, grain size in m.
     `relative_noise`: of a reading near each pin, as a share of the stress; infinite where the pin
         counts by its time alone, which stands for all since the start of the test.
     `time_spent`: time (s) of the dashpot near each pin if ln S_0 is solved from times, else 0.
@@ -96,6 +97,7 @@ class Pins:
     path_strain: FloatArray
     strain_rate: FloatArray
     stress_rate: FloatArray
+    grain_size: FloatArray
     relative_noise: FloatArray
     time_spent: FloatArray
     readings: float
@@ -145,7 +147,7 @@ class ValleyReference:
 
     @property
     def pin(self) -> FloatArray:
-        """Rows of pins as in `stan/charts/valley/pins.stan`, shape (n_pins, 9)."""
+        """Rows of pins as in `stan/charts/valley/pins.stan`, shape (n_pins, 10)."""
         pins = self.pins
         weights = [
             pins.readings / np.maximum(pins.relative_noise, least) ** 2
@@ -161,6 +163,7 @@ class ValleyReference:
                 pins.strain_rate,
                 pins.time_spent,
                 pins.since_start,
+                pins.grain_size,
             ]
         )
 
@@ -224,7 +227,7 @@ class ValleyChart(Chart[E]):
         ]
         tests = [*references, *[None] * (layout.n_tests - len(references))]
         knots = [np.empty((0, 3)) if own is None else own.knot for own in tests]
-        pins = [np.empty((0, 9)) if own is None else own.pin for own in tests]
+        pins = [np.empty((0, 10)) if own is None else own.pin for own in tests]
         return {
             "knot_end": ends(len(knot) for knot in knots),
             "knot": np.concatenate(knots).tolist(),
@@ -300,8 +303,6 @@ def _check_priors(
         raise ChartUnsuited(f"the stress at a rate is no product of powers with maxwell = {law}")
     if variant.hardening != "none":
         raise ChartUnsuited("the stress at a rate depends on the backstress")
-    if variant.second_mechanism != "none":
-        raise ChartUnsuited("the stress at a rate is no product of powers with several mechanisms")
     if not solved:
         raise ChartUnsuited("neither grain size nor fabric evolves")
     for name in solved:

@@ -1,5 +1,6 @@
 /**
- * Rates of the mechanisms of a dashpot, from plain coordinates of a loading history.
+ * Rates of the mechanisms of a dashpot, from plain coordinates of a loading history; those of the
+ * valley have a map of their own.
  *
  * Data fix the rate of the whole dashpot and leave those of its mechanisms broad along a bent ridge. So
  * the point of the flow law that is sampled is that of the whole dashpot, and the sampled rates of

@@ -4,7 +4,7 @@
 array[n_tests + 1] int<lower=0> knot_end;
 matrix[knot_end[n_tests + 1], 3] knot; // of the reference curve, the solution at the reference
 array[n_tests + 1] int<lower=0> pin_end;
-matrix[pin_end[n_tests + 1], 9] pin;
+matrix[pin_end[n_tests + 1], 10] pin;
 matrix[coordinate_system == 2 ? own_end[n_tests + 1] : 0, 3] guide;
 array[coordinate_system == 2 ? n_tests : 0] vector[n_parameters()] reference_parameter;
 array[coordinate_system == 2 ? n_tests : 0] real<lower=0> reference_rate; // of ln S_0, 1/s

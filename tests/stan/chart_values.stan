@@ -12,6 +12,7 @@ functions {
 #include charts/plain.stan
 #include charts/sheared.stan
 #include charts/valley/pins.stan
+#include charts/valley/mechanisms.stan
 #include charts/valley/least_squares.stan
 #include charts/valley/quantiles.stan
 #include charts/valley/softening.stan
@@ -61,17 +62,19 @@ data {
   int<lower=0> n_knots;
   matrix[n_knots, 3] knot;
   int<lower=0> n_at_knots;
-  matrix[n_at_knots, 9] pin;
+  matrix[n_at_knots, 10] pin;
   real<lower=0> rise_time;
 }
 transformed data {
   vector[n_record() + n_solutions] record = append_row(rep_vector(0, n_record()),
                                                        log_dashpot_compliance);
-  matrix[n_pins, 9] timed = rep_matrix(1, n_pins, 9);
+  matrix[n_pins, 10] timed = rep_matrix(1, n_pins, 10);
   record[r_log_rate_step()] = 0.5;
   timed[ : , 8] = time_spent;
 }
 generated quantities {
+  // Of every network, a whole rate of 1 from that of its first mechanism.
+  vector[6] whole_again;
   vector[n_rates] dashpot_loss;
   vector[n_values] real_number;
   vector[2] kelvin = kelvin_left_over(maxwell_modulus, dashpot, compliance, period);
@@ -95,6 +98,15 @@ generated quantities {
                                                 element_of_test, 1),
                            parameter[i_stress_exponent()], 1);
   matrix[n_pins, 3] fabric = fabric_softening(u[2], fabric_amplitude, strain, bounds);
+  {
+    array[6] int act = {1, 2, 4, 5, 7, 8};
+    matrix[6, 2] further = [[0.2, 1], [3, 1], [0.2, 0.1], [3, 0.1], [0.4, 0.6], [5, 6]];
+    for (i in 1 : 6) {
+      vector[2] own = further[i]';
+      whole_again[i] = rate_of_mechanisms(first_of_mechanisms(1, own, act[i], least_first_share()), own,
+                                          act[i]);
+    }
+  }
   for (i in 1 : n_values) {
     real_number[i] = real_from_bounded(value[i], quantity);
   }

@@ -34,6 +34,14 @@ SIZE = len(PARAMETERS)
 VARIANTS = [{}, {"fabric": "constant"}, {"grain_size": "constant"}]
 """Where grain size and fabric evolve, and where one of them does."""
 
+MECHANISMS = [
+    {"second_mechanism": "diffusion"},
+    {"second_mechanism": "in_series", "third_mechanism": "power_law"},
+    {"second_mechanism": "power_law", "third_mechanism": "in_series"},
+]
+RATES = {"second_rate": 3e-6, "third_rate": 8e-6}
+"""Of further mechanisms, 1/s: neither all of the flow nor nothing of it."""
+
 SOFTENING = ("grain_size_exponent", "critical_strain_grain_size", "critical_strain_fabric")
 
 
@@ -63,12 +71,12 @@ def assert_jacobian_at_three_points(program: Program, names: Sequence[str]) -> N
 
 
 @pytest.mark.parametrize("system", ["plain", "valley"])
-@pytest.mark.parametrize("variant", [*VARIANTS, {"residuals": "discrepancy"}], ids=str)
+@pytest.mark.parametrize("variant", [*VARIANTS, *MECHANISMS, {"residuals": "discrepancy"}], ids=str)
 def test_log_jacobian_is_that_of_the_map(
     system: str, variant: Mapping[str, str], tmp_path: Path
 ) -> None:
     experiment = load_constant_rate(ICE / "PIL72.toml")
-    missed = {"discrepancy": 0.8, "residual_correlation_strain": 0.01}
+    missed = {"discrepancy": 0.8, "residual_correlation_strain": 0.01, **RATES}
     truth = {**(experiment.true_parameters or {}), **missed}
     experiment = replace(experiment, true_parameters=truth)
     priors = with_variant(resolved_priors(experiment), experiment, variant)
@@ -81,13 +89,14 @@ def test_log_jacobian_is_that_of_the_map(
     assert_jacobian_at_three_points(program, names)
 
 
-@pytest.mark.parametrize("variant", [*VARIANTS, {"kelvin": "two_elements"}], ids=str)
+@pytest.mark.parametrize("variant", [*VARIANTS, *MECHANISMS, {"kelvin": "two_elements"}], ids=str)
 def test_log_jacobian_of_a_creep_test_is_that_of_the_map(
     variant: Mapping[str, str], tmp_path: Path
 ) -> None:
     """Whose plain coordinate is the flow rate at its stress, with ln S_0 solved from times."""
     twin = history_twin("creep", 12)
     truth = {**(twin.true_parameters or {}), "peak_strength": 0.5, "peak_time_decades": 1.0}
+    truth |= RATES
     twin = replace(twin, true_parameters=truth)
     known = {"residual_correlation_time", "residual_correlated_share"}
     priors = with_fixed(default_priors(twin.material, twin.protocol), {k: TRUTH[k] for k in known})

@@ -162,3 +162,10 @@ def test_grain_sizes_without_an_edge_keep_their_coordinate(
     values = function_values("chart_values", valley_data(exponent_ratio=0.02))
     inside = np.abs(LOG_ODDS) < 6
     np.testing.assert_allclose(values["at_edge"][inside], LOG_ODDS[inside], atol=1e-6)
+
+
+def test_the_rate_that_others_leave_to_the_first_mechanism_makes_up_the_whole(
+    function_values: FunctionValues,
+) -> None:
+    values = function_values("chart_values", valley_data())
+    np.testing.assert_allclose(values["whole_again"], 1.0, rtol=1e-6)

@@ -103,6 +103,7 @@ class LoadingHistoryValley(ValleyChart[HistoryExperiment]):
             ),
             strain_rate=strain_rate / unit,
             stress_rate=_rate_or_average(curve.stress_rate, curve.stress, at, since_start) / unit,
+            grain_size=curve.grain_size[at],
             relative_noise=np.where(since_start > 0, np.inf, noise),
             time_spent=time_spent,
             readings=readings / places.size,
@@ -129,6 +130,7 @@ class _Curve:
     strain_rate: FloatArray
     stress_rate: FloatArray
     dashpot_rate: FloatArray
+    grain_size: FloatArray
     flowing: BoolArray
     driven_by_stress: BoolArray
     settled: BoolArray
@@ -174,6 +176,7 @@ def _along(test: AtMode[HistoryExperiment]) -> _Curve:
         strain_rate=strain_rate,
         stress_rate=stress_rate,
         dashpot_rate=dashpot_rate,
+        grain_size=found["grid_grain_size"],
         # The strength at another temperature hangs on Q_M.
         flowing=(strain_rate > 0)
         & (stress > 0)

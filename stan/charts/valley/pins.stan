@@ -7,7 +7,8 @@
  *   u_1, whose conditional density is known at solutions that a few steps have reached and is
  *   jagged if it is narrow, and that for u_2, F_ss and ln S_0; 7 strain rate over the unit; 8 time
  *   that the dashpot spends near the pin (s), where ln S_0 is solved from times; 9 time from the start
- *   of the test (s) over which the rates are averages, 0: they are those at the pin.
+ *   of the test (s) over which the rates are averages, 0: they are those at the pin; 10 grain size
+ *   of the reference curve (m).
  * At constant rate the unit is the imposed rate; where stress is imposed, the strain rate is that
  * of the reference curve.
  * A row of `knot`, a knot of the reference curve, has the columns
@@ -17,6 +18,11 @@
  *   1 lower, 2 upper. Where grain size or fabric evolves alone, the second and the third are those of
  *   its critical strain and of its steady state over the start.
  */
+
+/** Rates of the dashpot at the pins, kept above 0 by a smooth floor. */
+vector floored_rate(vector dashpot_rate) {
+  return 0.15 + log1p_exp(20 * (dashpot_rate - 0.15)) / 20;
+}
 
 /**
  * Rate that spring and Kelvin part leave to the dashpot at the pins, over the unit of rates.
@@ -58,9 +64,17 @@ vector dashpot_rate_at_pins(data matrix knot, data matrix pin, real stiffness, m
          - (kelvin_rate ./ col(pin, 3) + col(pin, 2) / stiffness) / reading_factor;
 }
 
-/** Rates of the dashpot at the pins, kept above 0 by a smooth floor. */
-vector floored_rate(vector dashpot_rate) {
-  return 0.15 + log1p_exp(20 * (dashpot_rate - 0.15)) / 20;
+/** Stresses of the reference curve at the pins, Pa. */
+vector stress_at_pins(data matrix knot, data matrix pin) {
+  vector[rows(pin)] stress;
+  int at_pin = 0;
+  for (k in 1 : rows(knot)) {
+    if (knot[k, 3] > 0) {
+      at_pin += 1;
+      stress[at_pin] = knot[k, 2];
+    }
+  }
+  return stress;
 }
 
 /**
@@ -71,17 +85,8 @@ vector floored_rate(vector dashpot_rate) {
  */
 vector log_strength_at_pins(data matrix knot, data matrix pin, vector dashpot_rate,
                             real stress_exponent, real reading_factor) {
-  vector[rows(pin)] log_rate = log(floored_rate(dashpot_rate));
-  vector[rows(pin)] log_strength;
-  int at_pin = 0;
-  for (k in 1 : rows(knot)) {
-    if (knot[k, 3] > 0) {
-      at_pin += 1;
-      log_strength[at_pin] = log(knot[k, 2] / reading_factor)
-                             - (log_rate[at_pin] - pin[at_pin, 4]) / stress_exponent;
-    }
-  }
-  return log_strength;
+  return log(stress_at_pins(knot, pin) / reading_factor)
+         - (log(floored_rate(dashpot_rate)) - col(pin, 4)) / stress_exponent;
 }
 
 /**

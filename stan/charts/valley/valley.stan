@@ -77,14 +77,17 @@ matrix kelvin_elements(vector parameter, data matrix element, data real temperat
                     ./ (decay_and_compliance[ : , 1] .* decay_and_compliance[ : , 2]));
 }
 
-/** dashpot_rate_at_pins() at parameters. */
-vector dashpot_rate_of(vector parameter, matrix kelvin, data matrix knot, data matrix pin) {
-  return dashpot_rate_at_pins(knot, pin,
-                              parameter[i_maxwell_modulus()]
-                              / (1
-                                 + parameter[i_apparatus_compliance()]
-                                   * parameter[i_maxwell_modulus()]),
-                              kelvin, stress_reading_factor(parameter));
+/** Rate of the first mechanism at the pins at parameters: first_rate_at_pins(). */
+vector dashpot_rate_of(vector parameter, matrix kelvin, data matrix knot, data matrix pin,
+                       data real temperature) {
+  return first_rate_at_pins(
+    dashpot_rate_at_pins(knot, pin,
+                         parameter[i_maxwell_modulus()]
+                         / (1
+                            + parameter[i_apparatus_compliance()]
+                              * parameter[i_maxwell_modulus()]),
+                         kelvin, stress_reading_factor(parameter)),
+    knot, pin, parameter, true_temperature(parameter, temperature));
 }
 
 /** What parameters ask for at the pins: `asked` of charts/valley/least_squares.stan. */
@@ -172,7 +175,9 @@ vector valley_reference(data vector parameter, data vector coordinate, data arra
                      softening_after(pin[rows(pin), 1], parameter, conditions[c_grain_size()]),
                      parameter[replaced],
                      fmax(width, -width)]',
-                    asked_of_pins(parameter, dashpot_rate_of(parameter, kelvin, knot, pin),
+                    asked_of_pins(parameter,
+                                  dashpot_rate_of(parameter, kelvin, knot, pin,
+                                                  conditions[c_temperature()]),
                                   named[i_replaced()] == 0, log_stress,
                                   conditions[c_grain_size()], knot, pin));
 }
@@ -294,7 +299,16 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
                                        conditions[c_grain_size()], conditions[c_temperature()]);
   kelvin = kelvin_elements(parameter, element, conditions[c_temperature()],
                            conditions[c_grain_size()]);
-  dashpot_rate = dashpot_rate_of(parameter, kelvin, knot, pin);
+  for (k in 1 : n_further_mechanisms(mechanisms_act(parameter))) {
+    int i = place[mechanism_numbers(k)[1]];
+    if (i > 0 && quantity[max(i, 1), i_lower()] == 0 && is_inf(quantity[max(i, 1), i_upper()])) {
+      vector[2] move = further_rate_move(k, parameter, knot, pin, conditions[c_temperature()]);
+      plain[i] += move[1];
+      log_jacobian += move[2];
+      parameter[mechanism_numbers(k)[1]] *= exp(move[1]);
+    }
+  }
+  dashpot_rate = dashpot_rate_of(parameter, kelvin, knot, pin, conditions[c_temperature()]);
   asked = asked_of_pins(parameter, dashpot_rate, stress_given, log_stress,
                         conditions[c_grain_size()], knot, pin);
   remainder = [stress_given ? 0 : coordinate[flow], coordinate[solved[3]]]';

@@ -3,6 +3,9 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.model.laws import DISLOCATIONS_SWITCH, HARDENING_LAWS, HARDENING_SWITCH
 from pyburgers.model.parameters import PARAMETER_BY_NAME, STANDARD_VALUES
@@ -52,6 +55,21 @@ def check_dislocations(priors: Mapping[str, Prior], where: str) -> None:
                 f"{where}: found {name} fixed at 0 beside a {DISLOCATIONS_SWITCH}, which is for "
                 f"hardening=dislocations, expected a positive {name}, or no {DISLOCATIONS_SWITCH}."
             )
+
+
+def check_median_stress(priors: Mapping[str, Prior], median: FloatArray, where: str) -> None:
+    """Raise InputError for median stresses (Pa) about which a law has no linear form."""
+    law = hardening_law(priors)
+    if law == "backstress" and np.any(median != 0):
+        raise InputError(
+            f"{where}: hardening=backstress takes cycles about zero stress, found a median stress, "
+            "expected none or the variant hardening=none."
+        )
+    if law == "dislocations" and np.any(median <= 0):
+        raise InputError(
+            f"{where}: hardening=dislocations takes small cycles about steady flow, found no "
+            "median stress, expected one above 0 in every row, or the variant hardening=none."
+        )
 
 
 def check_linear_hardening(priors: Mapping[str, Prior], protocol: str, where: str) -> None:

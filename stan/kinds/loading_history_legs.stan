@@ -33,6 +33,53 @@
  *   ds/dt = [(S/(E_M e)) r exp(-e s) + v_K + v_d]/[1 + (S/E_M) y],  dg/dt = |ds/dt|.
  */
 
+/**
+ * States along a leg by radau_leg(); NaN if another solver is wanted or the method does not converge.
+ *
+ * @param driven by strain 0, by stress 1, by force 2
+ * @param state places of g, u and b among the states, from 0; -1: no state
+ * @param y_0, rate y or f at the start, and r
+ * @param start states at the start, those of the elements last
+ * @param start_path g at the start (solvers/radau_leg.stan)
+ * @param elements of history_elements()
+ */
+array[] vector fast_history_leg(data int driven, data array[] int state, data array[] real time,
+                                data real y_0, data real rate, vector start, real start_path,
+                                matrix elements, vector varying, data array[] int place,
+                                data vector fixed, data vector test, data int solver,
+                                data real tolerance) {
+  array[size(time)] vector[num_elements(start)] states;
+  if (solver == 1) {
+    vector[num_elements(start)] from = start;
+    int n_linear = test[c_kelvin_law()] == 0 ? rows(elements) : 0;
+    int act = 0; // of mechanisms_act()
+    vector[29] argument;
+    for (k in 0 : 7) {
+      act += test[c_mechanisms()] > k;
+    }
+    for (k in 1 : 13) {
+      argument[k] = history_rate(k, varying, place, fixed);
+    }
+    argument[15] = history_rate(h_stress_scale(), varying, place, fixed);
+    argument[14] = log(argument[15] / test[c_kelvin_reference()]);
+    argument[16] = start_path;
+    for (k in 1 : 13) {
+      argument[16 + k] = history_rate(h_hardening() + k - 1, varying, place, fixed);
+    }
+    return radau_leg({driven, place_of_dashpot_law(test[c_dashpot_law()]),
+                      place_of_kelvin_law(test[c_kelvin_law()]), state[1], state[2], state[3],
+                      act},
+                     {y_0, rate, test[c_strain_scale()], test[c_piezometer()],
+                      test[c_piezometer_exponent()], test[c_piezometer_stress_floor()]},
+                     time, tolerance, from,
+                     append_row(argument, head(to_vector(elements), 2 * n_linear)));
+  }
+  for (i in 1 : size(time)) {
+    states[i] = rep_vector(not_a_number(), num_elements(start));
+  }
+  return states;
+}
+
 /** Place of the first time after another, or one more than there are. */
 int first_after(data array[] real time, data real other) {
   for (i in 1 : size(time)) {

@@ -12,12 +12,12 @@ from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.table import ATTENUATION, CycleConditions
 from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited, Likelihood, grid_quantities
 from pyburgers.kinds.stan_data import CHART, Layout, StanData, ends
+from pyburgers.model.hardening import check_median_stress
 from pyburgers.model.parameters import STRESS_EXPONENTS
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.read_quantities import LOG_MODULUS, LOG_TAN_DELTA, Quantity
 from pyburgers.model.reference_quantities import REFERENCE_FLOW_RATE_QUANTITY
-from pyburgers.model.variants import variant_of
 
 POSITIVE = ("kelvin_modulus", "kelvin_viscosity")
 """Parameters whose logarithms are shifted."""
@@ -303,18 +303,7 @@ class AttenuationLikelihood(Likelihood[AttenuationExperiment]):
                 f"the priors {priors.title!r}, expected amplitudes or the variant maxwell=linear, "
                 "alone or with second_mechanism=diffusion."
             )
-        hardening = variant_of(priors, experiment).hardening
-        median = experiment.conditions.median_stress
-        if hardening == "backstress" and np.any(median != 0):
-            raise InputError(
-                f"{experiment.id}: hardening=backstress takes cycles about zero stress, found a "
-                "median stress, expected none or the variant hardening=none."
-            )
-        if hardening == "dislocations" and np.any(median <= 0):
-            raise InputError(
-                f"{experiment.id}: hardening=dislocations takes small cycles about steady flow, "
-                "found no median stress, expected one above 0 in every row, or hardening=none."
-            )
+        check_median_stress(priors.priors, experiment.conditions.median_stress, experiment.id)
 
     def as_history(self, experiment: AttenuationExperiment) -> AttenuationExperiment:
         """Return the table: the program of loading histories takes it as it is."""

@@ -10,6 +10,7 @@ functions {
 #include physics/relaxation.stan
 #include physics/microstructure.stan
 #include charts/plain.stan
+#include charts/parted_rates.stan
 #include charts/sheared.stan
 #include charts/valley/pins.stan
 #include charts/valley/mechanisms.stan

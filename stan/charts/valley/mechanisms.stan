@@ -1,7 +1,7 @@
 /**
  * Several mechanisms of the dashpot in valley coordinates: the pins ask the first one for the rate that
  * the others leave, at the grain sizes of the reference curve, and the rates of the others cannot take
- * all of it. Needs charts/valley/pins.stan, charts/plain.stan and physics/dashpot_mechanisms.stan.
+ * all of it. Needs charts/valley/pins.stan and charts/parted_rates.stan.
  */
 
 /**

@@ -301,7 +301,7 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
                            conditions[c_grain_size()]);
   for (k in 1 : n_further_mechanisms(mechanisms_act(parameter))) {
     int i = place[mechanism_numbers(k)[1]];
-    if (i > 0 && quantity[max(i, 1), i_lower()] == 0 && is_inf(quantity[max(i, 1), i_upper()])) {
+    if (rates_that_move(place, quantity)[k]) {
       vector[2] move = further_rate_move(k, parameter, knot, pin, conditions[c_temperature()]);
       plain[i] += move[1];
       log_jacobian += move[2];

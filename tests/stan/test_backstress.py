@@ -13,6 +13,7 @@ from conftest import ICE
 from evaluated_laws import value_of
 from history_twins import (
     BACKSTRESS,
+    DISLOCATIONS,
     GRAIN_SIZE,
     TEMPERATURE,
     TRUTH,
@@ -127,15 +128,23 @@ def test_a_steady_stress_balances_storage_and_recovery(recovery: float, exponent
     assert found["stress_Pa"].item() == pytest.approx(expected, rel=1e-8)
 
 
-def test_the_log_likelihood_is_that_of_the_independent_solution(tmp_path: Path) -> None:
+OF_DISLOCATIONS = {"hardening": "dislocations"}
+
+
+@pytest.mark.parametrize(
+    "choices", [CHOICE, {**OF_DISLOCATIONS, "maxwell": "hyperbolic_sine"}], ids=str
+)
+def test_the_log_likelihood_is_that_of_the_independent_solution(
+    choices: Mapping[str, str], tmp_path: Path
+) -> None:
     test = history_twin("mixed", 16)
-    problem = problem_of([test], with_variant(default_priors("ice"), test, CHOICE))
+    problem = problem_of([test], with_variant(default_priors("ice"), test, choices))
     data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
     program = program_with(problem.likelihood.program, data, tmp_path / "program")
     at = np.array(0.2 * np.random.default_rng(4).standard_normal(data["n_coordinates"]))
     columns = program.columns_at({"coordinate": at.tolist()})
     values = parameters_in(columns)
-    assert values["hardening_modulus"] > 0
+    assert min(values[name] for name in HARDENING_LAWS[choices["hardening"]].parameters) > 0
     legs = legs_of(test.stages)
     times = [test.time[test.reading_stage == stage] for stage in range(len(legs))]
     solution = history_oracle.history(values, GRAIN_SIZE, legs, times)
@@ -150,16 +159,20 @@ def test_the_log_likelihood_is_that_of_the_independent_solution(tmp_path: Path) 
     assert found == pytest.approx(expected, abs=1e-3)
 
 
+@pytest.mark.parametrize("law", [CHOICE, OF_DISLOCATIONS], ids=str)
 @pytest.mark.parametrize("others", [{}, {"maxwell": "linear"}, {"kelvin": "power_law"}])
-def test_gradients_are_slopes_of_the_density(others: Mapping[str, str], tmp_path: Path) -> None:
+def test_gradients_are_slopes_of_the_density(
+    others: Mapping[str, str], law: Mapping[str, str], tmp_path: Path
+) -> None:
     test = history_twin("mixed", 16)
-    priors = with_variant(default_priors("ice"), test, {**others, **CHOICE})
+    priors = with_variant(default_priors("ice"), test, {**others, **law})
     problem = problem_of([test], priors)
     data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
     program = program_with(problem.likelihood.program, data, tmp_path / "program")
     point = np.array(0.1 * np.random.default_rng(2).standard_normal(data["n_coordinates"]))
     names = list(problem.layout.names)
-    assert_gradient_is_slope(program, point, [names.index(name) for name in PARAMETERS])
+    freed = HARDENING_LAWS[law["hardening"]].parameters
+    assert_gradient_is_slope(program, point, [names.index(name) for name in freed])
 
 
 def test_an_exponent_below_one_is_refused() -> None:
@@ -277,18 +290,22 @@ def test_stress_cycles_refuse_it() -> None:
         )
 
 
-def test_exported_laws_are_those_of_the_program() -> None:
-    test, values = history_twin("creep", 4), {**TRUTH, **BACKSTRESS}
+@pytest.mark.parametrize(
+    ("numbers", "backstresses"), [(BACKSTRESS, (0.0, 2e6)), (DISLOCATIONS, (1e5, 2e6))]
+)
+def test_exported_laws_are_those_of_the_program(
+    numbers: Mapping[str, float], backstresses: tuple[float, float]
+) -> None:
+    test, values = history_twin("creep", 4), {**TRUTH, **numbers}
     laws = laws_of(given_parameters("ice", values), test)
     factor = values["beta"] * values["activation_enthalpy"]
     names = {**values, "R": GAS_CONSTANT, "temperature": TEMPERATURE, "fabric_factor": 0.9}
     names |= {"grain_size": GRAIN_SIZE, "ln_flow_law_factor": factor, "stress": 5e6}
-    for backstress in (0.0, 2e6):
+    for backstress in backstresses:
         here = {**names, "backstress": backstress}
         flow = value_of(str(laws["flow_law"]), here)
-        expected = oracle.dashpot_rate(
-            values, TEMPERATURE, np.array(5e6 - backstress), np.array(GRAIN_SIZE), np.array(0.9)
-        )
+        state = np.array(5e6), np.array(backstress), np.array(GRAIN_SIZE), np.array(0.9)
+        expected, _ = oracle.all_rates(values, TEMPERATURE, *state)
         assert flow == pytest.approx(float(expected), rel=1e-9)
         stored = value_of(str(laws["hardening_law"]), {**here, "strain_rate": flow})
         assert stored == pytest.approx(

@@ -4,17 +4,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-import history_oracle
 import numpy as np
-import oracle
 import pytest
 from conftest import ICE
-from evaluated_laws import value_of
 from history_twins import DISLOCATIONS, GRAIN_SIZE, TEMPERATURE, TRUTH, history_twin
 from ice_spectrum import PERIODS, SPECTRUM
 from log_density import assert_gradient_is_slope, program_with
 from scipy.optimize import brentq
-from stan_data import parameters_in
 from test_backstress import EXACT, FROZEN, STIFF, complex_compliance, flowing, of_one_stage
 
 from pyburgers import load_experiment
@@ -23,15 +19,13 @@ from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.likelihood import likelihood_of
-from pyburgers.kinds.loading_history.stages import legs_of
 from pyburgers.kinds.problem import problem_of
-from pyburgers.kinds.program_data import given_parameters, program_data
+from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.laws import HARDENING_LAWS
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import variant_of, with_variant
-from pyburgers.predictions.exported import laws_of
 
 pytestmark = pytest.mark.usefixtures("programs")
 
@@ -139,44 +133,6 @@ def test_a_steady_rate_balances_storage_and_recovery(exponent: float) -> None:
     # The rest of the stress drives fewer or more dislocations than at the reference.
     expected = stored + sources + 3e6 * (3e6 / stored) ** (2 / exponent)
     assert found["stress_Pa"].item() == pytest.approx(expected, rel=1e-8)
-
-
-def test_the_log_likelihood_is_that_of_the_independent_solution(tmp_path: Path) -> None:
-    test = history_twin("mixed", 16)
-    priors = with_variant(
-        default_priors("ice"),
-        test,
-        {**CHOICE, "maxwell": "hyperbolic_sine", "residuals": "independent"},
-    )
-    problem = problem_of([test], priors)
-    data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
-    program = program_with(problem.likelihood.program, data, tmp_path / "program")
-    at = np.array(0.2 * np.random.default_rng(4).standard_normal(data["n_coordinates"]))
-    columns = program.columns_at({"coordinate": at.tolist()})
-    values = parameters_in(columns)
-    assert min(values[name] for name in PARAMETERS) > 0
-    legs = legs_of(test.stages)
-    times = [test.time[test.reading_stage == stage] for stage in range(len(legs))]
-    solution = history_oracle.history(values, GRAIN_SIZE, legs, times)
-    is_strain = test.response_is_strain
-    model = np.where(is_strain, solution[history_oracle.STRAIN], solution[history_oracle.STRESS])
-    noise = np.where(is_strain, values["strain_noise"], values["stress_noise"])
-    terms = -0.5 * np.square((test.response - model) / noise) - np.log(noise)
-    expected = np.sum(terms - 0.5 * np.log(2 * np.pi))
-    found = sum(columns[f"log_lik.{i + 1}"] for i in range(test.n_points))
-    assert found == pytest.approx(expected, abs=1e-3)
-
-
-@pytest.mark.parametrize("others", [{}, {"maxwell": "linear"}, {"kelvin": "power_law"}])
-def test_gradients_are_slopes_of_the_density(others: Mapping[str, str], tmp_path: Path) -> None:
-    test = history_twin("mixed", 16)
-    priors = with_variant(default_priors("ice"), test, {**others, **CHOICE})
-    problem = problem_of([test], priors)
-    data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
-    program = program_with(problem.likelihood.program, data, tmp_path / "program")
-    point = np.array(0.1 * np.random.default_rng(2).standard_normal(data["n_coordinates"]))
-    names = list(problem.layout.names)
-    assert_gradient_is_slope(program, point, [names.index(name) for name in PARAMETERS])
 
 
 def test_weak_priors_follow_the_test() -> None:
@@ -290,20 +246,3 @@ def test_stresses_of_either_sign_are_refused() -> None:
     priors = with_variant(default_priors("ice"), turned, CHOICE)
     with pytest.raises(InputError, match="of one sign, found -1 MPa"):
         problem_of([turned], priors)
-
-
-def test_exported_laws_are_those_of_the_program() -> None:
-    test, values = history_twin("creep", 4), {**TRUTH, **DISLOCATIONS}
-    laws = laws_of(given_parameters("ice", values), test)
-    factor = values["beta"] * values["activation_enthalpy"]
-    names = {**values, "R": GAS_CONSTANT, "temperature": TEMPERATURE, "fabric_factor": 0.9}
-    names |= {"grain_size": GRAIN_SIZE, "ln_flow_law_factor": factor, "stress": 5e6}
-    for backstress in (1e5, 2e6):
-        here = {**names, "backstress": backstress}
-        flow = value_of(str(laws["flow_law"]), here)
-        state = np.array(5e6), np.array(backstress), np.array(GRAIN_SIZE), np.array(0.9)
-        expected, _ = oracle.all_rates(values, TEMPERATURE, *state)
-        assert flow == pytest.approx(float(expected), rel=1e-9)
-        stored = value_of(str(laws["hardening_law"]), {**here, "strain_rate": flow})
-        expected_rate = oracle.backstress_rate(values, TEMPERATURE, backstress, flow, GRAIN_SIZE)
-        assert stored == pytest.approx(expected_rate, rel=1e-9)

@@ -199,6 +199,14 @@ def random_history(rng: np.random.Generator) -> tuple[list[Leg], list[FloatArray
     return legs, times
 
 
+PIEZOMETER = {
+    "piezometer_reference_grain_size": 2e-3,
+    "piezometer_exponent": 1.33,
+    "piezometer_stress_floor": 1e6,
+    "apparatus_compliance": 1e-10,
+}
+"""And an apparatus that gives."""
+
 MATERIALS: Mapping[str, Mapping[str, float]] = {
     "standard": {},
     "hardening": {"steady_state_fabric_factor": 1.6, "steady_state_grain_size": 400e-6},
@@ -233,18 +241,12 @@ MATERIALS: Mapping[str, Mapping[str, float]] = {
         "beta": 2e-5,
         "kelvin_stress_exponent": 3.0,
         "kelvin_reference_stress": 2e6,
-        "piezometer_reference_grain_size": 2e-3,
-        "piezometer_exponent": 1.33,
-        "piezometer_stress_floor": 1e6,
-        "apparatus_compliance": 1e-10,
+        **PIEZOMETER,
     },
     "backstress, threshold and piezometer": {
         **BACKSTRESS,
         "threshold_stress": 5e5,
-        "piezometer_reference_grain_size": 2e-3,
-        "piezometer_exponent": 1.33,
-        "piezometer_stress_floor": 1e6,
-        "apparatus_compliance": 1e-10,
+        **PIEZOMETER,
     },
     "second mechanism": SECOND,
     "second mechanism in series": {**SECOND, "second_in_series": 1.0},
@@ -260,17 +262,9 @@ MATERIALS: Mapping[str, Mapping[str, float]] = {
         **BACKSTRESS,
         "kelvin_stress_exponent": 3.0,
         "kelvin_reference_stress": 2e6,
-        "piezometer_reference_grain_size": 2e-3,
-        "piezometer_exponent": 1.33,
-        "piezometer_stress_floor": 1e6,
-        "apparatus_compliance": 1e-10,
+        **PIEZOMETER,
     },
-    "piezometer": {
-        "piezometer_reference_grain_size": 2e-3,
-        "piezometer_exponent": 1.33,
-        "piezometer_stress_floor": 1e6,
-        "apparatus_compliance": 1e-10,
-    },
+    "piezometer": PIEZOMETER,
 }
 
 

@@ -153,7 +153,7 @@ def diverge(tree: xr.DataTree, n: int) -> None:
 
 
 def saturated(tree: xr.DataTree) -> None:
-    values(tree, "sample_stats", "tree_depth")[0, :3] = MAX_TREEDEPTH
+    values(tree, "sample_stats", "tree_depth")[0, : CHAINS * DRAWS // 100 + 1] = MAX_TREEDEPTH
 
 
 def wandering(tree: xr.DataTree) -> None:
@@ -192,8 +192,8 @@ DEFECTS: dict[str, tuple[CheckFunction, xr.DataTree, Defect, tuple[str, ...], Nu
         check_treedepth,
         good(),
         saturated,
-        ("3 of", "--max-treedepth"),
-        {"saturated": [3, 0, 0, 0]},
+        ("21 of", "--max-treedepth"),
+        {"saturated": [21, 0, 0, 0]},
     ),
     "energy": (check_energy, good(), wandering, ("E-BFMI", "warm-up"), {}),
     "heavy tail": (check_solver, good(), heavy_tailed, ("Pareto k", "--tolerance"), {}),
@@ -243,6 +243,10 @@ def test_what_is_no_defect_passes() -> None:
     tree = good()
     assert check_chains(CheckedDraws(tree)).sentence == "All 4 chains finished."
     assert check_chains(CheckedDraws(tree.sel(chain=[1]))).sentence == "The only chain finished."
+    values(tree, "sample_stats", "tree_depth")[0, : CHAINS * DRAWS // 100] = MAX_TREEDEPTH
+    few_cut = check_treedepth(CheckedDraws(tree, max_treedepth=MAX_TREEDEPTH))
+    assert few_cut.passed
+    assert "20 of 2000" in few_cut.sentence
     put_aside = check_divergences(CheckedDraws(tree, diverged_before=(3, 1)))
     assert put_aside.passed
     assert "3 and 1 had" in put_aside.sentence

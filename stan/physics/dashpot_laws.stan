@@ -100,6 +100,11 @@ real stress_of_equivalent(real equivalent, real law, real law_stress) {
   return equivalent;
 }
 
+/** Stress that sources of dislocations take at a grain size (m), Pa; 0 without dislocations. */
+real source_stress_at(vector parameter, real grain_size) {
+  return parameter[i_source_stress()] * parameter[i_kelvin_reference_grain_size()] / grain_size;
+}
+
 /**
  * Strain rate of the dashpot, 1/s.
  *
@@ -114,9 +119,7 @@ real dashpot_rate_at(real stress, real backstress, real grain_size, real fabric_
   int act = mechanisms_act(parameter);
   real n = parameter[i_stress_exponent()];
   real reference = parameter[i_reference_backstress()];
-  real source = reference > 0
-                ? parameter[i_source_stress()] * parameter[i_kelvin_reference_grain_size()] / grain_size
-                : 0;
+  real source = source_stress_at(parameter, grain_size);
   real first
     = dashpot_strain_rate(equivalent_stress(stress - backstress - source, law,
                                             law > 0 ? parameter[law] : 0, fabric_factor, n),

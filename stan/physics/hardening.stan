@@ -16,8 +16,7 @@
  *                  - r [sigma_0 (sigma_b/sigma_0)^m + c_r sigma_d (sigma_b/sigma_0)^3].
  *
  * r is the rate of recovery along pipes at sigma_0 there, where grain boundaries recover
- * c_r sigma_d/sigma_0 as much. Needs physics/parameters.stan, physics/flow_law.stan and
- * physics/environment.stan.
+ * c_r sigma_d/sigma_0 as much. Needs physics/dashpot_laws.stan.
  */
 
 /** Whether the dashpot has a backstress. */
@@ -133,8 +132,7 @@ vector dislocation_response(data real stress, data real grain_size, vector param
                             data real temperature, real reference_temperature) {
   vector[3] numbers = [log_rate_factor_at(parameter, temperature),
                        recovery_rate_at(parameter, temperature, reference_temperature),
-                       parameter[i_source_stress()] * parameter[i_kelvin_reference_grain_size()]
-                       / grain_size]';
+                       source_stress_at(parameter, grain_size)]';
   real span = stress - numbers[3];
   real low = 0;
   real high = 1;

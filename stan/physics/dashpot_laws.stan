@@ -102,7 +102,9 @@ real stress_of_equivalent(real equivalent, real law, real law_stress) {
 
 /** Stress that sources of dislocations take at a grain size (m), Pa; 0 without dislocations. */
 real source_stress_at(vector parameter, real grain_size) {
-  return parameter[i_source_stress()] * parameter[i_kelvin_reference_grain_size()] / grain_size;
+  return parameter[i_reference_backstress()] > 0
+         ? parameter[i_source_stress()] * parameter[i_kelvin_reference_grain_size()] / grain_size
+         : 0;
 }
 
 /**

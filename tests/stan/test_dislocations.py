@@ -12,6 +12,7 @@ from ice_spectrum import PERIODS, SPECTRUM
 from log_density import assert_gradient_is_slope, program_with
 from scipy.optimize import brentq
 from test_backstress import EXACT, FROZEN, STIFF, complex_compliance, flowing, of_one_stage
+from truth_as_mode import at_truth
 
 from pyburgers import load_experiment
 from pyburgers.common.errors import InputError
@@ -24,6 +25,8 @@ from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.laws import HARDENING_LAWS
+from pyburgers.model.parameters import PARAMETER_BY_NAME
+from pyburgers.model.prior_families import fixed_prior
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import variant_of, with_variant
 
@@ -133,6 +136,17 @@ def test_a_steady_rate_balances_storage_and_recovery(exponent: float) -> None:
     # The rest of the stress drives fewer or more dislocations than at the reference.
     expected = stored + sources + 3e6 * (3e6 / stored) ** (2 / exponent)
     assert found["stress_Pa"].item() == pytest.approx(expected, rel=1e-8)
+
+
+def test_sources_take_a_stress_of_dislocations_alone() -> None:
+    test = history_twin("creep", 4)
+    priors = default_priors(test.material, test.protocol)
+    sources = fixed_prior(PARAMETER_BY_NAME["source_stress"], 1e6, "no dislocations")
+    found, beside = (
+        at_truth(test, own, SolverOptions()).solution(test.time)["grid_strain_rate"]
+        for own in (priors, priors.exchanging(sources))
+    )
+    np.testing.assert_array_equal(found, beside)
 
 
 def test_weak_priors_follow_the_test() -> None:

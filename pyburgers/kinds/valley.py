@@ -79,7 +79,7 @@ class Pins:
     `path_strain`, `strain_rate`, `stress_rate`, `grain_size`: the solution there, rates (1, Pa) in
         the unit, grain size in m.
     `relative_noise`: of a reading near each pin, as a share of the stress; infinite where the pin
-        counts by its time alone, which stands for all since the start of the test.
+        counts by its time alone, which stands for all since the start of the load.
     `time_spent`: time (s) of the dashpot near each pin if ln S_0 is solved from times, else 0.
     `readings`: number of readings for each pin that has noise.
     `reference_rate`: rate (1/s) that ln S_0 belongs to.

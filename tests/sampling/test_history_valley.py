@@ -52,12 +52,13 @@ def test_pins_lie_at_readings_where_strain_advances(name: str) -> None:
     assert np.all(pins.strain_rate > 0.5)
     assert 1e-6 < pins.reference_rate < 1e-3
     assert pins.noise == ("stress_noise" if name == "relaxation" else "strain_noise")
-    # Times count where there is one load alone.
-    assert pins.time_spent.any() == (name == "creep")
+    # Times count if strain advances under loads alone: those of the one that flows most.
+    assert pins.time_spent.any() == (name in ("creep", "load and unload"))
     if name in ("creep", "relaxation"):  # logarithmic where strain is read
         place = plain_coordinates(twin, ICE).quantities.index("kelvin_modulus")
         assert (reference.linear_from[place] > 0) == (name == "relaxation")
     if name == "load and unload":
+        assert times.min() > 2500.0
         # A jump of the stress takes no time: at the start, and at both changes of the load.
         jumps = np.flatnonzero(reference.knot[:, 0] == 0)
         np.testing.assert_allclose(reference.knot[jumps, 1], [5e6, 5e5, 6e6])
@@ -79,16 +80,18 @@ def test_pins_under_a_load_lie_where_the_kelvin_element_has_settled() -> None:
     assert pin_times(valley_of(early)).min() < 300.0
 
 
-def test_under_one_load_pins_stand_for_all_the_time_that_flow_takes() -> None:
-    twin = history_twin("creep", 40)
+@pytest.mark.parametrize("name", ["creep", "load and unload"])
+def test_pins_stand_for_all_the_time_that_flow_takes_under_a_load(name: str) -> None:
+    twin = history_twin(name, 40)
+    start = twin.stages[-1].start_time
     pins = valley_of(twin).pins
-    assert pins.time_spent.sum() == pytest.approx(twin.time[-1], rel=0.02)
+    assert pins.time_spent.sum() == pytest.approx(twin.time[-1] - start, rel=0.02)
     averaged = pins.since_start > 0
     assert averaged.tolist() == [True, *[False] * (averaged.size - 1)]
-    assert pins.time_spent[0] == pins.since_start[0] == pin_times(valley_of(twin))[0]
+    assert pins.time_spent[0] == pins.since_start[0] == pin_times(valley_of(twin))[0] - start
     # It has no weight but by its time, and softens less than the next one.
     assert np.isinf(pins.relative_noise[0])
-    assert 0 < pins.path_strain[0] < 0.7 * pins.path_strain[1]
+    assert 0 < pins.path_strain[0] < (0.7 if start == 0 else 0.9) * pins.path_strain[1]
     assert pins.unit[0] < pins.unit[1]
 
 
@@ -98,7 +101,7 @@ def test_under_one_load_data_tell_how_little_flow_they_show() -> None:
     # A part of the noise, since some readings are independent of others.
     assert 0.2 < pins.seen_flow * (pins.unit @ pins.time_spent) / values["strain_noise"] < 1.0
     assert pins.replaced_deviation == ICE["activation_enthalpy"].scale
-    other = valley_of(history_twin("load and unload", 40)).pins
+    other = valley_of(history_twin("relaxation", 40)).pins
     assert other.seen_flow == other.replaced_deviation == 0.0
 
 
@@ -131,7 +134,7 @@ KELVIN_PARTS: Mapping[str, Mapping[str, float]] = {
 }
 
 
-@pytest.mark.parametrize("name", ["creep", "mixed"])
+@pytest.mark.parametrize("name", ["creep", "load and unload", "mixed"])
 @pytest.mark.parametrize("law", KELVIN_PARTS)
 def test_the_kelvin_part_leaves_the_dashpot_its_strength_at_the_pins(
     law: str, name: str, function_values: FunctionValues

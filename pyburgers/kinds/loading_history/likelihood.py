@@ -27,6 +27,7 @@ from pyburgers.kinds.loading_history.stan_data import (
 from pyburgers.kinds.problem import stated_priors
 from pyburgers.kinds.valley import (
     FLOWING_SHARE,
+    MIN_FLOWING_POINTS,
     N_PINS,
     Pins,
     ValleyChart,
@@ -72,24 +73,36 @@ class LoadingHistoryValley(ValleyChart[HistoryExperiment]):
         flowing = curve.flowing & curve.is_reading
         settled = flowing & curve.settled
         at_readings = settled if settled.sum() >= N_PINS else flowing
+        load = _load_that_flows(experiment, curve, at_readings)
+        if load is not None:
+            at_readings &= curve.leg == load
         places = np.flatnonzero(at_readings)[quantile_places(curve.path_strain[at_readings])]
         strain_is_read = experiment.response_is_strain[np.cumsum(curve.is_reading) - 1]
         flowed = np.ptp(curve.path_strain[at_readings])
-        before = _end_before(experiment, curve, places)
+        start = int(np.argmax(curve.leg == load))
+        before = np.empty(0, dtype=np.int64) if load is None else _end_before(curve, start, places)
         at = np.concatenate([before, places])
-        since_start = np.where(at < places[0], curve.time[at], 0.0)
-        unit = _rate_or_average(curve.dashpot_rate, curve.dashpot_strain, at, since_start)
+        since_start = np.where(at < places[0], curve.time[at] - curve.time[start], 0.0)
+
+        def rate_or_average(rate: FloatArray, whole: FloatArray) -> FloatArray:
+            """Rate at pins, where times since the start of the load are given that since then."""
+            averaged = since_start > 0
+            gained = whole[at] - (whole[start - 1] if start else 0.0)
+            average = gained / np.where(averaged, since_start, 1.0)
+            return np.asarray(np.where(averaged, average, rate[at]))
+
+        unit = rate_or_average(curve.dashpot_rate, curve.dashpot_strain)
         noise = np.where(
             strain_is_read[at],
             SLOPE_NOISE * values["strain_noise"] / flowed / values["stress_exponent"],
             values["stress_noise"] / curve.stress[at],
         )
-        time_spent = _time_spent(curve, before, places)
+        time_spent = _time_spent(curve, start, before, places)
         readings = _independent_readings(curve.time[at_readings], values)
         # Where stress is imposed, it is exactly linear between the ends of a leg.
         shows = np.where(curve.driven_by_stress, curve.is_end, curve.is_knot)
         kept = shows | np.isin(np.arange(curve.leg.size), at)
-        strain_rate = _rate_or_average(curve.strain_rate, curve.strain, at, since_start)
+        strain_rate = rate_or_average(curve.strain_rate, curve.strain)
         return Pins(
             knot_time=curve.time[kept],
             knot_stress=curve.stress[kept],
@@ -97,12 +110,12 @@ class LoadingHistoryValley(ValleyChart[HistoryExperiment]):
             unit=unit,
             path_strain=np.concatenate(
                 [
-                    [_strain_at_rate(curve, end, unit[0]) for end in before],
+                    [_strain_at_rate(curve, start, end, unit[0]) for end in before],
                     curve.path_strain[places],
                 ]
             ),
             strain_rate=strain_rate / unit,
-            stress_rate=_rate_or_average(curve.stress_rate, curve.stress, at, since_start) / unit,
+            stress_rate=rate_or_average(curve.stress_rate, curve.stress) / unit,
             grain_size=curve.grain_size[at],
             relative_noise=np.where(since_start > 0, np.inf, noise),
             time_spent=time_spent,
@@ -187,43 +200,49 @@ def _along(test: AtMode[HistoryExperiment]) -> _Curve:
     )
 
 
-def _end_before(experiment: HistoryExperiment, curve: _Curve, places: IntArray) -> IntArray:
-    """Find the reading up to which the first pin does not reach, if ln S_0 is solved from times.
+def _load_that_flows(
+    experiment: HistoryExperiment, curve: _Curve, at_readings: BoolArray
+) -> int | None:
+    """Find the constant load with most flow, if all pins would lie under constant loads.
 
-    That is so in tests under one constant load: the time of the whole strain is what they fix best.
+    ln S_0 is then solved from times: the time of the whole strain of a load is what it fixes best.
     """
-    first: Leg = experiment.legs[0]
-    one_load = first.driven == "stress" and first.rate == 0 and not curve.leg[places].any()
-    earlier = np.flatnonzero(curve.is_reading[: places[0]] & (curve.time[: places[0]] > 0))
-    if not (one_load and earlier.size):
+    loads, readings = np.unique(curve.leg[at_readings], return_counts=True)
+    legs: tuple[Leg, ...] = experiment.legs
+    if any(legs[k].driven == "strain" or legs[k].rate != 0 for k in loads):
+        return None
+    enough = loads[readings >= MIN_FLOWING_POINTS]
+    flow = [np.ptp(curve.dashpot_strain[curve.leg == k]) for k in enough]
+    return int(enough[np.argmax(flow)]) if flow else None
+
+
+def _end_before(curve: _Curve, start: int, places: IntArray) -> IntArray:
+    """Find the reading of a load, begun at `start`, up to which the first pin does not reach."""
+    inside = np.arange(start, places[0])
+    earlier = inside[curve.is_reading[inside] & (curve.time[inside] > curve.time[start])]
+    if not earlier.size:
         return np.empty(0, dtype=np.int64)
     strain = curve.path_strain[places]
     reach = strain[0] - (strain[1] - strain[0]) / 2
-    return earlier[[np.argmin(np.abs(curve.path_strain[earlier] - reach))]]
+    nearest = np.argmin(np.abs(curve.path_strain[earlier] - reach))
+    return np.asarray(earlier[[nearest]])
 
 
-def _rate_or_average(
-    rate: FloatArray, whole: FloatArray, at: IntArray, since_start: FloatArray
-) -> FloatArray:
-    """Rate at places of the curve, the average since the start where a time since it is given."""
-    averaged = since_start > 0
-    return np.where(averaged, whole[at] / np.where(averaged, since_start, 1.0), rate[at])
+def _strain_at_rate(curve: _Curve, start: int, end: int, rate: float) -> float:
+    """Path strain at which the dashpot has a rate, between two places of the curve."""
+    rising = np.maximum.accumulate(curve.dashpot_rate[start + 1 : end + 1])
+    return float(np.interp(rate, rising, curve.path_strain[start + 1 : end + 1]))
 
 
-def _strain_at_rate(curve: _Curve, end: int, rate: float) -> float:
-    """Path strain at which the dashpot has a rate, between the start and a place of the curve."""
-    rising = np.maximum.accumulate(curve.dashpot_rate[1 : end + 1])
-    return float(np.interp(rate, rising, curve.path_strain[1 : end + 1]))
-
-
-def _time_spent(curve: _Curve, before: IntArray, places: IntArray) -> FloatArray:
+def _time_spent(curve: _Curve, start: int, before: IntArray, places: IntArray) -> FloatArray:
     """Time (s) that the dashpot spends near each pin; zeros where none stands for the beginning."""
     if not before.size:
         return np.zeros(places.size)
     flowed = curve.dashpot_strain[places]
     middle = (flowed[1:] + flowed[:-1]) / 2
     edges = np.concatenate([curve.dashpot_strain[before], middle, [2 * flowed[-1] - middle[-1]]])
-    return np.concatenate([curve.time[before], np.diff(edges) / curve.dashpot_rate[places]])
+    until = curve.time[before] - curve.time[start]
+    return np.concatenate([until, np.diff(edges) / curve.dashpot_rate[places]])
 
 
 def _flow_without_data(

@@ -7,7 +7,7 @@
  *   u_1, whose conditional density is known at solutions that a few steps have reached and is
  *   jagged if it is narrow, and that for u_2, F_ss and ln S_0; 7 strain rate over the unit; 8 time
  *   that the dashpot spends near the pin (s), where ln S_0 is solved from times; 9 time from the start
- *   of the test (s) over which the rates are averages, 0: they are those at the pin; 10 grain size
+ *   of the load (s) over which the rates are averages, 0: they are those at the pin; 10 grain size
  *   of the reference curve (m).
  * At constant rate the unit is the imposed rate; where stress is imposed, the strain rate is that
  * of the reference curve.
@@ -43,9 +43,12 @@ vector dashpot_rate_at_pins(data matrix knot, data matrix pin, real stiffness, m
     vector[rows(knot)] x = col(knot, 1) * (kelvin[j, 1] / kelvin[j, 2]);
     vector[rows(knot)] decay = exp(-x);
     real q = 0;
+    real start = 0; // q at the start of the load
     int m = 0;
     for (k in 1 : rows(knot)) {
-      if (knot[k, 1] > 0) {
+      if (knot[k, 1] == 0) {
+        start = q;
+      } else {
         real mean_decay = (1 - decay[k]) / x[k]; // over the time since the knot before
         q = q * decay[k] + knot[k, 2] * (1 - mean_decay);
         if (k > 1) {
@@ -55,7 +58,7 @@ vector dashpot_rate_at_pins(data matrix knot, data matrix pin, real stiffness, m
       if (knot[k, 3] > 0) {
         m += 1;
         kelvin_rate[m] += pin[m, 9] > 0
-                          ? q / (kelvin[j, 1] * pin[m, 9])
+                          ? (q - start) / (kelvin[j, 1] * pin[m, 9])
                           : (knot[k, 2] - q) / kelvin[j, 2];
       }
     }

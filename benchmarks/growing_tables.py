@@ -35,9 +35,10 @@ def grow(
         yield table
     done = set(table[list(keys)].itertuples(index=False, name=None))
     missing = {key: arguments for key, arguments in tasks.items() if key not in done}
-    for key, row in run_tasks(work, missing, workers=Workers(jobs=jobs), out=file.parent):
-        grown = [*table.to_dict("records"), row]
-        pd.DataFrame(grown).sort_values(list(keys)).to_csv(file, index=False)
-        print(f"{file}: {', '.join(map(str, key))} is there.", flush=True)
-        table = pd.read_csv(file)
-        yield table
+    with run_tasks(work, missing, workers=Workers(jobs=jobs), out=file.parent) as done_now:
+        for key, row in done_now:
+            grown = [*table.to_dict("records"), row]
+            pd.DataFrame(grown).sort_values(list(keys)).to_csv(file, index=False)
+            print(f"{file}: {', '.join(map(str, key))} is there.", flush=True)
+            table = pd.read_csv(file)
+            yield table

@@ -5,7 +5,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from concurrent.futures import wait as wait_for
 from concurrent.futures.process import BrokenProcessPool
@@ -82,26 +82,27 @@ ALL_HERE = Workers()
 """Processes of this machine, one for each core."""
 
 
+@contextmanager
 def run_tasks(
     work: Callable[..., Outcome],
     tasks: Mapping[Key, Sequence[object]],
     *,
     workers: Workers = ALL_HERE,
     out: Path,
-) -> Generator[tuple[Key, Outcome], None, None]:
+) -> Iterator[Iterator[tuple[Key, Outcome]]]:
     """Do all tasks, each a call of a function of a module in a process of its own, in their order.
 
-    Yield key and outcome of each when it ends. If a task raises, no further ones begin, and those
-    that run go on to their end; an interrupt ends them, save those of an executor that was given.
-    Raise SystemFailureError, naming the folder `out`, if the system killed a process.
+    Give key and outcome of each when it ends. If a task or the block of this context raises, no
+    further ones begin, and those that run go on to their end; an interrupt ends them, save those of
+    an executor that was given. Raise SystemFailureError, naming the folder `out`, if the system
+    killed a process.
     """
     given, processes = workers.executor, workers.processes(len(tasks))
     call = work if given is None else partial(_elsewhere, work)
     with _own_processes(processes) if given is None else nullcontext(given) as pool:
         waiting = {pool.submit(call, *arguments): key for key, arguments in tasks.items()}
         try:
-            for future in as_completed(waiting):
-                yield waiting[future], future.result()
+            yield ((waiting[future], future.result()) for future in as_completed(waiting))
         except BrokenProcessPool as error:
             raise SystemFailureError(
                 f"{out}: the system killed a process; {FREE_MEMORY}"

@@ -115,14 +115,14 @@ def run_fits(
         # Elsewhere the working directory may be another one.
         calls[out] = (name, task, out.absolute(), command, keep_going)
     failed = {}
-    done = run_tasks(_do, calls, workers=workers, out=Path(above))
-    for n_done, (out, error) in enumerate(done, start=1):
-        how = "is done" if error is None else f"could not be done ({error})"
-        logger.info(f"Fit {calls[out][0]} {how}, {n_done} of {len(mine)}.")
-        if error is not None:
-            failed[out] = error
-        else:
-            after(out)
+    with run_tasks(_do, calls, workers=workers, out=Path(above)) as done:
+        for n_done, (out, error) in enumerate(done, start=1):
+            how = "is done" if error is None else f"could not be done ({error})"
+            logger.info(f"Fit {calls[out][0]} {how}, {n_done} of {len(mine)}.")
+            if error is not None:
+                failed[out] = error
+            else:
+                after(out)
     return failed
 
 

@@ -65,13 +65,11 @@ def write_figures(
     missing = [one for one in illustrations if one.file not in by_file]
     workers = Workers(jobs=jobs)
     if workers.processes(len(missing) // FIGURES_A_PROCESS) == 1:
-        drawn: Iterable[tuple[Path, str]] = (
-            (one.file, write_page_images(one.text.draw(), one.file)) for one in missing
-        )
+        by_file |= {one.file: write_page_images(one.text.draw(), one.file) for one in missing}
     else:
         calls = {one.file: (one.text.draw(), one.file) for one in missing}
-        drawn = run_tasks(write_page_images, calls, workers=workers, out=out)
-    by_file |= dict(drawn)
+        with run_tasks(write_page_images, calls, workers=workers, out=out) as drawn:
+            by_file |= dict(drawn)
     found: dict[str, Picture] = {}
     explained: dict[str, Illustration] = {}
     for number, one in enumerate(illustrations, start=1):

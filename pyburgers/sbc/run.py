@@ -293,10 +293,10 @@ def _run_missing(run: RunDirectory, plan: CalibrationPlan, workers: Workers) -> 
         return
     # Elsewhere the working directory may be another one.
     calls = {seed: (run.path.absolute(), seed, plan) for seed in missing}
-    done = run_tasks(_replicate_into, calls, workers=workers, out=run.path)
     try:
-        for n_done, (seed, outcome) in enumerate(done, start=1):
-            logger.info(f"Data set {seed}: {outcome}, {n_done} of {len(missing)}.")
+        with run_tasks(_replicate_into, calls, workers=workers, out=run.path) as done:
+            for n_done, (seed, outcome) in enumerate(done, start=1):
+                logger.info(f"Data set {seed}: {outcome}, {n_done} of {len(missing)}.")
     except BaseException:
         run.update_manifest({"status": "interrupted"})
         raise

@@ -146,8 +146,9 @@ def run(_):
     options = argparse.Namespace(scheduler=sys.argv[1], jobs=None, part=None)
     with workers_of(options) as workers:
         tasks = {seconds: (seconds,) for seconds in (0, 600, 601)}
-        for key, _ in run_tasks(time.sleep, tasks, workers=workers, out=Path("out")):
-            print(key, flush=True)
+        with run_tasks(time.sleep, tasks, workers=workers, out=Path("out")) as done:
+            for key, _ in done:
+                print(key, flush=True)
 
 command.run = run
 sys.exit(main(["doctor"]))

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import MappingProxyType
@@ -44,15 +45,19 @@ def test_an_executor_that_is_given_does_the_calls_and_stays_open() -> None:
     with ThreadPoolExecutor(2) as pool:
         workers = Workers(pool)
         for _ in range(2):
-            done = run_tasks(pow, {n: (n, 2) for n in range(5)}, workers=workers, out=Path("out"))
-            assert dict(done) == {n: n * n for n in range(5)}
+            calls = {n: (n, 2) for n in range(5)}
+            with run_tasks(pow, calls, workers=workers, out=Path("out")) as done:
+                assert dict(done) == {n: n * n for n in range(5)}
 
 
 def test_a_call_that_raises_ends_those_that_wait() -> None:
     with ThreadPoolExecutor(1) as pool:
         calls = {0: ("x",), **{n: (n,) for n in range(1, 4)}}
-        with pytest.raises(ValueError, match="invalid literal"):
-            list(run_tasks(int, calls, workers=Workers(pool), out=Path("out")))
+        with (
+            pytest.raises(ValueError, match="invalid literal"),
+            run_tasks(int, calls, workers=Workers(pool), out=Path("out")) as done,
+        ):
+            list(done)
         assert pool.submit(int, "7").result() == 7
 
 
@@ -75,31 +80,64 @@ def test_processes_are_one_for_each_core_and_no_more_than_tasks() -> None:
 
 def test_every_call_is_done_and_keeps_its_key() -> None:
     calls = {number: (number, 3) for number in range(4)}
-    done = dict(run_tasks(pow, calls, workers=TWO, out=Path("out")))
-    assert done == {number: number**3 for number in range(4)}
+    with run_tasks(pow, calls, workers=TWO, out=Path("out")) as done:
+        assert dict(done) == {number: number**3 for number in range(4)}
 
 
 def test_an_error_of_a_call_is_raised_as_it_is() -> None:
-    with pytest.raises(InputError, match=r"^jobs is 0, expected at least 1.$"):
-        list(run_tasks(Workers, {1: (None, 0)}, out=Path("out")))
+    with (
+        pytest.raises(InputError, match=r"^jobs is 0, expected at least 1.$"),
+        run_tasks(Workers, {1: (None, 0)}, out=Path("out")) as done,
+    ):
+        list(done)
 
 
 def test_a_killed_process_is_told_with_what_to_do() -> None:
-    with pytest.raises(SystemFailureError, match=r"^out: the system killed a process; free memory"):
-        list(run_tasks(os._exit, {1: (1,)}, out=Path("out")))
+    with (
+        pytest.raises(SystemFailureError, match=r"^out: the system killed a process; free memory"),
+        run_tasks(os._exit, {1: (1,)}, out=Path("out")) as done,
+    ):
+        list(done)
 
 
 def test_an_interrupt_ends_calls_that_run() -> None:
     calls = {"short": (0,), "long": (600,), "waiting": (600,)}
-    done = run_tasks(time.sleep, calls, workers=TWO, out=Path("out"))
-    assert next(done) == ("short", None)
     started = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
-        done.throw(KeyboardInterrupt())
+        _interrupt_after_one(calls)
     assert time.monotonic() - started < 60
     assert not [
         one for one in psutil.Process().children() if "spawn_main" in " ".join(one.cmdline())
     ]
+
+
+def _interrupt_after_one(calls: Mapping[str, tuple[int]]) -> None:
+    with run_tasks(time.sleep, calls, workers=TWO, out=Path("out")) as done:
+        assert next(done) == ("short", None)
+        raise KeyboardInterrupt
+
+
+BETWEEN = """
+import time
+from pathlib import Path
+from pyburgers.common.tasks import Workers, run_tasks
+
+def work():
+    calls = {"short": (0,), "long": (600,)}
+    with run_tasks(time.sleep, calls, workers=Workers(jobs=2), out=Path("out")) as done:
+        for key, _ in done:
+            raise KeyboardInterrupt
+
+work()
+"""
+
+
+def test_an_interrupt_between_outcomes_ends_a_script() -> None:
+    """The traceback keeps what the script had, until Python has waited for its workers."""
+    script = [sys.executable, "-c", BETWEEN]
+    done = subprocess.run(script, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == -signal.SIGINT
+    assert done.stderr.endswith("KeyboardInterrupt\n")
 
 
 INTERRUPTED = """
@@ -110,7 +148,8 @@ from pyburgers.common.tasks import Workers, run_tasks
 signal.signal(signal.SIGINT, signal.default_int_handler)
 calls = {k: (f"touch {sys.argv[1]}/{k}; sleep 600",) for k in range(3)}
 try:
-    list(run_tasks(os.system, calls, workers=Workers(jobs=2), out=Path("out")))
+    with run_tasks(os.system, calls, workers=Workers(jobs=2), out=Path("out")) as done:
+        list(done)
 except KeyboardInterrupt:
     print("interrupted")
 """

@@ -276,6 +276,7 @@ def kind_table(rows: pd.DataFrame) -> pd.DataFrame:
                 "core-seconds": own["core_seconds"].median(),
                 "largest": own["core_seconds"].max(),
                 "least ESS a core-second": own["ess_per_core_second"].median(),
+                "per 1000 gradients": (1000 * own["least_ess"] / own["gradients"]).median(),
             }
         )
     return pd.DataFrame(found)

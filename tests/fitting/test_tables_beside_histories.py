@@ -22,7 +22,7 @@ from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
-from pyburgers.kinds.loading_history.likelihood import LoadingHistoryValley
+from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
 from pyburgers.kinds.problem import Problem, one_test, problem_of
 from pyburgers.kinds.program_data import (
     chart_block,

@@ -12,8 +12,8 @@ from truth_as_mode import at_truth
 
 from pyburgers.fitting.charts_at_modes import find_mode
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
-from pyburgers.kinds.loading_history.likelihood import LoadingHistoryValley
 from pyburgers.kinds.loading_history.stan_data import elements_block
+from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
 from pyburgers.kinds.problem import plain_coordinates, problem_of
 from pyburgers.kinds.program_data import density_of
 from pyburgers.kinds.stan_data import SolverOptions

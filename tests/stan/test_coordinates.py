@@ -18,7 +18,7 @@ from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD
 from pyburgers.kinds.likelihood import likelihood_of
-from pyburgers.kinds.loading_history.likelihood import LoadingHistoryValley
+from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
 from pyburgers.kinds.problem import plain_coordinates
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.kinds.valley import ValleyReference

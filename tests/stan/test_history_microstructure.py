@@ -19,8 +19,8 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.kinds.experiment import MeasuredMicrostructure
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
-from pyburgers.kinds.loading_history.likelihood import LoadingHistoryValley
 from pyburgers.kinds.loading_history.stan_data import leg_of_times
+from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import given_parameters
 from pyburgers.kinds.stan_data import SolverOptions

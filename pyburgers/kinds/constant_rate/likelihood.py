@@ -17,9 +17,9 @@ from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import MICROSTRUCTURE, AtMode, Likelihood, grid_quantities
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.likelihood import LIKELIHOOD as HISTORIES
-from pyburgers.kinds.loading_history.likelihood import LoadingHistoryValley
 from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.kinds.loading_history.stan_data import residuals_block, stress_scale
+from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
 from pyburgers.kinds.stan_data import StanData
 from pyburgers.kinds.valley import Pins, ValleyChart
 from pyburgers.model.priors import PriorSet

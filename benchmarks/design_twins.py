@@ -16,6 +16,7 @@ import argparse
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -65,8 +66,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     tasks: dict[Key, Sequence[object]] = {
         (seed,): (options.out, seed, sampler) for seed in options.seeds
     }
-    for rows in grow(options.out / "twins.csv", ("seed",), judge_twin, tasks, options.jobs):
-        write_page(rows, options.out)
+    file = options.out / "twins.csv"
+    grow(file, ("seed",), judge_twin, tasks, options.jobs, partial(write_page, out=options.out))
 
 
 def judge_twin(out: Path, seed: int, options: SamplerOptions) -> Row:

@@ -153,9 +153,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for seed in options.seeds
         for kind in options.kinds
     }
-    for rows in grow(options.out / "first_go.csv", ("kind", "seed"), fit_one, tasks, options.jobs):
+
+    def write_page(rows: pd.DataFrame) -> None:
         page = PAGE.format(table=markdown(kind_table(rows)))
         write_text(options.out / "first_go.md", page)
+
+    file = options.out / "first_go.csv"
+    grow(file, ("kind", "seed"), fit_one, tasks, options.jobs, write_page)
 
 
 def fit_one(out: Path, kind: str, seed: int, options: SamplerOptions) -> Row:
@@ -276,7 +280,9 @@ def kind_table(rows: pd.DataFrame) -> pd.DataFrame:
                 "core-seconds": own["core_seconds"].median(),
                 "largest": own["core_seconds"].max(),
                 "least ESS a core-second": own["ess_per_core_second"].median(),
-                "per 1000 gradients": (1000 * own["least_ess"] / own["gradients"]).median(),
+                "least ESS per 1000 gradients": (
+                    1000 * own["least_ess"] / own["gradients"]
+                ).median(),
             }
         )
     return pd.DataFrame(found)

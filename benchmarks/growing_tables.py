@@ -1,6 +1,6 @@
 """Tables of many fits that grow row by row, and go on from their file."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -17,8 +17,9 @@ def grow(
     work: Callable[..., Row],
     tasks: Mapping[Key, Sequence[object]],
     jobs: int | None,
-) -> Iterator[pd.DataFrame]:
-    """Do the tasks whose rows are missing, and yield the table as it is now and after each.
+    show: Callable[[pd.DataFrame], None],
+) -> None:
+    """Do the tasks whose rows are missing, and show the table as it is now and after each.
 
     Parameters
     ----------
@@ -28,17 +29,19 @@ def grow(
         Function of a module that returns the row of a task.
     jobs
         Tasks side by side; None: one for each core.
+    show
+        Receives the table.
     """
     table = pd.DataFrame(columns=list(keys))
     if file.is_file():
         table = pd.read_csv(file)
-        yield table
-    done = set(table[list(keys)].itertuples(index=False, name=None))
-    missing = {key: arguments for key, arguments in tasks.items() if key not in done}
-    with run_tasks(work, missing, workers=Workers(jobs=jobs), out=file.parent) as done_now:
-        for key, row in done_now:
+        show(table)
+    there = set(table[list(keys)].itertuples(index=False, name=None))
+    missing = {key: arguments for key, arguments in tasks.items() if key not in there}
+    with run_tasks(work, missing, workers=Workers(jobs=jobs), out=file.parent) as done:
+        for key, row in done:
             grown = [*table.to_dict("records"), row]
             pd.DataFrame(grown).sort_values(list(keys)).to_csv(file, index=False)
             print(f"{file}: {', '.join(map(str, key))} is there.", flush=True)
             table = pd.read_csv(file)
-            yield table
+            show(table)

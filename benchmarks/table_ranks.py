@@ -55,8 +55,11 @@ def main() -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     tasks: dict[Key, Sequence[object]] = {(seed,): (options.law, seed) for seed in options.seeds}
     file = options.out / f"table_ranks_{options.law}.csv"
-    for rows in grow(file, ("seed",), rank_one, tasks, options.jobs):
+
+    def write_page(rows: pd.DataFrame) -> None:
         write_text(file.with_suffix(".md"), page(options.law, rows))
+
+    grow(file, ("seed",), rank_one, tasks, options.jobs, write_page)
 
 
 def rank_one(name: str, seed: int) -> Row:

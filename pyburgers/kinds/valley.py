@@ -72,8 +72,8 @@ SOLVED = {
 class Pins:
     """What a test's response fixes, along its solution at the posterior mode; pins have (n_pins,).
 
-    `knot_time`, `knot_stress` (n_knots,): the solution (s, Pa); equal times are a jump of the
-        stress.
+    `knot_time`, `knot_stress` (n_knots,): the solution (s, Pa); equal times are the start of
+        a leg.
     `knot`: knots at which the pins are.
     `unit`: unit of rates (1/s) of each pin.
     `path_strain`, `strain_rate`, `stress_rate`, `grain_size`: the solution there, rates (1, Pa) in

@@ -53,12 +53,15 @@ class LoadingHistoryValley(ValleyChart[HistoryExperiment]):
         at_readings = settled if settled.sum() >= N_PINS else flowing
         load = _load_that_flows(experiment, curve, at_readings)
         if load is not None:
-            at_readings &= curve.leg == load
+            at_readings = at_readings & (curve.leg == load)
         places = np.flatnonzero(at_readings)[quantile_places(curve.path_strain[at_readings])]
         strain_is_read = experiment.response_is_strain[np.cumsum(curve.is_reading) - 1]
         flowed = np.ptp(curve.path_strain[at_readings])
-        start = int(np.argmax(curve.leg == load))
-        before = np.empty(0, dtype=np.int64) if load is None else _end_before(curve, start, places)
+        start = 0
+        before: IntArray = np.empty(0, dtype=np.int64)
+        if load is not None:
+            start = int(np.searchsorted(curve.leg, load))
+            before = _end_before(curve, start, places)
         at = np.concatenate([before, places])
         since_start = np.where(at < places[0], curve.time[at] - curve.time[start], 0.0)
 

@@ -12,7 +12,7 @@
  * At constant rate the unit is the imposed rate; where stress is imposed, the strain rate is that
  * of the reference curve.
  * A row of `knot`, a knot of the reference curve, has the columns
- *   1 time since the knot before (s), 0 behind a jump of the stress, 2 stress (Pa), 3 whether the
+ *   1 time since the knot before (s), 0 at the start of a leg, 2 stress (Pa), 3 whether the
  *   next pin lies there.
  * The rows of `bounds` are those of epsilon_c1, epsilon_c2 and F_ss, with the columns
  *   1 lower, 2 upper. Where grain size or fabric evolves alone, the second and the third are those of

@@ -63,12 +63,11 @@ LAST_QUESTIONS = (
 )
 """What is asked about every kind of test, before and after its own questions."""
 
-TEMPERATURE_USE = {"temperature": "its highest value alone is used, as the temperature of the test"}
 EXPECTED_COLUMNS = {
     "attenuation": f"tan(delta), 1/Q, log10 of them, or an angle in {units_text('angle')}",
     "relaxation_modulus": "a modulus E(t)",
 }
-"""Words about columns."""
+"""What a column has to hold."""
 
 
 def _every_question() -> tuple[Question, ...]:
@@ -127,8 +126,7 @@ def run(options: argparse.Namespace) -> int:
         print(f"guessed: {guessed.sentence}")
     if options.protocol is None:
         print(f"guessed: protocol {name}, because {reason}")
-    suggested = {} if given["temperature_K"] or _temperature(columns) is None else TEMPERATURE_USE
-    for sentence in left_out(table, columns, read, suggested):
+    for sentence in left_out(table, columns, read, _temperature_use(columns, given)):
         print(f"left out: {sentence}")
     _require_units(options.csv, read)
     _refuse_needless_options(name, new_file, read, given)
@@ -235,8 +233,9 @@ def _require_columns(
 ) -> None:
     for quantities in new_file.needed:
         if not any(name in columns for name in quantities):
+            names = " or ".join(quantities).replace("_", " ")
             raise InputError(
-                f"{path}: found no column that looks like {' or '.join(quantities)}, expected one "
+                f"{path}: found no column that looks like {names}, expected one "
                 f"for the protocol {protocol}; name it so in the first row, give "
                 f"{_column_question(quantities[0]).option}, or give --protocol."
             )
@@ -301,6 +300,17 @@ def _temperature(columns: Columns) -> float | None:
     if column is None or column.is_foreign or not column.is_decided:
         return None
     return round(float(np.nanmax(column.si)), 6)
+
+
+def _temperature_use(columns: Columns, given: Mapping[str, Any]) -> Mapping[str, str]:
+    """Say what becomes of a column of temperatures, by the quantity."""
+    highest, stated = _temperature(columns), given["temperature_K"]
+    if highest is None:
+        return {}
+    use = "its highest value alone is used, as the temperature of the test"
+    if stated is not None:
+        use = f"--temperature-K {stated:g} takes its place; its highest value is {highest:g} K"
+    return {"temperature": use}
 
 
 @dataclass(frozen=True)

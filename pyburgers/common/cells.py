@@ -48,6 +48,7 @@ _UNIT = rf"{_OTHER_UNITS}|{_KNOWN_UNITS}"
 _UNITS = re.compile(
     rf"(?:{_UNIT})(?: ?[*·/] ?(?:{_UNIT})| (?:{_UNIT}))*(?:\^?[-⁻]?[1-3¹²³])?", re.IGNORECASE
 )
+_POWER_OF_TEN = re.compile(r"[x×*·]? ?(?:10(?:\^|\*\*)?[-−⁻]?|1e-?)[\d⁰¹²³⁴⁵⁶⁷⁸⁹]+", re.IGNORECASE)
 _IN_BRACKETS = re.compile(r"[(\[][^)\]]*[)\]]")
 
 
@@ -70,7 +71,13 @@ def is_unit(cell: str) -> bool:
         cell.strip("-–") == ""
         or _IN_BRACKETS.fullmatch(cell) is not None
         or _UNITS.fullmatch(cell) is not None
+        or _POWER_OF_TEN.fullmatch(cell) is not None
     )
+
+
+def are_units(cells: Sequence[str]) -> bool:
+    """Whether cells may be a row of units, of which at least one is no number."""
+    return all(map(is_unit, cells)) and any(kind_of(cell) == "text" for cell in cells)
 
 
 def as_number(cell: str) -> float | None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 from unicodedata import category
 
-from pyburgers.common.cells import CellKind, Row, is_unit, kind_of, names_between_blanks
+from pyburgers.common.cells import CellKind, Row, are_units, kind_of, names_between_blanks
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_bytes
 
@@ -175,7 +175,11 @@ def layout_of(
     before = next((last for first, last in reversed(blocks) if first < start), 0)
     above = list(rows[before:start])
     bad: list[Row] = []
-    while above and any(kind_of(cell) == "number" for cell in above[-1][1]):
+    while (
+        above
+        and any(kind_of(cell) == "number" for cell in above[-1][1])
+        and not are_units(above[-1][1])
+    ):
         bad.insert(0, above.pop())
     names, units, used = _head(above, separator, width)
     if names is None and bad and len(bad[-1][1]) == width > 2:  # names such as 263 among others
@@ -232,7 +236,7 @@ def _head(
     if not above:
         return None, None, 0
     last = above[-1][1]
-    if len(above) > 1 and all(map(is_unit, last)) and not all(map(is_unit, above[-2][1])):
+    if len(above) > 1 and are_units(last) and not are_units(above[-2][1]):
         names = _names(above[-2][1], separator, width)
         if names is not None:
             return names, last, 2

@@ -80,7 +80,7 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 
 FOREIGN_UNIT_NAMES: Mapping[str, str] = MappingProxyType(
     {
-        "strain": r"[mμ](?:icro|illi)?_?(?:strain|ε)|ppm|‰|10\^?-\d|1e-\d"
+        "strain": r"[mμ](?:icro|illi)?_?(?:strain|ε)|[(\[](?:milli|micro)[)\]]|ppm|‰"
         r"|[mμu]m/m(?!m)|(?<![a-z/])(?:mm|cm|μm|um|in|inch|inches)(?![a-z/])",
         "stress": r"[khm]bar|(?<![a-z])(?:[kh]pa|psi|ksi|bar|atm|[km]n|kgf?|lb[fs]?|lbsf|pounds?"
         r"|kips?|tons?)(?![a-z])|[(\[]n[)\]]|load_?n$",

@@ -86,7 +86,7 @@ COLUMN_NAMES: Mapping[str, ColumnNames] = MappingProxyType(
         "frequency": ColumnNames(
             "frequency",
             (
-                r"^(?!.*(?:ang|circular|omega|ω|kreis|winkel|rad)).*(?:freq|^f(?![a-z]))",
+                r"^(?!.*(?:ang|circular|omega|ω|kreis|winkel|rad)).*(?:freq|(?:^|log10 )f\b)",
                 r"freq|omega|ω|^w(?![a-z])|pulsation",
             ),
         ),
@@ -133,7 +133,9 @@ COLUMN_NAMES: Mapping[str, ColumnNames] = MappingProxyType(
         ),
         "time": ColumnNames(
             "time",
-            (r"time|^t(?![a-z])|^(?:s|sec|h|hours?|min)$|zeit|temps|(?<![a-z])dauer|duree",),
+            (
+                r"time|elapsed|^t(?![a-z])|^(?:s|sec|h|hours?|min)$|zeit|temps|(?<![a-z])dauer|duree",
+            ),
             ((r"cycle|stage|segment|block|day", 3), (r"test|elapsed|total|run", 1)),
         ),
     }
@@ -165,6 +167,10 @@ ERRORS = re.compile(
 
 LOGARITHM = re.compile(r"(?<![a-z])(?:log|ln)(?![a-z])|(?<![a-z])log_?10")
 """Pattern of columns of logarithms, which are read for attenuation alone."""
+
+
+POWER_OF_TEN = re.compile(r"10(?:\^|\*\*|-)-?\d|[x×*·] ?10\d|(?<![a-z0-9.])1e-?\d")
+"""Pattern of units with a factor, which files do not know."""
 
 
 MIN_PERCENT, MAX_MEGAPASCAL, MAX_CELSIUS = 1.0, 1e5, 200.0
@@ -286,6 +292,9 @@ def left_out(
             )
             if OTHER_QUANTITIES.search(name):
                 by_itself = "its name is that of a rate, or of what acts beside the axis"
+                if numbers := table.numbers(column):
+                    ends = dict.fromkeys(f"{end:g}" for end in (min(numbers), max(numbers)))
+                    by_itself += f"; it holds {' to '.join(ends)}"
             if CONFINING.search(name):
                 by_itself = "laws depend on one pressure at most, which the key pressure_Pa states"
             if not table.numbers(column):
@@ -410,7 +419,8 @@ def _unit_in(name: str, kind: str, *, is_chosen: bool) -> str | None:
     is_angle = kind == "attenuation" and ANGLES.search(name) is not None
     looks = "angle" if is_angle else kind
     unit = unit_in(name, looks)
-    if (kind != "attenuation" and LOGARITHM.search(name)) or (unit == "rad/s" and "hz" in name):
+    is_foreign = LOGARITHM.search(name) or POWER_OF_TEN.search(name)
+    if (kind != "attenuation" and is_foreign) or (unit == "rad/s" and "hz" in name):
         return ""
     needs_unit = is_angle or (kind == "stress" and FORCES.search(name) and not is_chosen)
     if unit is None and (needs_unit or re.search(FOREIGN_UNIT_NAMES.get(looks, "$^"), name)):

@@ -1,11 +1,15 @@
 """Series as lines with few corners, and thinned records."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from pyburgers.kinds.loading_history.driver import (
+    is_driven_by_rates,
     kept_readings,
     line_through,
+    rate_steps,
     reading_error,
     scatter,
     tolerance_of,
@@ -126,3 +130,34 @@ def test_a_series_of_one_load_has_the_legs_of_its_error() -> None:
     value = np.round(loads + 0.05 * rng.standard_normal(loads.size), 1)
     corner, _ = line_through(time, value, tolerances(time, value))
     assert corner.size <= 2 * 8 + 3
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("seed", range(4))
+def test_steps_of_the_rate_are_found(seed: int, sign: int) -> None:
+    """Rates and their starts, with readings between the steps and at uneven times."""
+    rng = np.random.default_rng(seed)
+    rates = 10 ** rng.uniform(-6, -4, 3) * np.array([1, 30, 1])
+    ends = np.cumsum(0.02 / rates)
+    time = np.sort(np.concatenate([rng.uniform(*leg, 15) for leg in pairwise([0, *ends])]))
+    strain = np.interp(time, [0, *ends], [0, 0.02, 0.04, 0.06])
+    found = np.array(rate_steps(time, sign * (strain + 1e-5 * rng.standard_normal(time.size))))
+    np.testing.assert_allclose(found[:, 1], rates, rtol=0.02)
+    np.testing.assert_allclose(found[:, 0], [0, 0.02, 0.04], atol=5e-4)
+
+
+@pytest.mark.parametrize("noise", [0, 1e-5, 3e-4])
+def test_one_rate_has_no_steps(noise: float) -> None:
+    rng = np.random.default_rng(5)
+    time = np.linspace(10, 5000, 100)
+    assert rate_steps(time, 1e-5 * time + noise * rng.standard_normal(100)) == ()
+    assert rate_steps(time, 0.01 * np.sqrt(time / 5000)) == ()
+
+
+def test_creep_under_two_loads_is_driven_by_the_stress() -> None:
+    """Strain is a line under each load, but so is the stress, in fewer legs."""
+    time = np.arange(1.0, 41.0)
+    strain = np.interp(time, [0, 20, 40], [0, 0.01, 0.04])
+    load = np.where(time <= 20, 1e6, 2e6)
+    assert not is_driven_by_rates(time, strain, load)
+    assert is_driven_by_rates(time, strain, load * (1 - np.exp(-((time - 1) % 20 + 1) / 6)))

@@ -65,15 +65,14 @@ class AttenuationFile(NewFile):
     template = TEMPLATE
 
     def recognise(self, columns: Columns) -> str | None:
-        """Return that attenuation is read, of a table that is no stress or strain."""
-        is_table = {"period", "frequency"} & columns.keys() or not {
-            "strain",
-            "stress",
-        } & columns.keys()
-        if is_table and "attenuation" in columns:
+        """Return that attenuation is read, or periods of no stress or strain."""
+        has_periods = not {"period", "frequency"}.isdisjoint(columns)
+        is_no_curve = {"strain", "stress"}.isdisjoint(columns)
+        if "attenuation" in columns and (has_periods or is_no_curve):
             return "there is a column of attenuation"
-        both = {"storage_modulus", "loss_modulus"} <= columns.keys()
-        return "there are a storage and a loss modulus" if is_table and both else None
+        if {"storage_modulus", "loss_modulus"} <= columns.keys() and (has_periods or is_no_curve):
+            return "there are a storage and a loss modulus"
+        return "there are periods or frequencies alone" if has_periods and is_no_curve else None
 
     def select_columns(self, columns: Columns) -> Columns:
         """Return what there is of a table, each quantity once.

@@ -7,6 +7,7 @@ from typing import Any
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.experiment_file import slope_of
 from pyburgers.kinds.guessed_columns import ENGINEERING
+from pyburgers.kinds.loading_history.driver import rate_steps
 from pyburgers.kinds.new_file import (
     LAYOUT,
     STRAIN_RATE,
@@ -15,15 +16,15 @@ from pyburgers.kinds.new_file import (
     Description,
     NewFile,
     compression_of,
+    line,
     read_together,
+    with_comment,
 )
 
 TEMPLATE = f"""
 compression = {{compression}}  # as in the text file; else positive
 
-[[segments]]  # one for each imposed strain rate
-start_strain = 0.0  # a fraction, where this rate starts
-strain_rate_per_s = {{strain_rate_per_s}}
+{{segments}}
 
 [data]
 file = {{file}}
@@ -44,7 +45,7 @@ stress_uncertainty = {{stress_uncertainty}}  # of a reading, in the unit of the 
 
 
 class ConstantRateFile(NewFile):
-    """One segment, whose rate is asked for; curves against strain or time."""
+    """Curves against strain or time. The rate is asked for, unless times show that it steps."""
 
     experiment = ConstantRateExperiment
     needed = (("strain", "time"), ("stress",))
@@ -72,12 +73,14 @@ class ConstantRateFile(NewFile):
         return {STRAIN_RATE.name: float(f"{abs(slope):.3g}")} if slope else {}
 
     def required_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
-        """Return the rate: a fit infers the error of a stress where none is stated."""
-        return {STRAIN_RATE.name}
+        """Return the rate, unless steps of it are seen; a fit infers the error of a stress."""
+        return () if _steps(columns, given) else {STRAIN_RATE.name}
 
     def describe_decisions(self, test: Description) -> Sequence[str]:
-        """Say that columns of engineering measures are taken as they are."""
-        return [
+        """Say where the rate steps, and that columns of engineering measures are taken as is."""
+        steps = _steps(test.columns, test.values)
+        by_strain = ", ".join(f"{rate:g} from {start:g}" for start, rate in steps)
+        return [f"the strain rate (1/s) steps over the strain: {by_strain}"] * bool(steps) + [
             f"column {one.column!r} is taken as true {one.quantity}, though its name says "
             "engineering; --protocol loading_history turns it"
             for one in test.columns.values()
@@ -88,11 +91,33 @@ class ConstantRateFile(NewFile):
         """Return the sign of a compression that is negative, and what tells strain from time."""
         has_strain = "strain" in test.columns
         in_percent = test.columns["strain" if has_strain else "time"].unit == "percent"
+        rates = _steps(test.columns, test.values) or ((0.0, test.values[STRAIN_RATE.name]),)
         return {
+            "segments": _segment_lines(rates),
             "compression": "negative" if compression_of(test) == "negative" else None,
             "time_is": "compared with the rates" if has_strain else "",
             "late_strain": 20.0 if in_percent else 0.2,
         }
+
+
+def _steps(columns: Columns, given: Mapping[str, Any]) -> tuple[tuple[float, float], ...]:
+    """Return strains (fraction) and the rates (1/s) from there on; none if one rate is enough."""
+    if given[STRAIN_RATE.name] is not None or not {"strain", "time"} <= columns.keys():
+        return ()
+    return rate_steps(*read_together(columns["time"].si, columns["strain"].si))
+
+
+def _segment_lines(rates: Sequence[tuple[float, float]]) -> list[str]:
+    """Return the segments of a file, with comments on the first."""
+    (start, rate), *later = rates
+    lines = [
+        with_comment("[[segments]]", "one for each imposed strain rate"),
+        line("start_strain", start, "a fraction, where this rate starts"),
+        line("strain_rate_per_s", rate),
+    ]
+    for start, rate in later:
+        lines += ["[[segments]]", line("start_strain", start), line("strain_rate_per_s", rate)]
+    return lines
 
 
 NEW_FILE = ConstantRateFile()

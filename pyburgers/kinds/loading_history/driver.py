@@ -37,6 +37,9 @@ TURNED_TOLERANCE = 1e-3
 """The least tolerance, in shares of the largest value: 0.1 % of a stress moves the rate by less
 than a percent, and a series without noise would otherwise get a corner at every reading."""
 
+MIN_RATE_RATIO, MAX_RATES = 1.2, 20
+"""Ratio of rates from which one follows the other by a step, and how many a test has at most."""
+
 
 def distances_from_neighbours(at: FloatArray, value: FloatArray) -> FloatArray:
     """Distance of each reading (..., n) from the line through its two neighbours.
@@ -173,6 +176,40 @@ def _reached(
         + slope**2 * np.cumsum(weight * t**2)
     )
     return within + 1, squares[within]
+
+
+def rate_steps(times: FloatArray, strains: FloatArray) -> tuple[tuple[float, float], ...]:
+    """Return strains from which rates (1/s) are imposed, and those rates; none without steps.
+
+    `times`, `strains` (n,): readings; compression may be negative in them.
+    """
+    time, first = np.unique(times, return_index=True)
+    if time.size < 2:
+        return ()
+    strain = np.abs(strains[first])
+    corner, value = line_through(time, strain, tolerances(time, strain))
+    # A leg from one reading to the next may be a step between them: its neighbours meet there.
+    long = np.diff(np.searchsorted(time, corner)) > 1
+    rate, strain_at_0 = (np.diff(value) / np.diff(corner))[long], value[:-1][long]
+    strain_at_0 = strain_at_0 - rate * corner[:-1][long]
+    if not 1 < rate.size <= MAX_RATES or not all(
+        min(two) > 0 and max(two) >= MIN_RATE_RATIO * min(two) for two in pairwise(rate)
+    ):
+        return ()
+    start = strain_at_0[:-1] - rate[:-1] * np.diff(strain_at_0) / np.diff(rate)
+    if not np.all(np.diff([0.0, *start, strain.max()]) > 0):
+        return ()
+    rounded = [0.0, *(float(f"{one:.4g}") for one in start)]
+    return tuple(zip(rounded, (float(f"{one:.3g}") for one in rate), strict=True))
+
+
+def is_driven_by_rates(time: FloatArray, strain: FloatArray, stress: FloatArray) -> bool:
+    """Whether steps of the rate explain the strain with fewer legs than steps of a stress, (n,)."""
+    n_rates = len(rate_steps(time, strain))
+    moment, first = np.unique(time, return_index=True)
+    corner, _ = line_through(moment, stress[first], tolerances(moment, stress[first]))
+    # So many levels, with a leg between each two.
+    return n_rates > 0 and 2 * n_rates - 1 < corner.size - 1
 
 
 def thinned(

@@ -12,6 +12,7 @@ from pyburgers.common.array_types import FloatArray
 from pyburgers.common.units import UNITS, units_text
 from pyburgers.kinds.experiment_file import slope_of
 from pyburgers.kinds.guessed_columns import ENGINEERING
+from pyburgers.kinds.loading_history.driver import is_driven_by_rates
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.new_file import (
     LAYOUT,
@@ -127,7 +128,9 @@ class LoadingHistoryFile(NewFile):
             return None
         if stress.is_steady:
             return "the stress stays the same while strain grows"
-        if stress.is_in_levels:
+        if stress.is_in_levels and not is_driven_by_rates(
+            *_rows(columns, "time", "strain", "stress")
+        ):
             return "the stress goes in steps and stays the same between"
         return "the strain turns back" if strain.turns else None
 

@@ -19,6 +19,7 @@ functions {
 #include statistics/priors.stan
 #include statistics/priors_of_test.stan
 #include charts/plain.stan
+#include charts/stretched_flow.stan
 #include charts/pooling.stan
 #include charts/stretched.stan
 #include kinds/attenuation_response.stan

@@ -34,6 +34,7 @@ functions {
 #include statistics/residuals.stan
 #include statistics/measured_microstructure.stan
 #include charts/plain.stan
+#include charts/stretched_flow.stan
 #include charts/flow_of_hardened.stan
 #include charts/parted_rates.stan
 #include charts/pooling.stan

@@ -11,6 +11,7 @@ import numpy as np
 from pyburgers.cmdstan.program import Density, Ending, ModeNotFound, Program, load_program
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.fitting.stretched_flow import stretch_flows
 from pyburgers.kinds.likelihood import AtMode, ChartUnsuited, likelihood_of
 from pyburgers.kinds.problem import Problem
 from pyburgers.kinds.program_data import chart_block, density_of, solve, values_of_test
@@ -125,11 +126,15 @@ def choose_chart(
         reason = reason if wanted == "plain" else str(error)
     if mode is None:
         return ChosenChart("plain", reason, {})
-    covariance = density.laplace(mode.coordinate)
+    block, centre = dict[str, Any](), mode.coordinate
+    if wanted != "plain":
+        block, centre = stretch_flows(problem, density, mode.coordinate)
+        reason += "; the flow rate is stretched, because data hardly see it" * bool(block)
+    covariance = density.with_data(block).laplace(centre)
     # Precise data fix some plain coordinates to a thousandth, and Stan's adaptation of the metric
     # pulls variances to 1e-3.
-    block: StanData = {"unit": np.sqrt(np.diag(covariance)).tolist()}
-    return ChosenChart("plain", reason, block, mode.coordinate, covariance, mode.others)
+    block = {**block, "unit": np.sqrt(np.diag(covariance)).tolist()}
+    return ChosenChart("plain", reason, block, centre, covariance, mode.others)
 
 
 def at_mode(problem: Problem, mode: Mode, solver: SolverOptions) -> AtMode[Any]:

@@ -2,12 +2,8 @@
  * Stretched coordinates for tables of attenuation: the plain ones, but for what lies beyond the
  * periods.
  *
- * - Where the dashpot is too slow to be seen the logarithm of its rate is as wide as the prior;
- *   where it is seen data fix the rate itself. The coordinate is rate + ln(rate)/width, with the
- *   rate over one that data can just tell from none: it goes from one to the other, each as
- *   wide as it is in the posterior.
- * - All others are shifted by multiples of the rate: what the dashpot takes of the loss, other
- *   elements give. The multiples come from the curvature where it begins to be seen.
+ * - The flow rate is stretched, and all others are shifted by multiples of it
+ *   (charts/stretched_flow.stan).
  * - eta_K stands for the shortest relaxation time, and of a band of times E_K for its density at a
  *   time in the middle of what the periods see: the longest time may lie far beyond them, and the
  *   exponent tilts the band about that middle.
@@ -18,13 +14,7 @@
  * the Jacobian of the plain coordinates.
  */
 
-/** Places in a reference. */
-int i_log_seen_rate() { return 1; } // ln of the rate (1/s) that data can just tell from none
-
-int i_rate_at_mode() { return 2; } // over that one; nothing is shifted there
-
-int i_log_width() { return 3; } // of ln(rate) where the dashpot is not seen
-
+/** Place in a reference, behind those of the flow rate. */
 int i_log_middle_time() { return 4; } // ln of a time (s) in the middle of what the periods see
 
 /**
@@ -82,12 +72,12 @@ vector plain_from_stretched(vector stretched, vector given, data array[] int pla
   int modulus = place[i_kelvin_modulus()];
   int viscosity = place[i_kelvin_viscosity()];
   if (flow > 0) {
-    real log_rate = log_from_stretched(stretched[flow], reference[i_log_width()]);
-    plain += slope * (exp(log_rate) - reference[i_rate_at_mode()]);
-    plain[flow] = (reference[i_log_seen_rate()] + log_rate - quantity[flow, i_shift()])
-                  / quantity[flow, i_scale()];
-    log_jacobian -= log(exp(log_rate) + 1 / reference[i_log_width()])
-                    + log(quantity[flow, i_scale()]);
+    vector[num_elements(plain) + 1] flowing
+      = plain_from_stretched_flow(plain, flow,
+                                  append_col(slope, rep_vector(0, num_elements(slope))),
+                                  quantity[flow], reference);
+    plain = head(flowing, num_elements(plain));
+    log_jacobian += flowing[num_elements(plain) + 1];
   }
   if (modulus > 0 && viscosity > 0) {
     vector[2] band = band_from_plain(plain, given, place, quantity);

@@ -37,8 +37,9 @@ TURNED_TOLERANCE = 1e-3
 """The least tolerance, in shares of the largest value: 0.1 % of a stress moves the rate by less
 than a percent, and a series without noise would otherwise get a corner at every reading."""
 
-MIN_RATE_RATIO, MAX_RATES = 1.2, 20
-"""Ratio of rates from which one follows the other by a step, and how many a test has at most."""
+MIN_RATE_RATIO, MAX_RATES, MAX_LOOKED_AT = 1.2, 20, 1000
+"""Ratio of rates from which one follows the other by a step, how many a test has at most, and how
+many of its readings are looked at."""
 
 
 def distances_from_neighbours(at: FloatArray, value: FloatArray) -> FloatArray:
@@ -183,10 +184,9 @@ def rate_steps(times: FloatArray, strains: FloatArray) -> tuple[tuple[float, flo
 
     `times`, `strains` (n,): readings; compression may be negative in them.
     """
-    time, first = np.unique(times, return_index=True)
+    time, strain = _looked_at(times, np.abs(strains))
     if time.size < 2:
         return ()
-    strain = np.abs(strains[first])
     corner, value = line_through(time, strain, tolerances(time, strain))
     # A leg from one reading to the next may be a step between them: its neighbours meet there.
     long = np.diff(np.searchsorted(time, corner)) > 1
@@ -203,11 +203,18 @@ def rate_steps(times: FloatArray, strains: FloatArray) -> tuple[tuple[float, flo
     return tuple(zip(rounded, (float(f"{one:.3g}") for one in rate), strict=True))
 
 
+def _looked_at(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return readings of a series (n,) at times that grow, every so many of a long one."""
+    time, first = np.unique(times, return_index=True)
+    step = -(-time.size // MAX_LOOKED_AT) or 1
+    return time[::step], values[first[::step]]
+
+
 def is_driven_by_rates(time: FloatArray, strain: FloatArray, stress: FloatArray) -> bool:
     """Whether steps of the rate explain the strain with fewer legs than steps of a stress, (n,)."""
     n_rates = len(rate_steps(time, strain))
-    moment, first = np.unique(time, return_index=True)
-    corner, _ = line_through(moment, stress[first], tolerances(moment, stress[first]))
+    moment, value = _looked_at(time, stress)
+    corner, _ = line_through(moment, value, tolerances(moment, value))
     # So many levels, with a leg between each two.
     return n_rates > 0 and 2 * n_rates - 1 < corner.size - 1
 

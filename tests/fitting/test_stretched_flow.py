@@ -1,0 +1,85 @@
+"""Flow rates that data hardly see are stretched; the posterior stays the same."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+from charts_at_modes import chart_at_mode
+from history_twins import TRUTH, history_twin
+from scipy.optimize import brentq
+
+from pyburgers.cmdstan.program import Density, load_program
+from pyburgers.fitting.charts_at_modes import ChosenChart
+from pyburgers.kinds.problem import Problem, problem_of
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.model.priors import default_priors
+from pyburgers.model.reference_quantities import REFERENCE_FLOW_RATE_QUANTITY
+
+SLOW = MappingProxyType({**TRUTH, "activation_enthalpy": TRUTH["activation_enthalpy"] + 2e4})
+"""A dashpot slower by nine e-folds."""
+
+
+def relaxation(values: Mapping[str, float]) -> Problem:
+    test = history_twin("relaxation", 20, values=values)
+    return problem_of([test], default_priors(test.material))
+
+
+@pytest.fixture(scope="module")
+def slow(programs: None) -> Problem:
+    return relaxation(SLOW)
+
+
+@pytest.fixture(scope="module")
+def stretched(slow: Problem) -> ChosenChart:
+    return chart_at_mode(slow, program_data(slow, solver=SolverOptions()))
+
+
+def test_the_run_says_so_and_starts_at_the_same_mode(slow: Problem, stretched: ChosenChart) -> None:
+    plain = chart_at_mode(slow, program_data(slow, solver=SolverOptions()), wanted="plain")
+    assert (stretched.name, plain.name, plain.reason) == ("plain", "plain", "asked for")
+    assert "the flow rate is stretched" in stretched.reason
+    program = load_program(slow.likelihood.program)
+    there, here = (
+        Density(program, {**program_data(slow, solver=SolverOptions()), **one.block}).variables_at(
+            one.centre
+        )["parameter"]
+        for one in (plain, stretched)
+        if one.centre is not None
+    )
+    np.testing.assert_allclose(here, there, rtol=1e-6)
+
+
+@pytest.mark.parametrize("flow_coordinate", [-2.0, 0.0, 0.8, 3.0])
+def test_the_density_is_that_of_the_map(
+    flow_coordinate: float, slow: Problem, stretched: ChosenChart
+) -> None:
+    """Below, near and above the rate that data can just tell from none."""
+    (coordinates,) = slow.coordinates
+    flow = coordinates.quantities.index(REFERENCE_FLOW_RATE_QUANTITY.name)
+    ((log_seen, at_mode, width),) = stretched.block["flow_reference"]
+    assert stretched.centre is not None
+    place = stretched.centre + 0.02 * np.random.default_rng(2).standard_normal(
+        stretched.centre.size
+    )
+    place[flow] = flow_coordinate
+    log_rate = brentq(lambda one: np.exp(one) + one / width - flow_coordinate, -100, 10, xtol=1e-14)
+    by_rate, by_log_rate = np.transpose(stretched.block["flow_slope"])
+    plain = place + by_rate * (np.exp(log_rate) - at_mode) + by_log_rate * log_rate
+    scale = coordinates.scale[flow]
+    plain[flow] = (log_seen + log_rate - coordinates.shift[flow]) / scale
+    density = Density(
+        load_program(slow.likelihood.program), program_data(slow, solver=SolverOptions())
+    )
+    expected = density.at(plain[np.newaxis])[0] - np.log((np.exp(log_rate) + 1 / width) * scale)
+    (found,) = density.with_data(stretched.block).at(place[np.newaxis])
+    assert found == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_flow_that_data_see_stays_as_it_is(programs: None) -> None:
+    problem = relaxation(TRUTH)
+    assert (
+        "stretched"
+        not in chart_at_mode(problem, program_data(problem, solver=SolverOptions())).reason
+    )

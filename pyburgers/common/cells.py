@@ -48,7 +48,9 @@ _UNIT = rf"{_OTHER_UNITS}|{_KNOWN_UNITS}"
 _UNITS = re.compile(
     rf"(?:{_UNIT})(?: ?[*·/] ?(?:{_UNIT})| (?:{_UNIT}))*(?:\^?[-⁻]?[1-3¹²³])?", re.IGNORECASE
 )
-_POWER_OF_TEN = re.compile(r"[x×*·]? ?(?:10(?:\^|\*\*)?[-−⁻]?|1e-?)[\d⁰¹²³⁴⁵⁶⁷⁸⁹]+", re.IGNORECASE)
+_POWER_OF_TEN = re.compile(
+    r"[x×*·]? ?(?:10(?:\^|\*\*)[-−]?\d+|10[-−]\d+|10⁻?[⁰¹²³⁴⁵⁶⁷⁸⁹]+|1e-?\d+)", re.IGNORECASE
+)
 _IN_BRACKETS = re.compile(r"[(\[][^)\]]*[)\]]")
 
 

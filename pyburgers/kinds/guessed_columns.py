@@ -169,8 +169,8 @@ LOGARITHM = re.compile(r"(?<![a-z])(?:log|ln)(?![a-z])|(?<![a-z])log_?10")
 """Pattern of columns of logarithms, which are read for attenuation alone."""
 
 
-POWER_OF_TEN = re.compile(r"10(?:\^|\*\*|-)-?\d|[x×*·] ?10\d|(?<![a-z0-9.])1e-?\d")
-"""Pattern of units with a factor, which files do not know."""
+POWER_OF_TEN = re.compile(r"(?<![\d.])10(?:\^|\*\*|-)-?\d(?!\d?-)|[x×*·] ?10\d|(?<![a-z\d.])1e-?\d")
+"""Pattern of units with a factor, which files do not know; a date has none."""
 
 
 MIN_PERCENT, MAX_MEGAPASCAL, MAX_CELSIUS = 1.0, 1e5, 200.0

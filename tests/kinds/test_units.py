@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pyburgers.cli.main import main
-from pyburgers.common.cells import is_unit
+from pyburgers.common.cells import are_units, is_unit
 from pyburgers.common.units import UNIT_TABLE, Unit, units_text
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.guessed_columns import unit_in_name
@@ -114,3 +114,29 @@ def test_the_keys_of_files_describe_every_unit_of_their_quantity(key: str) -> No
     fields = {**HistoryDataTable.model_fields, **_DataTable.model_fields}
     name = "attenuation_unit" if key == "angle" else f"{key}_unit"
     assert units_text(key) in (fields[name].description or "")
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("Stress (10^6 Pa)", "stress"),
+        ("Stress ×10⁶ Pa", "stress"),
+        ("Time [10**3 s]", "time"),
+        ("Strain (x 10-3)", "strain"),
+        ("Frequency 1e-3 Hz", "frequency"),
+    ],
+)
+def test_a_unit_with_a_factor_is_another_one(name: str, kind: str) -> None:
+    assert unit_in_name(name, kind) == ""
+
+
+@pytest.mark.parametrize("name", ["Stress 2010-11-05 (MPa)", "Stress 10-11-2010 (MPa)"])
+def test_a_date_is_no_factor(name: str) -> None:
+    assert unit_in_name(name, "stress") == "MPa"
+
+
+@pytest.mark.parametrize("factor", ["1e-6", "10^-6", "×10⁻⁶", "10-6"])
+def test_a_row_of_units_may_have_a_factor(factor: str) -> None:
+    assert are_units(["s", "MPa", factor])
+    assert not are_units(["1e-5", "-", "1e-3"])
+    assert not are_units(["s", "MPa", "1000"])

@@ -213,10 +213,12 @@ def _looked_at(times: FloatArray, values: FloatArray) -> tuple[FloatArray, Float
 def is_driven_by_rates(time: FloatArray, strain: FloatArray, stress: FloatArray) -> bool:
     """Whether steps of the rate explain the strain with fewer legs than steps of a stress, (n,)."""
     n_rates = len(rate_steps(time, strain))
+    if n_rates == 0:
+        return False
     moment, value = _looked_at(time, stress)
     corner, _ = line_through(moment, value, tolerances(moment, value))
     # So many levels, with a leg between each two.
-    return n_rates > 0 and 2 * n_rates - 1 < corner.size - 1
+    return 2 * n_rates - 1 < corner.size - 1
 
 
 def thinned(

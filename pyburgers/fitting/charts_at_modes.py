@@ -128,7 +128,7 @@ def choose_chart(
         return ChosenChart("plain", reason, {})
     block, centre = dict[str, Any](), mode.coordinate
     if wanted != "plain":
-        block, centre = stretch_flows(problem, density, mode.coordinate)
+        block, centre = stretch_flows(problem, density, mode.tests, mode.coordinate)
         reason += "; the flow rate is stretched, because data hardly see it" * bool(block)
     covariance = density.with_data(block).laplace(centre)
     # Precise data fix some plain coordinates to a thousandth, and Stan's adaptation of the metric

@@ -3,6 +3,7 @@
 See `stan/charts/stretched_flow.stan`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +11,8 @@ import numpy as np
 from pyburgers.cmdstan.program import Density
 from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.kinds.problem import Problem
-from pyburgers.kinds.stan_data import StanData
-from pyburgers.model.reference_quantities import REFERENCE_FLOW_RATE_QUANTITY
+from pyburgers.kinds.stan_data import Mode, StanData
+from pyburgers.model.reference_quantities import REFERENCE_STRESS_QUANTITY
 
 OFFSETS = np.arange(0.0, 16.0, 0.5)
 """Of ln(flow rate) from that of the mode: there the likelihood is looked at."""
@@ -28,33 +29,34 @@ precision of the rate over that at which it is asked."""
 
 
 def stretch_flows(
-    problem: Problem, density: Density, mode: FloatArray
+    problem: Problem, density: Density, modes: Sequence[Mode], mode: FloatArray
 ) -> tuple[StanData, FloatArray]:
     """Return data that stretch flow rates, and the mode in these coordinates, (n_coordinates,).
 
     The density and the mode are in plain coordinates, and stay so if data see the flow of each
-    test, or the program stretches none.
+    test, or the program stretches none. `modes`: that of each test.
     """
     layout, centre = problem.layout, mode.copy()
     slope = [np.zeros((len(own), 2)) for own in layout.own]
-    reference = np.zeros((layout.n_tests, 3))
+    reference = np.zeros((layout.n_tests, 4))
     for e, coordinates in enumerate(problem.coordinates):
-        if (
-            "flow_reference" not in density.data
-            or REFERENCE_FLOW_RATE_QUANTITY.name not in coordinates.quantities
-        ):
+        if "flow_reference" not in density.data or coordinates.replaced_parameter is None:
             continue
-        place = coordinates.quantities.index(REFERENCE_FLOW_RATE_QUANTITY.name)
-        if place not in layout.own[e] or layout.names[place] in layout.partial:
+        place = coordinates.parameters.index(coordinates.replaced_parameter)
+        if place not in layout.own[e]:
             continue
-        places, scale = layout.position[e, layout.own[e]], float(coordinates.scale[place])
-        flow = layout.own[e].index(place)
+        # Of a reference stress the rate at a stress goes by its inverse, to the stress exponent.
+        exponent = 1.0
+        if coordinates.quantities[place] == REFERENCE_STRESS_QUANTITY.name:
+            exponent = -modes[e].values["stress_exponent"]
+        scale = exponent * float(coordinates.scale[place])
+        places, flow = layout.position[e, layout.own[e]], layout.own[e].index(place)
         found = _Flow(density, mode, places, flow, scale).stretched()
         if found is not None:
             log_seen, width, slope[e] = found
-            own_log_rate = coordinates.shift[place] + scale * mode[places[flow]]
+            own_log_rate = exponent * coordinates.shift[place] + scale * mode[places[flow]]
             at_mode = float(np.exp(-log_seen))
-            reference[e] = own_log_rate + log_seen, at_mode, width
+            reference[e] = own_log_rate + log_seen, at_mode, width, exponent
             centre[places] += slope[e][:, 1] * log_seen
             centre[places[flow]] = at_mode - log_seen / width
     if not reference.any():
@@ -103,7 +105,8 @@ class _Flow:
             return None
         prior = self._precision(self.by_prior, 0.0)
         by_log_rate = self._given(prior)
-        width = max(1.0, self.scale * float(np.sqrt(np.linalg.inv(prior)[self.flow, self.flow])))
+        deviation = float(np.sqrt(np.linalg.inv(prior)[self.flow, self.flow]))
+        width = max(1.0, abs(self.scale) * deviation)
         by_rate = (slope - by_log_rate) * seen
         return asked + float(np.log(seen)), width, np.column_stack([by_rate, by_log_rate])
 

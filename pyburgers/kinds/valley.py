@@ -244,7 +244,7 @@ class ValleyChart(Chart[E]):
             },
             "noise_parameter": [1 if own is None else PLACE[own.pins.noise] for own in references],
             "flow_slope": [] if references else [[0.0, 0.0]] * sum(map(len, layout.own)),
-            "flow_reference": [] if references else [[0.0] * 3] * layout.n_tests,
+            "flow_reference": [] if references else [[0.0] * 4] * layout.n_tests,
         }
 
 

@@ -18,12 +18,15 @@ int i_rate_at_mode() { return 2; } // over that one; nothing is shifted there
 
 int i_log_width() { return 3; } // of ln(rate) where the dashpot is not seen
 
+int i_exponent() { return 4; } // of the rate by the sampled point of the flow law (histories)
+
 /**
  * Plain coordinates at given stretched ones, and ln |d plain/d stretched|.
  *
  * @param flow place of the flow rate
  * @param slope of coordinates by the rate and by ln(rate), 0 of its own
- * @param quantity row of the flow rate (charts/plain.stan)
+ * @param quantity row of ln(rate) (charts/plain.stan); its scale is negative if the plain coordinate
+ *   is that of a strength
  */
 vector plain_from_stretched_flow(vector stretched, data int flow, data matrix slope,
                                  data row_vector quantity, data vector reference) {
@@ -34,5 +37,5 @@ vector plain_from_stretched_flow(vector stretched, data int flow, data matrix sl
                 / quantity[i_scale()];
   return append_row(plain,
                     -log(exp(log_rate) + 1 / reference[i_log_width()])
-                    - log(quantity[i_scale()]));
+                    - 0.5 * log(square(quantity[i_scale()])));
 }

@@ -9,5 +9,6 @@
     } else if (coordinate_system == 1 && flow_reference[e][i_log_width()] > 0) {
       int flow = own_place[e, replaced_parameter[e]];
       plain = plain_from_stretched_flow(coordinate[own_position[own]], flow, flow_slope[own],
-                                        quantity[own[flow]], flow_reference[e]);
+                                        flow_reference[e][i_exponent()] * quantity[own[flow]],
+                                        flow_reference[e]);
     }

@@ -1,6 +1,8 @@
 """Flow rates that data hardly see are stretched; the posterior stays the same."""
 
 from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
@@ -11,11 +13,13 @@ from scipy.optimize import brentq
 
 from pyburgers.cmdstan.program import Density, load_program
 from pyburgers.fitting.charts_at_modes import ChosenChart
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.priors import default_priors
-from pyburgers.model.reference_quantities import REFERENCE_FLOW_RATE_QUANTITY
+
+ROOT = Path(__file__).parents[2]
 
 SLOW = MappingProxyType({**TRUTH, "activation_enthalpy": TRUTH["activation_enthalpy"] + 2e4})
 """A dashpot slower by nine e-folds."""
@@ -26,9 +30,16 @@ def relaxation(values: Mapping[str, float]) -> Problem:
     return problem_of([test], default_priors(test.material))
 
 
-@pytest.fixture(scope="module")
-def slow(programs: None) -> Problem:
-    return relaxation(SLOW)
+def elastic_rise() -> Problem:
+    """The start of a curve, in which nothing flows: its strength is known from below alone."""
+    curve = load_constant_rate(ROOT / "data" / "ice" / "PIL40.toml")
+    start = replace(curve, strain=curve.strain[:15], stress=curve.stress[:15])
+    return problem_of([start], default_priors(curve.material))
+
+
+@pytest.fixture(scope="module", params=["relaxation", "elastic rise"])
+def slow(request: pytest.FixtureRequest, programs: None) -> Problem:
+    return relaxation(SLOW) if request.param == "relaxation" else elastic_rise()
 
 
 @pytest.fixture(scope="module")
@@ -57,8 +68,10 @@ def test_the_density_is_that_of_the_map(
 ) -> None:
     """Below, near and above the rate that data can just tell from none."""
     (coordinates,) = slow.coordinates
-    flow = coordinates.quantities.index(REFERENCE_FLOW_RATE_QUANTITY.name)
-    ((log_seen, at_mode, width),) = stretched.block["flow_reference"]
+    assert coordinates.replaced_parameter is not None
+    flow = coordinates.parameters.index(coordinates.replaced_parameter)
+    ((log_seen, at_mode, width, exponent),) = stretched.block["flow_reference"]
+    shift, scale = (exponent * one[flow] for one in (coordinates.shift, coordinates.scale))
     assert stretched.centre is not None
     place = stretched.centre + 0.02 * np.random.default_rng(2).standard_normal(
         stretched.centre.size
@@ -67,12 +80,12 @@ def test_the_density_is_that_of_the_map(
     log_rate = brentq(lambda one: np.exp(one) + one / width - flow_coordinate, -100, 10, xtol=1e-14)
     by_rate, by_log_rate = np.transpose(stretched.block["flow_slope"])
     plain = place + by_rate * (np.exp(log_rate) - at_mode) + by_log_rate * log_rate
-    scale = coordinates.scale[flow]
-    plain[flow] = (log_seen + log_rate - coordinates.shift[flow]) / scale
+    plain[flow] = (log_seen + log_rate - shift) / scale
     density = Density(
         load_program(slow.likelihood.program), program_data(slow, solver=SolverOptions())
     )
-    expected = density.at(plain[np.newaxis])[0] - np.log((np.exp(log_rate) + 1 / width) * scale)
+    slope = (np.exp(log_rate) + 1 / width) * abs(scale)
+    expected = density.at(plain[np.newaxis])[0] - np.log(slope)
     (found,) = density.with_data(stretched.block).at(place[np.newaxis])
     assert found == pytest.approx(expected, rel=1e-9)
 

@@ -27,6 +27,9 @@ MAX_SEEN, MIN_PRECISION = 2.0, 1e-3
 """Standard deviations from none to the mode's rate above which data fix ln(rate) itself; least
 precision of the rate over that at which it is asked."""
 
+MIN_CURVATURE = 1e-9
+"""Of a prior, which may bend the wrong way at the mode."""
+
 
 def stretch_flows(
     problem: Problem, density: Density, modes: Sequence[Mode], mode: FloatArray
@@ -94,34 +97,43 @@ class _Flow:
         if seen_alone.size == 0:
             return None
         asked = float(OFFSETS[max(0, seen_alone[0] - 1)])
-        precision = self._precision(self.density, asked)
+        whole = np.linalg.inv(self.density.laplace(self._at(asked)))
+        precision = np.asarray(whole[np.ix_(self.places, self.places)], dtype=np.float64)
         slope = self._given(precision)
-        below, there, above = self._log_likelihood(asked + np.log([1 - STEP, 1.0, 1 + STEP]))
-        alone = (2 * there - below - above) / STEP**2
+        near = self._log_likelihood(asked + np.log([1 - STEP, 1.0, 1 + STEP]))
+        if not np.isfinite(near).all():
+            return None
+        alone = near @ [-1.0, 2.0, -1.0] / STEP**2
         # One posterior standard deviation of the rate while all others give way.
         left = float(alone + precision[self.flow] @ slope / self.scale)
-        seen = 1.0 / np.sqrt(max(left, MIN_PRECISION))
-        if np.exp(-asked) / seen > MAX_SEEN:
+        if left > (MAX_SEEN * np.exp(asked)) ** 2:
             return None
-        prior = self._precision(self.by_prior, 0.0)
+        seen = 1.0 / np.sqrt(max(left, MIN_PRECISION))
+        curvature, axes = np.linalg.eigh(
+            self.by_prior.curvature(self.mode)[np.ix_(self.places, self.places)]
+        )
+        curvature = np.maximum(curvature, MIN_CURVATURE)
+        prior: FloatArray = (axes * curvature) @ axes.T
         by_log_rate = self._given(prior)
-        deviation = float(np.sqrt(np.linalg.inv(prior)[self.flow, self.flow]))
-        width = max(1.0, abs(self.scale) * deviation)
+        variance = float(axes[self.flow] ** 2 @ (1.0 / curvature))
+        width = max(1.0, abs(self.scale) * float(np.sqrt(variance)))
         by_rate = (slope - by_log_rate) * seen
         return asked + float(np.log(seen)), width, np.column_stack([by_rate, by_log_rate])
 
     def _log_likelihood(self, log_rates: FloatArray) -> FloatArray:
         """Return it at ln(rates) over the mode's, all else being equal, minus infinity beyond."""
-        points = np.tile(self.mode, (log_rates.size, 1))
-        points[:, self.places[self.flow]] += log_rates / self.scale
-        found = self.density.at(points) - self.by_prior.at(points)
-        return np.where(np.isnan(found), -np.inf, found)
+        points = np.array([self._at(one) for one in log_rates])
+        posterior, prior = self.density.at(points), self.by_prior.at(points)
+        solved = np.isfinite(posterior) & np.isfinite(prior)
+        found = np.full(len(points), -np.inf)
+        found[solved] = posterior[solved] - prior[solved]
+        return found
 
-    def _precision(self, density: Density, log_rate: float) -> FloatArray:
-        """Return the curvature of minus a log density, (n_own, n_own), at a rate."""
-        at = self.mode.copy()
-        at[self.places[self.flow]] += log_rate / self.scale
-        return density.curvature(at)[np.ix_(self.places, self.places)]
+    def _at(self, log_rate: float) -> FloatArray:
+        """Return the mode with another rate, (n_coordinates,)."""
+        place = self.mode.copy()
+        place[self.places[self.flow]] += log_rate / self.scale
+        return place
 
     def _given(self, precision: FloatArray) -> FloatArray:
         """Return slopes (n_own,) of others' conditional modes by ln(rate), its own 0."""

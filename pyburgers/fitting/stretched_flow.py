@@ -39,11 +39,13 @@ def stretch_flows(
     The density and the mode are in plain coordinates, and stay so if data see the flow of each
     test, or the program stretches none. `modes`: that of each test.
     """
+    if "stretched_flow_reference" not in density.data:
+        return {}, mode
     layout, centre = problem.layout, mode.copy()
     slope = [np.zeros((len(own), 2)) for own in layout.own]
     reference = np.zeros((layout.n_tests, 4))
     for e, coordinates in enumerate(problem.coordinates):
-        if "flow_reference" not in density.data or coordinates.replaced_parameter is None:
+        if coordinates.replaced_parameter is None:
             continue
         place = coordinates.parameters.index(coordinates.replaced_parameter)
         if place not in layout.own[e]:
@@ -64,7 +66,10 @@ def stretch_flows(
             centre[places[flow]] = at_mode - log_seen / width
     if not reference.any():
         return {}, mode
-    block = {"flow_slope": np.concatenate(slope).tolist(), "flow_reference": reference.tolist()}
+    block = {
+        "stretched_flow_slope": np.concatenate(slope).tolist(),
+        "stretched_flow_reference": reference.tolist(),
+    }
     return block, centre
 
 

@@ -243,8 +243,8 @@ class ValleyChart(Chart[E]):
                 for name in PINS_NUMBERS
             },
             "noise_parameter": [1 if own is None else PLACE[own.pins.noise] for own in references],
-            "flow_slope": [] if references else [[0.0, 0.0]] * sum(map(len, layout.own)),
-            "flow_reference": [] if references else [[0.0] * 4] * layout.n_tests,
+            "stretched_flow_slope": [] if references else [[0.0, 0.0]] * sum(map(len, layout.own)),
+            "stretched_flow_reference": [] if references else [[0.0] * 4] * layout.n_tests,
         }
 
 

@@ -6,9 +6,10 @@
                                 {replaced_parameter[e], noise_parameter[e]}, conditions[e],
                                 knot[part(knot_end, e)], pin[part(pin_end, e)],
                                 reference[part(reference_end, e)], element);
-    } else if (coordinate_system == 1 && flow_reference[e][i_log_width()] > 0) {
+    } else if (coordinate_system == 1 && stretched_flow_reference[e][i_log_width()] > 0) {
       int flow = own_place[e, replaced_parameter[e]];
-      plain = plain_from_stretched_flow(coordinate[own_position[own]], flow, flow_slope[own],
-                                        flow_reference[e][i_exponent()] * quantity[own[flow]],
-                                        flow_reference[e]);
+      plain = plain_from_stretched_flow(
+        coordinate[own_position[own]], flow, stretched_flow_slope[own],
+        stretched_flow_reference[e][i_exponent()] * quantity[own[flow]],
+        stretched_flow_reference[e]);
     }

@@ -15,5 +15,5 @@ array[coordinate_system == 2 ? n_tests : 0] real<lower=0> seen_flow;
 array[coordinate_system == 2 ? n_tests : 0] real<lower=0> replaced_deviation;
 array[coordinate_system == 2 ? n_tests : 0] int<lower=1> noise_parameter; // that widths follow
 // Plain coordinates with a stretched flow rate (charts/stretched_flow.stan); a width of 0: others.
-matrix[coordinate_system == 1 ? own_end[n_tests + 1] : 0, 2] flow_slope;
-array[coordinate_system == 1 ? n_tests : 0] vector[4] flow_reference;
+matrix[coordinate_system == 1 ? own_end[n_tests + 1] : 0, 2] stretched_flow_slope;
+array[coordinate_system == 1 ? n_tests : 0] vector[4] stretched_flow_reference;

@@ -70,7 +70,7 @@ def test_the_density_is_that_of_the_map(
     (coordinates,) = slow.coordinates
     assert coordinates.replaced_parameter is not None
     flow = coordinates.parameters.index(coordinates.replaced_parameter)
-    ((log_seen, at_mode, width, exponent),) = stretched.block["flow_reference"]
+    ((log_seen, at_mode, width, exponent),) = stretched.block["stretched_flow_reference"]
     shift, scale = (exponent * one[flow] for one in (coordinates.shift, coordinates.scale))
     assert stretched.centre is not None
     place = stretched.centre + 0.02 * np.random.default_rng(2).standard_normal(
@@ -78,7 +78,7 @@ def test_the_density_is_that_of_the_map(
     )
     place[flow] = flow_coordinate
     log_rate = brentq(lambda one: np.exp(one) + one / width - flow_coordinate, -100, 10, xtol=1e-14)
-    by_rate, by_log_rate = np.transpose(stretched.block["flow_slope"])
+    by_rate, by_log_rate = np.transpose(stretched.block["stretched_flow_slope"])
     plain = place + by_rate * (np.exp(log_rate) - at_mode) + by_log_rate * log_rate
     plain[flow] = (log_seen + log_rate - shift) / scale
     density = Density(

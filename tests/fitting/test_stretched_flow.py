@@ -11,11 +11,11 @@ from charts_at_modes import chart_at_mode
 from history_twins import TRUTH, history_twin
 from scipy.optimize import brentq
 
-from pyburgers.cmdstan.program import Density, load_program
+from pyburgers.cmdstan.program import Density
 from pyburgers.fitting.charts_at_modes import ChosenChart
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.problem import Problem, problem_of
-from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.program_data import density_of
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.priors import default_priors
 
@@ -42,20 +42,25 @@ def slow(request: pytest.FixtureRequest, programs: None) -> Problem:
     return relaxation(SLOW) if request.param == "relaxation" else elastic_rise()
 
 
+def density_in_plain(problem: Problem) -> Density:
+    return density_of(problem, SolverOptions())
+
+
+def chart_of(problem: Problem, wanted: str = "auto") -> ChosenChart:
+    return chart_at_mode(problem, dict(density_in_plain(problem).data), wanted=wanted)
+
+
 @pytest.fixture(scope="module")
 def stretched(slow: Problem) -> ChosenChart:
-    return chart_at_mode(slow, program_data(slow, solver=SolverOptions()))
+    return chart_of(slow)
 
 
 def test_the_run_says_so_and_starts_at_the_same_mode(slow: Problem, stretched: ChosenChart) -> None:
-    plain = chart_at_mode(slow, program_data(slow, solver=SolverOptions()), wanted="plain")
+    plain = chart_of(slow, "plain")
     assert (stretched.name, plain.name, plain.reason) == ("plain", "plain", "asked for")
     assert "the flow rate is stretched" in stretched.reason
-    program = load_program(slow.likelihood.program)
     there, here = (
-        Density(program, {**program_data(slow, solver=SolverOptions()), **one.block}).variables_at(
-            one.centre
-        )["parameter"]
+        density_in_plain(slow).with_data(one.block).variables_at(one.centre)["parameter"]
         for one in (plain, stretched)
         if one.centre is not None
     )
@@ -81,9 +86,7 @@ def test_the_density_is_that_of_the_map(
     by_rate, by_log_rate = np.transpose(stretched.block["stretched_flow_slope"])
     plain = place + by_rate * (np.exp(log_rate) - at_mode) + by_log_rate * log_rate
     plain[flow] = (log_seen + log_rate - shift) / scale
-    density = Density(
-        load_program(slow.likelihood.program), program_data(slow, solver=SolverOptions())
-    )
+    density = density_in_plain(slow)
     slope = (np.exp(log_rate) + 1 / width) * abs(scale)
     expected = density.at(plain[np.newaxis])[0] - np.log(slope)
     (found,) = density.with_data(stretched.block).at(place[np.newaxis])
@@ -91,8 +94,4 @@ def test_the_density_is_that_of_the_map(
 
 
 def test_a_flow_that_data_see_stays_as_it_is(programs: None) -> None:
-    problem = relaxation(TRUTH)
-    assert (
-        "stretched"
-        not in chart_at_mode(problem, program_data(problem, solver=SolverOptions())).reason
-    )
+    assert "stretched" not in chart_of(relaxation(TRUTH)).reason

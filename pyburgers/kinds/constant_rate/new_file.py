@@ -2,11 +2,12 @@
 
 import re
 from collections.abc import Collection, Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.experiment_file import slope_of
-from pyburgers.kinds.guessed_columns import ENGINEERING
+from pyburgers.kinds.guessed_columns import ENGINEERING, GuessedColumn
 from pyburgers.kinds.loading_history.driver import rate_steps
 from pyburgers.kinds.new_file import (
     LAYOUT,
@@ -104,7 +105,13 @@ def _steps(columns: Columns, given: Mapping[str, Any]) -> tuple[tuple[float, flo
     """Return strains (fraction) and the rates (1/s) from there on; none if one rate is enough."""
     if given[STRAIN_RATE.name] is not None or not {"strain", "time"} <= columns.keys():
         return ()
-    return rate_steps(*read_together(columns["time"].si, columns["strain"].si))
+    return _seen_steps(columns["time"], columns["strain"])
+
+
+@lru_cache(maxsize=1)
+def _seen_steps(time: GuessedColumn, strain: GuessedColumn) -> tuple[tuple[float, float], ...]:
+    """Return steps that readings show: once for all questions about a file."""
+    return rate_steps(*read_together(time.si, strain.si))
 
 
 def _segment_lines(rates: Sequence[tuple[float, float]]) -> list[str]:

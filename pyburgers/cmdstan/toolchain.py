@@ -270,9 +270,7 @@ def folder_for_make() -> Path:
     )
 
 
-def run_tool(
-    command: Sequence[str | Path], *, cwd: Path, timeout_s: float | None = None
-) -> subprocess.CompletedProcess[str]:
+def run_tool(command: Sequence[str | Path], *, cwd: Path) -> subprocess.CompletedProcess[str]:
     """Run a command to its end; all it prints, errors included, is in ``stdout``.
 
     Its temporary files go with a scratch folder, and its processes with this one.
@@ -283,9 +281,7 @@ def run_tool(
         environment = {**kept, "TMPDIR": str(scratch)}
         console = scratch / "console.txt"
         running = start(arguments, console, environment=environment, folder=cwd)
-        running.wait(timeout_s)
-        if timeout_s is not None and running.out_of_time:
-            raise subprocess.TimeoutExpired(arguments, timeout_s)
+        running.wait()
         running.require_not_killed()
         return subprocess.CompletedProcess(arguments, running.process.returncode, running.printed())
 

@@ -87,15 +87,13 @@ class Running:
         self.stop()
         return True
 
-    def wait(self, limit: float | None = None) -> None:
-        """Wait for its end, and end it at an interrupt or at a time limit (s)."""
+    def wait(self) -> None:
+        """Wait for its end, and end it at an interrupt."""
         try:
-            if limit is None:
-                os.set_blocking(self._pipe.fileno(), True)
-                self._copy_printed()
-                self.process.wait()
-            while not self.has_ended(limit):
-                time.sleep(POLL_SECONDS)
+            os.set_blocking(self._pipe.fileno(), True)
+            self._copy_printed()
+            self.process.wait()
+            self.has_ended()
         finally:
             self.stop()
 

@@ -2,15 +2,11 @@
 
 import logging
 import math
-from collections.abc import Callable, Sequence
-from typing import Any, Protocol, TypeVar
-
-import xarray as xr
+from collections.abc import Callable
+from typing import TypeVar
 
 from pyburgers.checks.fit_checks import (
     ESS_LIMIT,
-    Check,
-    CheckedDraws,
     CheckKind,
     Outcome,
     check_divergences,
@@ -20,43 +16,16 @@ from pyburgers.checks.fit_checks import (
     run_checks,
 )
 from pyburgers.common.units import counted, duration_text
+from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.posterior.labelled_draws import convergence_table
 from pyburgers.sampling.chains import chains_at_once
-from pyburgers.sampling.manifest import ChainFailure
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.repetitions import SHORTENING, shorten_steps, shortened, tighten_solver
-from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
 
 
-class Sampled(Protocol):
-    """A run of chains as `pyburgers.fitting.sampled_fit.SampledFit` has it."""
-
-    @property
-    def directory(self) -> RunDirectory:
-        """Where its files are."""
-
-    @property
-    def posterior(self) -> xr.DataTree:
-        """Labelled draws."""
-
-    @property
-    def manifest(self) -> dict[str, Any]:
-        """What was asked for, and what was done."""
-
-    @property
-    def checked_draws(self) -> CheckedDraws:
-        """What the checks look at."""
-
-    def asked_checks(self) -> Sequence[Check]:
-        """Return the checks that are made."""
-
-    def missing_chains(self) -> tuple[ChainFailure, ...]:
-        """Return the chains that were asked for and are not there."""
-
-
-SampledT = TypeVar("SampledT", bound=Sampled)
+FitT = TypeVar("FitT", bound=SampledFit)
 
 MAX_REFITS = 2
 """Times that a run is repeated at a tighter tolerance of the solver."""
@@ -78,9 +47,7 @@ LEAST_LENGTHENING = 0.5
 """Share of the draws of a chain by which it is lengthened at least."""
 
 
-def sample_until_good(
-    sample: Callable[[int | None], SampledT], options: SamplerOptions
-) -> SampledT:
+def sample_until_good(sample: Callable[[int | None], FitT], options: SamplerOptions) -> FitT:
     """Sample until more of the same would not help, or would take too long; return the last fit.
 
     `sample` runs the chains that the run directory lacks, adds draws to each chain if it is given
@@ -96,7 +63,7 @@ def sample_until_good(
             return result
 
 
-def put_aside_where_few_diverged(result: Sampled) -> bool:
+def put_aside_where_few_diverged(result: SampledFit) -> bool:
     """Put chains aside in which a few trajectories diverged, so that they go on; tell whether.
 
     They go on with shorter steps. The manifest notes it (`shorten_steps`): the same command samples
@@ -122,7 +89,7 @@ def put_aside_where_few_diverged(result: Sampled) -> bool:
     return True
 
 
-def _more_draws(result: Sampled, options: SamplerOptions) -> int | None:
+def _more_draws(result: SampledFit, options: SamplerOptions) -> int | None:
     """Return the draws that every chain lacks, if they are all that is lacking and time is left.
 
     It is decided by the draws alone how many: as many as the least effective sample size asks for,
@@ -157,7 +124,7 @@ def _more_draws(result: Sampled, options: SamplerOptions) -> int | None:
     return more
 
 
-def put_aside_where_tolerance_matters(result: Sampled) -> bool:
+def put_aside_where_tolerance_matters(result: SampledFit) -> bool:
     """Put all chains aside if the tolerance of the solver was too loose, and tell whether."""
     solver = check_solver(result.checked_draws)
     loose = solver.outcome is Outcome.NO and not result.missing_chains()

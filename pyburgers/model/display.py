@@ -4,9 +4,8 @@ import math
 from dataclasses import replace
 
 from pyburgers.common.units import UNITS, number
-from pyburgers.model.parameters import PARAMETER_BY_NAME, Parameter
+from pyburgers.model.parameters import PARAMETER_BY_NAME, RATE_PARAMETERS, Parameter
 from pyburgers.model.prior_families import Prior
-from pyburgers.model.rate_parameters import RATE_PARAMETERS
 from pyburgers.model.read_quantities import STRAIN, STRESS
 from pyburgers.model.reference_quantities import REFERENCE_QUANTITIES
 

@@ -1,11 +1,13 @@
 """The parameters of the nonlinear Burgers model: names, symbols, units, order.
 
-The order of `PROGRAM_PARAMETERS` is the order of the parameter vector in the Stan programs
-(`stan/physics/parameters.stan`).
+`parameters.csv` beside this module lists them. The order of `PROGRAM_PARAMETERS` is the order of
+the parameter vector in the Stan programs (`stan/physics/parameters.stan`).
 """
 
+import csv
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
 
 from pyburgers.common.units import UNITS
@@ -28,8 +30,8 @@ class Parameter:
     name: str
     symbol: str
     label: str
-    quantity: str = "dimensionless"
-    display_unit: str = "1"
+    quantity: str
+    display_unit: str
     standard: float | None = None
 
     @property
@@ -43,264 +45,33 @@ class Parameter:
         return 1.0 / UNITS[self.quantity][self.display_unit]
 
 
-_ONE, _ENTHALPY = "dimensionless", "activation enthalpy"
-_OF_RECOVERY = "activation enthalpy of static recovery"
+def _parameters(group: str) -> tuple[Parameter, ...]:
+    """Return the parameters of a group of the table, in its order."""
+    text = Path(__file__).with_name("parameters.csv").read_text(encoding="utf-8")
+    rows = [
+        (row.pop("group"), row.pop("standard"), row) for row in csv.DictReader(text.splitlines())
+    ]
+    return tuple(
+        Parameter(**row, standard=float(standard) if standard else None)
+        for its_group, standard, row in rows
+        if its_group == group
+    )
 
-PARAMETERS: tuple[Parameter, ...] = (
-    Parameter("maxwell_modulus", r"E_M", "Maxwell modulus", "stress", "GPa"),
-    Parameter("kelvin_modulus", r"E_K", "Kelvin modulus", "stress", "GPa"),
-    Parameter("kelvin_viscosity", r"\eta_K", "Kelvin viscosity", "viscosity", "GPa s"),
-    Parameter("stress_exponent", r"n", "stress exponent"),
-    Parameter("grain_size_exponent", r"p", "grain size exponent"),
-    Parameter("activation_enthalpy", r"Q_M", "activation enthalpy", "molar energy", "kJ/mol"),
-    Parameter("beta", r"\beta", "pre-exponent ln(A)/Q", "inverse molar energy", "mol/kJ"),
-    Parameter("steady_state_grain_size", r"d_{ss}", "steady-state grain size", "length", "um"),
-    Parameter("steady_state_fabric_factor", r"F_{ss}", "steady-state fabric factor"),
-    Parameter(
-        "critical_strain_grain_size",
-        r"\epsilon_{c1}",
-        "critical strain of grain size",
-        "strain",
-        "fraction",
-    ),
-    Parameter(
-        "critical_strain_fabric",
-        r"\epsilon_{c2}",
-        "critical strain of fabric",
-        "strain",
-        "fraction",
-    ),
-    Parameter("stress_noise", r"s", "stress residual", "stress", "MPa"),
-)
+
+PARAMETERS = _parameters("material")
 """Every parameter that a prior file has to name, in the order of the Stan programs."""
 
-VARIANT_PARAMETERS: tuple[Parameter, ...] = (
-    Parameter("kelvin_stress_exponent", r"n_K", "Kelvin stress exponent", standard=1.0),
-    Parameter(
-        "kelvin_activation_enthalpy",
-        r"Q_K",
-        "Kelvin activation enthalpy",
-        "molar energy",
-        "kJ/mol",
-        standard=0.0,
-    ),
-    Parameter(
-        "kelvin_reference_stress",
-        r"q_0",
-        "driving stress of the Kelvin viscosity",
-        "stress",
-        "MPa",
-        standard=1e6,
-    ),
-    Parameter(
-        "kelvin_reference_temperature",
-        r"T_0",
-        "temperature of the Kelvin viscosity and of the recovery rate",
-        "temperature",
-        "K",
-        standard=273.15,
-    ),
-    Parameter(
-        "residual_correlation_strain",
-        r"\epsilon_r",
-        "correlation strain of residuals",
-        "strain",
-        "fraction",
-        standard=0.0,
-    ),
-    Parameter(
-        "piezometer_reference_grain_size",
-        r"d_1",
-        "grain size of the piezometer at 1 MPa",
-        "length",
-        "mm",
-        standard=0.0,
-    ),
-    Parameter("piezometer_exponent", r"m", "stress exponent of the piezometer", standard=1.0),
-    Parameter(
-        "piezometer_stress_floor",
-        r"\sigma_f",
-        "least stress of the piezometer",
-        "stress",
-        "MPa",
-        standard=1e6,
-    ),
-    Parameter(
-        "breakdown_stress",
-        r"\sigma_L",
-        "stress at which power-law creep breaks down",
-        "stress",
-        "MPa",
-        standard=0.0,
-    ),
-    Parameter("residual_correlated_share", r"w", "share of residuals that correlate", standard=1.0),
-    Parameter(
-        "modulus_temperature_coefficient",
-        r"a_E",
-        "relative change of the Maxwell modulus with temperature",
-        "inverse temperature",
-        "1e-6/K",
-        standard=0.0,
-    ),
-    Parameter(
-        "modulus_reference_temperature",
-        r"T_E",
-        "temperature of the Maxwell modulus",
-        "temperature",
-        "K",
-        standard=300.0,
-    ),
-    Parameter("attenuation_scatter", r"s_Q", "scatter of ln tan delta", standard=0.0),
-    Parameter("modulus_scatter", r"s_G", "scatter of ln modulus", standard=0.0),
-    Parameter("strain_noise", r"s_\epsilon", "strain residual", "strain", "percent", standard=1.0),
-    Parameter(
-        "residual_correlation_time",
-        r"\tau_r",
-        "correlation time of residuals",
-        "time",
-        "h",
-        standard=0.0,
-    ),
-    Parameter(
-        "strain_offset",
-        r"\epsilon_0",
-        "strain read at zero strain",
-        "strain",
-        "percent",
-        standard=0.0,
-    ),
-    Parameter(
-        "apparatus_compliance",
-        r"C",
-        "compliance of the apparatus",
-        "compliance",
-        "1/GPa",
-        standard=0.0,
-    ),
-    Parameter(
-        "relaxation_time_decades",
-        r"\delta_\tau",
-        "width of the band of relaxation times in decades",
-        standard=0.0,
-    ),
-    Parameter(
-        "relaxation_exponent", r"\alpha", "exponent of the band of relaxation times", standard=0.5
-    ),
-    Parameter("peak_strength", r"\Delta_P", "relaxation strength of the peak", standard=0.0),
-    Parameter(
-        "peak_time_decades",
-        r"\delta_P",
-        "decades from the peak to the longest relaxation time",
-        standard=0.0,
-    ),
-    Parameter("peak_width", r"\sigma_P", "width of the peak in ln(relaxation time)", standard=0.0),
-    Parameter("andrade_exponent", r"a", "exponent of Andrade creep", standard=0.0),
-    Parameter(
-        "kelvin_grain_size_exponent",
-        r"m_K",
-        "grain size exponent of relaxation times",
-        standard=0.0,
-    ),
-    Parameter(
-        "kelvin_reference_grain_size",
-        r"d_K",
-        "grain size of the Kelvin viscosity",
-        "length",
-        "um",
-        standard=1e-5,
-    ),
-    Parameter(
-        "threshold_stress",
-        r"\sigma_t",
-        "stress up to which the dashpot does not flow",
-        "stress",
-        "MPa",
-        standard=0.0,
-    ),
-    *(
-        Parameter(name, symbol, label, quantity, unit, standard)
-        for name, symbol, label, quantity, unit, standard in (
-            ("hardening_modulus", "H", "hardening modulus of the backstress", "stress", "GPa", 0.0),
-            ("backstress_limit", r"\sigma_{max}", "limit of the backstress", "stress", "MPa", 1e6),
-            ("recovery_rate", "r", "rate of static recovery", "strain rate", "1e-6/s", 0.0),
-            ("recovery_exponent", "m_r", "exponent of static recovery", _ONE, "1", 1.0),
-            ("recovery_activation_enthalpy", "Q_r", _OF_RECOVERY, "molar energy", "kJ/mol", 0.0),
-            ("initial_backstress", r"\sigma_{b0}", "backstress at the start", "stress", "MPa", 0.0),
-            ("source_stress", r"\sigma_d", "stress of dislocation sources", "stress", "MPa", 0.0),
-            ("boundary_recovery", "c_r", "recovery by grain boundaries", _ONE, "1", 0.0),
-            ("reference_backstress", r"\sigma_0", "reference backstress", "stress", "MPa", 0.0),
-        )
-    ),
-    Parameter(
-        "discrepancy", r"\delta", "discrepancy of the law over the reading error", standard=0.0
-    ),
-    *(
-        Parameter(
-            f"{which}_{name}", symbol, f"{label} of the {which} mechanism", quantity, unit, standard
-        )
-        for which, place in (("second", "2"), ("third", "3"))
-        for name, symbol, label, quantity, unit, standard in (
-            ("rate", f"r_{place}", "rate", "strain rate", "1e-6/s", 0.0),
-            ("stress_exponent", f"n_{place}", "stress exponent", _ONE, "1", 1.0),
-            ("grain_size_exponent", f"p_{place}", "grain size exponent", _ONE, "1", 0.0),
-            ("activation_enthalpy", f"Q_{place}", _ENTHALPY, "molar energy", "kJ/mol", 0.0),
-            ("in_series", f"s_{place}", "arrangement", _ONE, "1", 0.0),
-        )
-    ),
-    *(
-        Parameter(
-            f"mechanism_reference_{name}", symbol, f"{label} of mechanism rates", quantity, unit, si
-        )
-        for name, symbol, label, quantity, unit, si in (
-            ("stress", "S_r", "stress", "stress", "MPa", 1e6),
-            ("grain_size", "d_r", "grain size", "length", "um", 1e-3),
-            ("temperature", "T_r", "temperature", "temperature", "K", 273.15),
-        )
-    ),
-    *(
-        Parameter(f"{whose}{name}", symbol + place, label + of, quantity, unit, standard=0.0)
-        for whose, place, of in (
-            ("", "}", ""),
-            ("second_", "2}", " of the second mechanism"),
-            ("third_", "3}", " of the third mechanism"),
-            ("kelvin_", "K}", " of the Kelvin part"),
-            ("recovery_", "r}", " of static recovery"),
-        )
-        for name, symbol, label, quantity, unit in (
-            ("activation_volume", "V_{M", "activation volume", "molar volume", "cm3/mol"),
-            ("water_exponent", "r_{f", "exponent of the water fugacity", _ONE, "1"),
-            ("melt_factor", r"\alpha_{\phi", "change of ln(rate) by melt", _ONE, "1"),
-        )
-    ),
-)
+VARIANT_PARAMETERS = _parameters("variant")
 """Parameters of variants (`docs/variants.md`), which a prior file may name."""
 
-CONDITION_PARAMETERS: tuple[Parameter, ...] = (
-    Parameter(
-        "temperature_error",
-        r"\Delta T",
-        "true less stated temperature",
-        "temperature",
-        "K",
-        standard=0.0,
-    ),
-    Parameter(
-        "stress_calibration_error",
-        r"c",
-        "relative error of the load cell",
-        "relative error",
-        "percent",
-        standard=0.0,
-    ),
-)
+CONDITION_PARAMETERS = _parameters("condition")
 """Errors of the conditions of a test; their priors come from its file, not from the material's."""
 
-ENVIRONMENT_PARAMETERS: tuple[Parameter, ...] = (
-    Parameter("pressure", r"P", "pressure", "stress", "MPa", standard=0.0),
-    Parameter("water_fugacity", r"f", "water fugacity", "stress", "MPa", standard=1e6),
-    Parameter("melt_fraction", r"\phi", "melt fraction", standard=0.0),
-)
+ENVIRONMENT_PARAMETERS = _parameters("environment")
 """What surrounds or fills the sample of a test, which its file states."""
+
+RATE_PARAMETERS = _parameters("rates")
+"""What laws of tables of rates have beside the flow law's n, p and Q_M."""
 
 ENVIRONMENT = tuple(p.name for p in ENVIRONMENT_PARAMETERS)
 """Its names, those of `pyburgers.kinds.experiment.Experiment.environment`."""
@@ -341,7 +112,6 @@ PROGRAM_PARAMETERS: tuple[Parameter, ...] = (
 
 PLACE: Mapping[str, int] = {p.name: k for k, p in enumerate(PROGRAM_PARAMETERS, start=1)}
 """Place of each parameter in the programs, as in `stan/physics/parameters.stan`."""
-"""The parameter vector of the Stan programs for curves."""
 
 PIEZOMETER = (
     "piezometer_reference_grain_size",

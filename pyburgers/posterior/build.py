@@ -34,7 +34,6 @@ from pyburgers.posterior.groups import (
 from pyburgers.posterior.labelled_draws import (
     DRIVING_ERRORS,
     MICROSTRUCTURE,
-    OF_ALL_TESTS,
     TESTS,
     keep_posterior,
     label_draws,
@@ -57,9 +56,9 @@ def build_posterior(
     log_likelihood_given_others (if residuals are correlated), log_prior, model_response and
     posterior_predictive (at the observed points), predictions (on a grid of the clock),
     posterior_mean_solution, observed_data, constant_data, `MICROSTRUCTURE` and
-    `DRIVING_ERRORS`. Those of several tests are in tests/ID, with `OF_ALL_TESTS`; the top has
-    the points of all tests and all draws, shared parameters by their names, others as
-    NAME[TESTS], NAME[centre], NAME[spread].
+    `DRIVING_ERRORS`. Those of several tests are in tests/ID; the top has the points of all tests
+    and all draws, shared parameters by their names, others as NAME[TESTS], NAME[centre],
+    NAME[spread].
     """
     with run.unchanged_copy(manifest, with_draws=True) as copy:
         groups = _groups_of(copy, problem, manifest)
@@ -111,11 +110,9 @@ def _groups_of(
             "posterior_mean_solution": _solution_at_mean(of_test, priors, experiment),
         }
     common = point_groups(at_points, experiments)
-    total = at_points["log_lik"].sum("point", skipna=False)
     if MICROSTRUCTURE_LOG_LIKELIHOOD in fit:
         measured = microstructure_group(fit, experiments, chains)
         common[MICROSTRUCTURE] = measured
-        total = total + measured["log_likelihood"].sum(("section", "quantity"))
         for e, (experiment, own) in enumerate(zip(experiments, tests.values(), strict=True)):
             if experiment.microstructure:
                 own[MICROSTRUCTURE] = microstructure_of_test(measured, experiments, e)
@@ -129,7 +126,7 @@ def _groups_of(
             **{
                 f"{TESTS}/{test}/{name}": group
                 for test, own in tests.items()
-                for name, group in {**own, OF_ALL_TESTS: xr.Dataset({"total": total})}.items()
+                for name, group in own.items()
             },
         }
     if any(experiment.n_driving_errors for experiment in experiments):

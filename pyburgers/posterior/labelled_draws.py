@@ -55,9 +55,6 @@ SAMPLE_STATS = {
 CORRELATED = "log_likelihood_given_others"
 """Group of their densities in labelled draws, which only correlated residuals have."""
 
-OF_ALL_TESTS = "log_likelihood_of_all_tests"
-"""Group of the log likelihood of the data of all tests, which only tests of a joint fit have."""
-
 DRIVING_ERRORS = "driving_errors"
 """Group of the errors of what drives the tests, which only tests have where these are sampled."""
 
@@ -90,16 +87,6 @@ def pointwise_log_density(posterior: xr.DataTree) -> xr.DataArray:
     return response_in(
         posterior, CORRELATED if CORRELATED in posterior.children else "log_likelihood"
     )
-
-
-def total_log_likelihood(posterior: xr.DataTree) -> xr.DataArray:
-    """Return the log likelihood of all data by chain and draw, in a joint fit of all tests."""
-    if OF_ALL_TESTS in posterior.children:
-        return posterior[OF_ALL_TESTS].to_dataset()["total"]
-    total = response_in(posterior, "log_likelihood").sum("point")
-    if MICROSTRUCTURE in posterior.children:
-        total = total + posterior[MICROSTRUCTURE]["log_likelihood"].sum(("section", "quantity"))
-    return total
 
 
 def keep_posterior(

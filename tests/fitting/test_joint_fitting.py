@@ -24,7 +24,6 @@ from pyburgers.page.joint_section import (
 )
 from pyburgers.page.names import joint_key, page_keys, page_names
 from pyburgers.page.page import write_report
-from pyburgers.posterior.labelled_draws import total_log_likelihood
 
 
 def test_manifest_names_tests_pooling_and_inputs(joint: Fit) -> None:
@@ -41,14 +40,6 @@ def test_shared_draws_are_the_same_in_all_tests(joint: Fit) -> None:
     assert not np.array_equal(first["stress_noise"], other["stress_noise"])
     assert "stress_noise[other]" in joint.summary("SI").index
     assert joint.summary("SI").index.is_unique
-
-
-def test_the_influence_of_data_is_that_of_all_tests(joint: Fit) -> None:
-    of_test = joint.tests()["other"].posterior
-    total = joint.posterior["log_likelihood"].to_dataset()["stress"].sum("point")
-    np.testing.assert_allclose(total_log_likelihood(of_test), total)
-    own = of_test["log_likelihood"].to_dataset()["stress"].sum("point")
-    assert not np.allclose(total_log_likelihood(of_test), own)
 
 
 def test_every_number_of_a_joint_fit_says_who_decides_it(joint: Fit) -> None:

@@ -98,7 +98,6 @@ functions {
 data {
   int<lower=1> n_materials;
   array[n_materials] vector[n_parameters()] parameter; // in the order of physics/parameters.stan
-  int<lower=0, upper=n_parameters()> kelvin_law; // as in data/tests.stan
   int<lower=1> n_conditions;
   vector<lower=0>[n_conditions] strain_rate; // 1/s
   vector<lower=0>[n_conditions] grain_size; // at the start, m
@@ -119,13 +118,13 @@ generated quantities {
       if (wanted_peak_stress[i] > 0) {
         found = test_with_peak(log(wanted_peak_stress[i]), parameter[m], parameter[m], strain,
                                strain_rate[i], grain_size[i], temperature[i],
-                               kelvin_law, tolerance, max_num_steps);
+                               kelvin_law_at(parameter[m]), tolerance, max_num_steps);
       } else {
         found[1] = log_reference_stress_at(parameter[m], strain_rate[i], grain_size[i],
                                            temperature[i]);
         found[2 : 3] = peak_of_test(parameter[m], parameter[m], strain, strain_rate[i],
                                     exp(found[1]), grain_size[i], temperature[i],
-                                    kelvin_law, tolerance, max_num_steps);
+                                    kelvin_law_at(parameter[m]), tolerance, max_num_steps);
       }
       log_peak_stress[m, i] = found[2];
       peak_strain[m, i] = found[3];

@@ -22,7 +22,6 @@ from pyburgers.common.toml_files import Table, read_json_table
 from pyburgers.flow_law_tables.tables import PeakStrain, RateTable
 from pyburgers.kinds.program_data import given_parameters
 from pyburgers.kinds.stan_data import SolverOptions, StanData, solver_block
-from pyburgers.model.kelvin_laws import nonlinear_kelvin_law
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 
@@ -158,7 +157,6 @@ def simulate_peaks(
         {
             "n_materials": len(given),
             "parameter": [[one[p.name].location for p in PROGRAM_PARAMETERS] for one in given],
-            "kelvin_law": nonlinear_kelvin_law(one.priors for one in given),
             "n_conditions": strain_rate.size,
             "strain_rate": strain_rate.tolist(),
             "grain_size": grain_size.tolist(),

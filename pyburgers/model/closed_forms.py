@@ -4,7 +4,7 @@ They are the compliance, creep and relaxation times of a linear Kelvin part, and
 adds under a hold and stress cycles.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,6 @@ from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.model.kelvin_elements import element_rows
 from pyburgers.model.laws import (
     HARDENING_SWITCH,
-    NONLINEAR_KELVIN_PARAMETERS,
     RELAXATION_TIMES,
     SPECTRUM_PARAMETERS,
     SPECTRUM_SWITCHES,
@@ -114,36 +113,21 @@ def parameter_columns(
     ]
 
 
-def require_no_backstress(parameters: Mapping[str, npt.ArrayLike]) -> None:
-    """Raise `InputError` if the dashpot has a backstress, which stress cycles move in time."""
-    if np.any(np.asarray(parameters.get(HARDENING_SWITCH, 0.0)) != 0):
-        raise InputError(
-            f"{HARDENING_SWITCH}: found values other than 0, expected a dashpot without a "
-            "backstress; fit and simulate stress cycles as a loading history (stress_series)."
-        )
-
-
-def require_linear(parameters: Mapping[str, npt.ArrayLike]) -> None:
-    """Raise `InputError` if a Kelvin element has a dashpot that is not linear: no compliance."""
-    for name in NONLINEAR_KELVIN_PARAMETERS:
+def require_standard(
+    parameters: Mapping[str, npt.ArrayLike], names: Iterable[str], expected: str
+) -> None:
+    """Raise `InputError` if a parameter has another value than the one that leaves it no effect."""
+    for name in names:
         standard = STANDARD_VALUES[name]
         if np.any(np.asarray(parameters.get(name, standard)) != standard):
-            raise InputError(
-                f"{name}: found values other than {standard:g}, expected a linear "
-                "Kelvin part because the spectrum in closed form needs it; simulate cycles of any "
-                "other as a loading history."
-            )
+            raise InputError(f"{name}: found values other than {standard:g}, expected {expected}.")
 
 
-def require_one_relaxation_time(parameters: Mapping[str, npt.ArrayLike]) -> None:
-    """Refuse laws that are not solved in time under imposed stress.
-
-    Raise InputError if the Kelvin part has many relaxation times, or one that depends on grain
-    size.
-    """
-    for name in (*SPECTRUM_SWITCHES, "kelvin_grain_size_exponent"):
-        if np.any(np.asarray(parameters.get(name, 0.0)) != 0):
-            raise InputError(
-                f"{name}: found values other than 0, expected a Kelvin part of one relaxation time "
-                "because a solution in time needs it; the closed form takes any."
-            )
+def require_no_backstress(parameters: Mapping[str, npt.ArrayLike]) -> None:
+    """Raise `InputError` if the dashpot has a backstress, which stress cycles move in time."""
+    require_standard(
+        parameters,
+        [HARDENING_SWITCH],
+        "a dashpot without a backstress; fit and simulate stress cycles as a loading history "
+        "(stress_series)",
+    )

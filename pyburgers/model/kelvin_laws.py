@@ -1,11 +1,11 @@
 """Laws of the Kelvin part (`pyburgers.model.laws`): how priors tell them, and their priors."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from pyburgers.common.errors import InputError
-from pyburgers.model.laws import KELVIN_LAWS, KELVIN_SWITCHES, NONLINEAR_KELVIN_PARAMETERS
-from pyburgers.model.parameters import PARAMETER_BY_NAME, PLACE, STANDARD_VALUES
+from pyburgers.model.laws import KELVIN_LAWS, KELVIN_SWITCHES
+from pyburgers.model.parameters import PARAMETER_BY_NAME, STANDARD_VALUES
 from pyburgers.model.prior_families import Prior, fixed_prior, is_standard
 
 
@@ -22,18 +22,6 @@ def kelvin_law(priors: Mapping[str, Prior], where: str) -> str:
         f"{where}: found effects of {' and '.join(on)} in the priors, expected one law of the "
         "Kelvin part (a peak only on top of a band of relaxation times)."
     )
-
-
-def nonlinear_kelvin_law(priors: Iterable[Mapping[str, Prior]]) -> int:
-    """Return the law of one Kelvin element for the programs: the place of its parameter.
-
-    It is 0 if the element is linear in all the priors, which have to name the parameters of laws.
-    """
-    sets = list(priors)
-    for name in NONLINEAR_KELVIN_PARAMETERS:
-        if not all(is_standard(own, name) for own in sets):
-            return PLACE[name]
-    return 0
 
 
 def changes_for(

@@ -137,8 +137,8 @@ CHOICES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 """Names of the parts and of the laws that each may follow."""
 
 
-def parse_choices(options: Sequence[str], where: str = "--variant") -> dict[str, str]:
-    """Return law by part of choices such as ``kelvin=power_law``; `where` is for messages.
+def parse_choices(options: Sequence[str]) -> dict[str, str]:
+    """Return law by part of choices of ``--variant``, such as ``kelvin=power_law``.
 
     Raises InputError if an option is no choice, names an unknown part or law, or repeats a part.
     """
@@ -146,11 +146,11 @@ def parse_choices(options: Sequence[str], where: str = "--variant") -> dict[str,
     for option in options:
         part, equals, choice = option.partition("=")
         if not equals:
-            raise InputError(f"{where} {option}: expected PART=LAW, such as kelvin=power_law.")
+            raise InputError(f"--variant {option}: expected PART=LAW, such as kelvin=power_law.")
         if part in choices:
-            raise InputError(f"{where} {option}: found a second choice for {part}, expected one.")
+            raise InputError(f"--variant {option}: found a second choice for {part}, expected one.")
         choices[part] = choice
-    _check_names(choices, where)
+    _check_names(choices, "--variant")
     return choices
 
 

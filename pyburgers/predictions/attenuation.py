@@ -31,8 +31,9 @@ from pyburgers.common.draws import FloatArray
 from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.common.units import UNITS
 from pyburgers.kinds.kind import FittedTest
-from pyburgers.model.closed_forms import closed_forms, require_linear, require_no_backstress
+from pyburgers.model.closed_forms import closed_forms, require_no_backstress, require_standard
 from pyburgers.model.display import STRESS_UNIT
+from pyburgers.model.laws import NONLINEAR_KELVIN_PARAMETERS
 from pyburgers.predictions.assumptions import (
     CRITICAL_SHARE,
     checked_share,
@@ -125,7 +126,12 @@ def attenuation_spectrum(
     draws, size, fabric = checked_inputs(parameters, temperature, grain_size, fabric_factor)
     frequency = checked_frequencies(frequencies)
     hold_time = checked_hold_time(hold_time)
-    require_linear(parameters)
+    require_standard(
+        parameters,
+        NONLINEAR_KELVIN_PARAMETERS,
+        "a linear Kelvin part because the spectrum in closed form needs it; simulate cycles of any "
+        "other as a loading history",
+    )
     require_no_backstress(parameters)
     found = closed_forms(
         draws,

@@ -31,8 +31,9 @@ from pyburgers.model.closed_forms import (
     closed_forms,
     parameter_columns,
     require_no_backstress,
-    require_one_relaxation_time,
+    require_standard,
 )
+from pyburgers.model.laws import SPECTRUM_SWITCHES
 from pyburgers.predictions.attenuation import attenuation_spectrum, condition_columns, flat_draws
 from pyburgers.predictions.closed_forms import cycles_data
 from pyburgers.predictions.material import Material
@@ -168,7 +169,12 @@ def solve_imposed_stress(
     (n_materials, n_times). Raises `SamplingError` if the solver finds no solution.
     """
     checked_frequencies([frequency])
-    require_one_relaxation_time(parameters)
+    require_standard(
+        parameters,
+        (*SPECTRUM_SWITCHES, "kelvin_grain_size_exponent"),
+        "a Kelvin part of one relaxation time because a solution in time needs it; the closed form "
+        "takes any",
+    )
     require_no_backstress(parameters)
     check_given_together(
         {name: float(np.max(parameters[name])) for name in OTHER_PARAMETERS if name in parameters},

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import number
-from pyburgers.model.closed_forms import RELAXATION_PARAMETERS
+from pyburgers.model.closed_forms import RELAXATION_PARAMETERS, require_standard
 from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
 from pyburgers.model.laws import DASHPOT_STRESSES, HARDENING_SWITCH
 from pyburgers.model.parameters import (
@@ -142,19 +142,19 @@ def checked_inputs(
     }
     shape = draws[PARAMETER_NAMES[0]].shape
     for name, law in DASHPOT_STRESSES.items():
-        if not law.closed_form and np.any(np.asarray(parameters.get(name, 0.0)) != 0):
-            raise InputError(
-                f"{name}: found values other than 0, expected a dashpot of another law than "
-                f"{law.name} because stress cycles have no closed form with it; fit and simulate "
-                "them as a loading history."
+        if not law.closed_form:
+            require_standard(
+                parameters,
+                [name],
+                f"a dashpot of another law than {law.name} because stress cycles have no closed "
+                "form with it; fit and simulate them as a loading history",
             )
-    for *_, name in FURTHER_MECHANISMS.values():
-        if np.any(np.asarray(parameters.get(name, 0.0)) != 0):
-            raise InputError(
-                f"{name}: found values other than 0, expected mechanisms side by side because "
-                "stress cycles have no closed form with others; fit and simulate them as a "
-                "loading history."
-            )
+    require_standard(
+        parameters,
+        [own[-1] for own in FURTHER_MECHANISMS.values()],
+        "mechanisms side by side because stress cycles have no closed form with others; fit and "
+        "simulate them as a loading history",
+    )
     if len(shape) not in DRAW_DIMENSIONS:
         raise InputError(
             f"parameters: found draws of shape {shape}, expected (chain, draw), (draw,) or ()."

@@ -26,19 +26,6 @@ vector with_shared(vector value, array[] vector parameter, data array[] int shar
   return common;
 }
 
-/** Of each test, whether other tests share parameters of it. */
-array[] int gives_to_others(data array[,] int shared_from) {
-  array[size(shared_from)] int gives = rep_array(0, size(shared_from));
-  for (e in 1 : size(shared_from)) {
-    for (from in shared_from[e]) {
-      if (from != e) {
-        gives[from] = 1;
-      }
-    }
-  }
-  return gives;
-}
-
 /**
  * Real number u behind a partially pooled parameter.
  *

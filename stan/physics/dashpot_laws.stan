@@ -89,17 +89,6 @@ real equivalent_stress(real stress, real law, real law_stress, real fabric_facto
   return stress;
 }
 
-/** Stress of undeformed material (F = 1) at an equivalent stress above 0: equivalent_stress() inverted. */
-real stress_of_equivalent(real equivalent, real law, real law_stress) {
-  if (law == i_breakdown_stress()) {
-    return law_stress * asinh(equivalent / law_stress);
-  }
-  if (law == i_threshold_stress()) {
-    return equivalent + law_stress;
-  }
-  return equivalent;
-}
-
 /** Stress that sources of dislocations take at a grain size (m), Pa; 0 without dislocations. */
 real source_stress_at(vector parameter, real grain_size) {
   return parameter[i_reference_backstress()] > 0

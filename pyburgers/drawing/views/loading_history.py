@@ -46,18 +46,12 @@ from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stan_data import stage_of_times
 from pyburgers.model.display import (
     STRAIN_FACTOR,
-    STRAIN_UNIT,
     STRESS_FACTOR,
-    STRESS_UNIT,
     time_unit,
 )
-from pyburgers.model.read_quantities import Quantity
+from pyburgers.model.read_quantities import STRAIN, STRESS, Quantity
 
 STAGE_COLOURS = (BLUE, VERMILION, "#009E73", PURPLE, ORANGE, "#56B4E9")
-
-
-_STRESS = Quantity("stress", "stress_Pa", "Pa", STRESS_UNIT, STRESS_FACTOR)
-_STRAIN = Quantity("strain", "strain", "1", STRAIN_UNIT, STRAIN_FACTOR)
 _LABELS = {"stress": STRESS_LABEL, "strain": STRAIN_LABEL}
 
 
@@ -75,7 +69,7 @@ _LABELS = {"stress": STRESS_LABEL, "strain": STRAIN_LABEL}
 def history(fit: FittedTest) -> Figure:
     """Draw stress, strain and residuals along time."""
     experiment = of_kind(fit.experiment, HistoryExperiment)
-    curves = {shown.name: _curve(fit, shown) for shown in (_STRESS, _STRAIN)}
+    curves = {shown.name: _curve(fit, shown) for shown in (STRESS, STRAIN)}
     panels = [(name, part) for name in curves for part in ("curve", "residuals")]
     panels = [(n, part) for n, part in panels if part == "curve" or curves[n].position.size > 0]
     heights = [3.0 if part == "curve" else 1.2 for _, part in panels]
@@ -157,7 +151,7 @@ def response(fit: FittedTest) -> Figure:
 
 
 def _main(experiment: HistoryExperiment) -> Quantity:
-    return _STRAIN if 2 * experiment.response_is_strain.sum() >= experiment.n_points else _STRESS
+    return STRAIN if 2 * experiment.response_is_strain.sum() >= experiment.n_points else STRESS
 
 
 def read_curve(experiment: HistoryExperiment) -> ReadCurve:
@@ -168,7 +162,7 @@ def read_curve(experiment: HistoryExperiment) -> ReadCurve:
 def _read(experiment: HistoryExperiment, shown: Quantity) -> ReadCurve:
     """Gather a quantity along time as read."""
     unit, seconds = time_unit(experiment.end_time)
-    is_read = experiment.response_is_strain == (shown is _STRAIN)
+    is_read = experiment.response_is_strain == (shown is STRAIN)
     return ReadCurve(
         position=experiment.time[is_read] / seconds,
         data=experiment.reading[is_read] * shown.display_factor,
@@ -194,7 +188,7 @@ def _curve(fit: FittedTest, shown: Quantity) -> FittedCurve:
         f"residual ({shown.display_unit})",
         factor=shown.display_factor,
         clock_factor=1 / seconds,
-        rows=experiment.response_is_strain == (shown is _STRAIN),
+        rows=experiment.response_is_strain == (shown is STRAIN),
     )
     # What is imposed has no reading error.
     is_imposed = imposed[stage_of_times(experiment, time)]
@@ -271,7 +265,7 @@ def response_result(fit: FittedTest) -> str:
     ends = (
         f"{shown.name} of {band_text(predicted(fit, shown.name)[:, -1] * shown.display_factor, '')}"
         f" in the unit of {_LABELS[shown.name]}"
-        for shown in (_STRAIN, _STRESS)
+        for shown in (STRAIN, STRESS)
     )
     return f"the history ends at {' and '.join(ends)}."
 

@@ -360,8 +360,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--main",
         action="store_true",
-        help="only the main part: a test of measured dunite, one curve of ice, the olivine "
-        "oscillation, and the attenuation of ice",
+        help="only the main part: measured rates of ice, a test of measured dunite, one curve "
+        "of ice, the olivine oscillation, and the attenuation of ice",
     )
     parser.add_argument(
         "--measured",

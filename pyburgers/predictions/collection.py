@@ -22,8 +22,8 @@ LAWS = ("flow_law", "mechanisms", "hardening_law", "elastic_law", "kelvin_law", 
 class FittedRock:
     """A published test with the law that was fitted to it.
 
-    The law is the one that predicts left-out readings best among the laws that describe the data.
-    If none describes them, it is the best of all, and `describes_data` says so.
+    The law predicts left-out readings best among those that were sampled well and describe the
+    data; if there is none, among those that were sampled well, and `describes_data` says so.
 
     Attributes
     ----------

@@ -18,7 +18,7 @@ MIN_MODE_DISTANCE = 3.0
 """Distance of two ends, in standard deviations at the one, from which on they are two modes."""
 
 MAX_NOISE = 0.3
-"""Of the log density, with which sampling still goes well (`docs/coordinates_trials.md`)."""
+"""Of the log density, with which sampling still goes well."""
 
 MAX_TIGHTENINGS = 3
 """Times that the tolerance is tightened for it, if that many are needed."""

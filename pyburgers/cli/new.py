@@ -308,6 +308,9 @@ def _temperature_use(columns: Columns, given: Mapping[str, Any]) -> Mapping[str,
     if highest is None:
         return {}
     use = "its highest value alone is used, as the temperature of the test"
+    holds = columns["temperature"].si
+    if np.ptp(holds[np.isfinite(holds)]) > 0:
+        use += f"; it holds {np.nanmin(holds):g} to {highest:g} K"
     if stated is not None:
         use = f"--temperature-K {stated:g} takes its place; its highest value is {highest:g} K"
     return {"temperature": use}

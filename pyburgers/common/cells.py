@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from datetime import date
 from typing import Literal
 
-from pyburgers.common.units import UNIT_TABLE
+from pyburgers.common.units import UNIT_TABLE, unit_spelled
 
 CellKind = Literal["number", "text", ""]
 
@@ -74,6 +74,7 @@ def is_unit(cell: str) -> bool:
         or _IN_BRACKETS.fullmatch(cell) is not None
         or _UNITS.fullmatch(cell) is not None
         or _POWER_OF_TEN.fullmatch(cell) is not None
+        or any(unit_spelled(cell.lower(), quantity) for quantity in UNIT_TABLE)
     )
 
 
@@ -164,6 +165,8 @@ def seconds_of(cells: Sequence[str]) -> tuple[list[float], bool] | None:
     stamps = [stamp for stamp in found if stamp is not None]
     dated = any(stamp["date"] is not None for stamp in stamps)
     clocks = [stamp for stamp in stamps if stamp["clock"] is not None]
+    if dated and any(stamp["date"] is None for stamp in stamps):
+        return None
     if not dated and not any(stamp["third"] or stamp["half"] for stamp in clocks):
         return None
     usual = _readings(found, dated=dated, noon=0)

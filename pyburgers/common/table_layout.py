@@ -45,6 +45,10 @@ class Sheet:
     rows: Sequence[tuple[str, ...]] = ()
 
 
+ZERO_OF_WORKBOOKS = datetime.datetime(1899, 12, 30)
+"""Date of the number 0 from 61 on; below 60 it is a day later. Numbers of 1900 are durations."""
+
+
 def read_sheets(path: Path, where: str | None = None) -> tuple[list[Sheet], str | None]:
     """Read the single sheet of a text, or those of a workbook that hold something, and a note."""
     content = read_bytes(path, where)
@@ -112,6 +116,8 @@ def _as_text(value: object) -> str:
     """Return the text of a cell of a workbook."""
     if value is None:
         return ""
+    if isinstance(value, datetime.datetime) and value.year == ZERO_OF_WORKBOOKS.year + 1:
+        value -= ZERO_OF_WORKBOOKS + datetime.timedelta(days=value.month < 3)
     if isinstance(value, datetime.timedelta):
         minutes, seconds = divmod(value.total_seconds(), 60)
         return f"{int(minutes // 60)}:{int(minutes % 60):02}:{seconds:09.6f}"

@@ -24,31 +24,33 @@ class Unit:
 UNIT_TABLE: Mapping[str, Mapping[str, Unit]] = MappingProxyType(
     {
         "stress": {
-            "Pa": Unit(1.0, r"(?<![a-z])(?:pa(?![a-z])|n/m\^?2)"),
-            "MPa": Unit(1e6, r"mpa|(?<![a-z])(?:n/mm|mn/m)\^?2"),
+            "Pa": Unit(1.0, r"(?<![a-z])(?:pa(?![a-z])|pascals?|n/m\^?2)"),
+            "MPa": Unit(1e6, r"mpa|megapascals?|(?<![a-z])(?:n/mm|mn/m)\^?2"),
             "GPa": Unit(1e9, r"gpa|(?<![a-z])kn/mm\^?2"),
         },
         "compliance": {"1/Pa": Unit(), "1/GPa": Unit(1e-9)},
         "viscosity": {"Pa s": Unit(), "MPa s": Unit(1e6), "GPa s": Unit(1e9)},
         "strain": {
-            "fraction": Unit(1.0, r"fraction|m/m|\(-\)|\[-\]"),
-            "percent": Unit(1e-2, r"percent|%|pct"),
+            "fraction": Unit(
+                1.0, r"fraction|(?<![a-zμ])m/m(?![a-z])|mm/mm|cm/cm|in/in|\(-\)|\[-\]"
+            ),
+            "percent": Unit(1e-2, r"per ?cent|%(?!o)|pct|prozent|pourcent"),
         },
         "strain rate": {"1/s": Unit(), "1e-6/s": Unit(1e-6)},
         "time": {
-            "s": Unit(1.0, r"(?<![a-zμ])s(?:ec|ek)?(?:onds?)?(?![a-z])"),
-            "min": Unit(60.0, r"(?<![a-z])min"),
-            "h": Unit(3600.0, r"hour|(?<![a-z])(?:hr?s?|std)(?![a-z])"),
+            "s": Unit(1.0, r"(?<![a-zμ])s(?:e[ck]s?)?(?:ond[es]?s?|unden?)?(?![a-z])"),
+            "min": Unit(60.0, r"(?<![a-z])min(?:s|ut\w*)?"),
+            "h": Unit(3600.0, r"hours?|(?<![a-z])(?:hr?s?|std|stunden?|heures?)(?![a-z])"),
         },
         "frequency": {
-            "Hz": Unit(1.0, r"(?<![a-zμ])hz"),
+            "Hz": Unit(1.0, r"(?<![a-zμ])(?:hz|hertz)"),
             "rad/s": Unit(
                 1 / (2 * math.pi),
-                r"rad|omega|ω|(?<![a-z])ang|circular|(?:kreis|winkel)freq|pulsation|^w(?![a-z])",
+                r"rad(?:/s)?|omega|ω|(?<![a-z])ang|circular|(?:kreis|winkel)freq|pulsation|^w(?![a-z])",
             ),
         },
         "angle": {
-            "deg": Unit(math.pi / 180, r"°|(?<![a-z])(?:deg|grad)"),
+            "deg": Unit(math.pi / 180, r"°|(?<![a-z])(?:deg(?:rees?)?|grad)"),
             "mrad": Unit(1e-3, r"mrad"),
             "rad": Unit(1.0, r"(?<![a-zμ])rad"),
         },
@@ -57,8 +59,8 @@ UNIT_TABLE: Mapping[str, Mapping[str, Unit]] = MappingProxyType(
         "molar volume": {"m3/mol": Unit(), "cm3/mol": Unit(1e-6)},
         "inverse molar energy": {"mol/J": Unit(), "mol/kJ": Unit(1e-3)},
         "temperature": {
-            "K": Unit(1.0, r"kelvin|(?<![a-z])k(?![a-z])"),
-            "C": Unit(1.0, r"celsius|°c|(?<![a-z])deg_?c|(?<![a-z])c(?![a-z])", zero=273.15),
+            "K": Unit(1.0, r"kelvin|°? ?(?<![a-z])k(?![a-z])"),
+            "C": Unit(1.0, r"celsius|° ?c|(?<![a-z])deg[_ .]*c|(?<![a-z])c(?![a-z])", zero=273.15),
         },
         "relative error": {"1": Unit(), "percent": Unit(1e-2)},
         "inverse temperature": {"1/K": Unit(), "1e-6/K": Unit(1e-6)},
@@ -81,14 +83,16 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 FOREIGN_UNIT_NAMES: Mapping[str, str] = MappingProxyType(
     {
         "strain": r"[mμ](?:icro|illi)?_?(?:strain|ε)|[(\[](?:milli|micro)[)\]]|ppm|‰"
-        r"|[mμu]m/m(?!m)|(?<![a-z/])(?:mm|cm|μm|um|in|inch|inches)(?![a-z/])",
+        r"|[mμu]m/m(?!m)|%o|(?<![a-z/])(?:mm|cm|μm|um|in|inch|inches)(?![a-z/])",
         "stress": r"[khm]bar|(?<![a-z])(?:[kh]pa|psi|ksi|bar|atm|[km]n|kgf?|lb[fs]?|lbsf|pounds?"
-        r"|kips?|tons?)(?![a-z])|[(\[]n[)\]]|load_?n$",
-        "time": r"day|week|month|year|(?<![a-z])(?:d|yrs?|[mμun]s(?:ec)?)(?![a-z])",
+        r"|kips?|tons?)(?![a-z])|[(\[]n[)\]]|load_?n$"
+        r"|normali[sz]|(?<![a-z])[eg]/[eg]|[(\[] ?(?:-|dimensionless|unitless) ?[)\]]",
+        "time": r"day|week|month|year|(?<![a-z])(?:d|yrs?|[kmμun]s(?:ec)?)(?![a-z])",
         "temperature": r"fahrenheit|°f|(?<![a-z])f(?![a-z])",
         "frequency": r"(?<![a-z])[kmμun]hz|rpm|rev|cpm",
-        "attenuation": r"(?<![a-z])(?:ln|db)(?![a-z])|^q$|quality|gute|%|percent|10\^?-?[2-9]"
-        r"|1e-?\d|1000",
+        "attenuation": r"(?<![a-z])(?:ln|db)(?![a-z])|quality|gute|%|percent|10\^?-?[2-9]|1e-?\d"
+        r"|(?<![\d.])(?<!log)(?<!log_)100+(?!\d)"
+        r"|(?<![a-z/])q(?![a-z]|\w*[\^{( ]*-? ?1|[ _]?inv)",
         "angle": r"[μun]rad",
     }
 )
@@ -105,6 +109,13 @@ def unit_in(name: str, quantity: str) -> str | None:
     """Return the unit that a name of a column in lower case spells; None where it spells none."""
     units = UNIT_TABLE.get(quantity, {}).items()
     found = [unit for unit, own in units if own.spelling and re.search(own.spelling, name)]
+    return found[-1] if found else None
+
+
+def unit_spelled(text: str, quantity: str) -> str | None:
+    """Return the unit that a text in lower case is and nothing else; None for any other text."""
+    units = UNIT_TABLE.get(quantity, {}).items()
+    found = [unit for unit, own in units if re.fullmatch(rf"(?:{own.spelling or '$^'})\.?", text)]
     return found[-1] if found else None
 
 

@@ -14,18 +14,20 @@ import numpy as np
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.cells import as_number, has_date
 from pyburgers.common.text_tables import TextTable
-from pyburgers.common.units import FOREIGN_UNIT_NAMES, UNIT_TABLE, Unit, unit_in
+from pyburgers.common.units import FOREIGN_UNIT_NAMES, UNIT_TABLE, Unit, unit_in, unit_spelled
 
 OTHER_QUANTITIES = re.compile(
-    r"(?<![a-z])(?:strain|stress|def\w*)?.?rate(?![a-z])|confin|cell.?p|pore|radial|lateral|quer|(?<![a-z])vol"
-    r"|(?:gas|oil|fluid|water|ambient).{0,2}press|hydrostat|compliance|viscos|strain.?ampl|manteldruck|vitesse|geschwindigkeit"
+    r"(?<![a-z])(?:strain|stress|(?:def|ver|dehn|stauch)\w*)?.?rate(?![a-z])|(?<![a-z])taux|eps\w*dot"
+    r"|^(?!.*freq|.*omega|.*ω|[fw](?![a-z])).*(?<!rad)(?:/ ?|(?= ?s\^?-1))s(?:ec|\^?-1)? ?[)\]]"
+    r"|confin|cell.?p|pore|radial|lateral|quer|(?<![a-z])vol|(?:seiten|mantel|umlagerungs|zell)druck"
+    r"|(?:gas|oil|fluid|water|ambient).{0,2}press|hydrostat|compliance|viscos|strain.?ampl|vitesse|geschwindigkeit"
     r"|^(?:sigma|sig|σ|s)_?[23](?![0-9a-z])|^p(?:c|conf)?(?![a-z])"
 )
 """Pattern of columns that resemble a quantity and are another one: strain rates, compliances,
 pressures and strains across the axis."""
 
 
-CONFINING = re.compile(r"confin|cell.?p|hydrostat|manteldruck")
+CONFINING = re.compile(r"confin|cell.?p|hydrostat|(?:seiten|mantel|umlagerungs|zell)druck")
 """Pattern of columns of the pressure on a sample."""
 
 
@@ -92,7 +94,7 @@ COLUMN_NAMES: Mapping[str, ColumnNames] = MappingProxyType(
         ),
         "temperature": ColumnNames(
             "temperature",
-            (r"temp(?!s(?![a-z]))|temps? ?[(\[]°?[cfk]|^t ?[(\[/_]? ?°?[kcf](?![a-z])",),
+            (r"temp(?!s(?![a-z]))|temps? ?[(\[]°?[cfk]|^t ?[(\[/_]? ?(?:deg)?°?[kcf](?![a-z])",),
             (
                 (r"room|ambient|(?<![a-z])(?:lab|air|box)|junction|raum", 4),
                 (r"furnace|oven|ofen|heater|bath|four", 3),
@@ -108,7 +110,7 @@ COLUMN_NAMES: Mapping[str, ColumnNames] = MappingProxyType(
                 r"stress|sigma|(?<![a-z])sig(?![a-z])|σ|(?<![a-z])tau|τ|deviator|spannung|contrainte|s_?diff"
                 r"|^q ?[(\[_].*pa",
                 r"^s_?1(?![0-9a-z])",
-                r"load|force|pressure|pression|kraft|druck|charge",
+                r"load|force|pressure|(?<!com)pression|kraft|druck|charge",
             ),
             (
                 (rf"{ENGINEERING}|(?<![a-z])raw(?![a-z])|uncorr", 3),
@@ -124,7 +126,8 @@ COLUMN_NAMES: Mapping[str, ColumnNames] = MappingProxyType(
         "strain": ColumnNames(
             "strain",
             (
-                r"strain|(?<![a-z])eps|ε|shorten|dehnung|stauchung|gamma|γ|deformation|verformung|raccourc",
+                r"strain|(?<![a-z])eps|ε|shorten|dehnung|stauchung|gamma|γ|deformation|verformung|raccourc"
+                r"|compression[ (\[]*(?:%|p)",
             ),
             (
                 (rf"{ENGINEERING}|(?<![a-z])raw(?![a-z])|uncorr|machine", 3),
@@ -143,7 +146,7 @@ COLUMN_NAMES: Mapping[str, ColumnNames] = MappingProxyType(
 """Patterns by quantity; a column holds the first quantity whose patterns match its name."""
 
 
-SHEAR = r"(?<![a-z])(?:g\(t\)|tau|gamma)|shear|schub|octahedral|τ|γ"
+SHEAR = r"(?<![a-z])(?:g\(t\)|tau|gamma)|shear|schub|scher|cisaill|octahedral|τ|γ"
 """Pattern of columns of shear, which hold no stress, strain or modulus along the axis."""
 
 
@@ -151,7 +154,7 @@ ALONG_AXIS = frozenset({"stress", "strain", "relaxation_modulus"})
 """Quantities that files state along the axis alone."""
 
 
-FORCES = re.compile(r"load|force|pressure|pression|kraft|druck(?!spann)|charge")
+FORCES = re.compile(r"load|force|pressure|(?<!com)pression|kraft|druck(?!spann)|charge")
 """Pattern of columns that hold a stress only if their unit is one of stress."""
 
 
@@ -161,12 +164,40 @@ ANGLES = re.compile(r"^(?!.*tan).*(?:angle|winkel|phase|^delta|^δ)")
 
 ERRORS = re.compile(
     r"err|(?<![a-z])unc|std(?:ev|dev|_|$)|(?:^|[_ ])sd(?![a-z])|±|(?:^|[_ ])se(?:$|[_ (\[])"
+    r"|(?<![\d.])[12] ?_?(?:σ|sigma)(?![_ ]?\d)"
 )
 """Pattern of columns of standard deviations."""
 
 
-LOGARITHM = re.compile(r"(?<![a-z])(?:log|ln)(?![a-z])|(?<![a-z])log_?10")
+OTHER_ERRORS = re.compile(
+    r"(?<![a-z])rel|(?<![\d.])2 ?_?(?:σ|sigma|s\.?[de](?![a-z]))|95 ?(?:%|percent|_?ci)"
+)
+"""Pattern of errors that are relative, or another multiple than one standard deviation."""
+
+
+SHARES = re.compile(r"%|percent|prozent|pourcent|pct")
+"""Pattern of errors in percent, which are relative if the quantity is none in percent itself."""
+
+
+LOGARITHM = re.compile(r"(?<![a-z])(?:log(?!g|i[ns]|o|s(?![a-z]))|ln(?![a-z]))")
 """Pattern of columns of logarithms, which are read for attenuation alone."""
+
+
+STATED_UNIT = re.compile(r"[(\[]([^()\[\]]*)[)\]][^()\[\]]*$|(?<![a-z])in (\S+)$")
+"""Pattern of the part of a name that is its unit: in the last brackets, or behind "in"."""
+
+
+NO_UNIT = re.compile(
+    r"true|eng\w*|nominal|technisch|wahr\w*|log|hencky|ax\w*|diff\w*|deviat\w*|total|(?:un)?corr\w*|raw"
+    r"|meas\w*|calc\w*|filt\w*|smooth\w*|abs\w*|avg|average|mean|median|sample|specimen|probe"
+    r"|furnace|oven|ofen|room|ambient|lab|test|run|elapsed|stage|cycle|segment|block|of|the|at|from"
+    r"|since|start|to|for|and|by|von|im|de|compress\w*|tensi\w*|pos\w*|neg\w*|(?:lvdt|tc|ch|ai|no|nr)\d*"
+    r"|channel|sensor|gauge|set|target|soll|ist|actual|command\w*|dimensionless|unitless|none|complex"
+    r"|internal|friction|loss|storage|modul\w*|real|imag\w*|shear|young\w*|stress|strain|time|temp\w*"
+    r"|[teqgf]|1/s|s\^?-1|[α-ω][\w'*-]*|(?:sigma|sig|eps|tau|gamma|delta|phi|tan)[\w-]*|tan.*"
+    r"|1/q\w*|q\w*\^?[{]?-1[}]?|\|?[egm]\*?\|?|[egm]['\"′’]+|sd|se|std|-*|\d[\d.:/-]*"
+)
+"""Pattern of words in brackets that state no unit."""
 
 
 POWER_OF_TEN = re.compile(r"(?<![\d.])10(?:\^|\*\*|-)-?\d(?!\d?-)|[x×*·] ?10\d|(?<![a-z\d.])1e-?\d")
@@ -218,8 +249,21 @@ class GuessedColumn:
     @property
     def si(self) -> FloatArray:
         """Its numbers in SI, where units have factors, shape (n_rows,)."""
-        unit = UNIT_TABLE.get(self.kind, {}).get(self.unit or "", Unit())
+        unit = UNIT_TABLE.get(self.kind, UNIT_TABLE["angle"]).get(self.unit or "", Unit())
         return unit.zero + unit.factor * self.numbers
+
+    @property
+    def is_logarithm(self) -> bool:
+        """Whether it holds logarithms to base 10, by its name or by numbers of attenuation."""
+        is_below_0 = self.quantity == "attenuation" and bool((self.numbers < 0).any())
+        return is_below_0 or LOGARITHM.search(_plain(self.name)) is not None
+
+    @property
+    def tan_delta(self) -> FloatArray:
+        """Tan(delta) of a column of attenuation, shape (n_rows,)."""
+        if self.unit is not None:
+            return np.tan(self.si)
+        return 10**self.numbers if self.is_logarithm else self.numbers
 
     @property
     def shares_unit_with(self) -> str | None:
@@ -259,7 +303,7 @@ def guess_columns(
     for quantity, own in candidates.items():
         own.sort(key=lambda one: one[0])
         (place, first), *others = own
-        is_tied = any(other == place and not _are_alike(first, one) for other, one in others)
+        is_tied = any(other == place and not _are_alike(first.si, one.si) for other, one in others)
         rivals = tuple(one for _, one in others)
         confined_by = _confined_by(table, first) if quantity == "stress" else None
         found[quantity] = replace(
@@ -280,9 +324,22 @@ def left_out(
     reasons: dict[str | int, str] = {}
     for guessed in columns.values():
         beside = f"such a file names no {guessed.says} beside the columns that are taken"
+        if guessed.is_foreign and guessed.quantity not in used:
+            beside = f"its name states no unit of {guessed.kind} that files know"
+        if guessed.quantity == "frequency" and "period" in read:
+            beside += _difference(np.ones(guessed.si.size), read["period"].si * guessed.si)
+        if guessed.quantity == "loss_modulus" and {"attenuation", "storage_modulus"} <= {
+            *read,
+            *columns,
+        }:
+            loss = read["attenuation"].tan_delta * columns["storage_modulus"].si
+            beside += _difference(loss, guessed.si)
         reasons.setdefault(guessed.column, used.get(guessed.quantity, beside))
         for rival in guessed.rivals:
-            reasons[rival.column] = f"{guessed.column!r} is taken as the {guessed.says}"
+            reason = f"{guessed.column!r} is taken as the {guessed.says}"
+            if {guessed.told_by, rival.told_by} == {"its name"}:
+                reason += _difference(guessed.si, rival.si)
+            reasons[rival.column] = reason
     for column in table.columns:
         if column not in taken:
             name = _plain(table.described(column))
@@ -364,12 +421,19 @@ def _place(guessed: GuessedColumn) -> tuple[float, ...]:
     return pattern, is_set_point, word, 0 if has_unit else 1 + guessed.is_foreign
 
 
-def _are_alike(one: GuessedColumn, other: GuessedColumn) -> bool:
-    """Whether two columns hold the same numbers, be it in different units."""
-    mine, yours = one.si, other.si
+def _are_alike(mine: FloatArray, yours: FloatArray) -> bool:
+    """Whether two columns hold the same numbers in SI, be it in different units."""
     scale = float(np.nanmax(np.abs(mine), initial=0.0))
     near = MAX_RELATIVE_DIFFERENCE
     return bool(np.allclose(mine, yours, rtol=near, atol=near * scale, equal_nan=True))
+
+
+def _difference(mine: FloatArray, yours: FloatArray) -> str:
+    """Say by how much the numbers of a column that is left out differ; empty if they do not."""
+    if _are_alike(mine, yours):
+        return ""
+    share = np.nanmax(np.abs(mine - yours)) / np.nanmax(np.abs(mine))
+    return f"; the two differ by up to {share:.2g} of the largest number"
 
 
 def _confined_by(table: TextTable, stress: GuessedColumn) -> str | int | None:
@@ -418,14 +482,33 @@ def _unit_in(name: str, kind: str, *, is_chosen: bool) -> str | None:
     """Return the unit in the name of a column, empty for one that files do not know, else None."""
     is_angle = kind == "attenuation" and ANGLES.search(name) is not None
     looks = "angle" if is_angle else kind
-    unit = unit_in(name, looks)
-    is_foreign = LOGARITHM.search(name) or POWER_OF_TEN.search(name)
-    if (kind != "attenuation" and is_foreign) or (unit == "rad/s" and "hz" in name):
+    unit, stated = unit_in(name, looks), _stated_unit(name)
+    is_other = kind != "attenuation" and (LOGARITHM.search(name) or POWER_OF_TEN.search(name))
+    if is_other or (unit == "rad/s" and "hz" in name) or _is_other_error(name, kind):
         return ""
+    if stated and kind != "limit":
+        return unit_spelled(stated, looks) or ""
     needs_unit = is_angle or (kind == "stress" and FORCES.search(name) and not is_chosen)
     if unit is None and (needs_unit or re.search(FOREIGN_UNIT_NAMES.get(looks, "$^"), name)):
         return ""
     return unit
+
+
+def _stated_unit(name: str) -> str:
+    """Return the words of a name that can only be its unit, of which there may be none."""
+    found = STATED_UNIT.search(name)
+    words = re.split(r"[\s,;:]+", (found[1] or found[2] or "").strip()) if found else []
+    if all(NO_UNIT.fullmatch(word) for word in words):
+        return ""
+    return " ".join(word for word in words if word[0].isdigit() or not NO_UNIT.fullmatch(word))
+
+
+def _is_other_error(name: str, kind: str) -> bool:
+    """Whether a name is that of an error that is no standard deviation of the quantity itself."""
+    is_share = kind != "strain" and SHARES.search(name)
+    is_logarithm = kind == "attenuation" and LOGARITHM.search(name)
+    is_other = OTHER_ERRORS.search(name) or is_share or is_logarithm
+    return bool(ERRORS.search(name) and is_other)
 
 
 def _with_shared_unit(guessed: GuessedColumn, found: Mapping[str, GuessedColumn]) -> GuessedColumn:

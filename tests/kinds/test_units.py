@@ -130,6 +130,64 @@ def test_a_unit_with_a_factor_is_another_one(name: str, kind: str) -> None:
     assert unit_in_name(name, kind) == ""
 
 
+@pytest.mark.parametrize(
+    ("kind", "names"),
+    {
+        "stress": "stress (kp/cm²); stress (kilopascal); Spannung (N/cm²); Stress (x10 MPa); G/G0"
+        "; G (10 GPa); G error (%); stress rel. error; Normalized modulus; Modulus (-)"
+        "; stress 2 sigma (MPa)",
+        "strain": "Strain (mm/m); strain (µm/m); Strain gauge (mV); Dehnung (Promille)"
+        "; Strain (10E-3); Strain %o; Dehnung in Promille; strain rel. error",
+        "time": "Zeit (Tage); Time (ks); Time (microseconds); Time (milliseconds); Zeit in Tagen"
+        "; LogPeriod (s); logTime",
+        "frequency": "logFreq; Frequency (kHz); freq (rad/min); angular frequency (Hz)",
+        "temperature": "Temperature (F); T (°Ra)",
+        "attenuation": "tan delta (x100); 100 tan delta; Attenuation Q; Q (tan delta inverse); Q"
+        "; log10(1/Q) error; tan delta rel. error; tan delta error (%); Q⁻¹ (10⁻³); loss angle",
+    }.items(),
+)
+def test_a_unit_that_files_do_not_know_is_not_passed_over(kind: str, names: str) -> None:
+    found = {name: unit_in_name(name, kind) for name in names.split("; ")}
+    assert found == dict.fromkeys(found, "")
+
+
+@pytest.mark.parametrize(
+    ("kind", "unit", "names"),
+    [
+        (
+            "stress",
+            "MPa",
+            "Stress (MPa, true); σ1-σ3 (MPa); Stress (N/mm²); Stress (MPa) true; q (MPa)",
+        ),
+        ("stress", "GPa", "E' (GPa); |E*| (GPa); E(t) (GPa)"),
+        ("stress", None, "Stress (true); Stress (σ1-σ3); Stress (LVDT 2); Stress (1); E(t)"),
+        (
+            "strain",
+            "percent",
+            "Dehnung (Prozent); Strain (percent, true); strain err (%); Dehnung in %",
+        ),
+        ("strain", "fraction", "Strain (-); strain (m/m); strain (mm/mm); Axial strain (fraction)"),
+        ("strain", None, "Strain (dimensionless); Strain (axial)"),
+        ("time", "h", "Zeit (Stunden); Période (heures); Time (hrs)"),
+        ("time", "s", "Zeit (Sekunden); Temps (secondes); Time (secs.); Time since start (s)"),
+        ("time", "min", "Time (minutes); Zeit (Minuten)"),
+        ("frequency", "rad/s", "omega (1/s); Frequency (rad/s)"),
+        ("temperature", "C", "Temperature (deg C); Temp (°C, furnace); T (degC)"),
+        (
+            "attenuation",
+            None,
+            "Internal friction (Q^-1); tan(delta); log10(1/Q); logQinv; tan δ (-); Q⁻¹",
+        ),
+        ("attenuation", "deg", "phase (degrees); phase lag (°)"),
+    ],
+)
+def test_words_in_brackets_are_no_units_and_units_have_many_spellings(
+    kind: str, unit: str | None, names: str
+) -> None:
+    found = {name: unit_in_name(name, kind) for name in names.split("; ")}
+    assert found == dict.fromkeys(found, unit)
+
+
 @pytest.mark.parametrize("name", ["Stress 2010-11-05 (MPa)", "Stress 10-11-2010 (MPa)"])
 def test_a_date_is_no_factor(name: str) -> None:
     assert unit_in_name(name, "stress") == "MPa"
@@ -138,5 +196,6 @@ def test_a_date_is_no_factor(name: str) -> None:
 @pytest.mark.parametrize("factor", ["1e-6", "10^-6", "×10⁻⁶", "10-6"])
 def test_a_row_of_units_may_have_a_factor(factor: str) -> None:
     assert are_units(["s", "MPa", factor])
+    assert are_units(["Stunden", "Prozent", factor])
     assert not are_units(["1e-5", "-", "1e-3"])
     assert not are_units(["s", "MPa", "1000"])

@@ -1,11 +1,13 @@
 """What `pyburgers new` writes for a table of attenuation."""
 
+import re
 from collections.abc import Collection, Mapping
 from typing import Any
 
+from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.table import Form
-from pyburgers.kinds.guessed_columns import LOGARITHM, GuessedColumn
+from pyburgers.kinds.guessed_columns import SHEAR, GuessedColumn
 from pyburgers.kinds.new_file import (
     LAYOUT,
     Columns,
@@ -94,6 +96,20 @@ class AttenuationFile(NewFile):
             needless.add("modulus_uncertainty")
         return {name: one for name, one in found.items() if name not in needless}
 
+    def propose_answers(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the deformation that the name of a modulus states; refuse another one."""
+        for modulus in (one for name, one in columns.items() if name.endswith("modulus")):
+            name = modulus.name.lower()
+            states = "shear" if re.search(SHEAR, name) else "axial" if "young" in name else None
+            if states and given[DEFORMATION.name] not in (None, states):
+                raise InputError(
+                    f"{DEFORMATION.option} {given[DEFORMATION.name]}: expected {states}, which the "
+                    f"name of column {modulus.column!r} states."
+                )
+            if states:
+                return {DEFORMATION.name: states}
+        return {}
+
     def allowed_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return Poisson's ratio only where the deformation may be shear."""
         axial = given[DEFORMATION.name] == "axial"
@@ -114,8 +130,7 @@ class AttenuationFile(NewFile):
 def _form_of(attenuation: GuessedColumn) -> Form:
     if attenuation.unit is not None:
         return "loss_angle"
-    is_logarithm = (attenuation.numbers < 0).any() or LOGARITHM.search(attenuation.name.lower())
-    return "log10_tan_delta" if is_logarithm else "tan_delta"
+    return "log10_tan_delta" if attenuation.is_logarithm else "tan_delta"
 
 
 NEW_FILE = AttenuationFile()

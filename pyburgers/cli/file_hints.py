@@ -11,8 +11,8 @@ from pyburgers.common.cells import DECIMAL_COMMA, ODD_MINUS
 from pyburgers.common.columns import may_be_quoted
 from pyburgers.common.errors import InputError
 from pyburgers.common.text_tables import TextTable, look_at
+from pyburgers.kinds.column_names import COLUMN_NAMES, unit_in_name
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.guessed_columns import COLUMN_NAMES, unit_in_name
 from pyburgers.kinds.new_file import NAMED_SEPARATORS, new_files
 
 SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "white space", ",": "commas"}

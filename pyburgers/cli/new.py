@@ -23,13 +23,8 @@ from pyburgers.common.scratch import scratch_folder
 from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.common.toml_files import read_tables
 from pyburgers.common.units import UNIT_TABLE, units_text
-from pyburgers.kinds.guessed_columns import (
-    ALONG_AXIS,
-    COLUMN_NAMES,
-    GuessedColumn,
-    guess_columns,
-    left_out,
-)
+from pyburgers.kinds.column_names import ALONG_AXIS, COLUMN_NAMES
+from pyburgers.kinds.guessed_columns import GuessedColumn, guess_columns, left_out
 from pyburgers.kinds.likelihood import NAMES
 from pyburgers.kinds.new_file import (
     Columns,
@@ -65,6 +60,7 @@ LAST_QUESTIONS = (
 
 EXPECTED_COLUMNS = {
     "attenuation": f"tan(delta), 1/Q, log10 of them, or an angle in {units_text('angle')}",
+    "attenuation_uncertainty": "a standard deviation of tan(delta) itself",
     "relaxation_modulus": "a modulus E(t)",
 }
 """What a column has to hold."""
@@ -251,8 +247,9 @@ def _require_units(path: Path, columns: Mapping[str, GuessedColumn]) -> None:
             along = " along the axis" if guessed.quantity in ALONG_AXIS else ""
             expected = f"{what}{along} in {units}" if units else what
             raise InputError(
-                f"{where}: found a name that states another unit, a logarithm or a shear, or "
-                f"leaves the unit open, expected {expected}; convert the numbers and name the unit."
+                f"{where}: found a name that states another unit, a logarithm, a shear or a "
+                f"relative error, or leaves the unit open, expected {expected}; convert the "
+                "numbers and name the unit."
             )
         if guessed.confined_by is not None:
             raise InputError(

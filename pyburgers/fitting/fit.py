@@ -42,10 +42,10 @@ from pyburgers.posterior.build import build_posterior
 from pyburgers.posterior.labelled_draws import (
     TESTS,
     draws_table,
-    load_posterior,
     own_name,
     summary_table,
 )
+from pyburgers.posterior.posterior_file import load_posterior
 from pyburgers.sampling.manifest import FitManifest
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run import require_extendable

@@ -18,11 +18,11 @@ from pyburgers.model.parameters import ENVIRONMENT
 from pyburgers.model.reference_quantities import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.posterior.labelled_draws import (
     DRIVING_ERRORS,
-    keep_posterior,
     label_draws,
     own_name,
     sample_stats,
 )
+from pyburgers.posterior.posterior_file import keep_posterior
 from pyburgers.sampling.run_directory import RunDirectory
 
 FLOW_RATE_OF_TEST = "log_flow_rate_of_test"

@@ -35,11 +35,11 @@ from pyburgers.posterior.labelled_draws import (
     DRIVING_ERRORS,
     MICROSTRUCTURE,
     TESTS,
-    keep_posterior,
     label_draws,
     own_name,
     sample_stats,
 )
+from pyburgers.posterior.posterior_file import keep_posterior
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)

@@ -10,7 +10,7 @@ from pyburgers.cli.main import main
 from pyburgers.common.cells import are_units, is_unit
 from pyburgers.common.units import UNIT_TABLE, Unit, units_text
 from pyburgers.kinds.attenuation.files import load_attenuation
-from pyburgers.kinds.guessed_columns import unit_in_name
+from pyburgers.kinds.column_names import unit_in_name
 from pyburgers.kinds.loading_history.files import load_loading_history
 
 COLUMN_NAMES = {

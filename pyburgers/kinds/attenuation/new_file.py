@@ -7,7 +7,8 @@ from typing import Any
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.table import Form
-from pyburgers.kinds.guessed_columns import SHEAR, GuessedColumn
+from pyburgers.kinds.column_names import SHEAR
+from pyburgers.kinds.guessed_columns import GuessedColumn
 from pyburgers.kinds.new_file import (
     LAYOUT,
     Columns,

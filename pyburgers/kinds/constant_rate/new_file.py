@@ -5,9 +5,10 @@ from collections.abc import Collection, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
+from pyburgers.kinds.column_names import ENGINEERING
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.experiment_file import slope_of
-from pyburgers.kinds.guessed_columns import ENGINEERING, GuessedColumn
+from pyburgers.kinds.guessed_columns import GuessedColumn
 from pyburgers.kinds.loading_history.driver import rate_steps
 from pyburgers.kinds.new_file import (
     LAYOUT,

@@ -10,8 +10,8 @@ import numpy as np
 
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.units import UNITS, units_text
+from pyburgers.kinds.column_names import ENGINEERING
 from pyburgers.kinds.experiment_file import slope_of
-from pyburgers.kinds.guessed_columns import ENGINEERING
 from pyburgers.kinds.loading_history.driver import is_driven_by_rates
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.new_file import (

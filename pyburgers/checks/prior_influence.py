@@ -22,6 +22,7 @@ from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.kinds.stan_data import CENTRE, SPREAD
 from pyburgers.model.prior_families import Prior, normal_scores
 from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR, PriorSet
+from pyburgers.model.reference_quantities import REFERENCE_QUANTITIES
 from pyburgers.posterior.labelled_draws import free_parameters, on_scale_of_prior, own_name
 
 PRIOR_SHARE = 2.0 / 3.0
@@ -143,6 +144,7 @@ def prior_influence(
     family: int | None = None,
     derived: Mapping[str, FloatArray] = MappingProxyType({}),
     read_off: frozenset[str] = frozenset(),
+    of_other_tests: Mapping[str, FloatArray] = MappingProxyType({}),
 ) -> dict[str, Influence]:
     """Return for every sampled quantity who decides it.
 
@@ -150,39 +152,55 @@ def prior_influence(
     all tests. A partially pooled parameter has the prior of its centre; the scale is that of
     the prior of its spread. The family is the number of quantities of the whole fit in which a
     conflict may be found by chance, by default of the test. Derived draws have the shape (n,),
-    chains one after the other.
+    chains one after the other. Scores of priors that other tests alone have are `prior_scores`.
     """
     draws = posterior["posterior"].to_dataset()
     values = {name: all_draws(draws[name]) for name in free_parameters(posterior)}
     own = {name: normal_scores(priors[name].distribution(), values[name]) for name in priors.free}
-    pooled = {}
+    columns = prior_scores(posterior, priors)
     of_all = posterior.root["posterior"].to_dataset()
     for name, scale in spread_scales.items():
         centre, spread = own_name(name, CENTRE), own_name(name, SPREAD)
         if centre not in of_all:
             continue
-        del own[name]
+        del own[name], columns[name]
         values |= {key: all_draws(of_all[key]) for key in (centre, spread)}
-        pooled[centre] = normal_scores(priors[name].distribution(), values[centre])
-        pooled[spread] = normal_scores(stats.halfnorm(scale=scale), values[spread])
-    own |= pooled
-    columns = {name: score[:, None] for name, score in own.items()}
-    if priors.flow_law is not None:
-        columns = {name: score for name, score in columns.items() if name not in FLOW_LAW}
-        columns[JOINT_PRIOR] = priors.flow_law.scores({name: values[name] for name in FLOW_LAW})
+        own[centre] = normal_scores(priors[name].distribution(), values[centre])
+        own[spread] = normal_scores(stats.halfnorm(scale=scale), values[spread])
+        columns |= {key: own[key][:, None] for key in (centre, spread)}
+    columns |= of_other_tests
     bounded = own.keys() & set(priors.free)
     return {
         name: Influence(
             name,
-            *_moves(
-                name, on_scale_of_prior(one, priors[name]) if name in bounded else one, columns
-            ),
+            *_moves(name, _on_its_scale(name, one, priors, name in bounded), columns),
             *_surprise(own.get(name), family or len(own)),
             bound=_bound(one, own[name], priors[name]) if name in bounded else None,
             read_off=read_off,
         )
         for name, one in {**values, **derived}.items()
     }
+
+
+def prior_scores(posterior: xr.DataTree, priors: PriorSet) -> dict[str, FloatArray]:
+    """Return scores (n, n_scores) of the priors of a test, on a scale on which they are normal."""
+    draws = posterior["posterior"].to_dataset()
+    values = {name: all_draws(draws[name]) for name in priors.free}
+    found = {
+        name: normal_scores(priors[name].distribution(), one)[:, None]
+        for name, one in values.items()
+        if priors.flow_law is None or name not in FLOW_LAW
+    }
+    if priors.flow_law is not None:
+        found[JOINT_PRIOR] = priors.flow_law.scores({name: values[name] for name in FLOW_LAW})
+    return found
+
+
+def _on_its_scale(name: str, draws: FloatArray, priors: PriorSet, has_prior: bool) -> FloatArray:
+    """Return draws, or their logarithms if the prior or the sampler counts in these."""
+    if has_prior:
+        return on_scale_of_prior(draws, priors[name])
+    return np.log(draws) if name in REFERENCE_QUANTITIES else draws
 
 
 def _moves(

@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import Self
 import pandas as pd
 import xarray as xr
 
-from pyburgers.checks.prior_influence import Influence, prior_influence
+from pyburgers.checks.prior_influence import Influence, prior_influence, prior_scores
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.messages import messages_where_watched
@@ -36,12 +36,12 @@ from pyburgers.kinds.problem import Problem, one_test, problem_of
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.kinds.together import default_priors_for, pooling_for
 from pyburgers.model.pooling import pooling_from
-from pyburgers.model.priors import PriorSet, load_priors, note_other_material
+from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR, PriorSet, load_priors, note_other_material
 from pyburgers.model.variants import ModelVariant
 from pyburgers.posterior.build import build_posterior
 from pyburgers.posterior.labelled_draws import (
-    TESTS,
     draws_table,
+    groups_of_tests,
     own_name,
     summary_table,
 )
@@ -64,6 +64,8 @@ class Fit(SampledFit):
         As of every `SampledFit`; groups of the draws: `pyburgers.posterior.build.build_posterior`.
     problem : Problem
         Tests, priors, pooling.
+    scores_beside : mapping of str to numpy.ndarray
+        Of one test of a joint fit: scores (n, n_scores) of priors that other tests alone have.
 
     Examples
     --------
@@ -73,6 +75,7 @@ class Fit(SampledFit):
     """
 
     problem: Problem
+    scores_beside: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
     def experiment(self) -> Experiment:
@@ -148,12 +151,29 @@ class Fit(SampledFit):
         """
         if not self.is_joint:
             return {self.problem.name: self}
-        found = {}
-        for alone in map(one_test, self.problem.experiments, self.problem.by_effect()):
-            posterior = self.posterior[f"{TESTS}/{alone.name}"]
-            assert isinstance(posterior, xr.DataTree)  # a group, as build_posterior has it
-            found[alone.name] = replace(self, posterior=posterior, problem=alone)
-        return found
+        groups = groups_of_tests(self.posterior)
+        parts = [*map(one_test, self.problem.experiments, self.problem.by_effect())]
+        own = {
+            alone.name: {
+                own_name(name, self.problem.owner(source, e)): scores
+                for name, scores in prior_scores(groups[alone.name], alone.priors[0]).items()
+                if self.problem.kind(source := FLOW_LAW[0] if name == JOINT_PRIOR else name)
+                not in ("shared", "partial")
+            }
+            for e, alone in enumerate(parts)
+        }
+        every = {name: scores for one in own.values() for name, scores in one.items()}
+        return {
+            alone.name: replace(
+                self,
+                posterior=groups[alone.name],
+                problem=alone,
+                scores_beside={
+                    name: scores for name, scores in every.items() if name not in own[alone.name]
+                },
+            )
+            for alone in parts
+        }
 
     @property
     def read_off(self) -> frozenset[str]:
@@ -202,6 +222,7 @@ class Fit(SampledFit):
                     family=len(fitted) * len(test.priors.free),
                     derived=derived,
                     read_off=self.read_off,
+                    of_other_tests=test.scores_beside,
                 )
             )
             for name, test in self.tests().items()

@@ -67,6 +67,9 @@ def result_table(
     return table
 
 
+LONGEST_NUMBER = 8
+"""Characters of a number in a table, if its width does not need more."""
+
 DECISION = "decided by"
 """Title of the column that says who decides a number (`pyburgers.checks.prior_influence`)."""
 
@@ -100,7 +103,7 @@ def posterior_row(
     """Return what a posterior table in SI units says of a sampled quantity."""
     sd = float(row["sd"]) * quantity.display_factor
     shown = {
-        title: rounded(float(row[key]) * quantity.display_factor, sd)
+        title: _with_digits(float(row[key]) * quantity.display_factor, sd)
         for title, key in {"mean": "mean", "sd": "sd", "5 %": "q5", "95 %": "q95"}.items()
     }
     decided = decided_cell(quantity.name, row)
@@ -113,6 +116,12 @@ def posterior_row(
         "prior": "implied" if prior is None else prior_text(prior, quantity, with_unit=False),
         "sd / prior sd": "" if prior is None else f"{row['width_beside_prior']:.2f}",
     }
+
+
+def _with_digits(value: float, sd: float) -> str:
+    """Return a number with two digits at least, and as a power of ten if it would be long."""
+    text = rounded(value, min(sd, abs(value) or sd))
+    return f"{value:.2g}" if len(text) > LONGEST_NUMBER and sd > 0.1 * abs(value) else text
 
 
 def decided_cell(name: str, row: Mapping[Hashable, Any]) -> str | None:

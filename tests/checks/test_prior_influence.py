@@ -134,6 +134,32 @@ def test_few_draws_that_chance_correlates_with_many_priors_cannot_tell() -> None
     assert prior_influence(labelled(more, priors), priors)[NAMES[0]].origin is Origin.DATA
 
 
+def test_priors_that_other_tests_alone_have_count_too() -> None:
+    """Each test reads a shared number plus one of its own exactly: the priors decide all."""
+    n_tests = 5
+    covariance = np.eye(1 + n_tests)
+    design = np.hstack([np.ones((n_tests, 1)), np.eye(n_tests)])
+    gain = covariance @ design.T @ np.linalg.inv(design @ design.T)
+    left = covariance - gain @ design
+    draws = np.random.default_rng(1).multivariate_normal(np.zeros(1 + n_tests), left, N_DRAWS)
+    priors = prior_set(standard_normal("beta"), standard_normal("stress_exponent"))
+    of_test = labelled(draws[:, :2], priors)
+    others = {f"stress_exponent[{k}]": draws[:, k, None] for k in range(2, 1 + n_tests)}
+    assert prior_influence(of_test, priors)["beta"].origin is Origin.BOTH
+    found = prior_influence(of_test, priors, of_other_tests=others)["beta"]
+    assert found.prior_share == pytest.approx(1.0, abs=0.02)
+    assert found.origin is Origin.PRIOR
+
+
+def test_a_flow_rate_over_many_powers_of_ten_counts_by_its_logarithm() -> None:
+    draws = np.random.default_rng(1).standard_normal(N_DRAWS)
+    priors = prior_set(standard_normal("beta"))
+    found = prior_influence(
+        labelled(draws[:, None], priors), priors, derived={"reference_flow_rate": np.exp(9 * draws)}
+    )
+    assert found["reference_flow_rate"].prior_share == pytest.approx(1.0, abs=0.02)
+
+
 def piled(bound: float, draws: FloatArray, name: str = "kelvin_modulus") -> Influence:
     """Influence on a quantity with a uniform prior of which one bound is given, the other 10."""
     lower, upper = sorted((bound, 10.0))

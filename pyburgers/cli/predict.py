@@ -17,8 +17,8 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.conditions import (
     Ranges,
     beyond_sentences,
+    conditions_of,
     environment_ranges,
-    temperature_range,
 )
 from pyburgers.predictions.assumptions import (
     CRITICAL_SHARE,
@@ -42,6 +42,8 @@ from pyburgers.predictions.evolving import (
 from pyburgers.predictions.material import fitted_material
 from pyburgers.predictions.measured_attenuation import load_measured_attenuation
 from pyburgers.predictions.stress_cycles import HOLD_TIME, PAPER_REGIMES, Regime, regimes_named
+
+UM = UNITS["length"]["um"]
 
 TEST, ATTENUATION = "test", "attenuation"
 """What can be predicted."""
@@ -159,10 +161,7 @@ def _attenuation(options: argparse.Namespace) -> int:
         raise InputError(f"--out {options.out}: expected a file name that ends in .csv.")
     whole = Fit.load(options.directory)
     fits = [whole[options.test]] if options.test is not None else [*whole.tests().values()]
-    fitted = [
-        {"temperature": temperature_range(test), **environment_ranges(test.environment)}
-        for test in whole.problem.experiments
-    ]
+    fitted = [conditions_of(test) for test in whole.tests().values()]
     for fit in fits:
         out = options.out
         if len(fits) > 1:
@@ -194,7 +193,7 @@ def _predict(fit: Fit, fitted: Sequence[Ranges], options: argparse.Namespace, ou
         fit,
         microstructure=options.microstructure.replace("-", "_"),
         temperature=options.temperature_K,
-        grain_size=None if grain_size is None else grain_size * UNITS["length"]["um"],
+        grain_size=None if grain_size is None else grain_size * UM,
         fabric_factor=options.fabric_factor,
         elastic_modulus=modulus,
         elastic_modulus_sd=deviation,
@@ -210,7 +209,14 @@ def _predict(fit: Fit, fitted: Sequence[Ranges], options: argparse.Namespace, ou
             CRITICAL_SHARE if options.critical_share is None else options.critical_share
         ),
     )
-    there = {"temperature": (material.temperature,) * 2, **environment_ranges(environment)}
+    frequency = spectrum["frequency"]
+    there = {
+        "temperature": (material.temperature,) * 2,
+        **({} if grain_size is None else {"initial grain size": (grain_size * UM,) * 2}),
+        "period": (float(1 / frequency.max()), float(1 / frequency.min())),
+        "stress": (0.0, max(one.median_stress + one.amplitude for one in regimes)),
+        **environment_ranges(environment),
+    }
     beyond = beyond_sentences(there, fitted)
     cautions = (*fit.cautions, *beyond)
     spectrum = spectrum.assign_attrs(cautions="\n".join(cautions))

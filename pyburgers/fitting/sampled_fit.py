@@ -53,6 +53,15 @@ logger = logging.getLogger(__name__)
 
 _Units = Literal["display", "SI"]
 
+PRIOR_ALONE = "prior alone"
+ORIGINS: Mapping[str, str] = MappingProxyType(
+    {
+        "synthetic": "Synthetic data are behind the draws: they say nothing of nature.",
+        PRIOR_ALONE: "The draws are of the prior alone: no data took part.",
+    }
+)
+"""Sentences about draws that no measured data are behind, by a word of `SampledFit.draws_of`."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SampledFit(ABC):
@@ -290,10 +299,18 @@ class SampledFit(ABC):
         return self.verdicts()[CheckKind.DESCRIPTION].outcome
 
     @property
+    def draws_of(self) -> str:
+        """Kinds of the data that the draws were fitted to, joined, or that there were none."""
+        return str(self.manifest["data_kind"]) if self.manifest["use_likelihood"] else PRIOR_ALONE
+
+    @property
     def cautions(self) -> tuple[str, ...]:
-        """A sentence for each of the two questions that is not answered with yes."""
+        """A sentence if the data are synthetic or took no part, and for each verdict but a yes."""
         found = self.verdicts().values()
-        return tuple(one.sentence for one in found if one.outcome is not Outcome.YES)
+        return (
+            *(sentence for kind, sentence in ORIGINS.items() if kind in self.draws_of),
+            *(one.sentence for one in found if one.outcome is not Outcome.YES),
+        )
 
     @property
     def checked_draws(self) -> CheckedDraws:

@@ -8,7 +8,7 @@ import xarray as xr
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.units import UNITS, number
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.kind import FittedTest, kind_of
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.model.parameters import ENVIRONMENT, STANDARD_VALUES
 from pyburgers.model.plausible import PlausibleRanges, plausible_ranges
@@ -140,6 +140,12 @@ def _not_of_the_material(predictions: xr.Dataset, parameters: xr.Dataset) -> xr.
     )
 
 
+def conditions_of(test: FittedTest) -> Ranges:
+    """Return the conditions that a fitted or predicted test passed."""
+    groups = (test.posterior[name].to_dataset() for name in ("predictions", "posterior"))
+    return conditions(test.experiment, *groups)
+
+
 def outside(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
     """Say in which conditions a test leaves those that were fitted, a phrase for each."""
     phrases = []
@@ -156,6 +162,14 @@ def outside(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
             unit, factor = SHOWN[name]
             there, here = (_range(*ends, factor) for ends in ((low, high), (least, most)))
             phrases.append(f"{name} {there} {unit} (fitted: {here})")
+    for key, name in zip(ENVIRONMENT, ENVIRONMENT_WORDS, strict=True):
+        ends = [one[name] for one in fitted if name in one]
+        taken = (STANDARD_VALUES[key],) * 2
+        if name not in target and any(end != taken for end in ends):
+            unit, factor = SHOWN[name]
+            there = f"{_range(*taken, factor)} {unit}".removeprefix("up to ").rstrip()
+            here = _range(min(low for low, _ in ends), max(high for _, high in ends), factor)
+            phrases.append(f"{name} not stated and taken as {there} (fitted: {here})")
     return tuple(phrases)
 
 

@@ -44,7 +44,8 @@ class DashpotLaw(Law):
     def flow_law(self) -> str:
         """The whole law in an export."""
         return (
-            f"strain_rate = ({self.expression})^stress_exponent * grain_size^-grain_size_exponent"
+            f"strain_rate = sign(stress) * ({self.expression})^stress_exponent"
+            " * grain_size^-grain_size_exponent"
             " * exp(ln_flow_law_factor - activation_enthalpy/(R*temperature))"
         )
 
@@ -198,12 +199,14 @@ DASHPOT_LAWS: Mapping[str, DashpotLaw] = MappingProxyType(
     {
         law.name: law
         for law in (
-            DashpotLaw("power_law", (), "stress/fabric_factor", neighbours=("hyperbolic_sine",)),
-            DashpotLaw("linear", (), "stress/fabric_factor"),
+            DashpotLaw(
+                "power_law", (), "abs(stress)/fabric_factor", neighbours=("hyperbolic_sine",)
+            ),
+            DashpotLaw("linear", (), "abs(stress)/fabric_factor"),
             DashpotLaw(
                 "hyperbolic_sine",
                 ("breakdown_stress",),
-                "breakdown_stress*sinh(stress/(fabric_factor*breakdown_stress))",
+                "breakdown_stress*sinh(abs(stress)/(fabric_factor*breakdown_stress))",
                 own_stress=True,
                 words="Flow law that is proportional to small stresses and exponential in large "
                 "ones.",
@@ -211,7 +214,7 @@ DASHPOT_LAWS: Mapping[str, DashpotLaw] = MappingProxyType(
             DashpotLaw(
                 "threshold_stress",
                 ("threshold_stress",),
-                "max(stress - threshold_stress, 0)/fabric_factor",
+                "max(abs(stress) - threshold_stress, 0)/fabric_factor",
                 own_stress=True,
                 closed_form=False,
                 stress_share=0.1,
@@ -360,7 +363,7 @@ def rate_of_mechanisms(second: str, third: str) -> str:
 def further_rate(which: str) -> str:
     """Return the rate of a further mechanism in an export."""
     return (
-        f"{which}_rate*(stress/mechanism_reference_stress)^{which}_stress_exponent"
+        f"{which}_rate*sign(stress)*(abs(stress)/mechanism_reference_stress)^{which}_stress_exponent"
         f"*(grain_size/mechanism_reference_grain_size)^-{which}_grain_size_exponent"
         f"*exp(-{which}_activation_enthalpy/R"
         "*(1/temperature - 1/mechanism_reference_temperature))"

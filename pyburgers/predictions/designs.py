@@ -288,7 +288,11 @@ def design(
             rows[name]["told_apart"] = share_told_apart(told, len(noisy))
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("candidate")
     within = [name for name, row in rows.items() if not row["beyond_limits"]]
-    cautions = (one for prediction in predictions.values() for one in prediction.cautions)
+    cautions = (
+        one if one in fit.cautions else f"{name}: {one}"
+        for name, prediction in predictions.items()
+        for one in prediction.cautions
+    )
     return Design(
         table,
         _one_after_the_other(truths, features, within, choose),

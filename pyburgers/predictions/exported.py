@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pyburgers.checks.prior_influence import Origin
 from pyburgers.checks.prior_sentences import decision_columns, decision_text, symbol_of
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.draws import all_draws
 from pyburgers.common.units import rounded
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.sampled_fit import SampledFit
+from pyburgers.fitting.sampled_fit import ORIGINS, PRIOR_ALONE, SampledFit
 from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.flow_law_tables.laws import SCATTER, Mechanism, RateLaw
 from pyburgers.flow_law_tables.tables import RateTable
@@ -165,6 +166,7 @@ class Exported:
     material: str
     variant: str
     run: str
+    draws_of: str
     sampled_well: str
     describes_data: str
     names: tuple[str, ...]
@@ -205,11 +207,13 @@ def exported(fit: Fit | RateFit) -> Exported:
     derived = {own[name]: one for name, one in columns.items() if own[name] not in priors.priors}
     (influences,) = fit.influences(derived).values() or ({},)
     decided = [decision_columns(influences.get(own[name])) for name in columns]
+    undecided = Origin.PRIOR.value if fit.draws_of == PRIOR_ALONE else ""
     return Exported(
         test=about.id,
         material=about.material,
         variant=variant,
         run=fit.directory.path.name,
+        draws_of=fit.draws_of,
         sampled_well=fit.sampled_well.value,
         describes_data=fit.describes_data.value,
         names=tuple(columns),
@@ -217,14 +221,18 @@ def exported(fit: Fit | RateFit) -> Exported:
         covariance=covariance,
         n_draws=values.shape[1],
         decided_by=tuple(
-            "fixed" if known else str(one["decided_by"])
+            "fixed" if known else str(one["decided_by"] or undecided)
             for known, one in zip(fixed, decided, strict=True)
         ),
         by_prior_of=tuple(
             "" if known else str(one["by_prior_of"])
             for known, one in zip(fixed, decided, strict=True)
         ),
-        notes=(*fit.prior_conflicts(), *fit.prior_decisions()),
+        notes=(
+            *(sentence for kind, sentence in ORIGINS.items() if kind in fit.draws_of),
+            *fit.prior_conflicts(),
+            *fit.prior_decisions(),
+        ),
         laws=laws,
         draws=values,
     )
@@ -298,6 +306,7 @@ def as_json(one: Exported, kept: Sequence[int] = ()) -> str:
         "material": one.material,
         "variant": one.variant,
         "run": one.run,
+        "draws_of": one.draws_of,
         "sampled_well": one.sampled_well,
         "describes_data": one.describes_data,
         "draws": one.n_draws,
@@ -327,6 +336,7 @@ def as_csv(one: Exported) -> str:
             "sd": one.sd,
             "decided_by": one.decided_by,
             "by_prior_of": one.by_prior_of,
+            "draws_of": one.draws_of,
         }
     )
     covariance = pd.DataFrame(one.covariance, columns=[f"cov_{name}" for name in one.names])

@@ -14,8 +14,9 @@ from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.paths import given_path
 from pyburgers.common.units import rounded
 from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.sampled_fit import PRIOR_ALONE
 from pyburgers.flow_law_tables.fit import RateFit
-from pyburgers.kinds.conditions import Ranges, beyond_sentences, conditions, ranges_text
+from pyburgers.kinds.conditions import Ranges, beyond_sentences, conditions_of, ranges_text
 from pyburgers.model.display import shown_quantity
 from pyburgers.model.priors import FLOW_LAW
 from pyburgers.predictions.compliance_formats import (
@@ -98,6 +99,8 @@ def _compliance_texts(
 def _heads(one: Exported, code: str, mean: str, kept: Kept) -> Iterator[tuple[str, str]]:
     """Yield the first two notes of the mean and of each kept draw."""
     title = f"pyburgers export for {code}: {one.test}, {one.material}, run {one.run}"
+    if one.draws_of == PRIOR_ALONE:
+        mean = mean.replace("posterior", "prior")
     for kind in (mean, *(f"Draw {k + 1} of {one.n_draws}." for k in kept)):
         yield f"{title}, model {one.variant}", kind
 
@@ -112,7 +115,9 @@ def _caution_lines(one: Exported, ranges: Ranges, at: Sequence[float]) -> list[s
         spread = f" +- {rounded(one.sd[k], one.sd[k])}" if one.sd[k] else ""
         by = f"{one.decided_by[k]} {one.by_prior_of[k]}".strip() or "unknown"
         decided.append(f"{name} {rounded(one.mean[k], one.sd[k])}{spread} {unit} ({by})")
-    beyond = beyond_sentences({"temperature": (min(at), max(at))}, [ranges]) if at else ()
+    others = {name: ends for name, ends in ranges.items() if name != "temperature"}
+    there = {**others, "temperature": (min(at), max(at))} if at else ranges
+    beyond = beyond_sentences(there, [ranges])
     return [
         f"Sampled well: {one.sampled_well}. Describes the data: {one.describes_data}.",
         f"Decided by: {'; '.join(decided)}.",
@@ -125,8 +130,7 @@ def _caution_lines(one: Exported, ranges: Ranges, at: Sequence[float]) -> list[s
 def _ranges(fit: AnyFit) -> Ranges:
     """Return the conditions of the test, or of the tests of a table."""
     if isinstance(fit, Fit):
-        groups = (fit.posterior[name].to_dataset() for name in ("predictions", "posterior"))
-        return conditions(fit.experiment, *groups)
+        return conditions_of(fit)
     data = fit.used
     columns = {
         "temperature": data.temperature,

@@ -13,6 +13,7 @@ from conftest import ICE
 
 from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.sampled_fit import ORIGINS
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.model.parameters import PARAMETER_BY_NAME
@@ -111,7 +112,11 @@ def test_every_format_says_who_decides_a_number(
             assert [word, priors] == decided.loc[name].tolist()
         assert word == ("fixed" if one.sd[k] == 0 else word) != ""
         assert table["decided_by"][name] == word
-    assert content["notes"] == [*small_fit.prior_conflicts(), *small_fit.prior_decisions()]
+    told = [*small_fit.prior_conflicts(), *small_fit.prior_decisions()]
+    assert content["notes"] == [ORIGINS["synthetic"], *told]
+    assert content["draws_of"] == "synthetic"
+    assert set(table["draws_of"]) == {"synthetic"}
+    assert ORIGINS["synthetic"] in text
     by_enthalpy = replace(
         one,
         decided_by=("prior",) * len(one.names),

@@ -12,6 +12,7 @@ import xarray as xr
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.sampled_fit import ORIGINS
 from pyburgers.predictions.attenuation import predict_attenuation
 from pyburgers.predictions.stress_cycles import Regime
 
@@ -71,7 +72,8 @@ def test_what_speaks_against_a_prediction_is_said_before_it(
     with xr.open_dataset(out.with_suffix(".nc"), engine="h5netcdf") as draws:
         cautions = draws.attrs["cautions"].splitlines()
     assert small_fit.sampled_well is Outcome.NO  # 200 draws
-    assert cautions[0] == small_fit.verdicts()[CheckKind.SAMPLING].sentence
+    assert cautions[0] == ORIGINS["synthetic"]
+    assert cautions[1] == small_fit.verdicts()[CheckKind.SAMPLING].sentence
     told = "Beyond what was fitted: temperature 271 K (fitted: 260)."
     assert (told in cautions) is beyond
     table = printed.index("4 ± 1.5 MPa")

@@ -19,6 +19,7 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.new_test import Source, add_noises, parameters_for_other_test
 from pyburgers.fitting.prediction import Prediction, predict_test
 from pyburgers.fitting.prior_draws import prior_draws
+from pyburgers.fitting.sampled_fit import ORIGINS
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.kinds.experiment import Experiment, Stated, UncertainCondition, of_kind
@@ -137,7 +138,9 @@ def test_a_fit_that_did_not_work_says_so(small_fit: Fit) -> None:
     posterior["sample_stats"] = xr.DataTree(stats)
     bad = replace(small_fit, posterior=posterior)
     target = another_test(small_fit)
-    assert "was not sampled well" in bad.predict(target, draws=5).cautions[0]
+    synthetic, verdict, *_ = bad.predict(target, draws=5).cautions
+    assert synthetic == ORIGINS["synthetic"]
+    assert "was not sampled well" in verdict
 
 
 def test_a_joint_fit_gives_what_its_tests_share(joint: Fit) -> None:

@@ -77,6 +77,7 @@ def exported(experiment: Experiment, values: Mapping[str, float]) -> Exported:
         material="ice",
         variant="v",
         run="r",
+        draws_of="measured",
         sampled_well="yes",
         describes_data="yes",
         names=tuple(known),
@@ -132,6 +133,8 @@ def test_the_flow_law_gives_the_rate_of_the_dashpot(law: str, state: str) -> Non
     expected = np.diff(dashpot).item() / 1000.0
     stated = value_of(content["flow_law"], {**names, **structure})
     assert stated == pytest.approx(expected, rel=1e-4)
+    back = value_of(content["flow_law"], {**names, **structure, "stress": -names["stress"]})
+    assert back == pytest.approx(-stated, rel=1e-12)
 
 
 @pytest.mark.parametrize("scaled", [{}, SLOWER, {**SLOWER, **COARSER}])

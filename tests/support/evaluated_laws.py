@@ -12,6 +12,7 @@ FUNCTIONS = {
     "sinh": np.sinh,
     "sqrt": np.sqrt,
     "abs": abs,
+    "sign": np.sign,
     "max": max,
     "log": np.log,
     "pi": np.pi,

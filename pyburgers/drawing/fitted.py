@@ -1,5 +1,7 @@
 """What views read from the posterior of a fit."""
 
+import numpy as np
+
 from pyburgers.common.array_types import BoolArray
 from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.drawing.panels import HALF_WIDTH, FittedCurve, ReadCurve
@@ -27,6 +29,14 @@ def residuals(fit: FittedTest) -> FloatArray:
     return left
 
 
+def residual_size(fit: FittedTest, noise: str) -> float:
+    """Return the posterior mean of the size of residuals (SI), those of a law's discrepancy too."""
+    draws = fit.posterior["posterior"].to_dataset()
+    if noise not in draws:
+        return 0.0
+    return float((draws[noise] * np.hypot(1.0, draws.get("discrepancy", 0.0))).mean())
+
+
 def mean_of(fit: FittedTest, parameter: str) -> float:
     """Return the posterior mean of a parameter (SI), 0 where the fit does not have it."""
     draws = fit.posterior["posterior"].to_dataset()
@@ -51,7 +61,7 @@ def curve_of(
         solutions=predicted(fit, name) * factor,
         replicated=predicted(fit, f"{name}_replicated") * factor,
         residuals=residuals(fit)[rows] * factor,
-        noise_band=HALF_WIDTH * mean_of(fit, noise) * factor,
+        noise_band=HALF_WIDTH * residual_size(fit, noise) * factor,
         residual_label=label,
         data_label=f"{fit.experiment.provenance.kind} data",
     )

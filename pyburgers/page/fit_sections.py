@@ -262,7 +262,10 @@ class SameData:
         """Cells of `values` that the data do not decide, by column."""
         values = self.values
         return {
-            column: [text.startswith(DOUBTFUL) or text.endswith("]") for text in values[column]]
+            column: [
+                text.startswith(DOUBTFUL) or (text.endswith("]") and f"[{Origin.BOTH}" not in text)
+                for text in values[column]
+            ]
             for column in map(str, values.columns)
             if column not in NAMED
         }
@@ -304,7 +307,7 @@ def _in_one_cell(parameters: pd.DataFrame) -> list[str]:
     cells = []
     for row, decided in zip(parameters.to_dict("records"), _decided_by(parameters), strict=True):
         value = f"{row['mean']} ± {row['sd']}"
-        doubted = f"{value} [{decided}]" if decided.startswith(DOUBTFUL) else value
+        doubted = f"{value} [{decided}]" if decided.startswith((*DOUBTFUL, Origin.BOTH)) else value
         cells.append(OF_THE_PRIOR if decided == OF_THE_PRIOR else doubted)
     return cells
 

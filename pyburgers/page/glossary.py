@@ -49,7 +49,8 @@ DEFINITIONS = {
     "activation enthalpy": "How strongly the strain rate grows with temperature.",
     "critical strain": "Strain over which grain size or fabric approach their steady state.",
     "fabric factor": "How the crystal fabric weakens the material; 1 where there is none.",
-    "reference stress": "Stress at which undeformed material flows at the imposed rate.",
+    "reference stress": "Stress at which the power law of undeformed material flows at the "
+    "imposed rate.",
     "reference flow rate": "Rate at which undeformed material flows under a reference stress.",
     "tan δ": "Attenuation: tangent of the angle by which strain lags stress.",
     "Maxwell time": "Time in which flow makes as much strain as the elastic one.",

@@ -22,11 +22,11 @@ from pyburgers.fitting.sampled_fit import ORIGINS, PRIOR_ALONE, SampledFit
 from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.flow_law_tables.laws import SCATTER, Mechanism, RateLaw
 from pyburgers.flow_law_tables.tables import RateTable
+from pyburgers.kinds.conditions import Ranges, conditions_of, ranges_text
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.display import shown_quantity, unit_text
 from pyburgers.model.environment import environment_law
-from pyburgers.model.fitted_test import Test
 from pyburgers.model.laws import (
     DASHPOT_LAWS,
     HARDENING_LAWS,
@@ -73,7 +73,7 @@ def undeformed(grain_size: str) -> dict[str, str]:
     return {"grain_size": grain_size, "fabric_factor": "1"}
 
 
-def laws_of(prior_set: PriorSet, experiment: Test) -> dict[str, object]:
+def laws_of(prior_set: PriorSet, experiment: Experiment) -> dict[str, object]:
     """Return expressions of the laws of a fit, and initial and steady microstructure, by name."""
     priors, variant = prior_set.priors, variant_of(prior_set, experiment)
     start = f"{experiment.initial_grain_size:.10g}"
@@ -105,7 +105,7 @@ def laws_of(prior_set: PriorSet, experiment: Test) -> dict[str, object]:
         "flow_law": flow_law,
         **({"mechanisms": mechanisms} if mechanisms else {}),
         **({"hardening_law": hardening_law} if hardening.parameters else {}),
-        "elastic_law": _elastic_law(priors),
+        "elastic_law": _elastic_law(priors, experiment),
         "kelvin_law": _kelvin_law(variant.kelvin, priors),
         "microstructure": {
             "undeformed": undeformed(start),
@@ -118,9 +118,9 @@ def _has(priors: Mapping[str, Prior], name: str) -> bool:
     return name in priors and not is_fixed_at(priors[name], STANDARD_VALUES[name])
 
 
-def _elastic_law(priors: Mapping[str, Prior]) -> str:
-    law = "elastic_strain = stress/maxwell_modulus"
-    if not _has(priors, "modulus_temperature_coefficient"):
+def _elastic_law(priors: Mapping[str, Prior], experiment: Experiment) -> str:
+    law, warmer = "elastic_strain = stress/maxwell_modulus", "modulus_temperature_coefficient"
+    if warmer in experiment.without_effect or not _has(priors, warmer):
         return law
     return (
         f"{law}/(1 + modulus_temperature_coefficient*(temperature - modulus_reference_temperature))"
@@ -167,6 +167,7 @@ class Exported:
     variant: str
     run: str
     draws_of: str
+    conditions: str
     sampled_well: str
     describes_data: str
     names: tuple[str, ...]
@@ -185,13 +186,29 @@ class Exported:
         return np.sqrt(np.diag(self.covariance))
 
 
+def fitted_ranges(fit: Fit | RateFit) -> Ranges:
+    """Return the conditions of the test, or of the tests of a table."""
+    if isinstance(fit, Fit):
+        return conditions_of(fit)
+    data = fit.used
+    columns = {
+        "temperature": data.temperature,
+        "initial grain size": data.grain_size,
+        "strain rate": data.strain_rate,
+        "stress": data.stress,
+    }
+    known = {name: one[np.isfinite(one)] for name, one in columns.items()}
+    return {name: (float(one.min()), float(one.max())) for name, one in known.items() if one.size}
+
+
 def exported(fit: Fit | RateFit) -> Exported:
     """Return what other codes need of a fit; beta gives tables the names of a curve's flow law."""
     about: Experiment | RateTable
     own: dict[str, str] = {}
     if isinstance(fit, Fit):
         about, priors, variant = fit.experiment, fit.priors, fit.variant.short_text
-        columns = _draws_of(fit, [name for name in priors.priors if name not in LEFT_OUT])
+        left_out = LEFT_OUT | about.without_effect
+        columns = _draws_of(fit, [name for name in priors.priors if name not in left_out])
         laws = laws_of(priors, fit.experiment)
     else:
         about, priors, variant = fit.data, fit.law.priors, fit.law.priors.title
@@ -214,6 +231,7 @@ def exported(fit: Fit | RateFit) -> Exported:
         variant=variant,
         run=fit.directory.path.name,
         draws_of=fit.draws_of,
+        conditions=ranges_text(fitted_ranges(fit)),
         sampled_well=fit.sampled_well.value,
         describes_data=fit.describes_data.value,
         names=tuple(columns),
@@ -307,6 +325,7 @@ def as_json(one: Exported, kept: Sequence[int] = ()) -> str:
         "variant": one.variant,
         "run": one.run,
         "draws_of": one.draws_of,
+        "conditions": one.conditions,
         "sampled_well": one.sampled_well,
         "describes_data": one.describes_data,
         "draws": one.n_draws,
@@ -349,6 +368,7 @@ def as_latex(one: Exported) -> str:
     lines = [
         f"% {one.test}, {one.material}, model {one.variant}",
         f"% sampled well: {one.sampled_well}, describes the data: {one.describes_data}",
+        f"% conditions of the fitted tests: {one.conditions}",
         *(f"% {note}" for note in one.notes),
         *(f"% {line}" for line in _law_lines(one.laws)),
         rf"\begin{{tabular}}{{llrl{'r' * len(free)}}}",

@@ -16,7 +16,7 @@ from pyburgers.common.units import rounded
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import PRIOR_ALONE
 from pyburgers.flow_law_tables.fit import RateFit
-from pyburgers.kinds.conditions import Ranges, beyond_sentences, conditions_of, ranges_text
+from pyburgers.kinds.conditions import Ranges, beyond_sentences
 from pyburgers.model.display import shown_quantity
 from pyburgers.model.priors import FLOW_LAW
 from pyburgers.predictions.compliance_formats import (
@@ -26,7 +26,15 @@ from pyburgers.predictions.compliance_formats import (
 )
 from pyburgers.predictions.creep_formats import CREEP_FORMATS, CreepFormat
 from pyburgers.predictions.creep_laws import Stated, creep_laws, rate_factors
-from pyburgers.predictions.exported import LOG_FACTOR, Exported, as_csv, as_json, as_latex, exported
+from pyburgers.predictions.exported import (
+    LOG_FACTOR,
+    Exported,
+    as_csv,
+    as_json,
+    as_latex,
+    exported,
+    fitted_ranges,
+)
 from pyburgers.predictions.stress_cycles import Regime
 
 AnyFit = Fit | RateFit
@@ -61,7 +69,7 @@ def _creep_texts(form: CreepFormat, fit: AnyFit, stated: Stated, kept: Kept) -> 
             raise InputError(f"{form.code}: found no temperature, expected --temperature-K.")
         given = (fit.experiment.temperature,)
     notes = [
-        *_caution_lines(one, _ranges(fit), given),
+        *_caution_lines(one, fitted_ranges(fit), given),
         f"State of the material: {laws.state}. It does not change here.",
         "Left out: elastic and transient strain; evolution of grain size and fabric.",
     ]
@@ -85,7 +93,7 @@ def _compliance_texts(
             f"{form.code}: found {len(stated.temperatures)} temperatures, expected one in a table."
         )
     found, one = shear_compliances(fit, stated, form.code), exported(fit)
-    notes = [*_caution_lines(one, _ranges(fit), stated.temperatures), *found.notes]
+    notes = [*_caution_lines(one, fitted_ranges(fit), stated.temperatures), *found.notes]
     mean = "Mean of the posterior: means of J1 and of J2 over all draws."
     storage, loss = (
         np.vstack([values.mean(axis=0), values[kept]]) for values in (found.storage, found.loss)
@@ -122,24 +130,9 @@ def _caution_lines(one: Exported, ranges: Ranges, at: Sequence[float]) -> list[s
         f"Sampled well: {one.sampled_well}. Describes the data: {one.describes_data}.",
         f"Decided by: {'; '.join(decided)}.",
         *one.notes,
-        f"Conditions of the fitted tests: {ranges_text(ranges)}. The law extrapolates elsewhere.",
+        f"Conditions of the fitted tests: {one.conditions}. The law extrapolates elsewhere.",
         *beyond,
     ]
-
-
-def _ranges(fit: AnyFit) -> Ranges:
-    """Return the conditions of the test, or of the tests of a table."""
-    if isinstance(fit, Fit):
-        return conditions_of(fit)
-    data = fit.used
-    columns = {
-        "temperature": data.temperature,
-        "initial grain size": data.grain_size,
-        "strain rate": data.strain_rate,
-        "stress": data.stress,
-    }
-    known = {name: one[np.isfinite(one)] for name, one in columns.items()}
-    return {name: (float(one.min()), float(one.max())) for name, one in known.items() if one.size}
 
 
 FORMATS: Mapping[str, Format] = MappingProxyType(

@@ -70,7 +70,7 @@ def fitted_material(
     parameters = {
         name: draws[name].to_numpy().astype(np.float64)
         for name in (*PARAMETER_NAMES, *OTHER_PARAMETERS)
-        if name in draws
+        if name in draws and name not in experiment.without_effect
     }
     shape = parameters["maxwell_modulus"].shape
     check_environment(environment)

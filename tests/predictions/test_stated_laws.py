@@ -78,6 +78,7 @@ def exported(experiment: Experiment, values: Mapping[str, float]) -> Exported:
         variant="v",
         run="r",
         draws_of="measured",
+        conditions="",
         sampled_well="yes",
         describes_data="yes",
         names=tuple(known),

@@ -25,7 +25,7 @@ from pyburgers.drawing.panels import (
 )
 from pyburgers.drawing.style import BLACK, BLUE, VERMILION
 from pyburgers.drawing.view import View
-from pyburgers.drawing.views.relaxation_spectrum import relaxation_spectrum
+from pyburgers.drawing.views.relaxation_spectrum import is_endless, relaxation_spectrum
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment, range_text
 from pyburgers.kinds.attenuation.table import ATTENUATION, MODULUS
 from pyburgers.kinds.experiment import of_kind
@@ -149,8 +149,8 @@ def compliances(tan_delta: FloatArray, modulus: FloatArray) -> tuple[FloatArray,
 @recipe(
     "arrhenius",
     "Relaxation times",
-    "Relaxation time of the Kelvin element against inverse temperature, and beside it the Maxwell "
-    "time of the dashpot, which is the flow law's: lines are posterior medians, areas 90 % of "
+    "Relaxation time η_K/E_K of the Kelvin part against inverse temperature, and beside it the "
+    "Maxwell time of the dashpot, which is the flow law's: lines are posterior medians, areas 90 % of "
     "draws. The slope of a line is its activation enthalpy. Beyond the periods of the table a time "
     "is what the law makes of it, not what was seen.",
     lambda fit: relaxation_result(fit),
@@ -168,7 +168,7 @@ def arrhenius(fit: FittedTest) -> Figure:
         seen = conditions.period.min(), conditions.period.max()
         axes.axhspan(*seen, color="#e6e6e6", linewidth=0, label="periods of the table")
         for name, colour, label in (
-            ("log_relaxation_time", BLUE, "Kelvin element"),
+            ("log_relaxation_time", BLUE, "Kelvin part"),
             ("log_maxwell_time", VERMILION, "Maxwell time of the dashpot"),
         ):
             times = np.exp(predicted(fit, name)[:, first])
@@ -319,12 +319,10 @@ def rms_result(fit: FittedTest) -> str:
 
 
 def relaxation_result(fit: FittedTest) -> str:
-    """Say between which relaxation times the temperatures lie."""
+    """Say between which relaxation times of the Kelvin part the temperatures lie."""
     median = np.exp(np.median(predicted(fit, "log_relaxation_time"), axis=0))
-    return (
-        f"median relaxation times of the Kelvin element go from {median.min():.2g} to "
-        f"{median.max():.2g} s."
-    )
+    what = "times until the creep is the stress over E_K" if is_endless(fit) else "relaxation times"
+    return f"median {what} go from {median.min():.2g} to {median.max():.2g} s."
 
 
 def facts(experiment: AttenuationExperiment) -> Sequence[tuple[str, str]]:

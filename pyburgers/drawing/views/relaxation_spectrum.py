@@ -13,7 +13,9 @@ from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.arrhenius import log_slowdown
 from pyburgers.model.closed_forms import closed_forms
+from pyburgers.model.laws import KELVIN_LAWS
 from pyburgers.model.parameters import STANDARD_VALUES
+from pyburgers.model.variants import variant_of
 
 DRAWS = 1000
 """Draws at most that are drawn from."""
@@ -117,8 +119,16 @@ def _draw_elements(axes: Axes, elements: FloatArray, elastic: FloatArray) -> Non
         )
 
 
+def is_endless(fit: FittedTest) -> bool:
+    """Whether the Kelvin part has relaxation times without end."""
+    law = KELVIN_LAWS[variant_of(fit.priors, fit.experiment).kelvin]
+    return any(one.spread == "endless" for one in law.times)
+
+
 def spectrum_result(fit: FittedTest) -> str:
-    """Say how long the longest relaxation time is."""
+    """Say how long the longest relaxation time is, if there is one."""
+    if is_endless(fit):
+        return "Andrade creep has no longest relaxation time."
     experiment = of_kind(fit.experiment, AttenuationExperiment)
     part = _kelvin_part(experiment, _draws(fit), np.empty(0))
     return (

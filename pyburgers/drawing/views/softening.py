@@ -22,6 +22,7 @@ from pyburgers.drawing.style import BLACK, BLUE, GREEN, SKY_BLUE, VERMILION
 from pyburgers.kinds.experiment import Experiment, MeasuredMicrostructure
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
+from pyburgers.model.laws import DASHPOT_LAWS
 from pyburgers.model.variants import variant_of
 
 SHARES = (-1.0, 2.0)
@@ -66,9 +67,10 @@ def softening_caption(end: str) -> str:
     """Return the caption of the figure; the end is that of the test, such as ``final strain``."""
     return (
         "Why the material weakens or hardens: (a) mean grain size, (b) fabric factor (1 = "
-        "isotropic), (c) the factors by which grain size and fabric change the flow stress, and "
-        "their product; lines are posterior medians, areas hold 90 % of draws. (d) Share of grain "
-        f"size in the total softening (logarithms) at the {end}; below 0 or above 1 one of the two "
+        "isotropic), (c) the factors by which grain size and fabric change the flow stress of "
+        "the power law, and their product; lines are posterior medians, areas hold 90 % of draws. "
+        "(d) Share of grain size in the total softening (logarithms) at the "
+        f"{end}; below 0 or above 1 one of the two "
         "hardens, and the outermost 1 % of draws may be cut off. If this histogram is broad, "
         "the data do not tell which mechanism softened the material. Circles with bars: measured, "
         "with standard deviation."
@@ -134,11 +136,13 @@ def softened_text(fit: FittedTest) -> str:
         predicted(fit, name)[:, -1]
         for name in ("grain_size", "fabric_factor", "grain_size_softening", "fabric_softening")
     )
-    alone = variant_of(fit.priors, fit.experiment).second_mechanism == "none"
+    variant = variant_of(fit.priors, fit.experiment)
+    alone = variant.second_mechanism == variant.hardening == "none"
+    alone &= not DASHPOT_LAWS[variant.maxwell].own_stress
     return (
         f"grains have {band_text(size * LENGTH_FACTOR, LENGTH_UNIT)}, the "
         f"fabric factor is {band_text(fabric, '')}, and the flow stress "
-        f"{'' if alone else 'of the first mechanism by itself is '}"
+        f"{'' if alone else 'of its power law by itself is '}"
         f"{band_text(by_grains * by_fabric, '')} of the undeformed material's."
     )
 

@@ -12,7 +12,7 @@ from typing import Self
 import pandas as pd
 import xarray as xr
 
-from pyburgers.checks.prior_influence import Influence, prior_influence, prior_scores
+from pyburgers.checks.prior_influence import Influence, prior_influence
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.messages import messages_where_watched
@@ -29,6 +29,7 @@ from pyburgers.fitting.sampled_fit import (
     in_passing,
     write_tables,
 )
+from pyburgers.fitting.scores_beside import scores_beside
 from pyburgers.kinds.conditions import doubts
 from pyburgers.kinds.experiment import Experiment, Provenance
 from pyburgers.kinds.kind import load_experiment
@@ -36,7 +37,7 @@ from pyburgers.kinds.problem import Problem, one_test, problem_of
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.kinds.together import default_priors_for, pooling_for
 from pyburgers.model.pooling import pooling_from
-from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR, PriorSet, load_priors, note_other_material
+from pyburgers.model.priors import PriorSet, load_priors, note_other_material
 from pyburgers.model.variants import ModelVariant
 from pyburgers.posterior.build import build_posterior
 from pyburgers.posterior.labelled_draws import (
@@ -153,24 +154,13 @@ class Fit(SampledFit):
             return {self.problem.name: self}
         groups = groups_of_tests(self.posterior)
         parts = [*map(one_test, self.problem.experiments, self.problem.by_effect())]
-        own = {
-            alone.name: {
-                own_name(name, self.problem.owner(source, e)): scores
-                for name, scores in prior_scores(groups[alone.name], alone.priors[0]).items()
-                if self.problem.kind(source := FLOW_LAW[0] if name == JOINT_PRIOR else name)
-                not in ("shared", "partial")
-            }
-            for e, alone in enumerate(parts)
-        }
-        every = {name: scores for one in own.values() for name, scores in one.items()}
+        beside = scores_beside(self.problem, parts, groups)
         return {
             alone.name: replace(
                 self,
                 posterior=groups[alone.name],
                 problem=alone,
-                scores_beside={
-                    name: scores for name, scores in every.items() if name not in own[alone.name]
-                },
+                scores_beside=beside[alone.name],
             )
             for alone in parts
         }

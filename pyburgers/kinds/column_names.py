@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from pyburgers.common.units import FOREIGN_UNIT_NAMES, UNIT_TABLE, unit_in, unit_spelled
+from pyburgers.common.units import FOREIGN_UNIT_NAMES, unit_in, unit_spelled
 
 OTHER_QUANTITIES = re.compile(
     r"(?<![a-z])(?:strain|stress|(?:def|ver|dehn|stauch)\w*)?.?rate(?![a-z])|(?<![a-z])taux|eps\w*dot"
@@ -202,8 +202,8 @@ POWER_OF_TEN = re.compile(r"(?<![\d.])10(?:\^|\*\*|-)-?\d(?!\d?-)|[x×*·] ?10\d
 def plain(name: str) -> str:
     """Return a name in lower case, without accents and with plain signs."""
     parts = unicodedata.normalize("NFKD", name.lower().replace("º", "°"))
-    plain = "".join(sign for sign in parts if not unicodedata.combining(sign))
-    return plain.replace("\u2212", "-").replace("\u2013", "-")
+    letters = "".join(sign for sign in parts if not unicodedata.combining(sign))
+    return letters.replace("\u2212", "-").replace("\u2013", "-")
 
 
 def quantity_in(name: str) -> str | None:
@@ -223,8 +223,7 @@ def kinds_in(name: str) -> set[str]:
     units = re.findall(r"[(\[] ?([^()\[\]]+?) ?[)\]]", name)
 
     def is_one_of(kind: str) -> bool:
-        spellings = [unit.spelling for unit in UNIT_TABLE[kind].values()]
-        return bool(units) and any(re.fullmatch(one, units[-1]) for one in spellings)
+        return bool(units) and unit_spelled(units[-1], kind) is not None
 
     kinds = {kind for kind in ("stress", "time", "temperature", "frequency") if is_one_of(kind)}
     return kinds | {"attenuation"} if kinds and is_one_of("angle") else kinds

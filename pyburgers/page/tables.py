@@ -119,9 +119,10 @@ def posterior_row(
 
 
 def _with_digits(value: float, sd: float) -> str:
-    """Return a number with two digits at least, and as a power of ten if it would be long."""
-    text = rounded(value, min(sd, abs(value) or sd))
-    return f"{value:.2g}" if len(text) > LONGEST_NUMBER and sd > 0.1 * abs(value) else text
+    """Return a number as `rounded` does, but with two digits if it would be 0 or long."""
+    text = rounded(value, sd)
+    is_long = len(text) > LONGEST_NUMBER and sd > 0.1 * abs(value)
+    return f"{value:.2g}" if is_long or (value != 0 and float(text) == 0) else text
 
 
 def decided_cell(name: str, row: Mapping[Hashable, Any]) -> str | None:

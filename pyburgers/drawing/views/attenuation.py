@@ -150,9 +150,9 @@ def compliances(tan_delta: FloatArray, modulus: FloatArray) -> tuple[FloatArray,
     "arrhenius",
     "Relaxation times",
     "Relaxation time η_K/E_K of the Kelvin part against inverse temperature, and beside it the "
-    "Maxwell time of the dashpot, which is the flow law's: lines are posterior medians, areas 90 % of "
-    "draws. The slope of a line is its activation enthalpy. Beyond the periods of the table a time "
-    "is what the law makes of it, not what was seen.",
+    "Maxwell time of the dashpot, which is the flow law's: lines are posterior medians, areas 90 % "
+    "of draws. The slope of a line is its activation enthalpy. Beyond the periods of the table a "
+    "time is what the law makes of it, not what was seen.",
     lambda fit: relaxation_result(fit),
 )
 def arrhenius(fit: FittedTest) -> Figure:

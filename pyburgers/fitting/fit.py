@@ -157,10 +157,7 @@ class Fit(SampledFit):
         beside = scores_beside(self.problem, parts, groups)
         return {
             alone.name: replace(
-                self,
-                posterior=groups[alone.name],
-                problem=alone,
-                scores_beside=beside[alone.name],
+                self, posterior=groups[alone.name], problem=alone, scores_beside=beside[alone.name]
             )
             for alone in parts
         }

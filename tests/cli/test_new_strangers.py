@@ -326,6 +326,18 @@ def test_spectra_are_turned_into_tan_delta_and_the_absolute_modulus(
     np.testing.assert_allclose(test.readings.modulus, [] if modulus is None else modulus)
 
 
+@pytest.mark.parametrize(
+    ("given", "name"), [("axial", "Shear modulus (GPa)"), ("shear", "Young modulus (GPa)")]
+)
+def test_a_modulus_of_another_deformation_is_told(
+    table: Table, capsys: pytest.CaptureFixture[str], given: str, name: str
+) -> None:
+    columns = {"Frequency (Hz)": FREQUENCY, "tan delta": 0.05, name: 60.0}
+    assert main(["new", str(table(**columns)), *KNOWN, "--deformation", given]) == 0
+    other = {"axial": "shear", "shear": "axial"}[given]
+    assert f"the name of column {name!r} states {other}: check it" in capsys.readouterr().out
+
+
 def test_a_spectrum_without_periods_asks_for_them(
     table: Table, capsys: pytest.CaptureFixture[str]
 ) -> None:

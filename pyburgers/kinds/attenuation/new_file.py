@@ -1,10 +1,9 @@
 """What `pyburgers new` writes for a table of attenuation."""
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.table import Form
 from pyburgers.kinds.column_names import SHEAR
@@ -98,18 +97,19 @@ class AttenuationFile(NewFile):
         return {name: one for name, one in found.items() if name not in needless}
 
     def propose_answers(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the deformation that the name of a modulus states; refuse another one."""
-        for modulus in (one for name, one in columns.items() if name.endswith("modulus")):
-            name = modulus.name.lower()
-            states = "shear" if re.search(SHEAR, name) else "axial" if "young" in name else None
-            if states and given[DEFORMATION.name] not in (None, states):
-                raise InputError(
-                    f"{DEFORMATION.option} {given[DEFORMATION.name]}: expected {states}, which the "
-                    f"name of column {modulus.column!r} states."
-                )
-            if states:
-                return {DEFORMATION.name: states}
-        return {}
+        """Return the deformation that the name of a modulus states."""
+        stated = _stated_deformation(columns)
+        return {} if stated is None else {DEFORMATION.name: stated[0]}
+
+    def describe_decisions(self, test: Description) -> Sequence[str]:
+        """Say if the deformation is another one than the name of a modulus states."""
+        stated, given = _stated_deformation(test.columns), test.values[DEFORMATION.name]
+        if stated is None or stated[0] == given:
+            return ()
+        return (
+            f"deformation {given} holds for the modulus too, but the name of column {stated[1]!r} "
+            f"states {stated[0]}: check it",
+        )
 
     def allowed_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return Poisson's ratio only where the deformation may be shear."""
@@ -126,6 +126,17 @@ class AttenuationFile(NewFile):
             "modulus_unit": units.get("modulus", units.get("storage_modulus")),
             "attenuation_form": None if attenuation is None else _form_of(attenuation),
         }
+
+
+def _stated_deformation(columns: Columns) -> tuple[str, str | int] | None:
+    """Return the deformation that the name of a modulus states, and its column."""
+    for modulus in (one for name, one in columns.items() if name.endswith("modulus")):
+        name = modulus.name.lower()
+        if re.search(SHEAR, name):
+            return "shear", modulus.column
+        if "young" in name:
+            return "axial", modulus.column
+    return None
 
 
 def _form_of(attenuation: GuessedColumn) -> Form:

@@ -23,7 +23,7 @@ class FittedRock:
     """A published test with the law that was fitted to it.
 
     The law predicts left-out readings best among those that were sampled well and describe the
-    data; if there is none, among those that were sampled well, and `describes_data` says so.
+    data. If there is none, it is the best that was sampled well, and `describes_data` says so.
 
     Attributes
     ----------

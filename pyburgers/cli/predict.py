@@ -161,7 +161,7 @@ def _attenuation(options: argparse.Namespace) -> int:
         raise InputError(f"--out {options.out}: expected a file name that ends in .csv.")
     whole = Fit.load(options.directory)
     fits = [whole[options.test]] if options.test is not None else [*whole.tests().values()]
-    fitted = [conditions_of(test) for test in whole.tests().values()]
+    fitted = [conditions_of(test.experiment, test.posterior) for test in whole.tests().values()]
     for fit in fits:
         out = options.out
         if len(fits) > 1:

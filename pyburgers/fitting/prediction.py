@@ -21,7 +21,7 @@ from pyburgers.fitting.new_test import (
     draw_values,
     transfer_laws,
 )
-from pyburgers.kinds.conditions import beyond_sentences, conditions, conditions_of
+from pyburgers.kinds.conditions import beyond_sentences, conditions_of
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import one_test
@@ -213,9 +213,8 @@ def _fitted_itself(source: Source, experiment: Experiment) -> list[str]:
 
 def _beyond(source: Source, experiment: Experiment, posterior: xr.DataTree) -> tuple[str, ...]:
     """Say where a test leaves the conditions that were fitted."""
-    groups = (posterior[name].to_dataset() for name in ("predictions", "posterior"))
-    fitted = [conditions_of(test) for test in source.tests.values()]
-    return beyond_sentences(conditions(experiment, *groups), fitted)
+    fitted = [conditions_of(test.experiment, test.posterior) for test in source.tests.values()]
+    return beyond_sentences(conditions_of(experiment, posterior), fitted)
 
 
 def _unsolved(number: int, total: int) -> list[str]:

@@ -304,11 +304,16 @@ class SampledFit(ABC):
         return str(self.manifest["data_kind"]) if self.manifest["use_likelihood"] else PRIOR_ALONE
 
     @property
+    def origins(self) -> tuple[str, ...]:
+        """Sentences about the draws if no measured data are behind them."""
+        return tuple(sentence for kind, sentence in ORIGINS.items() if kind in self.draws_of)
+
+    @property
     def cautions(self) -> tuple[str, ...]:
         """A sentence if the data are synthetic or took no part, and for each verdict but a yes."""
         found = self.verdicts().values()
         return (
-            *(sentence for kind, sentence in ORIGINS.items() if kind in self.draws_of),
+            *self.origins,
             *(one.sentence for one in found if one.outcome is not Outcome.YES),
         )
 

@@ -8,7 +8,7 @@ import xarray as xr
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.units import UNITS, number
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import FittedTest, kind_of
+from pyburgers.kinds.kind import kind_of
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.model.parameters import ENVIRONMENT, STANDARD_VALUES
 from pyburgers.model.plausible import PlausibleRanges, plausible_ranges
@@ -140,10 +140,10 @@ def _not_of_the_material(predictions: xr.Dataset, parameters: xr.Dataset) -> xr.
     )
 
 
-def conditions_of(test: FittedTest) -> Ranges:
+def conditions_of(experiment: Experiment, posterior: xr.DataTree) -> Ranges:
     """Return the conditions that a fitted or predicted test passed."""
-    groups = (test.posterior[name].to_dataset() for name in ("predictions", "posterior"))
-    return conditions(test.experiment, *groups)
+    groups = (posterior[name].to_dataset() for name in ("predictions", "posterior"))
+    return conditions(experiment, *groups)
 
 
 def outside(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:

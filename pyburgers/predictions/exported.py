@@ -18,7 +18,7 @@ from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.draws import all_draws
 from pyburgers.common.units import rounded
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.sampled_fit import ORIGINS, PRIOR_ALONE, SampledFit
+from pyburgers.fitting.sampled_fit import PRIOR_ALONE, SampledFit
 from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.flow_law_tables.laws import SCATTER, Mechanism, RateLaw
 from pyburgers.flow_law_tables.tables import RateTable
@@ -189,7 +189,7 @@ class Exported:
 def fitted_ranges(fit: Fit | RateFit) -> Ranges:
     """Return the conditions of the test, or of the tests of a table."""
     if isinstance(fit, Fit):
-        return conditions_of(fit)
+        return conditions_of(fit.experiment, fit.posterior)
     data = fit.used
     columns = {
         "temperature": data.temperature,
@@ -247,7 +247,7 @@ def exported(fit: Fit | RateFit) -> Exported:
             for known, one in zip(fixed, decided, strict=True)
         ),
         notes=(
-            *(sentence for kind, sentence in ORIGINS.items() if kind in fit.draws_of),
+            *fit.origins,
             *fit.prior_conflicts(),
             *fit.prior_decisions(),
         ),

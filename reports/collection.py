@@ -60,8 +60,8 @@ OF_CURVES: Choices = {
     "autocorrelated": {"residuals": "autocorrelated"},
     "kelvin_power_law": {"kelvin": "power_law"},
     "threshold_stress": {"maxwell": "threshold_stress"},
-    "dislocations": {"hardening": "dislocations"},
     "backstress": {"hardening": "backstress"},
+    "dislocations": {"hardening": "dislocations"},
 }
 
 OF_SPECTRA: Choices = {

@@ -3,7 +3,6 @@
 import logging
 import math
 from collections.abc import Callable
-from typing import TypeVar
 
 from pyburgers.checks.fit_checks import (
     ESS_LIMIT,
@@ -16,7 +15,7 @@ from pyburgers.checks.fit_checks import (
     run_checks,
 )
 from pyburgers.common.units import counted, duration_text
-from pyburgers.fitting.sampled_fit import SampledFit
+from pyburgers.fitting.sampled_fit import FitT, SampledFit
 from pyburgers.posterior.labelled_draws import convergence_table
 from pyburgers.sampling.chains import chains_at_once
 from pyburgers.sampling.options import SamplerOptions
@@ -24,8 +23,6 @@ from pyburgers.sampling.repetitions import SHORTENING, shorten_steps, shortened,
 
 logger = logging.getLogger(__name__)
 
-
-FitT = TypeVar("FitT", bound=SampledFit)
 
 MAX_REFITS = 2
 """Times that a run is repeated at a tighter tolerance of the solver."""

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from types import MappingProxyType
 from typing import Self
 
 import pandas as pd
@@ -168,37 +167,8 @@ class Fit(SampledFit):
         data = [data_words(one.id, one.provenance) for one in self.problem.experiments]
         return self.problem.priors[0].read_off(data)
 
-    def influences(
-        self, derived: Mapping[str, FloatArray] = MappingProxyType({})
-    ) -> dict[str, dict[str, Influence]]:
-        """Return who decides each quantity, by test; empty without likelihood.
-
-        Parameters
-        ----------
-        derived : mapping of str to array, shape (n,)
-            Draws of further quantities, chains one after the other.
-
-        Returns
-        -------
-        dict of str to dict of str to Influence
-            By name of the test, then of the quantity.
-
-        Examples
-        --------
-        >>> stiffness = fit.posterior["posterior"]["maxwell_modulus"].to_numpy().ravel()
-        >>> of_tests = fit.influences({"compliance": 1 / stiffness})
-        """
-        return self._influences_on(derived) if derived else self._influences
-
-    @cached_property
-    def _influences(self) -> dict[str, dict[str, Influence]]:
-        """Those on the parameters, made once: tables, pages and exports ask again and again."""
-        return self._influences_on({})
-
     def _influences_on(self, derived: Mapping[str, FloatArray]) -> dict[str, dict[str, Influence]]:
-        """Influences by test and quantity; empty without likelihood."""
-        if not self.manifest["use_likelihood"]:
-            return {}
+        """Influences by test and quantity."""
         fitted = self.manifest["experiments"]
         return {
             name: self._usable(

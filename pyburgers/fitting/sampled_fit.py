@@ -86,7 +86,6 @@ class SampledFit(ABC):
         """Name of the test where this is what a joint fit says of one; else None."""
         return None
 
-    @abstractmethod
     def influences(
         self, derived: Mapping[str, FloatArray] = MappingProxyType({})
     ) -> dict[str, dict[str, Influence]]:
@@ -96,7 +95,29 @@ class SampledFit(ABC):
         ----------
         derived : mapping of str to array, shape (n,)
             Draws of further quantities, chains one after the other.
+
+        Returns
+        -------
+        dict of str to dict of str to Influence
+            By name of the test or table, then of the quantity.
+
+        Examples
+        --------
+        >>> stiffness = fit.posterior["posterior"]["maxwell_modulus"].to_numpy().ravel()
+        >>> of_tests = fit.influences({"compliance": 1 / stiffness})
         """
+        if not self.manifest["use_likelihood"]:
+            return {}
+        return self._influences_on(derived) if derived else self._influences
+
+    @cached_property
+    def _influences(self) -> dict[str, dict[str, Influence]]:
+        """Those on the parameters, made once: tables, pages and exports ask again and again."""
+        return self._influences_on({})
+
+    @abstractmethod
+    def _influences_on(self, derived: Mapping[str, FloatArray]) -> dict[str, dict[str, Influence]]:
+        """Influences by test or table, and quantity."""
 
     def decisions(self) -> dict[str, Influence]:
         """Return who decides each row of `summary`."""

@@ -75,27 +75,8 @@ class RateFit(SampledFit):
         """Origin of the tables."""
         return self.data.provenance
 
-    def influences(
-        self, derived: Mapping[str, FloatArray] = MappingProxyType({})
-    ) -> dict[str, dict[str, Influence]]:
-        """Return who decides each quantity; empty without likelihood.
-
-        Parameters
-        ----------
-        derived : mapping of str to array, shape (n,)
-            Draws of further quantities, chains one after the other.
-
-        Returns
-        -------
-        dict of str to dict of str to Influence
-            By name of the table, then of the quantity.
-
-        Examples
-        --------
-        >>> influences = creep.influences()
-        """
-        if not self.manifest["use_likelihood"]:
-            return {}
+    def _influences_on(self, derived: Mapping[str, FloatArray]) -> dict[str, dict[str, Influence]]:
+        """Influences by the name of the table, and quantity."""
         priors = self.law.priors
         read_off = priors.read_off([data_words(self.data.id, self.provenance)])
         found = prior_influence(self.posterior, priors, derived=derived, read_off=read_off)

@@ -11,7 +11,7 @@ from datetime import date, datetime, time
 from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, TypeVar, get_args, get_origin
+from typing import Any, Literal, get_args, get_origin
 
 import numpy as np
 from pydantic import Field
@@ -22,7 +22,7 @@ from pyburgers.common.toml_files import NAME, Table, all_of, factor_to_si, neste
 from pyburgers.kinds.experiment import (
     CONDITION_KEYS,
     ENVIRONMENT_KEYS,
-    Experiment,
+    E,
     MeasuredMicrostructure,
     Provenance,
     UncertainCondition,
@@ -316,9 +316,6 @@ UNSTATED_KIND = (
     "Where the readings come from was not stated, so they count as measured: "
     'state kind="synthetic" or kind="digitised" if they are not.'
 )
-
-
-E = TypeVar("E", bound=Experiment)
 
 
 def test_of(

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +12,7 @@ from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import read_json
-from pyburgers.kinds.experiment import Experiment, MeasuredMicrostructure, Provenance
+from pyburgers.kinds.experiment import E, Experiment, MeasuredMicrostructure, Provenance
 from pyburgers.kinds.kind import kind_of
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.program_data import given_parameters, solve
@@ -27,8 +26,6 @@ from pyburgers.model.parameters import (
 )
 from pyburgers.model.prior_families import MAY_BE_ZERO, UNSIGNED
 from pyburgers.model.variants import check_laws, with_variant
-
-E = TypeVar("E", bound=Experiment)
 
 LARGEST = float(np.finfo(np.float64).max)
 """Largest finite number."""

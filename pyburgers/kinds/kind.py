@@ -12,7 +12,7 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic
 
 import numpy as np
 import pandas as pd
@@ -24,12 +24,10 @@ from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, checked, read_tables
-from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.experiment import E, Experiment
 from pyburgers.kinds.likelihood import NAMES, likelihood_of, likelihoods
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.residual_laws import residual_parts
-
-E = TypeVar("E", bound=Experiment)
 
 COLUMNS: Mapping[str, str] = MappingProxyType(
     {

@@ -10,7 +10,7 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic
 
 import numpy as np
 
@@ -18,14 +18,11 @@ from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.array_types import BoolArray, FloatArray
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.experiment import Experiment, MeasuredMicrostructure
+from pyburgers.kinds.experiment import E, Experiment, MeasuredMicrostructure
 from pyburgers.kinds.stan_data import Layout, Mode, PlainCoordinates, SolverOptions, StanData
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.read_quantities import Quantity, ReadQuantity
-
-E = TypeVar("E", bound=Experiment)
-
 
 NAMES = ("constant_rate", "forced_oscillation", "loading_history", "attenuation")
 """Of all kinds of test, in files, and of their folders."""

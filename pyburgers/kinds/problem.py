@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -413,9 +413,6 @@ def _check_pooling(problem: Problem) -> None:
             f"--pool: found {', '.join(f'{n}={problem.pooling.kinds[n]}' for n in FLOW_LAW)}, "
             "expected all shared or all separate because they have a joint prior."
         )
-
-
-E = TypeVar("E", bound=Experiment)
 
 
 def stated_priors(experiment: Experiment) -> dict[str, Prior]:

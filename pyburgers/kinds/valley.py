@@ -9,20 +9,17 @@ is all that depends on it.
 from abc import abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 
 from pyburgers.common.array_types import FloatArray, IntArray
-from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.experiment import E, Experiment
 from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited
 from pyburgers.kinds.stan_data import Layout, PlainCoordinates, StanData, ends
 from pyburgers.model.laws import DASHPOT_LAWS
 from pyburgers.model.parameters import PLACE, PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of
-
-E = TypeVar("E", bound=Experiment)
 
 N_PINS = 12
 LEAST_RELATIVE_NOISE = (0.02, 0.006)

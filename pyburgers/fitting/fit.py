@@ -246,8 +246,8 @@ class Fit(SampledFit):
         Parameters
         ----------
         path : path
-            A file that ends in ``.html``, with a folder of tables and figures beside it.
-        Or a folder.
+            A file that ends in ``.html``, with a folder of tables and figures beside it; or a
+            folder.
         title : str, optional
             Heading of the page.
 

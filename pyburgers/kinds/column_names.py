@@ -11,19 +11,19 @@ from types import MappingProxyType
 
 from pyburgers.common.units import FOREIGN_UNIT_NAMES, unit_in, unit_spelled
 
+CONFINING = re.compile(r"confin|cell.?p|hydrostat|(?:seiten|mantel|umlagerungs|zell)druck")
+"""Pattern of columns of the pressure on a sample."""
+
+
 OTHER_QUANTITIES = re.compile(
     r"(?<![a-z])(?:strain|stress|(?:def|ver|dehn|stauch)\w*)?.?rate(?![a-z])|(?<![a-z])taux|eps\w*dot"
     r"|^(?!.*freq|.*omega|.*ω|[fw](?![a-z])).*(?<!rad)(?:/ ?|(?= ?s\^?-1))s(?:ec|\^?-1)? ?[)\]]"
-    r"|confin|cell.?p|pore|radial|lateral|quer|(?<![a-z])vol|(?:seiten|mantel|umlagerungs|zell)druck"
-    r"|(?:gas|oil|fluid|water|ambient).{0,2}press|hydrostat|compliance|viscos|strain.?ampl|vitesse|geschwindigkeit"
+    rf"|{CONFINING.pattern}|pore|radial|lateral|quer|(?<![a-z])vol"
+    r"|(?:gas|oil|fluid|water|ambient).{0,2}press|compliance|viscos|strain.?ampl|vitesse|geschwindigkeit"
     r"|^(?:sigma|sig|σ|s)_?[23](?![0-9a-z])|^p(?:c|conf)?(?![a-z])"
 )
 """Pattern of columns that resemble a quantity and are another one: strain rates, compliances,
 pressures and strains across the axis."""
-
-
-CONFINING = re.compile(r"confin|cell.?p|hydrostat|(?:seiten|mantel|umlagerungs|zell)druck")
-"""Pattern of columns of the pressure on a sample."""
 
 
 SET_POINT = (

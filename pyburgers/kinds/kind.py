@@ -12,7 +12,7 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, Generic
+from typing import Any, Generic
 
 import numpy as np
 import pandas as pd
@@ -25,7 +25,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, checked, read_tables
 from pyburgers.kinds.experiment import E, Experiment
-from pyburgers.kinds.likelihood import NAMES, likelihood_of, likelihoods
+from pyburgers.kinds.likelihood import NAMES, likelihood_of
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.residual_laws import residual_parts
 
@@ -64,12 +64,7 @@ class FittedTest(typing.Protocol):
 
 
 class Kind(ABC, Generic[E]):
-    """A kind of test, as in experiment files: how it is read, written and simulated.
-
-    `name`: as in experiment files.
-    """
-
-    name: ClassVar[str]
+    """A kind of test, as in experiment files: how it is read, written and simulated."""
 
     @abstractmethod
     def load(self, path: Path, tables: Mapping[str, Any] | None = None) -> E:
@@ -85,7 +80,7 @@ class Kind(ABC, Generic[E]):
 
     def solution(self, experiment: E, draw: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         """Return the `COLUMNS` of a solution from the variables of the program."""
-        known = self.known_columns(experiment, draw[f"grid_{likelihoods()[self.name].clock.name}"])
+        known = self.known_columns(experiment, draw[f"grid_{likelihood_of(experiment).clock.name}"])
         return {
             column: known[column] if column in known else draw[variable]
             for column, variable in COLUMNS.items()

@@ -149,21 +149,6 @@ class FlowLawPrior:
         solved = np.linalg.solve(self.factor, (beside - self.mean)[..., np.newaxis])
         return np.asarray(solved[..., 0], dtype=np.float64)
 
-    def log_density(self, values: Mapping[str, npt.ArrayLike]) -> FloatArray:
-        """Log density of n, p, Q_M and beta: `flow_law_prior_log_density` of the Stan functions.
-
-        The values are those of `log_flow_rate`.
-        """
-        scores = self.scores(values)
-        slope = 1 / (GAS_CONSTANT * self.conditions.temperature) - np.asarray(values["beta"])
-        density: FloatArray = (
-            -0.5 * np.sum(scores**2, axis=-1)
-            - np.log(np.diag(self.factor)).sum()
-            - 0.5 * self.mean.size * np.log(2.0 * np.pi)
-            + np.log(slope)
-        )
-        return density
-
     def activation_enthalpy(
         self,
         stress_exponent: npt.ArrayLike,

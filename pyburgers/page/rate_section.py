@@ -125,11 +125,8 @@ def rate_section(fit: RateFit, key: str = RATE_KEY) -> PageSection:
                 + SOFTENED_CAPTION * (fit.softening is not None)
                 + ENVIRONMENT_CAPTION.format("of the same rows") * has_environment(fit.law),
                 partial(law_figure, fit),
-                "",
             ),
-            PageFigure(
-                "residuals", "Residuals", RESIDUAL_CAPTION, partial(residual_figure, fit), ""
-            ),
+            PageFigure("residuals", "Residuals", RESIDUAL_CAPTION, partial(residual_figure, fit)),
         ),
         after_fits=True,
     )
@@ -151,7 +148,7 @@ def mechanism_figures(fit: RateFit) -> tuple[PageFigure, ...]:
 
     caption = map_caption(fit.data.material)
     caption += ENVIRONMENT_CAPTION.format("of all tests") * has_environment(fit.law)
-    return (PageFigure("mechanisms", "Leading mechanism", caption, drawn, ""),)
+    return (PageFigure("mechanisms", "Leading mechanism", caption, drawn),)
 
 
 def _law_text(fit: RateFit) -> str:

@@ -56,11 +56,6 @@ def _relative(critical: FloatArray, start: FloatArray, final: FloatArray) -> Flo
     return values
 
 
-def exceeds(strain: xr.DataArray, critical: xr.DataArray, share: float) -> xr.DataArray:
-    """Return 1 where a strain is more than a share of the critical one, else 0; NaN if unknown."""
-    return (strain > share * critical).astype(np.float64).where(critical.notnull())
-
-
 def checked_share(share: float) -> float:
     """Return a share of the critical strain; raise `InputError` if it is not positive."""
     if not (np.isfinite(share) and share > 0):
@@ -70,27 +65,31 @@ def checked_share(share: float) -> float:
 
 def hold_fails(spectrum: xr.Dataset) -> xr.DataArray:
     """Whether the strain of the hold is too large, draw by draw: dimensions of draws, regime."""
-    return exceeds(
-        spectrum["hold_strain"], spectrum["critical_strain"], float(spectrum["critical_share"])
-    )
+    return _exceeds(spectrum, "hold_strain")
 
 
 def cycle_fails(spectrum: xr.Dataset) -> xr.DataArray:
     """Whether that of one cycle is, draw by draw: dimensions of draws, regime, frequency."""
-    return exceeds(
-        spectrum["cycle_strain"], spectrum["critical_strain"], float(spectrum["critical_share"])
-    )
+    return _exceeds(spectrum, "cycle_strain")
 
 
-def probability(of_draws: xr.DataArray) -> xr.DataArray:
-    """Share of draws in which something is so; dimensions regime, or regime and frequency."""
-    return of_draws.mean([name for name in of_draws.dims if name not in ("regime", "frequency")])
+def _exceeds(spectrum: xr.Dataset, strain: str) -> xr.DataArray:
+    """1 where a strain is more than the share of the critical one, else 0; NaN if unknown."""
+    critical = spectrum["critical_strain"]
+    fails = spectrum[strain] > float(spectrum["critical_share"]) * critical
+    return fails.astype(np.float64).where(critical.notnull())
+
+
+def probability(of_draws: xr.DataArray) -> FloatArray:
+    """Share of draws in which something is so, (n_regimes,) or (n_regimes, n_frequencies)."""
+    draws = [name for name in of_draws.dims if name not in ("regime", "frequency")]
+    values: FloatArray = of_draws.mean(draws).transpose("regime", ...).to_numpy()
+    return values
 
 
 def likely_fails(spectrum: xr.Dataset) -> BoolArray:
     """Where frozen microstructure fails in most draws, shape (n_regimes, n_frequencies)."""
-    share = probability(spectrum["frozen_fails"]).transpose("regime", "frequency").to_numpy()
-    marked: BoolArray = share >= LIKELY
+    marked: BoolArray = probability(spectrum["frozen_fails"]) >= LIKELY
     return marked
 
 
@@ -98,8 +97,8 @@ def frozen_limit_texts(spectrum: xr.Dataset) -> list[str]:
     """Say by regime in which share of draws the hold fails, and up to which cycles most do."""
     ordered = spectrum.sortby("frequency")
     frequency = ordered["frequency"].to_numpy()
-    by_hold = probability(hold_fails(ordered)).to_numpy()
-    by_cycle = probability(cycle_fails(ordered)).transpose("regime", "frequency").to_numpy()
+    by_hold = probability(hold_fails(ordered))
+    by_cycle = probability(cycle_fails(ordered))
     texts = []
     for share, of_cycles in zip(by_hold, by_cycle, strict=True):
         if np.isnan(share):

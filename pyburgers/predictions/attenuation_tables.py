@@ -40,8 +40,8 @@ def quantile_table(spectrum: xr.Dataset) -> pd.DataFrame:
             "hold_strain": np.repeat(_medians(spectrum["hold_strain"]), n_frequencies),
             "cycle_strain": _medians(spectrum["cycle_strain"]).ravel(),
             "p_hold_fails": np.repeat(probability(hold_fails(spectrum)), n_frequencies),
-            "p_cycle_fails": _by_row(probability(cycle_fails(spectrum))),
-            "p_frozen_fails": _by_row(probability(spectrum["frozen_fails"])),
+            "p_cycle_fails": probability(cycle_fails(spectrum)).ravel(),
+            "p_frozen_fails": probability(spectrum["frozen_fails"]).ravel(),
         }
     )
 
@@ -50,12 +50,6 @@ def _medians(strain: xr.DataArray) -> FloatArray:
     """Medians over the draws, shape (n_regimes,) or (n_regimes, n_frequencies)."""
     draws = [name for name in strain.dims if name not in ("regime", "frequency")]
     values: FloatArray = strain.median(draws).transpose("regime", ...).to_numpy()
-    return values
-
-
-def _by_row(share: xr.DataArray) -> FloatArray:
-    """Return what each regime and frequency has, in the order of `quantile_table`."""
-    values: FloatArray = share.transpose("regime", "frequency").to_numpy().ravel()
     return values
 
 

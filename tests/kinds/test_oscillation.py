@@ -96,13 +96,14 @@ class TestBackground:
 
     def test_amplitudes_and_background_are_the_driving_rate(self) -> None:
         prepared = prepare(make_record(), replace(self.DEGREES, background="kept"), "test")
+        strain = prepared.strain_fit
         time = np.linspace(0, 2400, 99)
         rate = np.zeros_like(time)
         for power, coefficient in enumerate(prepared.background_rate):
-            rate += coefficient * ((time - prepared.t_middle) / prepared.t_half) ** power
-        assert prepared.strain_sine.shape == prepared.strain_cosine.shape == (3,)
+            rate += coefficient * ((time - strain.t_middle) / strain.t_half) ** power
+        assert strain.sine.shape == strain.cosine.shape == (3,)
         for k in (1, 2, 3):
-            sine, cosine = prepared.strain_sine[k - 1], prepared.strain_cosine[k - 1]
+            sine, cosine = strain.sine[k - 1], strain.cosine[k - 1]
             rate += (
                 k * OMEGA * (sine * np.cos(k * OMEGA * time) - cosine * np.sin(k * OMEGA * time))
             )
@@ -129,7 +130,7 @@ class TestChoices:
         second = prepare(record, first.settings, "test")
         assert second.settings == first.settings
         np.testing.assert_array_equal(second.stress, first.stress)
-        np.testing.assert_array_equal(second.strain_sine, first.strain_sine)
+        np.testing.assert_array_equal(second.strain_fit.sine, first.strain_fit.sine)
 
     def test_the_origin_of_the_clock_does_not_matter(self) -> None:
         settings = OscillationSettings(period=PERIOD, background="kept")
@@ -165,7 +166,7 @@ class TestErrorsOfTheStrain:
         settings = replace(TestBackground.DEGREES, background=background)
         found = [prepare(noisy(1e-4, 30, seed), settings, "test") for seed in range(400)]
         driving = np.array(
-            [[*one.strain_sine, *one.strain_cosine, *one.background_rate] for one in found]
+            [[*one.strain_fit.sine, *one.strain_fit.cosine, *one.background_rate] for one in found]
         )
         error = found[0].strain_error
         assert len(error) == (6 if background == "removed" else 8)

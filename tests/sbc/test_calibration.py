@@ -271,14 +271,13 @@ def test_strains_are_simulated_too_and_their_errors_are_known(
     error = simulated.driving_error(template)
     assert error.size == (6 if background == "removed" else 8)
     assert 0.1 < np.sqrt(np.mean(error**2)) < 2.5
-    change = error @ simulated.prepared.strain_error
-    for part, name in zip(
-        np.split(change, [3, 6]), ("strain_sine", "strain_cosine", "background_rate"), strict=True
-    ):
-        true = getattr(template.prepared, name)
-        np.testing.assert_allclose(
-            getattr(simulated.prepared, name) + part, true, atol=1e-9 * np.abs(true).max()
-        )
+    found, true = (
+        (one.strain_fit.sine, one.strain_fit.cosine, one.background_rate)
+        for one in (simulated.prepared, template.prepared)
+    )
+    change = np.split(error @ simulated.prepared.strain_error, [3, 6])
+    for part, one, expected in zip(change, found, true, strict=True):
+        np.testing.assert_allclose(one + part, expected, atol=1e-9 * np.abs(expected).max())
 
 
 def test_a_fit_that_does_not_converge_is_repeated_longer_and_never_ranked(

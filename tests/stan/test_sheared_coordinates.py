@@ -394,7 +394,8 @@ def test_dashpot_and_kelvin_element_share_the_loss_at_every_flow_rate(
         period=prepared.period,
         degree=prepared.stress_fit.degree,
     )
-    loss = -((prepared.strain_sine[0] + 1j * prepared.strain_cosine[0]) / stress).imag
+    strain = prepared.strain_fit
+    loss = -((strain.sine[0] + 1j * strain.cosine[0]) / stress).imag
     dashpot = np.exp(reference.log_dashpot_compliance[chosen])
     np.testing.assert_allclose(dashpot - kelvin_compliance.imag, loss, rtol=0.05)
 

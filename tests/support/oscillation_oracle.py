@@ -15,8 +15,8 @@ def stress(
     prepared = test.prepared
     imposed = oracle.OscillatingStrain(
         prepared.period,
-        prepared.strain_sine.tolist(),
-        prepared.strain_cosine.tolist(),
+        prepared.strain_fit.sine.tolist(),
+        prepared.strain_fit.cosine.tolist(),
         (0.0,),
         prepared.start,
     )

@@ -377,7 +377,6 @@ def _notices(conditions: CycleConditions, readings: Readings) -> list[str]:
 class Attenuation(Kind[AttenuationExperiment]):
     """Stress cycles at many periods and temperatures; responses are tan delta and modulus."""
 
-    name = "attenuation"
     load = staticmethod(load_attenuation)
 
     def without_data(self, experiment: AttenuationExperiment) -> AttenuationExperiment:

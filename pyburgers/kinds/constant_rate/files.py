@@ -400,7 +400,6 @@ def _final_strain(
 class ConstantRate(Kind[ConstantRateExperiment]):
     """Strain is imposed at rates that change in steps; the response is the stress along it."""
 
-    name = "constant_rate"
     load = staticmethod(load_constant_rate)
 
     def without_data(self, experiment: ConstantRateExperiment) -> ConstantRateExperiment:

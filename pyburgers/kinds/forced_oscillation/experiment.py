@@ -58,12 +58,8 @@ class ImposedCycles:
             time=np.empty(0),
             stress=np.empty(0),
             uncertainty=np.empty(0),
-            strain_sine=_first(self.strain_amplitude),
-            strain_cosine=_first(0.0),
             background_rate=np.array([self.mean_strain_rate]),
             strain_error=np.empty((0, 2 * N_HARMONICS + 1)),
-            t_middle=half,
-            t_half=half,
             notices=(),
         )
 
@@ -166,7 +162,7 @@ class OscillationExperiment(Experiment):
     def driving_error(self, true: Self) -> FloatArray:
         """Return the errors of the strain's fit, given a test that knows the true strain."""
         found, wanted = (
-            np.concatenate([one.strain_sine, one.strain_cosine, one.background_rate])
+            np.concatenate([one.strain_fit.sine, one.strain_fit.cosine, one.background_rate])
             for one in (self.prepared, true.prepared)
         )
         error = self.prepared.strain_error

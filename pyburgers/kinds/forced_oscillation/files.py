@@ -226,7 +226,6 @@ FABRIC_OF_OLIVINE = 1.0
 class ForcedOscillation(Kind[OscillationExperiment]):
     """Strain oscillates; the response is the stress along time."""
 
-    name = "forced_oscillation"
     load = staticmethod(load_forced_oscillation)
 
     def without_data(self, experiment: OscillationExperiment) -> OscillationExperiment:

@@ -229,11 +229,12 @@ def choose_degree(
     value: FloatArray,
     *,
     period: float,
-    uncertainty: FloatArray | None = None,
+    uncertainty: FloatArray,
 ) -> int:
     """Choose the degree of the trend, up to `MAX_DEGREE`, by the Bayesian information criterion.
 
-    It is below twice the number of cycles: one that turns as often could be the oscillation.
+    The degree is below twice the number of cycles: a trend that turns as often could be the
+    oscillation.
     """
     cycles = (time[-1] - time[0]) / period
     spare = time.size - 2 - 2 * N_HARMONICS
@@ -242,16 +243,12 @@ def choose_degree(
         fit_harmonics(time, value, period=period, degree=degree, uncertainty=uncertainty)
         for degree in range(largest + 1)
     ]
-    return min(fits, key=lambda fit: _bayesian_criterion(fit, uncertainty is not None)).degree
+    return min(
+        fits, key=lambda fit: fit.chi_square + fit.coefficients.size * math.log(fit.n_points)
+    ).degree
 
 
-def estimate_period(
-    time: FloatArray,
-    value: FloatArray,
-    *,
-    degree: int | None = None,
-    uncertainty: FloatArray | None = None,
-) -> float:
+def estimate_period(time: FloatArray, value: FloatArray, *, uncertainty: FloatArray) -> float:
     """Estimate the period (s): least squares from the highest peak of the periodogram on."""
     length = float(time[-1] - time[0])
     cubic = legendre.Legendre.fit(time, value, CUBIC)
@@ -259,13 +256,12 @@ def estimate_period(
     trials = np.arange(1.0 / length, highest, 1.0 / (TRIALS_PER_PEAK * length))
     power = signal.lombscargle(time, value - cubic(time), 2.0 * math.pi * trials)
     frequency = float(trials[np.argmax(power)])
-    chosen = CUBIC if degree is None else degree
+    degree = CUBIC
     # The degree can only be judged well near the right period, hence the second round.
     for _ in range(2):
-        frequency = _refine(time, value, frequency, chosen, uncertainty)
-        if degree is None:
-            chosen = choose_degree(time, value, period=1.0 / frequency, uncertainty=uncertainty)
-    return 1.0 / _refine(time, value, frequency, chosen, uncertainty)
+        frequency = _refine(time, value, frequency, degree, uncertainty)
+        degree = choose_degree(time, value, period=1.0 / frequency, uncertainty=uncertainty)
+    return 1.0 / _refine(time, value, frequency, degree, uncertainty)
 
 
 def _refine(
@@ -273,14 +269,15 @@ def _refine(
     value: FloatArray,
     frequency: float,
     degree: int,
-    uncertainty: FloatArray | None,
+    uncertainty: FloatArray,
 ) -> float:
     """Least-squares frequency (Hz) within the peak of the periodogram around a first guess."""
     half_width = 0.5 / float(time[-1] - time[0])
 
     def misfit(trial: float) -> float:
-        fit = fit_harmonics(time, value, period=1.0 / trial, degree=degree, uncertainty=uncertainty)
-        return fit.residual_sd if uncertainty is None else fit.chi_square
+        return fit_harmonics(
+            time, value, period=1.0 / trial, degree=degree, uncertainty=uncertainty
+        ).chi_square
 
     found = optimize.minimize_scalar(
         misfit,
@@ -289,18 +286,6 @@ def _refine(
         options={"xatol": 1e-7 * frequency},
     )
     return float(found.x)
-
-
-def _bayesian_criterion(fit: HarmonicFit, known_uncertainty: bool) -> float:
-    """Bayesian information criterion of a fit, up to a constant of the series."""
-    n_coefficients = fit.coefficients.size
-    if known_uncertainty:
-        misfit = fit.chi_square
-    else:
-        square = fit.residual_sd**2 * (fit.n_points - n_coefficients) / fit.n_points
-        # A fit without any residual is as good as can be told.
-        misfit = fit.n_points * math.log(max(square, np.finfo(float).tiny))
-    return misfit + n_coefficients * math.log(fit.n_points)
 
 
 def _polynomial(x: FloatArray, coefficients: FloatArray) -> FloatArray:

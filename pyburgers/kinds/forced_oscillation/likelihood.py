@@ -371,10 +371,10 @@ def _padded(rows: Sequence[FloatArray], size: int) -> list[list[float]]:
 def _record(experiment: OscillationExperiment) -> dict[str, Any]:
     """Entries of the blocks for one test; arrays differ in size between tests."""
     prepared = experiment.prepared
-    period = prepared.period
+    strain, period = prepared.strain_fit, prepared.period
     kept = prepared.background == "kept"
     first_tau = prepared.start / period - START_MARGIN
-    sine, cosine = prepared.strain_sine[0], prepared.strain_cosine[0]
+    sine, cosine = strain.sine[0], strain.cosine[0]
     # The oscillation passes upwards through zero where tau + phase is a whole number. A zero at the
     # first reading, whatever the rounding, is the last one: spin-up cycles are counted from there.
     phase = float(np.arctan2(cosine, sine)) / (2 * np.pi)
@@ -387,17 +387,17 @@ def _record(experiment: OscillationExperiment) -> dict[str, Any]:
         trend_fit = trend_fit.T
     bias = float(prepared.stress_fit.trend(np.array([prepared.start]))[0])
     amplitude = float(prepared.stress_fit.amplitude()[0])
-    lag = prepared.stress_fit.phase()[0] - prepared.strain_fit.phase()[0]
+    lag = prepared.stress_fit.phase()[0] - strain.phase()[0]
     compliance = float(np.hypot(sine, cosine)) / amplitude
     harmonics_error, background_error = np.split(
-        prepared.strain_error, [2 * prepared.strain_sine.size], axis=1
+        prepared.strain_error, [2 * strain.n_harmonics], axis=1
     )
     return {
         "period": period,
-        "strain_sine": prepared.strain_sine,
-        "strain_cosine": prepared.strain_cosine,
+        "strain_sine": strain.sine,
+        "strain_cosine": strain.cosine,
         "background": prepared.background_rate * period if kept else np.empty(0),
-        "background_range": [prepared.t_middle / period, prepared.t_half / period],
+        "background_range": [strain.t_middle / period, strain.t_half / period],
         "strain_error": np.hstack(
             [harmonics_error, background_error * period if kept else background_error[:, :0]]
         ),

@@ -88,12 +88,11 @@ class PreparedOscillation:
     `strain_fit`, `stress_fit`: fits of the two series; the first drives the model.
     `background`, `start_stress`: whether trends count; stress (Pa) at which the model starts.
     `time`, `stress`, `uncertainty` (n_points,): s; Pa for comparison, and its standard deviation.
-    `strain_sine`, `strain_cosine` (3,): amplitudes of sin(k w t) and cos(k w t), w = 2 pi / period.
-    `background_rate` (n_background,): coefficients (1/s) of powers 0, 1, ... of (t -
-        t_middle)/t_half in the driving strain rate; zeros where the background is removed.
+    `background_rate` (n_background,): coefficients (1/s) of powers 0, 1, ... of the scaled time of
+        `strain_fit` in the driving strain rate; zeros where the background is removed.
     `strain_error` (n_errors, 6 + n_background): what one standard deviation of each independent
-        error of the strain's fit adds to the three before, unless its share is `NEGLIGIBLE_SHARE`.
-    `t_middle`, `t_half`: middle and half length (s) of the strain record.
+        error of `strain_fit` adds to its sines, its cosines and `background_rate`, unless its share
+        is `NEGLIGIBLE_SHARE`.
     `notices`: what the preparation left out: sentences.
     """
 
@@ -106,12 +105,8 @@ class PreparedOscillation:
     time: FloatArray
     stress: FloatArray
     uncertainty: FloatArray
-    strain_sine: FloatArray
-    strain_cosine: FloatArray
     background_rate: FloatArray
     strain_error: FloatArray
-    t_middle: float
-    t_half: float
     notices: tuple[str, ...]
 
     @property
@@ -141,7 +136,7 @@ class PreparedOscillation:
 
     def strain_rate(self, time: FloatArray) -> FloatArray:
         """Driving strain rate (1/s) at times (s), shape (n,)."""
-        scaled = (time - self.t_middle) / self.t_half
+        scaled = (time - self.strain_fit.t_middle) / self.strain_fit.t_half
         background = polynomial.polyval(scaled, self.background_rate)
         return np.asarray(self.strain_fit.periodic_rate(time) + background)
 
@@ -220,12 +215,8 @@ def prepare(
         time=used.time,
         stress=used.value if kept else used.value - stress_fit.trend(used.time),
         uncertainty=used.uncertainty,
-        strain_sine=strain_fit.sine,
-        strain_cosine=strain_fit.cosine,
         background_rate=slope if kept else np.zeros_like(slope),
         strain_error=_strain_error(strain_fit, stress_fit, kept=kept),
-        t_middle=strain_fit.t_middle,
-        t_half=strain_fit.t_half,
         notices=_notices(stress.time.size - used.time.size, settings.background),
     )
 

@@ -354,7 +354,6 @@ def _check_strain(
 class LoadingHistoryKind(Kind[HistoryExperiment]):
     """Strain or stress is imposed in stages; the other one is read along time."""
 
-    name = "loading_history"
     load = staticmethod(load_loading_history)
 
     def without_data(self, experiment: HistoryExperiment) -> HistoryExperiment:

@@ -183,11 +183,14 @@ It is the Monte Carlo error of a mean of 400 independent draws, as few as a fit 
 """
 
 
-def beyond(value: float, digits: int, *, above: bool) -> str:
-    """Return a number beyond its limit, rounded away from the limit that stands beside it."""
+def beyond(value: float, limit: float, digits: int) -> str:
+    """Return a number beyond its limit, which stands beside it; rounded, it is beyond it too."""
+    text = f"{value:.{digits}f}"
+    if (float(text) - limit) * (value - limit) > 0:
+        return text
     scale = 10.0**digits
-    rounded = np.ceil(value * scale) if above else np.floor(value * scale)
-    return f"{rounded / scale:.{digits}f}"
+    away = np.ceil if value >= limit else np.floor
+    return f"{away(value * scale) / scale:.{digits}f}"
 
 
 @check("chains", CheckKind.SAMPLING)
@@ -224,9 +227,9 @@ def check_rhat(draws: CheckedDraws) -> Finding:
         Outcome.NO,
         table,
         "The chains have not yet found the same distribution (R-hat "
-        f"{beyond(value, 3, above=True)} for {name}, at most {RHAT_LIMIT} wanted), so means and "
+        f"{beyond(value, RHAT_LIMIT, 3)} for {name}, at most {RHAT_LIMIT} wanted), so means and "
         "intervals may still move",
-        "run longer (--warmup, --draws) or tighten priors that the data do not inform",
+        "run longer (--warmup, --draws); a tighter prior helps where more is known than it says",
         unusable=not value <= RHAT_USABLE,
     )
 
@@ -237,15 +240,16 @@ def check_effective_sample_size(draws: CheckedDraws) -> Finding:
     table = convergence_table(draws.posterior)[["ess_bulk", "ess_tail"]]
     least = table.min(axis=1)
     worst, value = least.idxmin(), float(least.min())
+    which = "bulk" if value == table["ess_bulk"].min() else "tail"
     if value >= ESS_LIMIT:
         enough = f"at least {value:.0f} effectively independent draws (least: {worst})"
         return Finding(Outcome.YES, table, f"Every quantity has {enough}.")
     return Finding(
         Outcome.NO,
         table,
-        f"{worst} has only {beyond(value, 0, above=False)} effectively independent draws, "
-        f"{ESS_LIMIT} are wanted for stable intervals",
-        "add draws in proportion (--more-draws, or --draws from the start)",
+        f"{worst} has only {beyond(value, ESS_LIMIT, 0)} effectively independent draws "
+        f"({which}), {ESS_LIMIT} are wanted for stable intervals",
+        "add draws in proportion (--more-draws of fit, or --draws from the start)",
         unusable=value < ESS_USABLE,
     )
 
@@ -291,7 +295,7 @@ def check_divergences(draws: CheckedDraws) -> Finding:
     if most > MAX_INFLUENCE:
         moved = (
             f"if each stood for {MISSED_DRAWS} draws, {name} would move by "
-            f"{beyond(most, 2, above=True)} standard deviations (at most {MAX_INFLUENCE} wanted)"
+            f"{beyond(most, MAX_INFLUENCE, 2)} standard deviations (at most {MAX_INFLUENCE} wanted)"
         )
         return Finding(Outcome.NO, table, f"{found}, {curved}: {moved}", remedy)
     return Finding(
@@ -339,7 +343,7 @@ def check_energy(draws: CheckedDraws) -> Finding:
         Outcome.NO,
         table,
         "The sampler moves slowly between energy levels (E-BFMI "
-        f"{beyond(least, 2, above=False)}, at least {EBFMI_LIMIT} wanted), so tails are explored "
+        f"{beyond(least, EBFMI_LIMIT, 2)}, at least {EBFMI_LIMIT} wanted), so tails are explored "
         "poorly",
         "lengthen the warm-up",
     )
@@ -377,7 +381,7 @@ def check_solver(draws: CheckedDraws) -> Finding:
         Outcome.NO,
         table,
         "The solver's tolerance is too loose for this posterior (Pareto k "
-        f"{beyond(k, 2, above=True)}, below {PARETO_K_LIMIT} wanted)",
+        f"{beyond(k, PARETO_K_LIMIT, 2)}, below {PARETO_K_LIMIT} wanted)",
         "repeat the fit with a tighter --tolerance",
         unusable=True,
     )

@@ -68,7 +68,10 @@ def _verdict(kind: CheckKind, results: Sequence[CheckResult]) -> Verdict:
         return _answer(kind, Outcome.CANNOT_TELL, "no check compared it with data.")
     unusable = [result for result in results if result.unusable]
     if kind is CheckKind.DESCRIPTION and unusable:
-        return _answer(kind, Outcome.CANNOT_TELL, f"the draws are of no use, {_reasons(unusable)}")
+        failed = [result for result in asked if result.outcome is Outcome.NO]
+        told = f" With these draws it does not: {_reasons(failed)}" if failed else ""
+        reason = f"the draws are of no use, {_reasons(unusable)}{told}"
+        return _answer(kind, Outcome.CANNOT_TELL, reason)
     for outcome in (Outcome.NO, Outcome.CANNOT_TELL):
         found = [result for result in asked if result.outcome is outcome]
         if found:

@@ -31,6 +31,7 @@ def run(options: argparse.Namespace) -> int:
             f"{fit.directory.path}: {' and '.join(renewed)} did not agree with the draws; the "
             "command has written the correct content."
         )
+    print_lines(fit.origins)
     code = print_checks(fit.checks(), fit.prior_conflicts(), fit.prior_decisions())
     if isinstance(fit, Fit):
         print_lines(what_a_yes_leaves_open(fit))

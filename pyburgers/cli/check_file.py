@@ -21,7 +21,8 @@ from pyburgers.flow_law_tables.tables import RateTable
 from pyburgers.kinds.conditions import doubts
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import load_experiment
-from pyburgers.model.priors import load_priors
+from pyburgers.model.priors import PriorSet, load_priors
+from pyburgers.model.unlikely_numbers import unlikely_priors
 
 STAND_INS: Mapping[str, Any] = {
     "id": "test",
@@ -81,6 +82,8 @@ def check(path: Path) -> int:
     lines += [f"{'note' if one in notes else 'warning'}: {one}" for one in notices]
     if isinstance(loaded, Experiment):
         lines += [f"warning: {sentence}" for sentence in doubts(loaded)]
+    if isinstance(loaded, PriorSet):
+        lines += [f"warning: {sentence}" for sentence in unlikely_priors(loaded)]
     for line in lines:
         print(shown(line))
     if errors:

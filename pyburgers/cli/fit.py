@@ -109,6 +109,7 @@ def run(options: argparse.Namespace) -> int:
     )
     print_table(table, ["quantity", "unit", "pooling", "fit"])
     print(shown(f"run directory: {result.directory.path}"))
+    print_lines(result.origins)
     code = print_checks(result.checks(), result.prior_conflicts(), result.prior_decisions())
     print_lines(what_a_yes_leaves_open(result))
     return code

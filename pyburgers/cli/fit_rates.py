@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from pyburgers.cli.shared import DEFAULT_OPTIONS, add_sampler_options, command_line, sampler_options
-from pyburgers.cli.terminal import print_checks, print_table
+from pyburgers.cli.terminal import print_checks, print_lines, print_table
 from pyburgers.common.paths import shown
 from pyburgers.drawing.style import write_images
 from pyburgers.flow_law_tables.fit_rates import WARMUP, fit_rates
@@ -90,6 +90,7 @@ def run(options: argparse.Namespace) -> int:
     if options.hold_out:
         print_table(held_out_shown(result), ["source"])
     print(shown(f"run directory: {folder}"))
+    print_lines(result.origins)
     return print_checks(result.checks(), result.prior_conflicts(), result.prior_decisions())
 
 

@@ -19,6 +19,8 @@ from pyburgers.kinds.conditions import (
     beyond_sentences,
     conditions_of,
     environment_ranges,
+    unlikely_stress,
+    unlikely_temperature,
 )
 from pyburgers.predictions.assumptions import (
     CRITICAL_SHARE,
@@ -218,7 +220,11 @@ def _predict(fit: Fit, fitted: Sequence[Ranges], options: argparse.Namespace, ou
         **environment_ranges(environment),
     }
     beyond = beyond_sentences(there, fitted)
-    cautions = (*fit.cautions, *beyond)
+    unlikely = (
+        *unlikely_temperature(fit.experiment.material, *there["temperature"]),
+        *unlikely_stress(fit.experiment.material, there["stress"][1]),
+    )
+    cautions = (*fit.cautions, *beyond, *(f"{one[0].upper()}{one[1:]}" for one in unlikely))
     spectrum = spectrum.assign_attrs(cautions="\n".join(cautions))
     comparison = None
     if options.evolving is not None:

@@ -16,6 +16,7 @@ from pyburgers.kinds.conditions import doubts
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import load_parameters, simulate, with_laws
 from pyburgers.kinds.kind import load_experiment
+from pyburgers.model.unlikely_numbers import unlikely_numbers
 from pyburgers.model.variants import parse_choices
 
 logger = logging.getLogger(__name__)
@@ -55,6 +56,9 @@ def run(options: argparse.Namespace) -> int:
     if options.run_of is None:
         _check_without_run(options)
         parameters = load_parameters(options.parameters)
+        ranges = {name: (value, value) for name, value in parameters.items()}
+        for sentence in unlikely_numbers(experiment.material, ranges):
+            logger.info(f"warning: {sentence}")
     else:
         parameters = _of_fit(options.run_of, options.test, options.draw or MEAN, experiment)
     if parameters["beta"] > 0:
@@ -83,6 +87,8 @@ def _check_without_run(options: argparse.Namespace) -> None:
 def _of_fit(path: Path, test: str | None, draw: str, experiment: Experiment) -> dict[str, float]:
     """Return the parameters (SI) of a draw of a fit, or their mean, as far as a test has them."""
     fit = Fit.load(path)
+    for sentence in fit.cautions:
+        logger.info(f"note: {sentence}")
     one = fit if test is None else fit[test]
     draws = one.posterior["posterior"].to_dataset()[list(one.priors.priors)]
     flat = draws.stack(sample=("chain", "draw"))

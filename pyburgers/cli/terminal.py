@@ -22,7 +22,7 @@ WIDTH = 80
 
 COLOURS = {Outcome.YES: "green", Outcome.NO: "bold red", Outcome.CANNOT_TELL: "yellow"}
 
-SHORT_TITLES = {"sd / prior sd": "sd/prior", "ESS bulk": "ESS", "sd joint / alone": "sd ratio"}
+SHORT_TITLES = {"sd / prior sd": "sd/prior", "sd joint / alone": "sd ratio"}
 HIDDEN = ("symbol", "ESS tail", "prior")
 """Columns of tables for a page that a terminal has no room for."""
 

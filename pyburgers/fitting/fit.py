@@ -37,6 +37,7 @@ from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.kinds.together import default_priors_for, pooling_for
 from pyburgers.model.pooling import pooling_from
 from pyburgers.model.priors import PriorSet, load_priors, note_other_material
+from pyburgers.model.unlikely_numbers import unlikely_priors
 from pyburgers.model.variants import ModelVariant
 from pyburgers.posterior.build import build_posterior
 from pyburgers.posterior.labelled_draws import (
@@ -409,9 +410,9 @@ def fit(
 
     def fit_in(folder: Path) -> Fit:
         note_other_material(priors, tests[0].material)
-        for test in tests:
-            for sentence in (*test.notices, *doubts(test)):
-                logger.info(f"note: {sentence}")
+        of_tests = (one for test in tests for one in (*test.notices, *doubts(test)))
+        for sentence in (*of_tests, *unlikely_priors(priors)):
+            logger.info(f"note: {sentence}")
         return fit_problem(
             problem_of(tests, priors, pooling_for(tests, pool)),
             out=folder,

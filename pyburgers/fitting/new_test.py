@@ -200,8 +200,9 @@ def parameters_for_other_test(
     """Return parameters of a fitted test (SI) that another one has too, as predictions take them.
 
     What belongs to the apparatus of the fitted test is left out, where the other one is not known
-    to have the same.
+    to have the same. Raise InputError if the other test is of another material.
     """
+    require_same_material(fitted, experiment)
     alike = {
         one.parameter for one in experiment.uncertain if _same_apparatus(fitted, experiment, one)
     }
@@ -211,6 +212,15 @@ def parameters_for_other_test(
         - {*_same_of_a_test(fitted, experiment)}
     )
     return {name: value for name, value in values.items() if name not in others}
+
+
+def require_same_material(fitted: Experiment, experiment: Experiment) -> None:
+    """Raise InputError if a test is not of the material of a fitted one."""
+    if experiment.material != fitted.material:
+        raise InputError(
+            f"{experiment.id}: is of the material {experiment.material}, expected "
+            f"{fitted.material} like {fitted.id}, which the draws are fitted to."
+        )
 
 
 def _same_apparatus(

@@ -19,6 +19,7 @@ from pyburgers.fitting.new_test import (
     apparatus_values,
     bounds_around,
     draw_values,
+    require_same_material,
     transfer_laws,
 )
 from pyburgers.kinds.conditions import beyond_sentences, conditions_of
@@ -100,12 +101,7 @@ def predict_test(
     Raise InputError if the test is of another material, cannot have the laws of the fit, or
     `separate_from` is no test of the fit. Raise SamplingError if no draw has a solution.
     """
-    first = source.problem.experiments[0]
-    if experiment.material != first.material:
-        raise InputError(
-            f"{experiment.id}: is of the material {experiment.material}, expected "
-            f"{first.material} like {first.id}, which the draws are fitted to."
-        )
+    require_same_material(source.problem.experiments[0], experiment)
     if draws is not None and draws < 1:
         raise InputError(f"draws: found {draws}, expected at least 1.")
     rng = np.random.default_rng(seed)

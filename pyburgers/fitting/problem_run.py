@@ -75,7 +75,13 @@ def run_chains(
     # As given: priors are resolved for each test by itself.
     inputs = input_texts(problem.experiments, problem.given_priors)
     identity = fingerprint(density.data, settled, density.program.recipe)
-    if run.manifest_file.is_file() and run.read_manifest().get("fingerprint") != identity:
+    there = run.read_manifest() if run.manifest_file.is_file() else None
+    if there is not None and there.get("fingerprint") != identity:
+        if "experiments" not in there and there.get("status") != "claimed":
+            raise InputError(
+                f"{run.path}: its manifest.json is of something else than a fit of tests, expected "
+                "a new folder, or one of an earlier fit; choose another --out."
+            )
         if not overwrite:
             raise InputError(refusal(run, wanted, inputs, problem.free))
         run.clear(identity)

@@ -19,6 +19,7 @@ from pyburgers.checks.discrepancies import (
     ENOUGH,
     ENOUGH_FOR_SHARES,
     LARGEST,
+    LEVEL,
     OUTSIDE,
     SEGMENT_SPREAD,
     SEGMENT_TREND,
@@ -193,7 +194,7 @@ def _check_along(condition: str) -> Check:
         how = (
             f"from the least to the largest {condition} residuals go from {first:.2g} over "
             f"{middle:.2g} to {last:.2g} times the rate of the law, as much as "
-            f"{_per_cent(left.row(name))} of fits of a correct model leave"
+            f"{_shares(left.row(name))}"
         )
         bad = f"The law misses how rates change with {condition}: {how}, and {NARROW}"
         return _finding(left, name, f"The law holds along {condition}: {how}.", bad, OTHER_LAW)
@@ -215,7 +216,7 @@ def check_rate_groups(draws: CheckedDraws) -> Finding:
     along = f"lie {least} where the stress is least and {largest} where it is largest"
     far = (
         f"{left.groups[worst]} {along if x.size > 1 else f'lies {least}'}, as much as "
-        f"{_per_cent(left.row(SEGMENT_TREND))} of fits of a correct model leave"
+        f"{_shares(left.row(SEGMENT_TREND))}"
     )
     bad = f"A group is off as a whole: {far}: one law does not hold for it, and {NARROW}"
     return _finding(left, SEGMENT_TREND, f"No group is off as a whole: {far}.", bad, OTHER_LAW)
@@ -257,9 +258,13 @@ def _finding(left: RateLeftover, name: str, good: str, bad: str, remedy: str) ->
     return left.judged.finding(left.row(name), table, good, bad, remedy)
 
 
-def _per_cent(row: Row) -> str:
-    """Return the probability of a discrepancy."""
-    return f"{100 * row['probability']:.2g} %"
+def _shares(row: Row) -> str:
+    """Return how many fits of a correct model have a discrepancy, or one as improbable."""
+    return (
+        f"{100 * row['probability']:.2g} % of fits of a correct model leave (and "
+        f"{100 * row['family_probability']:.2g} % somewhere; a no needs less than "
+        f"{100 * LEVEL:g} %)"
+    )
 
 
 def _along(condition: str) -> str:

@@ -34,17 +34,21 @@ def doubts(experiment: Experiment) -> list[str]:
 def _of_conditions(experiment: Experiment) -> Iterator[str]:
     """Say which grain size, temperatures and stresses are unlikely."""
     material, grain = experiment.material, experiment.initial_grain_size
-    ranges = _ranges(material)
     if grain > MAX_LIKELY_GRAIN_SIZE:
         yield f"grains of {grain:g} m are unlikely; 230 um is 230e-6."
-    hottest, coldest = float(experiment.temperatures.max()), float(experiment.temperatures.min())
+    yield from unlikely_temperature(material, *temperature_range(experiment))
+    if experiment.n_points:
+        yield from unlikely_stress(material, experiment.largest_stress)
+
+
+def unlikely_temperature(material: str, coldest: float, hottest: float) -> Iterator[str]:
+    """Say where temperatures (K) of tests are unlikely in a material."""
+    ranges = _ranges(material)
     melting, least = ranges.melting_temperature_K, ranges.least_temperature_K
     if melting is not None and hottest > melting:
         yield f"{material} at {hottest:g} K is molten (from {melting:g} K); check the temperature."
     if least is not None and coldest < least:
         yield f"{material} at {coldest:g} K is unlikely (from {least:g} K); check the temperature."
-    if experiment.n_points:
-        yield from unlikely_stress(material, experiment.largest_stress)
 
 
 def unlikely_stress(material: str, largest: float) -> Iterator[str]:
@@ -91,8 +95,9 @@ a thousandth of a temperature is worth some three percent of a flow rate."""
 def conditions(experiment: Experiment, predictions: xr.Dataset, parameters: xr.Dataset) -> Ranges:
     """Return the smallest and the largest value (SI) of every condition of a test.
 
-    Strain and stress count from zero, like the strain rate by their size, in the median solution.
-    The strain is that of the material: its zero and the apparatus are no extrapolation.
+    Strain and stress count from zero, like the strain rate by their size, in the median solution,
+    and the stress in the readings too: a solution may be far from them. The strain is that of the
+    material: its zero and the apparatus are no extrapolation.
     """
     likelihood = likelihood_of(experiment)
     median: dict[str, FloatArray] = {}
@@ -119,11 +124,12 @@ def conditions(experiment: Experiment, predictions: xr.Dataset, parameters: xr.D
     # The path strain is the material's alone, and has all digits beside any offset.
     strain = median.get("grid_path_strain", solution["strain"])
     rate = np.abs(np.diff(strain)[passed > 0] / passed[passed > 0])
+    read = experiment.largest_stress if experiment.n_points else 0.0
     return {
         **found,
         "strain rate": (float(rate.min()), float(rate.max())),
         "strain": (0.0, float(np.abs(solution["strain"]).max())),
-        "stress": (0.0, float(np.abs(solution["stress_Pa"]).max())),
+        "stress": (0.0, max(read, float(np.abs(solution["stress_Pa"]).max()))),
     }
 
 
@@ -160,8 +166,8 @@ def outside(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
         rounding = TEMPERATURE_ROUNDING if name == "temperature" else ROUNDING
         if low < least * (1 - rounding) or high > most * (1 + rounding):
             unit, factor = SHOWN[name]
-            there, here = (_range(*ends, factor) for ends in ((low, high), (least, most)))
-            phrases.append(f"{name} {there} {unit} (fitted: {here})")
+            there = _range(low, high, factor, from_zero=low < least * (1 - rounding))
+            phrases.append(f"{name} {there} {unit} (fitted: {_range(least, most, factor)})")
     for key, name in zip(ENVIRONMENT, ENVIRONMENT_WORDS, strict=True):
         ends = [one[name] for one in fitted if name in one]
         taken = (STANDARD_VALUES[key],) * 2
@@ -199,8 +205,9 @@ def temperature_range(experiment: Experiment) -> tuple[float, float]:
     return float(temperatures.min()), float(temperatures.max())
 
 
-def _range(low: float, high: float, factor: float) -> str:
+def _range(low: float, high: float, factor: float, *, from_zero: bool = False) -> str:
+    """Return a range in a display unit; `from_zero` says that an end at zero is named."""
     low_text, high_text = (number(float(f"{end / factor:.4g}")) for end in (low, high))
-    if low == 0:
+    if low == 0 and not from_zero:
         return f"up to {high_text}"
     return low_text if low_text == high_text else f"{low_text} to {high_text}"

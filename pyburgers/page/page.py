@@ -324,7 +324,8 @@ def render_page(
         share_text=SHARE_TEXT,
         deciders=tables.table_of_deciders(),
         has_truth=any(section.truth is not None for section in sections),
-        tells_who_decided=any(tables.DECISION in section.parameters for section in sections),
+        tells_who_decided=any(tables.DECISION in section.parameters for section in sections)
+        or any(tables.DECISION in table.shown for extra, _ in extras for table in extra.tables),
         conflict_meaning=CONFLICT_MEANING,
         truth_sentence=tables.truth_sentence,
     )
@@ -366,11 +367,12 @@ def _claim(out: Path) -> None:
     if manifest.is_file():
         is_report = read_json(manifest).get("kind") == REPORT_KIND
     else:
-        is_report = not (out / "index.html").exists()
+        # A page that is not finished has folders alone.
+        is_report = not any(entry.is_file() for entry in out.glob("[!.]*"))
     if not is_report:
         raise InputError(
-            f"{out}: holds something else than a report (a run or a page), expected a new folder "
-            "or one of an earlier report."
+            f"{out}: holds something else than a report (a run, a page or other files), expected a "
+            "new folder or one of an earlier report."
         )
     try:
         for folder in (out, out / "figures", out / "tables"):

@@ -90,12 +90,16 @@ def rate_section(fit: RateFit, key: str = RATE_KEY) -> PageSection:
     return PageSection(
         key=key,
         title=f"Flow law of {data.material} from steady rates",
-        paragraphs=(_law_text(fit), *([] if fit.softening is None else [_hand_over_text(fit)])),
+        paragraphs=(
+            " ".join((*fit.cautions, _law_text(fit))),
+            *([] if fit.softening is None else [_hand_over_text(fit)]),
+        ),
         details=(
             f"{counted(fit.used.n_rows, 'test')} of {counted(len(fit.used.sources), 'source')} "
             f"({data.provenance.kind} data: {data.provenance.source}). Stress or strain rate is "
             "imposed, the other is read. Shear is turned to the axial equivalents: sqrt(3) times "
             "the shear stress, the shear strain rate over sqrt(3).",
+            _reference_text(fit),
             "Specimens differ by a factor of their rate, sources by a factor and by an error of "
             "temperature. Each source has a scatter of its own.",
             *(
@@ -149,6 +153,17 @@ def mechanism_figures(fit: RateFit) -> tuple[PageFigure, ...]:
     caption = map_caption(fit.data.material)
     caption += ENVIRONMENT_CAPTION.format("of all tests") * has_environment(fit.law)
     return (PageFigure("mechanisms", "Leading mechanism", caption, drawn),)
+
+
+def _reference_text(fit: RateFit) -> str:
+    """Say at which conditions the rates of a law are."""
+    at = fit.law.reference
+    return (
+        f"The reference conditions of a rate are {number(at.temperature)} K, "
+        f"{number(at.stress * STRESS_FACTOR)} {STRESS_UNIT} and "
+        f"{number(at.grain_size * LENGTH_FACTOR)} {LENGTH_UNIT}. The reference flow rate is "
+        "that of the law at the mean conditions of the tests."
+    )
 
 
 def _law_text(fit: RateFit) -> str:

@@ -101,11 +101,9 @@ def posterior_row(
     quantity: Parameter, row: Mapping[Hashable, Any], prior: Prior | None
 ) -> dict[str, str]:
     """Return what a posterior table in SI units says of a sampled quantity."""
-    sd = float(row["sd"]) * quantity.display_factor
-    shown = {
-        title: _with_digits(float(row[key]) * quantity.display_factor, sd)
-        for title, key in {"mean": "mean", "sd": "sd", "5 %": "q5", "95 %": "q95"}.items()
-    }
+    columns = {"mean": "mean", "sd": "sd", "5 %": "q5", "95 %": "q95"}
+    values = {title: float(row[key]) * quantity.display_factor for title, key in columns.items()}
+    shown = _with_digits(values)
     decided = decided_cell(quantity.name, row)
     return {
         **named(quantity),
@@ -118,11 +116,18 @@ def posterior_row(
     }
 
 
-def _with_digits(value: float, sd: float) -> str:
-    """Return a number as `rounded` does, but with two digits if it would be 0 or long."""
-    text = rounded(value, sd)
-    is_long = len(text) > LONGEST_NUMBER and sd > 0.1 * abs(value)
-    return f"{value:.2g}" if is_long or (value != 0 and float(text) == 0) else text
+def _with_digits(values: Mapping[str, float]) -> dict[str, str]:
+    """Return numbers as `rounded` does; with two digits what would be 0, and all if some are long.
+
+    Among them are the mean and the sd.
+    """
+    sd = values["sd"]
+    texts = {title: rounded(value, sd) for title, value in values.items()}
+    is_long = max(map(len, texts.values())) > LONGEST_NUMBER and sd > 0.1 * abs(values["mean"])
+    return {
+        title: f"{value:.2g}" if is_long or (value != 0 and float(text) == 0) else text
+        for (title, value), text in zip(values.items(), texts.values(), strict=True)
+    }
 
 
 def decided_cell(name: str, row: Mapping[Hashable, Any]) -> str | None:

@@ -367,15 +367,21 @@ def test_draws_of_the_lesser_mode_say_nothing_of_the_data() -> None:
 
 @given(st.floats(min_value=1e-9, max_value=0.1))
 def test_a_number_beyond_its_limit_is_printed_beyond_it(excess: float) -> None:
-    assert float(beyond(RHAT_LIMIT + excess, 3, above=True)) > RHAT_LIMIT
-    assert float(beyond(ESS_LIMIT - 1000 * excess, 0, above=False)) < ESS_LIMIT
+    assert float(beyond(RHAT_LIMIT + excess, RHAT_LIMIT, 3)) > RHAT_LIMIT
+    assert float(beyond(ESS_LIMIT - 1000 * excess, ESS_LIMIT, 0)) < ESS_LIMIT
 
 
 @pytest.mark.parametrize(
-    ("value", "digits", "above", "text"),
-    [(1.0102, 3, True, "1.011"), (399.7, 0, False, "399"), (float("nan"), 3, True, "nan")],
+    ("value", "limit", "digits", "text"),
+    [
+        (1.0102, 1.01, 3, "1.011"),
+        (1.04322, 1.01, 3, "1.043"),
+        (399.7, 400, 0, "399"),
+        (61.9, 400, 0, "62"),
+        (float("nan"), 1.01, 3, "nan"),
+    ],
 )
-def test_numbers_are_rounded_away_from_their_limit(
-    value: float, digits: int, above: bool, text: str
+def test_numbers_are_rounded_away_from_their_limit_where_they_would_reach_it(
+    value: float, limit: float, digits: int, text: str
 ) -> None:
-    assert beyond(value, digits, above=above) == text
+    assert beyond(value, limit, digits) == text

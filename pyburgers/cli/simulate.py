@@ -87,8 +87,6 @@ def _check_without_run(options: argparse.Namespace) -> None:
 def _of_fit(path: Path, test: str | None, draw: str, experiment: Experiment) -> dict[str, float]:
     """Return the parameters (SI) of a draw of a fit, or their mean, as far as a test has them."""
     fit = Fit.load(path)
-    for sentence in fit.cautions:
-        logger.info(f"note: {sentence}")
     one = fit if test is None else fit[test]
     draws = one.posterior["posterior"].to_dataset()[list(one.priors.priors)]
     flat = draws.stack(sample=("chain", "draw"))
@@ -102,4 +100,7 @@ def _of_fit(path: Path, test: str | None, draw: str, experiment: Experiment) -> 
             )
         chosen = flat.isel(sample=number - 1)
     values = {str(name): float(value) for name, value in chosen.data_vars.items()}
-    return parameters_for_other_test(values, one.experiment, experiment)
+    found = parameters_for_other_test(values, one.experiment, experiment)
+    for sentence in fit.cautions:
+        logger.info(f"note: {sentence}")
+    return found

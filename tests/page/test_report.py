@@ -422,13 +422,15 @@ def test_a_report_replaces_an_earlier_one_and_leaves_no_scraps(
 
 def test_what_is_no_earlier_page_is_not_overwritten(fits: list[Fit], tmp_path: Path) -> None:
     run = fits[0].directory
-    page, file = tmp_path / "page", tmp_path / "file"
-    page.mkdir()
-    (page / "index.html").write_text("mine", encoding="utf-8")
+    page, file, data = tmp_path / "page", tmp_path / "file", tmp_path / "data"
+    for own, name in ((page, "index.html"), (data, "readings.csv")):
+        own.mkdir()
+        (own / name).write_text("mine", encoding="utf-8")
     file.write_text("", encoding="utf-8")
     for what, out, words in (
         (fits, run.path, "something else than a report"),
         (fits, page, "something else than a report"),
+        (fits, data, "something else than a report"),
         (fits, file / "page", "cannot be written"),
         ([], tmp_path / "new", "at least one run"),
     ):

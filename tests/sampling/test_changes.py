@@ -1,5 +1,6 @@
 """A folder that holds another run: what differs is told, and it is replaced where that is asked."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -88,3 +89,24 @@ def test_overwriting_replaces_the_run_and_nothing_else(
     )
     assert again.directory.draws_file(1).read_bytes() == kept
     assert again.manifest["started"] == begun
+
+
+@pytest.mark.parametrize("manifest", [{"name": "mine"}, {"kind": "pyburgers report", "runs": []}])
+def test_a_folder_with_a_manifest_of_something_else_is_never_cleared(
+    small_problem: Problem, tmp_path: Path, manifest: dict[str, Any]
+) -> None:
+    (tmp_path / "inputs").mkdir()
+    files = {"manifest.json": json.dumps(manifest), "inputs/notes.txt": "mine", "summary.csv": "a"}
+    for name, text in files.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match="something else than a fit of tests") as caught:
+        fit(
+            small_problem.experiment,
+            small_problem.priors,
+            out=tmp_path,
+            options=SMALL_RUN,
+            overwrite=True,
+        )
+    assert "--overwrite" not in str(caught.value)
+    for name, text in files.items():
+        assert (tmp_path / name).read_text(encoding="utf-8") == text

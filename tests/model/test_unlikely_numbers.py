@@ -1,4 +1,4 @@
-"""Numbers of parameters that are unlikely in a material are told; those that are shipped are not."""
+"""Unlikely numbers of parameters in a material are told; those that are shipped are likely."""
 
 from dataclasses import replace
 from pathlib import Path

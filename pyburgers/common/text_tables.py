@@ -238,18 +238,24 @@ def table_of_columns(
 
 
 def _cells_in(path: Path, name: str, values: ArrayLike) -> list[str]:
-    """Return the values of a column as the cells of a text; an empty one for no reading."""
+    """Return the values of a column as the cells of a text; an empty one for no reading.
+
+    No readings are also those that a masked array hides.
+    """
     array = np.asarray(values)
     if array.ndim != 1:
         raise InputError(
             f"{path}: column {name!r}: found {array.ndim} dimensions, expected a list of numbers."
         )
     if np.issubdtype(array.dtype, np.datetime64):
-        return [
+        cells = [
             "" if np.isnat(time) else str(time.astype("datetime64[us]")).replace("T", " ")
             for time in array
         ]
-    return ["" if _is_nothing(value) else str(value) for value in array.tolist()]
+    else:
+        cells = ["" if _is_nothing(value) else str(value) for value in array.tolist()]
+    hidden = np.broadcast_to(np.ma.getmask(values), array.shape)
+    return ["" if is_hidden else cell for cell, is_hidden in zip(cells, hidden, strict=True)]
 
 
 def _is_nothing(value: object) -> bool:

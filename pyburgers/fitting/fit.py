@@ -405,6 +405,16 @@ def fit(
     >>> table = result.summary()
     """
     tests = [experiments] if isinstance(experiments, Experiment) else list(experiments)
+    wrong = [one for one in tests if not isinstance(one, Experiment)]
+    if wrong or not tests:
+        raise InputError(
+            f"experiments: found {experiments!r:.60}, expected a test or several, such as "
+            "pyburgers.load_experiment returns."
+        )
+    if priors is not None and not isinstance(priors, PriorSet):
+        raise InputError(
+            f"priors: found {priors!r}, expected a set, such as pyburgers.priors('ice')."
+        )
     if priors is None:
         priors = default_priors_for(tests)
 

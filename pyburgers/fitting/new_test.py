@@ -88,6 +88,12 @@ def draw_values(
     if separate_from is not None:
         turn = np.full(kept.size, list(tests).index(separate_from))
     values = {name: own[turn, np.arange(kept.size)] for name, own in by_test.items()}
+    for name in BY_NOISE.keys() & values.keys() - {*problem.shared, *problem.partial}:
+        # A test that does not read a quantity has only the prior of its noise.
+        readers = [k for k, test in enumerate(tests.values()) if name in test.experiment.noises]
+        if separate_from is None and readers:
+            whose = np.asarray(readers)[np.arange(kept.size) % len(readers)]
+            values[name] = by_test[name][whose, np.arange(kept.size)]
     if problem.is_single:
         return kept, values, []
     for name in problem.partial:
@@ -274,16 +280,23 @@ def add_condition_errors(
 
 
 def add_noises(
-    values: Mapping[str, FloatArray], fitted: Problem, experiment: Experiment
+    values: Mapping[str, FloatArray],
+    fitted: Problem,
+    experiment: Experiment,
+    separate_from: str | None = None,
 ) -> tuple[dict[str, FloatArray], list[str]]:
     """Return values with the noise of new readings: that of the fit, a stated one, or none.
 
-    `values` (n_kept,): parameters by name (SI). Raise InputError if there are readings whose noise
-    nobody knows.
+    `values` (n_kept,): parameters by name (SI). `separate_from`: the test that those which tests
+    do not share are of; None if they are of all. Quantities that are not read have no noise. Raise
+    InputError if there are readings whose noise nobody knows.
     """
     found, notes = dict(values), []
     n_draws = len(next(iter(values.values())))
-    read = {name for test in fitted.experiments for name in test.noises}
+    own = [test for test in fitted.experiments if separate_from in (None, test.id)]
+    read = {name for test in own for name in test.noises}
+    unread = found.keys() & BY_NOISE.keys() - experiment.noises.keys()
+    found |= {name: np.full(n_draws, BY_NOISE[name].negligible_noise) for name in unread}
     for name, stated in experiment.noises.items():
         noise = PARAMETER_BY_NAME[name]
         if name in read and name in values:

@@ -110,7 +110,7 @@ def predict_test(
     of_the_test, apparatus_notes = apparatus_values(source, experiment, kept, rng)
     values = {**values, **of_the_test}
     values, condition_notes = add_condition_errors(source, experiment, kept, values, rng)
-    values, noise_notes = add_noises(values, source.problem, experiment)
+    values, noise_notes = add_noises(values, source.problem, experiment, separate_from)
     values, discrepancy_notes = carry_discrepancy(values, source.problem, experiment)
     priors, law_notes = transfer_laws(
         bounds_around(values, source.problem.priors[0]), source.problem, experiment

@@ -80,6 +80,8 @@ def prior_draws(
     """
     rng = np.random.default_rng(seed)
     likelihood = likelihood_of(experiment)
+    if experiment.n_points:
+        priors = priors.resolved(experiment.largest_stress)
     if priors.flow_law is not None:
         raise InputError(
             f"{experiment.id}: found a joint prior of the flow law, expected a prior for each "

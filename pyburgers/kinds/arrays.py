@@ -69,7 +69,7 @@ def ConstantRateTest(  # noqa: N802 - it stands for the class of its result
     ...     material="ice", name="mine"
     ... )
     """
-    given = _named(locals(), "strain_rate", "start_strain")
+    given = _named("ConstantRateTest", locals(), "strain_rate", "start_strain")
     rates, starts = np.atleast_1d(strain_rate), np.atleast_1d(start_strain)
     if rates.shape != starts.shape:
         raise InputError(
@@ -126,7 +126,7 @@ def LoadingHistory(  # noqa: N802
     ...     grain_size_um=1000, material="ice", name="plan"
     ... )
     """
-    given = _named(locals(), "stages")
+    given = _named("LoadingHistory", locals(), "stages")
     return _history("LoadingHistory", {"stages": list(map(dict, stages)), **given})
 
 
@@ -170,7 +170,7 @@ def CreepTest(  # noqa: N802
     ...     material="ice", name="mine"
     ... )
     """
-    given = _named(locals(), "stress", "stress_unit")
+    given = _named("CreepTest", locals(), "stress", "stress_unit")
     stage = {"control": "stress", "start_time": 0, "stress": stress}
     stages = [{**stage, "end_time": _last("CreepTest", time)}]
     return _history("CreepTest", {"stages": stages, "stage_stress_unit": stress_unit, **given})
@@ -217,7 +217,7 @@ def RelaxationTest(  # noqa: N802
     ...     grain_size_um=1000, material="ice", name="mine"
     ... )
     """
-    given = _named(locals(), "strain", "strain_unit", "loading_time")
+    given = _named("RelaxationTest", locals(), "strain", "strain_unit", "loading_time")
     called, end = "RelaxationTest", _last("RelaxationTest", time)
     if not 0 < loading_time < end:
         raise InputError(
@@ -282,7 +282,7 @@ def ForcedOscillation(  # noqa: N802
     ...     temperature_K=1423, grain_size_um=10, material="olivine", name="mine"
     ... )
     """
-    given = _named(locals(), *OSCILLATION_SERIES)
+    given = _named("ForcedOscillation", locals(), *OSCILLATION_SERIES)
     stress_clock = time if stress_time is None else stress_time
     series = {
         "strain": (time, strain, strain_uncertainty, strain_unit),
@@ -364,7 +364,7 @@ def AttenuationTable(  # noqa: N802
     >>> table.n_points
     3
     """
-    given = _named(locals())
+    given = _named("AttenuationTable", locals())
     return test_of("AttenuationTable", load_attenuation, AttenuationFile, given)
 
 
@@ -375,13 +375,26 @@ OSCILLATION_SERIES = (
 """Arguments of oscillations that stand in columns under other keys."""
 
 
-def _named(arguments: Mapping[str, Any], *others: str) -> dict[str, Any]:
+INSTEAD: Mapping[str, str] = {
+    "id": "'name'",
+    "initial_grain_size_m": "'grain_size_um'",
+    "segments": "'strain_rate' and 'start_strain', or 'stages'",
+    "file": "arrays",
+    "data": "arrays",
+}
+"""Arguments that stand for keys of files."""
+
+
+def _named(called: str, arguments: Mapping[str, Any], *others: str) -> dict[str, Any]:
     """Return the arguments of a function, without some others, under the keys of files."""
     given = {key: arguments[key] for key in arguments if key not in (*others, "keys")}
     size = given.pop("grain_size_um")
+    for key, instead in INSTEAD.items():
+        if key in arguments["keys"]:
+            raise InputError(f"{called}: argument {key!r}: expected {instead} in its place.")
     # Anything but a number is refused where the key is checked.
-    is_number = isinstance(size, (int, float, np.number))
-    given["initial_grain_size_m"] = size / 1e6 if is_number else size
+    is_number = np.ndim(size) == 0 and np.asarray(size).dtype.kind in "iuf"
+    given["initial_grain_size_m"] = float(size) / 1e6 if is_number else size
     return {"id": given.pop("name"), **given, **arguments["keys"]}
 
 

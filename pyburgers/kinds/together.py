@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
+from pyburgers.common.errors import InputError
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.problem import TABLES, common_likelihood
 from pyburgers.model.pooling import ALL, SEPARATE, Pooling, pooling_of
@@ -31,6 +32,10 @@ def pooling_for(
     elsewhere.
     """
     if len(experiments) == 1:
+        if options:
+            raise InputError(
+                f"pool: found it with the test {experiments[0].id} alone, expected several."
+            )
         return SEPARATE
     options = options or {}
     if not has_both(experiments) or ALL in options:

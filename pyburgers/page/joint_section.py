@@ -50,6 +50,8 @@ def pooling_table(joint: Fit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
             other, alone_mean, alone_sd = alone[name], np.nan, np.nan
             if other is not None:
                 alone_mean, alone_sd = _moments(other, quantity)
+            if alone_sd == 0:  # taken as known there
+                alone_mean, alone_sd = np.nan, np.nan
             rows.append(
                 {
                     "quantity": quantity,

@@ -63,6 +63,11 @@ class Stated:
             wrong = [one for one in values if not (np.isfinite(one) and one > 0)]
             if wrong:
                 raise InputError(f"{name}: found {wrong[0]:g}, expected a positive number.")
+        if self.grain_size is not None and self.grain_size >= 1:
+            raise InputError(
+                f"grain_size: found {self.grain_size:g} m, expected metres below 1; 230 um is "
+                "230e-6."
+            )
         if self.poisson_ratio is not None and not -1 < self.poisson_ratio < 0.5:
             raise InputError(
                 f"poisson_ratio: found {self.poisson_ratio:g}, expected a number from -1 to 0.5."

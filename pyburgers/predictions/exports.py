@@ -244,7 +244,10 @@ def export(
             )
     texts = chosen.texts(fit, stated, _kept(fit, draws, seed))
     if out is not None:
-        for path, text in zip(export_files(given_path(out), len(texts)), texts, strict=True):
+        files = export_files(given_path(out), len(texts))
+        if not files[0].parent.is_dir():
+            raise InputError(f"{files[0]}: the folder {files[0].parent} does not exist.")
+        for path, text in zip(files, texts, strict=True):
             write_text(path, text)
     return texts
 

@@ -28,7 +28,7 @@ from pyburgers.model.parameters import PIEZOMETER
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, save_priors
 from pyburgers.model.variants import variant_of, with_variant
-from pyburgers.page.joint_section import joint_sections
+from pyburgers.page.joint_section import joint_sections, pooling_table
 from pyburgers.page.page import write_report
 from pyburgers.page.posterior_figures import figures_for
 from pyburgers.sampling.options import SamplerOptions
@@ -180,6 +180,28 @@ def test_it_is_read_back_and_predicts_a_test_of_either_kind(mixed: Fit) -> None:
     np.testing.assert_allclose(
         np.median(strain, axis=0)[-1], unload.experiment.response[-1], rtol=0.1
     )
+
+
+def test_new_readings_have_the_noise_of_tests_that_read_the_quantity(mixed: Fit) -> None:
+    """And not that of tests which do not read it: there it has its prior."""
+    draws = {name: test.posterior["posterior"].to_dataset() for name, test in mixed.tests().items()}
+    found = mixed.predict(history_twin("load and unload", 8), draws=20)
+    own = draws["creep"]["strain_noise"]
+    used = found.posterior["posterior"].to_dataset()["strain_noise"]
+    assert np.isin(used.to_numpy().ravel(), own.to_numpy().ravel().astype(np.float64)).all()
+    assert not any("the fit has no" in note for note in found.notes)
+
+
+def test_a_noise_that_a_separate_fit_takes_as_known_has_no_width_beside_it(
+    mixed: Fit, tmp_path: Path
+) -> None:
+    creep = mixed["creep"].experiment
+    alone = fit(creep, mixed.problem.given_priors, out=tmp_path / "alone", options=OPTIONS)
+    assert alone.priors["stress_noise"].is_fixed
+    table = pooling_table(mixed, [alone])
+    ratios = table[table["test"] == "creep"].set_index("quantity")["sd_ratio"].dropna()
+    assert "maxwell_modulus" in ratios
+    assert "stress_noise" not in ratios
 
 
 def test_measured_microstructure_of_both_kinds_counts(mixed: Fit) -> None:

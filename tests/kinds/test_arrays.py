@@ -243,10 +243,23 @@ def test_a_reading_that_is_not_there_is_left_out_and_said() -> None:
         assert "(row 2)" in test.notices[0]
 
 
+def test_a_reading_that_a_mask_hides_is_left_out() -> None:
+    hidden = np.ma.masked_array([1.0, 99.0, 3.0, 3.5], mask=[False, True, False, False])
+    test = pyburgers.ConstantRateTest(**{**COMMON, **CURVE, "stress": hidden})
+    np.testing.assert_allclose(test.stress, [1e6, 3e6, 3.5e6])
+
+
+def test_a_grain_size_may_be_an_array_of_one_number() -> None:
+    test = pyburgers.ConstantRateTest(**{**COMMON, **CURVE, "grain_size_um": np.array(230.0)})
+    assert test.initial_grain_size == pytest.approx(230e-6)
+
+
 REFUSED: list[tuple[Callable[..., Experiment], dict[str, Any], dict[str, Any], str]] = [
     (pyburgers.ConstantRateTest, CURVE, change, words)
     for change, words in (
         ({"temperature_K": -10}, "argument 'temperature_K': found -10, expected kelvin"),
+        ({"id": "other"}, "argument 'id': expected 'name' in its place"),
+        ({"initial_grain_size_m": 1e-3}, "expected 'grain_size_um' in its place"),
         ({"grain_size_um": -5}, "argument 'grain_size_um': found -5, expected micrometres"),
         ({"grain_size_um": None}, "argument 'grain_size_um' is missing, expected the mean"),
         ({"strain": [10.0, 20.0, 30.0, 2500.0], "strain_unit": "fraction"}, "check its unit"),

@@ -240,10 +240,10 @@ def check_effective_sample_size(draws: CheckedDraws) -> Finding:
     table = convergence_table(draws.posterior)[["ess_bulk", "ess_tail"]]
     least = table.min(axis=1)
     worst, value = least.idxmin(), float(least.min())
-    which = "bulk" if value == table["ess_bulk"].min() else "tail"
     if value >= ESS_LIMIT:
         enough = f"at least {value:.0f} effectively independent draws (least: {worst})"
         return Finding(Outcome.YES, table, f"Every quantity has {enough}.")
+    which = "bulk" if value == table["ess_bulk"].min() else "tail"
     return Finding(
         Outcome.NO,
         table,

@@ -84,16 +84,15 @@ def draw_values(
             has_none = "discrepancy" in test.experiment.without_effect
             shares.append(shares[0] if has_none else _over_response(test, own_values))
         by_test["discrepancy"] = np.stack(shares)
-    turn = np.arange(kept.size) % len(tests)
-    if separate_from is not None:
-        turn = np.full(kept.size, list(tests).index(separate_from))
-    values = {name: own[turn, np.arange(kept.size)] for name, own in by_test.items()}
-    for name in BY_NOISE.keys() & values.keys() - {*problem.shared, *problem.partial}:
+    every = np.arange(kept.size)
+    values = {}
+    for name, own in by_test.items():
         # A test that does not read a quantity has only the prior of its noise.
         readers = [k for k, test in enumerate(tests.values()) if name in test.experiment.noises]
-        if separate_from is None and readers:
-            whose = np.asarray(readers)[np.arange(kept.size) % len(readers)]
-            values[name] = by_test[name][whose, np.arange(kept.size)]
+        among = np.asarray(readers or range(len(tests)))
+        if separate_from is not None:
+            among = np.array([list(tests).index(separate_from)])
+        values[name] = own[among[every % among.size], every]
     if problem.is_single:
         return kept, values, []
     for name in problem.partial:

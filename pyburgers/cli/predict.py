@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from pyburgers.cli import predict_test
 from pyburgers.cli.outputs import check_output
@@ -14,14 +15,6 @@ from pyburgers.common.paths import shown
 from pyburgers.common.units import UNITS
 from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit
-from pyburgers.kinds.conditions import (
-    Ranges,
-    beyond_sentences,
-    conditions_of,
-    environment_ranges,
-    unlikely_stress,
-    unlikely_temperature,
-)
 from pyburgers.predictions.assumptions import (
     CRITICAL_SHARE,
     elastic_modulus_sentence,
@@ -29,7 +22,7 @@ from pyburgers.predictions.assumptions import (
 )
 from pyburgers.predictions.attenuation import (
     DEFAULT_FREQUENCIES,
-    material_spectrum,
+    predict_attenuation,
     save_spectrum,
 )
 from pyburgers.predictions.attenuation_figures import attenuation
@@ -163,17 +156,16 @@ def _attenuation(options: argparse.Namespace) -> int:
         raise InputError(f"--out {options.out}: expected a file name that ends in .csv.")
     whole = Fit.load(options.directory)
     fits = [whole[options.test]] if options.test is not None else [*whole.tests().values()]
-    fitted = [conditions_of(test.experiment, test.posterior) for test in whole.tests().values()]
     for fit in fits:
         out = options.out
         if len(fits) > 1:
             out = out.with_name(f"{out.stem}_{fit.experiment.id}.csv")
-        _predict(fit, fitted, options, out)
+        _predict(fit, options, out)
     return 0
 
 
-def _predict(fit: Fit, fitted: Sequence[Ranges], options: argparse.Namespace, out: Path) -> None:
-    """Predict from a test, of several that were fitted; write the files and print them."""
+def _predict(fit: Fit, options: argparse.Namespace, out: Path) -> None:
+    """Predict from a test; write the files and print them."""
     beside = (".nc", ".png", ".svg", "_evolving.csv", "_evolving.nc")
     check_output(out, options.directory, options.measured, beside=beside)
     grain_size = options.grain_size_um
@@ -191,45 +183,33 @@ def _predict(fit: Fit, fitted: Sequence[Ranges], options: argparse.Namespace, ou
         )
         if value is not None
     }
-    material = fitted_material(
+    material: dict[str, Any] = {
+        "microstructure": options.microstructure.replace("-", "_"),
+        "temperature": options.temperature_K,
+        "grain_size": None if grain_size is None else grain_size * UM,
+        "fabric_factor": options.fabric_factor,
+        "elastic_modulus": modulus,
+        "elastic_modulus_sd": deviation,
+        "environment": environment,
+        "seed": options.seed,
+    }
+    spectrum = predict_attenuation(
         fit,
-        microstructure=options.microstructure.replace("-", "_"),
-        temperature=options.temperature_K,
-        grain_size=None if grain_size is None else grain_size * UM,
-        fabric_factor=options.fabric_factor,
-        elastic_modulus=modulus,
-        elastic_modulus_sd=deviation,
-        environment=environment,
-        seed=options.seed,
-    )
-    spectrum = material_spectrum(
-        material,
         options.frequencies_Hz or DEFAULT_FREQUENCIES,
         regimes,
+        **material,
         hold_time=hold_time,
         critical_share=(
             CRITICAL_SHARE if options.critical_share is None else options.critical_share
         ),
     )
-    frequency = spectrum["frequency"]
-    there = {
-        "temperature": (material.temperature,) * 2,
-        **({} if grain_size is None else {"initial grain size": (grain_size * UM,) * 2}),
-        "period": (float(1 / frequency.max()), float(1 / frequency.min())),
-        "stress": (0.0, max(one.median_stress + one.amplitude for one in regimes)),
-        **environment_ranges(environment),
-    }
-    beyond = beyond_sentences(there, fitted)
-    unlikely = (
-        *unlikely_temperature(fit.experiment.material, *there["temperature"]),
-        *unlikely_stress(fit.experiment.material, there["stress"][1]),
-    )
-    cautions = (*fit.cautions, *beyond, *(f"{one[0].upper()}{one[1:]}" for one in unlikely))
-    spectrum = spectrum.assign_attrs(cautions="\n".join(cautions))
     comparison = None
     if options.evolving is not None:
         comparison = evolving_attenuation(
-            material, options.evolving or EVOLVING_FREQUENCIES, regimes, hold_time=hold_time
+            fitted_material(fit, **material),
+            options.evolving or EVOLVING_FREQUENCIES,
+            regimes,
+            hold_time=hold_time,
         )
     table = quantile_table(spectrum)
     measured = None if options.measured is None else load_measured_attenuation(options.measured)
@@ -245,8 +225,8 @@ def _predict(fit: Fit, fitted: Sequence[Ranges], options: argparse.Namespace, ou
             save_spectrum(comparison, evolved.with_suffix(".nc"))
             files += [evolved, evolved.with_suffix(".nc")]
     print(f"{spectrum.attrs['title']}: tan(delta), median and 90 % of the draws")
-    for sentence in cautions:
-        print(sentence)
+    if spectrum.attrs["cautions"]:
+        print(spectrum.attrs["cautions"])
     print(overview_table(spectrum).to_string(index=False))
     print(frozen_sentence(spectrum))
     print(elastic_modulus_sentence(spectrum))

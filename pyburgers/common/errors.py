@@ -86,6 +86,13 @@ class SystemFailureError(PyburgersError):
     """
 
 
+def require_type(name: str, found: object, kind: type | tuple[type, ...], expected: str) -> None:
+    """Refuse an argument of another type; `expected` says in words how one is made."""
+    if not isinstance(found, kind):
+        shown = f"{found!r:.60}" if isinstance(found, str | int | float) else type(found).__name__
+        raise InputError(f"{name}: found {shown}, expected {expected}.")
+
+
 def nearest(name: object, valid: Iterable[str]) -> str:
     """Return the end of a sentence: the valid spelling nearest to `name`, or all of them."""
     names = list(valid)

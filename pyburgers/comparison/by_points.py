@@ -19,7 +19,7 @@ from scipy.special import logsumexp
 from pyburgers.checks.prior_sentences import read_off_sentences
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import FloatArray, all_draws
-from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.common.errors import InputError, SamplingError, require_type
 from pyburgers.common.units import counted
 from pyburgers.comparison.results import Comparison, LeaveOneOut
 from pyburgers.comparison.same_data import (
@@ -43,6 +43,9 @@ from pyburgers.posterior.labelled_draws import (
 from pyburgers.sampling.options import recorded_options
 
 logger = logging.getLogger(__name__)
+
+NAMED_FITS = 'fits by name, such as {"shared": one, "separate": other}'
+"""Words for an argument."""
 
 
 def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Comparison:
@@ -68,6 +71,7 @@ def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Compariso
     >>> comparison = pyburgers.compare({"one": fit, "same": fit})
     >>> sentence = comparison.pairs()[0].sentence()
     """
+    require_type("fits", fits, Mapping, NAMED_FITS)
     if len(fits) < 2:
         raise InputError(f"compare: found {counted(len(fits), 'fit')}, expected at least two.")
     check_same_data(fits)

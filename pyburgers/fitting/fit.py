@@ -13,7 +13,7 @@ import xarray as xr
 
 from pyburgers.checks.prior_influence import Influence, prior_influence
 from pyburgers.common.draws import FloatArray
-from pyburgers.common.errors import InputError, nearest
+from pyburgers.common.errors import InputError, nearest, require_type
 from pyburgers.common.messages import messages_where_watched
 from pyburgers.common.paths import given_path
 from pyburgers.fitting.continuation import put_aside_where_tolerance_matters, sample_until_good
@@ -29,8 +29,8 @@ from pyburgers.fitting.sampled_fit import (
     write_tables,
 )
 from pyburgers.fitting.scores_beside import scores_beside
-from pyburgers.kinds.conditions import doubts
-from pyburgers.kinds.experiment import Experiment, Provenance
+from pyburgers.kinds.conditions import Ranges, conditions_of, doubts
+from pyburgers.kinds.experiment import A_TEST, Experiment, Provenance
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import Problem, one_test, problem_of
 from pyburgers.kinds.stan_data import SolverOptions
@@ -67,6 +67,8 @@ class Fit(SampledFit):
         Tests, priors, pooling.
     scores_beside : mapping of str to numpy.ndarray
         Of one test of a joint fit: scores (n, n_scores) of priors that other tests alone have.
+    whole : Fit, optional
+        Of one test of a joint fit: the joint fit.
 
     Examples
     --------
@@ -77,6 +79,7 @@ class Fit(SampledFit):
 
     problem: Problem
     scores_beside: Mapping[str, FloatArray] = field(default_factory=dict)
+    whole: "Fit | None" = None
 
     @property
     def experiment(self) -> Experiment:
@@ -113,7 +116,13 @@ class Fit(SampledFit):
     @property
     def is_part(self) -> bool:
         """Whether this is the result of a joint fit for one test."""
-        return len(self.manifest["experiments"]) > len(self.problem.experiments)
+        return self.whole is not None
+
+    @cached_property
+    def fitted_conditions(self) -> tuple[Ranges, ...]:
+        """Conditions that each fitted test passed, also of tests that this is no result for."""
+        tests = (self.whole or self).tests().values()
+        return tuple(conditions_of(one.experiment, one.posterior) for one in tests)
 
     @property
     def provenance(self) -> Provenance:
@@ -157,7 +166,11 @@ class Fit(SampledFit):
         beside = scores_beside(self.problem, parts, groups)
         return {
             alone.name: replace(
-                self, posterior=groups[alone.name], problem=alone, scores_beside=beside[alone.name]
+                self,
+                posterior=groups[alone.name],
+                problem=alone,
+                scores_beside=beside[alone.name],
+                whole=self,
             )
             for alone in parts
         }
@@ -226,7 +239,9 @@ class Fit(SampledFit):
         >>> prediction = fit.predict(test)
         >>> score = pyburgers.score_table(prediction)
         """
-        source = Source(self.problem, self.tests(), self.posterior, self.cautions)
+        source = Source(
+            self.problem, self.tests(), self.posterior, self.fitted_conditions, self.cautions
+        )
         return predict_test(source, experiment, draws=draws, separate_from=separate_from, seed=seed)
 
     def prior_groups(self, draws: int, seed: int) -> dict[str, xr.Dataset]:
@@ -404,19 +419,15 @@ def fit(
     >>> result = pyburgers.fit(test, priors, out="runs/mine", options=options)
     >>> table = result.summary()
     """
+    require_type("experiments", experiments, (Experiment, list, tuple), A_TEST)
     tests = [experiments] if isinstance(experiments, Experiment) else list(experiments)
-    wrong = [one for one in tests if not isinstance(one, Experiment)]
-    if wrong or not tests:
-        raise InputError(
-            f"experiments: found {experiments!r:.60}, expected a test or several, such as "
-            "pyburgers.load_experiment returns."
-        )
-    if priors is not None and not isinstance(priors, PriorSet):
-        raise InputError(
-            f"priors: found {priors!r}, expected a set, such as pyburgers.priors('ice')."
-        )
+    if not tests:
+        raise InputError("experiments: found none, expected a test or several.")
+    for test in tests:
+        require_type("experiments", test, Experiment, A_TEST)
     if priors is None:
         priors = default_priors_for(tests)
+    require_type("priors", priors, PriorSet, "a set of priors, as of pyburgers.priors('ice')")
 
     def fit_in(folder: Path) -> Fit:
         note_other_material(priors, tests[0].material)

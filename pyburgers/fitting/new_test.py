@@ -9,6 +9,7 @@ import xarray as xr
 
 from pyburgers.common.draws import FloatArray, all_draws, evenly_spaced
 from pyburgers.common.errors import InputError
+from pyburgers.kinds.conditions import Ranges
 from pyburgers.kinds.experiment import Experiment, UncertainCondition
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.likelihood import likelihood_of
@@ -42,12 +43,14 @@ class Source:
     `problem`: what was fitted.
     `tests`: what the fit says of each test, by its name.
     `posterior`: labelled draws of all tests together.
+    `conditions`: those that each fitted test passed.
     `cautions`: what is wrong with the fit: sentences.
     """
 
     problem: Problem
     tests: Mapping[str, FittedTest]
     posterior: xr.DataTree
+    conditions: Sequence[Ranges]
     cautions: tuple[str, ...]
 
 

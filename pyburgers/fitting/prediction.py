@@ -10,7 +10,7 @@ import xarray as xr
 from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import FloatArray
-from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.common.errors import InputError, SamplingError, require_type
 from pyburgers.fitting.carried_discrepancy import carry_discrepancy, discrepancy_sentences
 from pyburgers.fitting.new_test import (
     Source,
@@ -23,7 +23,7 @@ from pyburgers.fitting.new_test import (
     transfer_laws,
 )
 from pyburgers.kinds.conditions import beyond_sentences, conditions_of
-from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.experiment import A_TEST, Experiment
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import one_test
 from pyburgers.kinds.program_data import program_data
@@ -101,6 +101,7 @@ def predict_test(
     Raise InputError if the test is of another material, cannot have the laws of the fit, or
     `separate_from` is no test of the fit. Raise SamplingError if no draw has a solution.
     """
+    require_type("experiment", experiment, Experiment, A_TEST)
     require_same_material(source.problem.experiments[0], experiment)
     if draws is not None and draws < 1:
         raise InputError(f"draws: found {draws}, expected at least 1.")
@@ -209,8 +210,7 @@ def _fitted_itself(source: Source, experiment: Experiment) -> list[str]:
 
 def _beyond(source: Source, experiment: Experiment, posterior: xr.DataTree) -> tuple[str, ...]:
     """Say where a test leaves the conditions that were fitted."""
-    fitted = [conditions_of(test.experiment, test.posterior) for test in source.tests.values()]
-    return beyond_sentences(conditions_of(experiment, posterior), fitted)
+    return beyond_sentences(conditions_of(experiment, posterior), source.conditions)
 
 
 def _unsolved(number: int, total: int) -> list[str]:

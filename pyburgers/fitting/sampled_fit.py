@@ -53,6 +53,9 @@ logger = logging.getLogger(__name__)
 
 _Units = Literal["display", "SI"]
 
+A_FIT = "a fit, as of pyburgers.fit or pyburgers.Fit.load"
+"""Words for an argument."""
+
 PRIOR_ALONE = "prior alone"
 ORIGINS: Mapping[str, str] = MappingProxyType(
     {

@@ -1,6 +1,7 @@
 """Conditions of a test: unlikely ones, those that it passes, and those outside what was fitted."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 
 import numpy as np
 import xarray as xr
@@ -183,6 +184,15 @@ def beyond_sentences(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...
     """Say in one sentence what `outside` finds; none where that is nothing."""
     beyond = outside(target, fitted)
     return (f"Beyond what was fitted: {'; '.join(beyond)}.",) if beyond else ()
+
+
+def widest(fitted: Sequence[Ranges]) -> Ranges:
+    """Return the range of each condition over all tests that have it."""
+    return {
+        name: (min(low for low, _ in ends), max(high for _, high in ends))
+        for name in dict.fromkeys(chain.from_iterable(fitted))
+        if (ends := [one[name] for one in fitted if name in one])
+    }
 
 
 def ranges_text(ranges: Ranges) -> str:

@@ -431,6 +431,9 @@ class Experiment(ABC):
         return "\n".join([f"<test {self.id} ({self.protocol}): {head}>", *notes])
 
 
+A_TEST = "a test, as of pyburgers.load_experiment or pyburgers.CreepTest"
+"""Words for an argument."""
+
 E = TypeVar("E", bound=Experiment)
 
 

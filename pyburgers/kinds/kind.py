@@ -47,6 +47,7 @@ COLUMNS: Mapping[str, str] = MappingProxyType(
 """Columns of solutions in their order, and the variables of programs that they show."""
 
 
+@typing.runtime_checkable
 class FittedTest(typing.Protocol):
     """A test with its posterior."""
 

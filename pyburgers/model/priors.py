@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from pyburgers.common.atomic_files import write_text
-from pyburgers.common.errors import InputError, nearest
+from pyburgers.common.errors import InputError, nearest, require_type
 from pyburgers.common.paths import given_path, shipped_folder
 from pyburgers.common.toml_files import Table, all_of, read_toml, toml_text
 from pyburgers.model.flow_law_prior import FlowLawPrior, FlowLawTable
@@ -162,6 +162,7 @@ class PriorSet:
             if name not in {p.name for p in MATERIAL_PARAMETERS}:
                 known = nearest(name, [p.name for p in MATERIAL_PARAMETERS])
                 raise InputError(f"with_: unknown parameter {name!r}, {known}")
+            require_type(name, changed[name], PriorTable, "a prior, as of pyburgers.normal")
         where = Path("with_")
         found = self.exchanging(
             *(load_prior(where, PARAMETER_BY_NAME[name], table) for name, table in changed.items())

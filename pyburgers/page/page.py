@@ -14,14 +14,14 @@ from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.checks.prior_sentences import CONFLICT_MEANING, SHARE_TEXT
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.csv_tables import csv_text
-from pyburgers.common.errors import InputError
+from pyburgers.common.errors import InputError, require_type
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import read_json
 from pyburgers.drawing.inline_svg import dark_colours
 from pyburgers.drawing.page_parts import PageSection
 from pyburgers.drawing.view import view_of
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.sampled_fit import SampledFit
+from pyburgers.fitting.sampled_fit import A_FIT, SampledFit
 from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.model.display import symbol_text
 from pyburgers.model.parameters import PARAMETER_BY_NAME
@@ -202,6 +202,9 @@ def report(
     --------
     >>> page = pyburgers.report([fit, other], "page.html", title="Two curves")
     """
+    require_type("fits", fits, (list, tuple), "a list of fits")
+    for fit in fits:
+        require_type("fits", fit, Fit, A_FIT)
     path = given_path(path)
     is_file = path.suffix == ".html"
     folder = path.with_name(f"{path.stem}_files") if is_file else path

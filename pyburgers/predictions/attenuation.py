@@ -28,8 +28,17 @@ import xarray as xr
 
 from pyburgers.common.array_types import BoolArray
 from pyburgers.common.draws import FloatArray
+from pyburgers.common.errors import require_type
 from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.common.units import UNITS
+from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.sampled_fit import A_FIT
+from pyburgers.kinds.conditions import (
+    beyond_sentences,
+    environment_ranges,
+    unlikely_stress,
+    unlikely_temperature,
+)
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.closed_forms import closed_forms, require_no_backstress, require_standard
 from pyburgers.model.display import STRESS_UNIT
@@ -227,7 +236,8 @@ def predict_attenuation(
     -------
     Dataset
         As of `attenuation_spectrum`, with the chain and draw numbers of the fit, and attributes
-        that say what was predicted.
+        that say what was predicted. Of a `Fit` the attribute ``cautions`` has a line for each
+        thing that is wrong with the fit, or that lies beyond what was fitted.
 
     Raises
     ------
@@ -240,6 +250,8 @@ def predict_attenuation(
     >>> spectrum = pyburgers.predict_attenuation(fit, [0.001, 0.01, 0.1])
     >>> middle = spectrum["tan_delta"].median(("chain", "draw"))
     """
+    require_type("regimes", regimes, Sequence, "a list, such as [pyburgers.Regime(1e6, 1e5)]")
+    require_type("fit", fit, FittedTest, A_FIT)
     material = fitted_material(
         fit,
         microstructure=microstructure,
@@ -251,7 +263,7 @@ def predict_attenuation(
         environment=environment,
         seed=seed,
     )
-    return material_spectrum(
+    spectrum = material_spectrum(
         material,
         frequencies,
         regimes,
@@ -259,6 +271,26 @@ def predict_attenuation(
         critical_share=critical_share,
         with_strains=with_strains,
     )
+    if not isinstance(fit, Fit):
+        return spectrum
+    frequency = spectrum["frequency"]
+    there = {
+        "temperature": (material.temperature, material.temperature),
+        **({} if grain_size is None else {"initial grain size": (grain_size, grain_size)}),
+        "period": (float(1 / frequency.max()), float(1 / frequency.min())),
+        "stress": (0.0, max(one.median_stress + one.amplitude for one in regimes)),
+        **environment_ranges(environment),
+    }
+    unlikely = (
+        *unlikely_temperature(fit.experiment.material, *there["temperature"]),
+        *unlikely_stress(fit.experiment.material, there["stress"][1]),
+    )
+    cautions = (
+        *fit.cautions,
+        *beyond_sentences(there, fit.fitted_conditions),
+        *(f"{one[0].upper()}{one[1:]}" for one in unlikely),
+    )
+    return spectrum.assign_attrs(cautions="\n".join(cautions))
 
 
 def material_spectrum(

@@ -22,7 +22,7 @@ from pyburgers.fitting.sampled_fit import PRIOR_ALONE, SampledFit
 from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.flow_law_tables.laws import SCATTER, Mechanism, RateLaw
 from pyburgers.flow_law_tables.tables import RateTable
-from pyburgers.kinds.conditions import Ranges, conditions_of, ranges_text
+from pyburgers.kinds.conditions import Ranges, ranges_text, widest
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.display import shown_quantity, unit_text
@@ -187,9 +187,9 @@ class Exported:
 
 
 def fitted_ranges(fit: Fit | RateFit) -> Ranges:
-    """Return the conditions of the test, or of the tests of a table."""
+    """Return the conditions of the fitted tests, or of the tests of a table."""
     if isinstance(fit, Fit):
-        return conditions_of(fit.experiment, fit.posterior)
+        return widest(fit.fitted_conditions)
     data = fit.used
     columns = {
         "temperature": data.temperature,

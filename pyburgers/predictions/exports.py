@@ -10,11 +10,11 @@ import numpy as np
 
 from pyburgers.common.array_types import IntArray
 from pyburgers.common.atomic_files import write_text
-from pyburgers.common.errors import InputError, nearest
+from pyburgers.common.errors import InputError, nearest, require_type
 from pyburgers.common.paths import given_path
 from pyburgers.common.units import rounded
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.sampled_fit import PRIOR_ALONE
+from pyburgers.fitting.sampled_fit import A_FIT, PRIOR_ALONE, SampledFit
 from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.kinds.conditions import Ranges, beyond_sentences
 from pyburgers.model.display import shown_quantity
@@ -130,9 +130,15 @@ def _caution_lines(one: Exported, ranges: Ranges, at: Sequence[float]) -> list[s
         f"Sampled well: {one.sampled_well}. Describes the data: {one.describes_data}.",
         f"Decided by: {'; '.join(decided)}.",
         *one.notes,
-        f"Conditions of the fitted tests: {one.conditions}. The law extrapolates elsewhere.",
+        _conditions_line(one),
         *beyond,
     ]
+
+
+def _conditions_line(one: Exported) -> str:
+    if one.draws_of == PRIOR_ALONE:
+        return f"Conditions of the test, which was not fitted: {one.conditions}."
+    return f"Conditions of the fitted tests: {one.conditions}. The law extrapolates elsewhere."
 
 
 FORMATS: Mapping[str, Format] = MappingProxyType(
@@ -220,6 +226,7 @@ def export(
     --------
     >>> block = pyburgers.export(fit, "aspect", microstructure="initial", out="ice.prm")
     """
+    require_type("fit", fit, SampledFit, A_FIT)
     if file_format not in FORMATS:
         raise InputError(
             f"file_format: unknown format {file_format!r}, {nearest(file_format, FORMATS)}"
@@ -229,8 +236,8 @@ def export(
         microstructure,
         grain_size,
         fabric_factor,
-        tuple(temperatures),
-        tuple(frequencies),
+        tuple(np.atleast_1d(temperatures).tolist()),
+        tuple(np.atleast_1d(frequencies).tolist()),
         regime,
         poisson_ratio,
         elastic_modulus,

@@ -3,11 +3,12 @@
 import math
 from collections.abc import Container, Mapping
 from dataclasses import dataclass, fields
+from numbers import Integral
 from typing import Any, get_args, get_type_hints
 
 from pydantic import Field, create_model
 
-from pyburgers.common.errors import InputError
+from pyburgers.common.errors import InputError, require_type
 from pyburgers.common.toml_files import Table
 
 COORDINATES = ("auto", "plain", "valley", "sheared", "stretched")
@@ -99,6 +100,8 @@ class SamplerOptions:
         """
         for name, (least, most) in LIMITS.items():
             value = getattr(self, name)
+            if value is not None:
+                require_type(name, value, Integral, "a whole number")
             if value is not None and not least <= value <= most:
                 raise InputError(
                     f"{name} is {value}, expected a number from {least} to {most}{_option(name)}."

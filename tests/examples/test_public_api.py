@@ -3,12 +3,14 @@
 import ast
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from sentences import documents
 
 import pyburgers
+from pyburgers import Fit
 
 ROOT = Path(__file__).parents[2]
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.DOTALL | re.MULTILINE)
@@ -73,3 +75,31 @@ def test_another_import_is_seen() -> None:
     ):
         assert name in used_of_the_package(line)
         assert name not in pyburgers.__all__
+
+
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        (lambda fit: pyburgers.fit("test.toml"), "experiments: found 'test.toml', expected a test"),
+        (lambda fit: pyburgers.fit([]), "experiments: found none, expected a test or several"),
+        (lambda fit: pyburgers.fit(fit), "experiments: found Fit, expected a test"),
+        (lambda fit: pyburgers.fit(fit.experiment, "ice"), "priors: found 'ice', expected a set"),
+        (lambda fit: fit.predict("test.toml"), "experiment: found 'test.toml', expected a test"),
+        (lambda fit: pyburgers.compare([fit, fit]), "fits: found list, expected fits by name"),
+        (lambda fit: pyburgers.report("run", "page"), "fits: found 'run', expected a list of fits"),
+        (lambda fit: pyburgers.report(["run"], "page"), "fits: found 'run', expected a fit"),
+        (lambda fit: pyburgers.export("run", "json"), "fit: found 'run', expected a fit"),
+        (lambda fit: pyburgers.predict_attenuation("run"), "fit: found 'run', expected a fit"),
+        (
+            lambda fit: pyburgers.predict_attenuation(fit, [0.1], pyburgers.Regime(1e6, 1e5)),
+            "regimes: found Regime, expected a list",
+        ),
+        (lambda fit: fit.priors.with_(beta=-7e-4), "beta: found -0.0007, expected a prior"),
+        (lambda fit: pyburgers.SamplerOptions(chains=2.5), "chains: found 2.5, expected a whole"),
+    ],
+)
+def test_an_argument_of_another_type_is_told(
+    call: Callable[[Fit], object], told: str, small_fit: Fit
+) -> None:
+    with pytest.raises(pyburgers.InputError, match=re.escape(told)):
+        call(small_fit)

@@ -3,6 +3,7 @@
 import logging
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from conftest import POOL, SMALL_RUN, Problem, pair_of
 from figure_texts import legend_texts
 from matplotlib.colors import rgb_to_hsv, to_hex, to_rgb
 
+import pyburgers
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.same_data import fits_alone
 from pyburgers.fitting.fit import Fit, fit
@@ -85,6 +87,18 @@ def test_kinds_of_runs_are_told_apart(joint: Fit, small_fit: Fit) -> None:
     assert small_fit["PIL40"] is small_fit
     with pytest.raises(InputError, match="has no test 'PIL72'"):
         joint["PIL72"]
+
+
+def test_what_was_fitted_is_told_of_all_tests(joint: Fit) -> None:
+    first, other = joint.problem.experiments
+    hotter = replace(other, temperature=first.temperature + 10.0)
+    test = replace(joint, problem=replace(joint.problem, experiments=(first, hotter)))["PIL40"]
+    exported = "\n".join(pyburgers.export(test, "aspect", microstructure="initial"))
+    assert f"temperature {first.temperature:g} to {hotter.temperature:g} K" in exported
+    for warmer, is_beyond in ((10.0, False), (15.0, True)):
+        given = first.temperature + warmer
+        cautions = pyburgers.predict_attenuation(test, [0.01], temperature=given).attrs["cautions"]
+        assert (f"Beyond what was fitted: temperature {given:g} K" in cautions) == is_beyond
 
 
 def test_page_shows_joint_and_separate_fits(

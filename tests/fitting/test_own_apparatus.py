@@ -15,6 +15,7 @@ from pyburgers.fitting.new_test import (
 )
 from pyburgers.fitting.prediction import predict_test
 from pyburgers.fitting.prior_draws import prior_draws
+from pyburgers.kinds.conditions import conditions_of
 from pyburgers.kinds.experiment import Stated
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.problem import problem_of
@@ -45,7 +46,8 @@ def source_of(*experiments: HistoryExperiment) -> Source:
         own.name: prior_draws(one, own.priors[0], draws=N_DRAWS, seed=number)
         for number, (one, own) in enumerate(zip(experiments, problem.alone(), strict=True))
     }
-    return Source(problem, tests, next(iter(tests.values())).posterior, ())
+    passed = [conditions_of(one.experiment, one.posterior) for one in tests.values()]
+    return Source(problem, tests, next(iter(tests.values())).posterior, passed, ())
 
 
 @pytest.fixture(scope="module")

@@ -21,6 +21,7 @@ from pyburgers.fitting.prediction import Prediction, predict_test
 from pyburgers.fitting.prior_draws import prior_draws
 from pyburgers.fitting.sampled_fit import ORIGINS
 from pyburgers.kinds.attenuation.files import load_attenuation
+from pyburgers.kinds.conditions import conditions_of
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.kinds.experiment import Experiment, Stated, UncertainCondition, of_kind
 from pyburgers.kinds.forced_oscillation.experiment import with_known_strain
@@ -199,7 +200,8 @@ def test_partially_pooled_parameters_of_a_new_test_come_from_centre_and_spread(
     for alone in problem.alone():
         tree = xr.DataTree.from_dict({"posterior": group, "predictions": grid})
         tests[alone.name] = Holder(alone.experiments[0], alone.priors[0], tree)
-    source = Source(problem, tests, xr.DataTree.from_dict({"posterior": at_all}), ())
+    passed = [conditions_of(one.experiment, one.posterior) for one in tests.values()]
+    source = Source(problem, tests, xr.DataTree.from_dict({"posterior": at_all}), passed, ())
     prediction = predict_test(source, another_test(small_problem), draws=n)
     drawn = prediction.posterior["posterior"]["maxwell_modulus"].to_numpy()[0]
     # Its only bound is zero: the real number behind it is a logarithm.
@@ -219,7 +221,8 @@ def prior_source(experiment: Experiment) -> Source:
     """Draws of the prior of a test, as if they were a fit of it."""
     prior = prior_draws(experiment, resolved_priors(experiment), draws=6, seed=3)
     problem = one_test(experiment, prior.priors)
-    return Source(problem, {experiment.id: prior}, prior.posterior, ())
+    passed = [conditions_of(experiment, prior.posterior)]
+    return Source(problem, {experiment.id: prior}, prior.posterior, passed, ())
 
 
 def test_an_oscillation_is_predicted_at_another_temperature(programs: None) -> None:

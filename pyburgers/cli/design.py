@@ -69,7 +69,10 @@ def run(options: argparse.Namespace) -> int:
     print("Expected width of each quantity after a test, over its width now (1: nothing learned):")
     print(_shown(found.table.reset_index()))
     print("\nOne after the other:")
-    print(_shown(found.together))
+    if found.together.empty:
+        print("No candidate lies within the limits of the apparatus, so that none is chosen.")
+    else:
+        print(_shown(found.together))
     for file in (out, together):
         print(shown(file))
     return 0

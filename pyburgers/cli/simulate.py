@@ -11,7 +11,7 @@ from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.new_test import parameters_for_other_test
+from pyburgers.fitting.new_test import laws_of_grains, parameters_for_other_test
 from pyburgers.kinds.conditions import doubts
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import load_parameters, simulate, with_laws
@@ -53,6 +53,7 @@ def run(options: argparse.Namespace) -> int:
     for sentence in doubts(experiment):
         logger.info(f"note: {sentence}")
     check_output(options.out, options.experiment, options.parameters, options.run_of)
+    laws: dict[str, str] = {}
     if options.run_of is None:
         _check_without_run(options)
         parameters = load_parameters(options.parameters)
@@ -60,13 +61,14 @@ def run(options: argparse.Namespace) -> int:
         for sentence in unlikely_numbers(experiment.material, ranges):
             logger.info(f"warning: {sentence}")
     else:
-        parameters = _of_fit(options.run_of, options.test, options.draw or MEAN, experiment)
+        parameters, laws = _of_fit(options.run_of, options.test, options.draw or MEAN, experiment)
     if parameters["beta"] > 0:
         logger.info(
             "warning: beta is positive; in SI units (Pa, m, s) laboratory flow laws have a "
             "negative one, and the +7.29e-4 mol/J printed in the paper's Table 1 is a misprint."
         )
-    parameters = with_laws(experiment, parameters, parse_choices(options.variant))
+    laws |= parse_choices(options.variant)
+    parameters = with_laws(experiment, parameters, laws)
     solution = experiment.solution_table(simulate(experiment, parameters))
     with writing(options.out):
         write_text(options.out, csv_text(solution))
@@ -84,8 +86,13 @@ def _check_without_run(options: argparse.Namespace) -> None:
             )
 
 
-def _of_fit(path: Path, test: str | None, draw: str, experiment: Experiment) -> dict[str, float]:
-    """Return the parameters (SI) of a draw of a fit, or their mean, as far as a test has them."""
+def _of_fit(
+    path: Path, test: str | None, draw: str, experiment: Experiment
+) -> tuple[dict[str, float], dict[str, str]]:
+    """Return the parameters (SI) of a draw of a fit, or their mean, and the laws of the fit.
+
+    Both as far as a test has them.
+    """
     fit = Fit.load(path)
     one = fit if test is None else fit[test]
     draws = one.posterior["posterior"].to_dataset()[list(one.priors.priors)]
@@ -100,7 +107,7 @@ def _of_fit(path: Path, test: str | None, draw: str, experiment: Experiment) -> 
             )
         chosen = flat.isel(sample=number - 1)
     values = {str(name): float(value) for name, value in chosen.data_vars.items()}
-    found = parameters_for_other_test(values, one.experiment, experiment)
-    for sentence in fit.cautions:
+    found, notes = parameters_for_other_test(values, one.experiment, experiment)
+    for sentence in (*fit.cautions, *notes):
         logger.info(f"note: {sentence}")
-    return found
+    return found, laws_of_grains(fit.variant)

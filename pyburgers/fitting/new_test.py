@@ -15,6 +15,11 @@ from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import Problem, stated_priors
 from pyburgers.kinds.stan_data import CENTRE, SPREAD
+from pyburgers.model.closed_forms import (
+    MODULUS_CHANGE,
+    maxwell_modulus_at,
+    with_maxwell_modulus,
+)
 from pyburgers.model.display import unit_text
 from pyburgers.model.parameters import (
     CONDITIONS,
@@ -26,7 +31,7 @@ from pyburgers.model.parameters import (
 from pyburgers.model.prior_families import Prior, fixed_prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.read_quantities import BY_NOISE
-from pyburgers.model.variants import variant_of, with_variant
+from pyburgers.model.variants import ModelVariant, variant_of, with_variant
 from pyburgers.posterior.labelled_draws import own_name, response_in
 
 BOX_MARGIN = 0.5
@@ -202,10 +207,27 @@ def _same_of_a_test(fitted: Experiment, experiment: Experiment) -> list[str]:
     ]
 
 
+def with_modulus_there(
+    values: Mapping[str, FloatArray], fitted: Sequence[Experiment], experiment: Experiment
+) -> tuple[dict[str, FloatArray], list[str]]:
+    """Return values of a test that knows no change of E_M with temperature, if fits have one.
+
+    `values` (n_kept,): parameters by name (SI). E_M is that at the temperature of the test.
+    """
+    is_felt = all(MODULUS_CHANGE not in one.without_effect for one in fitted)
+    if not (is_felt and MODULUS_CHANGE in experiment.without_effect):
+        return dict(values), []
+    if not np.any(values.get(MODULUS_CHANGE, 0.0)):
+        return dict(values), []
+    there = maxwell_modulus_at(values, experiment.temperature)
+    note = f"The Maxwell modulus is that at {experiment.temperature:g} K in the whole test."
+    return with_maxwell_modulus(values, there), [note]
+
+
 def parameters_for_other_test(
     values: Mapping[str, float], fitted: Experiment, experiment: Experiment
-) -> dict[str, float]:
-    """Return parameters of a fitted test (SI) that another one has too, as predictions take them.
+) -> tuple[dict[str, float], list[str]]:
+    """Return parameters of a fitted test (SI) as predictions of another one take them, and notes.
 
     What belongs to the apparatus of the fitted test is left out, where the other one is not known
     to have the same. Raise InputError if the other test is of another material.
@@ -219,7 +241,9 @@ def parameters_for_other_test(
         - alike
         - {*_same_of_a_test(fitted, experiment)}
     )
-    return {name: value for name, value in values.items() if name not in others}
+    own = {name: np.asarray(value) for name, value in values.items() if name not in others}
+    there, notes = with_modulus_there(own, [fitted], experiment)
+    return {name: float(value) for name, value in there.items()}, notes
 
 
 def require_same_material(fitted: Experiment, experiment: Experiment) -> None:
@@ -355,6 +379,11 @@ def _box(fitted: Prior, values: FloatArray) -> Prior:
     )
 
 
+def laws_of_grains(fitted: ModelVariant) -> dict[str, str]:
+    """Return what a variant is told of grains that evolve otherwise than in the standard law."""
+    return {} if fitted.grain_size == "evolving" else {"grain_size": fitted.grain_size}
+
+
 def transfer_laws(
     priors: PriorSet, fitted: Problem, experiment: Experiment
 ) -> tuple[PriorSet, list[str]]:
@@ -370,8 +399,7 @@ def transfer_laws(
             for name in RESIDUAL_CORRELATION
         )
         priors = priors.exchanging(*standard)
-    own = {} if laws.grain_size == "evolving" else {"grain_size": laws.grain_size}
-    priors = with_variant(priors, experiment, own)
+    priors = with_variant(priors, experiment, laws_of_grains(laws))
     here = variant_of(priors, experiment).record()
     notes += [
         f"{part.replace('_', ' ').capitalize()}: {here[part]} in such a test, {law} in the fit."

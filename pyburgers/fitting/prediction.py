@@ -21,6 +21,7 @@ from pyburgers.fitting.new_test import (
     draw_values,
     require_same_material,
     transfer_laws,
+    with_modulus_there,
 )
 from pyburgers.kinds.conditions import beyond_sentences, conditions_of
 from pyburgers.kinds.experiment import A_TEST, Experiment
@@ -112,6 +113,7 @@ def predict_test(
     values = {**values, **of_the_test}
     values, condition_notes = add_condition_errors(source, experiment, kept, values, rng)
     values, noise_notes = add_noises(values, source.problem, experiment, separate_from)
+    values, modulus_notes = with_modulus_there(values, source.problem.experiments, experiment)
     values, discrepancy_notes = carry_discrepancy(values, source.problem, experiment)
     priors, law_notes = transfer_laws(
         bounds_around(values, source.problem.priors[0]), source.problem, experiment
@@ -149,8 +151,8 @@ def predict_test(
             *_unsolved(int(np.sum(~solved)), kept.size),
         ),
         notes=(
-            *(*notes, *apparatus_notes, *condition_notes, *law_notes, *noise_notes),
-            *discrepancy_notes,
+            *(*notes, *apparatus_notes, *condition_notes, *modulus_notes, *law_notes),
+            *(*noise_notes, *discrepancy_notes),
             *discrepancy_sentences(
                 experiment,
                 {name: own[solved] for name, own in values.items()},

@@ -8,6 +8,7 @@ import xarray as xr
 
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.units import UNITS, number
+from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import kind_of
 from pyburgers.kinds.likelihood import likelihood_of
@@ -88,6 +89,9 @@ SHOWN: Mapping[str, tuple[str, float]] = {
 ENVIRONMENT_WORDS = tuple(name.replace("_", " ") for name in ENVIRONMENT)
 """Conditions that a test need not state."""
 
+MECHANICAL = ("stress", "strain")
+"""Conditions that tables of attenuation need not state."""
+
 ROUNDING, TEMPERATURE_ROUNDING = 0.01, 0.001
 """Shares by which a condition, or a temperature, may lie outside a range and still count as inside:
 a thousandth of a temperature is worth some three percent of a flow rate."""
@@ -100,6 +104,17 @@ def conditions(experiment: Experiment, predictions: xr.Dataset, parameters: xr.D
     and the stress in the readings too: a solution may be far from them. The strain is that of the
     material: its zero and the apparatus are no extrapolation.
     """
+    found = {
+        "temperature": temperature_range(experiment),
+        "initial grain size": (experiment.initial_grain_size, experiment.initial_grain_size),
+        **environment_ranges(experiment.environment),
+    }
+    if isinstance(experiment, AttenuationExperiment):
+        period = experiment.conditions.period
+        found["period"] = (float(period.min()), float(period.max()))
+        if experiment.amplitude_is_stated:
+            found["stress"] = (0.0, experiment.largest_stress)
+        return found
     likelihood = likelihood_of(experiment)
     median: dict[str, FloatArray] = {}
     for column, (name, _) in likelihood.grid_quantities.items():
@@ -112,15 +127,6 @@ def conditions(experiment: Experiment, predictions: xr.Dataset, parameters: xr.D
     clock = likelihood.clock.name
     median[f"grid_{clock}"] = predictions[clock].to_numpy()
     solution = kind_of(experiment).solution(experiment, median)
-    found = {
-        "temperature": temperature_range(experiment),
-        "initial grain size": (experiment.initial_grain_size, experiment.initial_grain_size),
-        **environment_ranges(experiment.environment),
-    }
-    if "period_s" in solution:
-        found["period"] = (float(solution["period_s"].min()), float(solution["period_s"].max()))
-    if "time_s" not in solution:  # cycles in closed form
-        return found
     passed = np.diff(solution["time_s"])
     # The path strain is the material's alone, and has all digits beside any offset.
     strain = median.get("grid_path_strain", solution["strain"])
@@ -157,13 +163,16 @@ def outside(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
     """Say in which conditions a test leaves those that were fitted, a phrase for each."""
     phrases = []
     for name, (low, high) in target.items():
-        if not all(name in one for one in fitted):
-            if name in ENVIRONMENT_WORDS:
-                unit, factor = SHOWN[name]
-                phrases.append(f"{name} {_range(low, high, factor)} {unit} (fitted: not stated)")
+        known = [one[name] for one in fitted if name in one]
+        told = name in ENVIRONMENT_WORDS or (name in MECHANICAL and not known)
+        if told and len(known) < len(fitted):
+            unit, factor = SHOWN[name]
+            phrases.append(
+                f"{name} {_range(low, high, factor)} {unit}".rstrip() + " (fitted: not stated)"
+            )
+        if len(known) < len(fitted) and (told or not known):
             continue
-        least = min(one[name][0] for one in fitted)
-        most = max(one[name][1] for one in fitted)
+        least, most = min(low for low, _ in known), max(high for _, high in known)
         rounding = TEMPERATURE_ROUNDING if name == "temperature" else ROUNDING
         if low < least * (1 - rounding) or high > most * (1 + rounding):
             unit, factor = SHOWN[name]
@@ -184,6 +193,18 @@ def beyond_sentences(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...
     """Say in one sentence what `outside` finds; none where that is nothing."""
     beyond = outside(target, fitted)
     return (f"Beyond what was fitted: {'; '.join(beyond)}.",) if beyond else ()
+
+
+def doubtful_conditions(material: str, asked: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
+    """Say which conditions were not fitted, or are unlikely in a material."""
+    unlikely = [
+        *(unlikely_temperature(material, *asked["temperature"]) if "temperature" in asked else ()),
+        *(unlikely_stress(material, asked["stress"][1]) if "stress" in asked else ()),
+    ]
+    return (
+        *beyond_sentences(asked, fitted),
+        *(f"{sentence[0].upper()}{sentence[1:]}" for sentence in unlikely),
+    )
 
 
 def widest(fitted: Sequence[Ranges]) -> Ranges:

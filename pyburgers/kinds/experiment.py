@@ -300,6 +300,11 @@ class Experiment(ABC):
         return ()
 
     @property
+    def poisson_ratio_in_shear(self) -> float | None:
+        """Poisson's ratio of readings in shear, NaN if a bulk modulus stands for it; else None."""
+        return None
+
+    @property
     def largest_strain_read(self) -> float | None:
         """Largest |ε| that was read as response, None where the response is no strain."""
         return None

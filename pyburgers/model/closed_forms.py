@@ -38,6 +38,8 @@ RELAXATION_PARAMETERS = (
 )
 """Parameters that laws of the Kelvin part have beside modulus and viscosity."""
 
+MODULUS_CHANGE = "modulus_temperature_coefficient"
+
 NOTHING_ASKED: Mapping[str, object] = {
     **dict.fromkeys(("n_frequencies", "n_regimes", "n_sines", "n_times"), 0),
     **{
@@ -94,6 +96,26 @@ def closed_forms(
         name: np.reshape(found[name][0], (*shape, *variable.dimensions))
         for name, variable in found.variables.items()
     }
+
+
+def maxwell_modulus_at(parameters: Mapping[str, FloatArray], temperature: float) -> FloatArray:
+    """Return E_M (Pa) at a temperature (K), for parameters (SI) of one shape, which it has too."""
+    any_grain_size = np.ones_like(parameters["maxwell_modulus"])
+    found = closed_forms(parameters, any_grain_size, temperature=temperature, asked={})
+    return found["maxwell_modulus"]
+
+
+def with_maxwell_modulus(
+    parameters: Mapping[str, FloatArray], modulus: FloatArray
+) -> dict[str, FloatArray]:
+    """Return parameters (SI) with one E_M (Pa) at all temperatures, and the same delayed strain."""
+    changed = {"maxwell_modulus": modulus}
+    if MODULUS_CHANGE in parameters:
+        changed[MODULUS_CHANGE] = np.zeros_like(modulus)
+    if "peak_strength" in parameters:  # over 1/E_M
+        relative = modulus / parameters["maxwell_modulus"]
+        changed["peak_strength"] = parameters["peak_strength"] * relative
+    return {**parameters, **changed}
 
 
 def parameter_columns(

@@ -143,8 +143,8 @@ def frozen_sentence(spectrum: xr.Dataset) -> str:
     )
     return (
         f"{start} (median {float(np.median(critical)):.2g}). The hold strains by "
-        f"{strains} (medians). If it fails in most draws, curves are pale; a solution in time "
-        "with evolving microstructure (--evolving) says by how much they are off."
+        f"{strains} (medians). A solution in time with evolving microstructure says by how much "
+        "curves are off."
     )
 
 

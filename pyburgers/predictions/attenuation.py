@@ -28,17 +28,12 @@ import xarray as xr
 
 from pyburgers.common.array_types import BoolArray
 from pyburgers.common.draws import FloatArray
-from pyburgers.common.errors import require_type
+from pyburgers.common.errors import InputError, require_type
 from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.common.units import UNITS
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import A_FIT
-from pyburgers.kinds.conditions import (
-    beyond_sentences,
-    environment_ranges,
-    unlikely_stress,
-    unlikely_temperature,
-)
+from pyburgers.kinds.conditions import doubtful_conditions, environment_ranges
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.closed_forms import closed_forms, require_no_backstress, require_standard
 from pyburgers.model.display import STRESS_UNIT
@@ -61,6 +56,12 @@ from pyburgers.predictions.stress_cycles import (
     checked_hold_time,
     checked_inputs,
 )
+
+AXIAL = (
+    "The fitted table was read in shear, and this spectrum is one of axial stress, with smaller "
+    "losses; pyburgers export has compliances in shear."
+)
+"""Caution of predictions from a table in shear."""
 
 DEFAULT_FREQUENCIES: tuple[float, ...] = tuple(np.geomspace(1e-4, 1.0, 60).tolist())
 """Frequencies (Hz) of the paper's Fig. 6."""
@@ -132,6 +133,8 @@ def attenuation_spectrum(
     >>> spectrum["tan_delta"].shape
     (1, 2)
     """
+    if not regimes:
+        raise InputError("regimes: found none, expected at least one, as pyburgers.Regime.")
     draws, size, fabric = checked_inputs(parameters, temperature, grain_size, fabric_factor)
     frequency = checked_frequencies(frequencies)
     hold_time = checked_hold_time(hold_time)
@@ -281,14 +284,10 @@ def predict_attenuation(
         "stress": (0.0, max(one.median_stress + one.amplitude for one in regimes)),
         **environment_ranges(environment),
     }
-    unlikely = (
-        *unlikely_temperature(fit.experiment.material, *there["temperature"]),
-        *unlikely_stress(fit.experiment.material, there["stress"][1]),
-    )
     cautions = (
         *fit.cautions,
-        *beyond_sentences(there, fit.fitted_conditions),
-        *(f"{one[0].upper()}{one[1:]}" for one in unlikely),
+        *doubtful_conditions(fit.experiment.material, there, fit.fitted_conditions),
+        *([] if fit.experiment.poisson_ratio_in_shear is None else [AXIAL]),
     )
     return spectrum.assign_attrs(cautions="\n".join(cautions))
 

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.common.draws import FloatArray
+from pyburgers.common.errors import InputError, nearest
 from pyburgers.kinds.attenuation.likelihood import stress_nodes
 from pyburgers.kinds.stan_data import ends
 from pyburgers.model.closed_forms import closed_forms
@@ -16,7 +17,7 @@ from pyburgers.model.parameters import (
     FURTHER_PARAMETERS,
 )
 from pyburgers.model.priors import FLOW_LAW
-from pyburgers.predictions.stress_cycles import Regime
+from pyburgers.predictions.stress_cycles import Regime, check_state
 
 CYCLE_NODES = 64
 """Nodes in half a period for the strain of a cycle: the kink of |rate| limits it to about 1e-3."""
@@ -77,7 +78,7 @@ def flow_rate(
     Raises
     ------
     InputError
-        If a number is not finite.
+        If one of the four is missing, or a number is out of range.
     ToolchainError
         If CmdStan or a compiler is missing.
 
@@ -89,6 +90,11 @@ def flow_rate(
     >>> round(float(rate[1] / rate[0]), 6)
     16.0
     """
+    missing = [name for name in FLOW_LAW if name not in parameters]
+    if missing:
+        known = nearest(missing[0], parameters) if parameters else "expected its value."
+        raise InputError(f"parameters: {missing[0]!r} is missing, {known}")
+    check_state(temperature, grain_size, fabric_factor)
     draws = {
         name: np.asarray(parameters[name], dtype=np.float64)
         for name in (
@@ -102,6 +108,8 @@ def flow_rate(
     }
     state = [np.asarray(one, dtype=np.float64) for one in (grain_size, fabric_factor, stress)]
     shape = np.broadcast_shapes(*(one.shape for one in (*draws.values(), *state)))
+    if 0 in shape:
+        return np.empty(shape)
     found = closed_forms(
         draws,
         np.broadcast_to(state[0], shape),

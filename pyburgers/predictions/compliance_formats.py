@@ -16,7 +16,11 @@ from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.kinds.attenuation.table import Elasticity
-from pyburgers.predictions.assumptions import elastic_modulus_sentence, frozen_sentence
+from pyburgers.predictions.assumptions import (
+    elastic_modulus_sentence,
+    frozen_limit_texts,
+    frozen_sentence,
+)
 from pyburgers.predictions.attenuation import DEFAULT_FREQUENCIES, material_spectrum
 from pyburgers.predictions.creep_laws import Stated, stated_material
 from pyburgers.predictions.stress_cycles import Regime
@@ -37,6 +41,13 @@ class ShearCompliances:
 
 LINEAR = {"none", "diffusion"}
 """Further mechanisms that leave a linear dashpot linear."""
+
+
+OTHER_RATIO = (
+    "The fitted table states another Poisson's ratio or a bulk modulus, so that shear moduli here "
+    "are not those that were read."
+)
+"""Note of compliances that another elasticity converts than that of the table."""
 
 
 @dataclass(frozen=True)
@@ -77,14 +88,16 @@ def shear_compliances(fit: SampledFit, stated: Stated, code: str) -> ShearCompli
         all_draws(spectrum[name])
         for name in ("storage_compliance", "loss_compliance", "elastic_compliance")
     )
+    read = fit.experiment.poisson_ratio_in_shear
     of_spring, less, of_creep = Elasticity("shear", stated.poisson_ratio).conversion
     spring = elastic[:, np.newaxis]
     notes = [
         f"{spectrum.attrs['title']}, Poisson's ratio {stated.poisson_ratio:g}",
         "Shear: 1/G = 2 (1 + nu)/E_M; the compliance of creep is 3 times the axial one.",
         "Sign: exp(+i omega t), J* = J1 - i J2, G* = 1/J* = G1 + i G2; losses are positive.",
+        *([OTHER_RATIO] if read not in (None, stated.poisson_ratio) else []),
         *([f"Axial stress {regime.label}; in shear over sqrt(3)."] if regime else []),
-        frozen_sentence(spectrum),
+        f"{frozen_sentence(spectrum)} In the draws: {frozen_limit_texts(spectrum)[0]}.",
         elastic_modulus_sentence(spectrum),
     ]
     return ShearCompliances(

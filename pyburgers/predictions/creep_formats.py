@@ -35,7 +35,8 @@ class CreepFormat:
         lines = [
             *notes,
             "Law: rate = A tau^n d^-p exp(-Q/(R T)), tau = sqrt(s:s/2), rate = sqrt(e:e/2).",
-            "A is 3^((n+1)/2)/2 F^-n times that of axial compression, with the fabric factor F.",
+            "A is 3^((n+1)/2)/2 F^-n times that of axial compression, with the fabric factor "
+            f"F = {law.fabric_factor!r}.",
             "No water, melt or pressure term: those of the specimens.",
             f"d = {law.grain_size!r} m, p = {law.grain_size_exponent!r}. A includes d^-p if no "
             "line below has a grain size.",

@@ -25,7 +25,7 @@ from pyburgers.model.laws import DASHPOT_LAWS
 from pyburgers.model.priors import FLOW_LAW
 from pyburgers.predictions.closed_forms import flow_rate
 from pyburgers.predictions.material import Material, fitted_material
-from pyburgers.predictions.stress_cycles import Regime
+from pyburgers.predictions.stress_cycles import Regime, check_state
 
 RATE_INVARIANT = float(np.sqrt(3)) / 2
 """Second invariant of the rate of axial compression, over that rate."""
@@ -55,19 +55,12 @@ class Stated:
 
     def __post_init__(self) -> None:
         """Refuse numbers out of range."""
-        single = {name: getattr(self, name) for name in ("grain_size", "fabric_factor")}
-        for name, values in {
-            **{name: [one] for name, one in single.items() if one is not None},
-            "temperatures": self.temperatures,
-        }.items():
-            wrong = [one for one in values if not (np.isfinite(one) and one > 0)]
-            if wrong:
-                raise InputError(f"{name}: found {wrong[0]:g}, expected a positive number.")
-        if self.grain_size is not None and self.grain_size >= 1:
-            raise InputError(
-                f"grain_size: found {self.grain_size:g} m, expected metres below 1; 230 um is "
-                "230e-6."
-            )
+        none: Sequence[float] = ()
+        check_state(
+            self.temperatures,
+            none if self.grain_size is None else self.grain_size,
+            none if self.fabric_factor is None else self.fabric_factor,
+        )
         if self.poisson_ratio is not None and not -1 < self.poisson_ratio < 0.5:
             raise InputError(
                 f"poisson_ratio: found {self.poisson_ratio:g}, expected a number from -1 to 0.5."
@@ -76,13 +69,14 @@ class Stated:
 
 @dataclass(frozen=True)
 class CreepLaw:
-    """Power law ε̇ = exp(log_factor) σ^n d^-p exp(-Q/(R T)) in axial compression, and d (m)."""
+    """Power law ε̇ = exp(log_factor) σ^n d^-p exp(-Q/(R T)) in axial compression, d (m) and F."""
 
     log_factor: float
     stress_exponent: float
     grain_size_exponent: float
     activation_energy: float
     grain_size: float
+    fabric_factor: float
 
     @property
     def prefactor(self) -> float:
@@ -134,7 +128,8 @@ class CreepLaws:
 
 def rate_factors(laws: Sequence[CreepLaw], temperatures: Sequence[float]) -> FloatArray:
     """Return A exp(-Q/(R T)) d^-p of second invariants (MPa^-n a^-1), (n_laws, n_temperatures)."""
-    log_factor, exponent, grain_size_exponent, energy, size = np.array([*map(astuple, laws)]).T
+    rows = np.array([*map(astuple, laws)])
+    log_factor, exponent, grain_size_exponent, energy, size, _ = rows.T
     parameters = {
         "stress_exponent": exponent,
         "grain_size_exponent": grain_size_exponent,
@@ -201,6 +196,7 @@ def creep_laws(fit: SampledFit, stated: Stated, code: str) -> CreepLaws:
         "grain_size_exponent": draws["grain_size_exponent"],
         "activation_energy": draws["activation_enthalpy"],
         "grain_size": grain_size,
+        "fabric_factor": fabric,
     }
     return CreepLaws(columns, state)
 

@@ -344,8 +344,8 @@ def _readings(prediction: Prediction, n: int, kept: IntArray) -> tuple[FloatArra
 
 
 def places_read(number: int, n: int) -> IntArray:
-    """Return which of a number of places a candidate is read at: at most `n`, evenly spaced."""
-    return np.unique(np.linspace(0, number - 1, n).round().astype(np.int64))
+    """Return which places a candidate is read at: at most `n`, evenly spaced, with the last."""
+    return np.unique(np.linspace(number - 1, 0, n).round().astype(np.int64))
 
 
 def telling_combinations(
@@ -416,8 +416,11 @@ def _log_normal_density(at: FloatArray, drawn: FloatArray) -> FloatArray:
 
 
 def _largest_stress(prediction: Prediction) -> float:
-    """Stress (Pa) that the test exceeds in 5 % of the draws."""
-    stress = np.abs(all_draws(prediction.posterior["predictions"].to_dataset()["stress"]))
+    """Stress (Pa) that the test exceeds in 5 % of the draws, or that a table of cycles states."""
+    solved = prediction.posterior["predictions"].to_dataset()
+    if "stress" not in solved:
+        return prediction.experiment.largest_stress
+    stress = np.abs(all_draws(solved["stress"]))
     return float(np.quantile(stress.max(axis=1), 0.95))
 
 

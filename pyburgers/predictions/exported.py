@@ -422,9 +422,14 @@ def _display(name: str) -> tuple[float, str]:
     if name == LOG_FACTOR:
         return 1.0, "--"
     quantity = shown_quantity(name)
-    unit = unit_text(quantity).replace("%", r"\%").replace("µ", r"$\mu$").replace("–", "--")
+    unit = unit_text(quantity)
+    for sign, of_latex in LATEX_SIGNS.items():
+        unit = unit.replace(sign, of_latex)
     return quantity.display_factor, unit
 
+
+LATEX_SIGNS = {"%": r"\%", "µ": r"$\mu$", "–": "--", "⁻": "$^{-}$", "⁶": "$^{6}$"}
+"""Signs of units as LaTeX has them."""
 
 _BEGINNING = re.compile(
     r'\{\n "test": |name,unit,mean,sd,(decided_by,|cov_)|% .*\n% sampled well: '

@@ -16,7 +16,7 @@ from pyburgers.common.units import rounded
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import A_FIT, PRIOR_ALONE, SampledFit
 from pyburgers.flow_law_tables.fit import RateFit
-from pyburgers.kinds.conditions import Ranges, beyond_sentences
+from pyburgers.kinds.conditions import ENVIRONMENT_WORDS, Ranges, doubtful_conditions
 from pyburgers.model.display import shown_quantity
 from pyburgers.model.priors import FLOW_LAW
 from pyburgers.predictions.compliance_formats import (
@@ -63,13 +63,22 @@ def _table(write: Callable[[Exported], str], fit: AnyFit, *_: object) -> tuple[s
 
 def _creep_texts(form: CreepFormat, fit: AnyFit, stated: Stated, kept: Kept) -> tuple[str, ...]:
     laws, one = creep_laws(fit, stated, form.code), exported(fit)
+    decide = [name for name in (*FLOW_LAW, LOG_FACTOR) if name in one.names]
+    if LOG_FACTOR not in decide:
+        decide = [*one.names]
+    elif stated.microstructure == "steady_state":
+        decide += [
+            name
+            for name in ("steady_state_grain_size", "steady_state_fabric_factor")
+            if name in one.names
+        ]
     given = tuple(map(float, stated.temperatures))
     if form.by_temperature and not given:
         if isinstance(fit, RateFit):
             raise InputError(f"{form.code}: found no temperature, expected --temperature-K.")
         given = (fit.experiment.temperature,)
     notes = [
-        *_caution_lines(one, fitted_ranges(fit), given),
+        *_caution_lines(one, decide, fit, _asked(stated, given)),
         f"State of the material: {laws.state}. It does not change here.",
         "Left out: elastic and transient strain; evolution of grain size and fabric.",
     ]
@@ -93,7 +102,15 @@ def _compliance_texts(
             f"{form.code}: found {len(stated.temperatures)} temperatures, expected one in a table."
         )
     found, one = shear_compliances(fit, stated, form.code), exported(fit)
-    notes = [*_caution_lines(one, fitted_ranges(fit), stated.temperatures), *found.notes]
+    frequencies = found.frequency
+    asked = {
+        **_asked(stated, stated.temperatures),
+        "period": (1 / float(frequencies.max()), 1 / float(frequencies.min())),
+    }
+    if stated.regime is not None:
+        asked["stress"] = (0.0, stated.regime.median_stress + stated.regime.amplitude)
+    names = [name for name in one.names if name != LOG_FACTOR]
+    notes = [*_caution_lines(one, names, fit, asked), *found.notes]
     mean = "Mean of the posterior: means of J1 and of J2 over all draws."
     storage, loss = (
         np.vstack([values.mean(axis=0), values[kept]]) for values in (found.storage, found.loss)
@@ -113,25 +130,32 @@ def _heads(one: Exported, code: str, mean: str, kept: Kept) -> Iterator[tuple[st
         yield f"{title}, model {one.variant}", kind
 
 
-def _caution_lines(one: Exported, ranges: Ranges, at: Sequence[float]) -> list[str]:
-    """Return verdicts, who decides, and conditions of tests, given temperatures (K) of the file."""
-    decided = []
-    of_curve = [name for name in (*FLOW_LAW, LOG_FACTOR) if name in one.names]
-    for name in of_curve if LOG_FACTOR in of_curve else one.names:
+def _asked(stated: Stated, temperatures: Sequence[float]) -> dict[str, tuple[float, float]]:
+    """Return conditions (SI) that a file is written for."""
+    found = {}
+    if temperatures:
+        found["temperature"] = (min(temperatures), max(temperatures))
+    if stated.grain_size is not None:
+        found["initial grain size"] = (stated.grain_size, stated.grain_size)
+    return found
+
+
+def _caution_lines(one: Exported, names: Sequence[str], fit: AnyFit, asked: Ranges) -> list[str]:
+    """Return verdicts, who decides those parameters, and conditions: fitted ones, asked ones."""
+    decided, ranges = [], fitted_ranges(fit)
+    for name in names:
         k = one.names.index(name)
         unit = "" if name == LOG_FACTOR else shown_quantity(name).si_unit
         spread = f" +- {rounded(one.sd[k], one.sd[k])}" if one.sd[k] else ""
         by = f"{one.decided_by[k]} {one.by_prior_of[k]}".strip() or "unknown"
         decided.append(f"{name} {rounded(one.mean[k], one.sd[k])}{spread} {unit} ({by})")
-    others = {name: ends for name, ends in ranges.items() if name != "temperature"}
-    there = {**others, "temperature": (min(at), max(at))} if at else ranges
-    beyond = beyond_sentences(there, [ranges])
+    of_specimens = {name: ends for name, ends in ranges.items() if name in ENVIRONMENT_WORDS}
     return [
         f"Sampled well: {one.sampled_well}. Describes the data: {one.describes_data}.",
         f"Decided by: {'; '.join(decided)}.",
         *one.notes,
         _conditions_line(one),
-        *beyond,
+        *doubtful_conditions(one.material, {**of_specimens, **asked}, [ranges]),
     ]
 
 
@@ -244,7 +268,8 @@ def export(
     )
     given = {**vars(stated), "draws": draws or None}
     for name, value in given.items():
-        if value not in (None, ()) and name not in chosen.uses:
+        is_given = value is not None and not (isinstance(value, tuple) and not value)
+        if is_given and name not in chosen.uses:
             found = ", ".join(map(str, value)) if isinstance(value, tuple) else value
             raise InputError(
                 f"{name}: found {found}, expected none: {file_format} does not use it."

@@ -11,11 +11,14 @@ from pyburgers.common.array_types import IntArray
 from pyburgers.common.draws import FloatArray, evenly_spaced
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, number
+from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.conditions import environment_ranges, ranges_text
 from pyburgers.kinds.kind import FittedTest
+from pyburgers.model.closed_forms import with_maxwell_modulus
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
 from pyburgers.model.environment import check_environment
 from pyburgers.model.parameters import ALL_ENVIRONMENT_NUMBERS, ENVIRONMENT
+from pyburgers.model.variants import variant_of
 from pyburgers.predictions.stress_cycles import OTHER_PARAMETERS, PARAMETER_NAMES
 
 Microstructure = Literal["initial", "steady_state"]
@@ -73,6 +76,7 @@ def fitted_material(
         if name in draws and name not in experiment.without_effect
     }
     shape = parameters["maxwell_modulus"].shape
+    any_strain = np.ones(shape)
     check_environment(environment)
     for name, value in environment.items():
         parameters[name] = np.full(shape, value)
@@ -83,29 +87,39 @@ def fitted_material(
                 f"a fit with a prior of {numbers[0]} or another one of its kind."
             )
     if elastic_modulus is not None:
-        parameters["maxwell_modulus"] = _modulus_draws(
-            elastic_modulus, elastic_modulus_sd, shape, seed
+        given = _modulus_draws(elastic_modulus, elastic_modulus_sd, shape, seed)
+        parameters = with_maxwell_modulus(parameters, given)
+    elif elastic_modulus_sd:
+        raise InputError(
+            f"elastic_modulus_sd: found {elastic_modulus_sd:g} Pa without elastic_modulus, "
+            "expected both or none."
         )
-        for name in ("modulus_temperature_coefficient", "modulus_reference_temperature"):
-            parameters.pop(name, None)
-    if microstructure == "initial":
-        size, fabric = np.full(shape, experiment.initial_grain_size), np.ones(shape)
-    else:
-        size, fabric = (
-            parameters[name] for name in ("steady_state_grain_size", "steady_state_fabric_factor")
-        )
-    given = experiment.temperature if temperature is None else temperature
+    size, fabric = np.full(shape, experiment.initial_grain_size), np.ones(shape)
+    if microstructure == "steady_state":
+        size = parameters.get("steady_state_grain_size", size)
+        fabric = parameters.get("steady_state_fabric_factor", fabric)
+    size = size if grain_size is None else np.full(shape, grain_size)
+    fabric = fabric if fabric_factor is None else np.full(shape, fabric_factor)
+    laws = variant_of(fit.priors, experiment)
+    if isinstance(fit, Fit) and fit.whole is not None:
+        laws = fit.whole.variant  # a table tells nothing of what evolves in the other tests
+    if laws.grain_size == "constant":
+        parameters |= {"steady_state_grain_size": size, "critical_strain_grain_size": any_strain}
+        parameters.pop("piezometer_reference_grain_size", None)
+    if laws.fabric == "constant":
+        parameters |= {"steady_state_fabric_factor": fabric, "critical_strain_fabric": any_strain}
+    at = experiment.temperature if temperature is None else temperature
     described = _microstructure_text(microstructure, grain_size, fabric_factor)
     modulus = _modulus_text(elastic_modulus, elastic_modulus_sd)
-    conditions = [f"{given:g} K", described]
+    conditions = [f"{at:g} K", described]
     conditions += [ranges_text(environment_ranges(environment))] if environment else []
     conditions += [f"elastic modulus {modulus}"] if modulus else []
     about = f"{experiment.material}, fitted to {experiment.provenance.kind} data"
     return Material(
         parameters=parameters,
-        temperature=given,
-        grain_size=size if grain_size is None else np.full(shape, grain_size),
-        fabric_factor=fabric if fabric_factor is None else np.full(shape, fabric_factor),
+        temperature=at,
+        grain_size=size,
+        fabric_factor=fabric,
         chain=draws["chain"].to_numpy(),
         draw=draws["draw"].to_numpy(),
         attributes={

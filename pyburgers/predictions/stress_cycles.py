@@ -165,21 +165,31 @@ def checked_inputs(
                 f"parameters: {name!r} has the shape {values.shape}, expected {shape} as "
                 f"{PARAMETER_NAMES[0]!r} has."
             )
-    _check_positive("temperature", "K", np.asarray(temperature, dtype=np.float64))
     frozen = []
-    for name, unit, given in (
-        ("grain_size", "m", grain_size),
-        ("fabric_factor", "(1 = isotropic)", fabric_factor),
-    ):
+    for name, given in (("grain_size", grain_size), ("fabric_factor", fabric_factor)):
         values = np.asarray(given, dtype=np.float64)
         if values.shape not in ((), shape):
             raise InputError(
                 f"{name}: found the shape {values.shape}, expected one number or {shape}, that "
                 "of the draws."
             )
-        _check_positive(name, unit, values)
         frozen.append(np.broadcast_to(values, shape))
+    check_state(temperature, *frozen)
     return draws, frozen[0], frozen[1]
+
+
+def check_state(
+    temperature: npt.ArrayLike, grain_size: npt.ArrayLike, fabric_factor: npt.ArrayLike
+) -> None:
+    """Refuse temperatures (K), grain sizes (m) or fabric factors that no material has."""
+    _check_positive("temperature", "K", np.asarray(temperature, dtype=np.float64))
+    sizes = np.asarray(grain_size, dtype=np.float64)
+    _check_positive("grain_size", "m", sizes)
+    _check_positive("fabric_factor", "(1 = isotropic)", np.asarray(fabric_factor, dtype=np.float64))
+    if (sizes >= 1).any():
+        raise InputError(
+            f"grain_size: found {sizes.max():g} m, expected metres below 1; 230 um is 230e-6."
+        )
 
 
 def _check_positive(name: str, unit: str, values: FloatArray) -> None:

@@ -90,10 +90,10 @@ def test_what_its_file_now_states_otherwise_is_that_of_the_file(source: Source) 
     assert notes == [f"{INFERRED} {FITTED.id}: compliance of the apparatus."]
     parameters = {"apparatus_compliance": 1.1e-10, "strain_offset": 1e-4, "maxwell_modulus": 4e9}
     kept_ones = dict(parameters)
-    assert parameters_for_other_test(parameters, FITTED, FITTED) == parameters
+    assert parameters_for_other_test(parameters, FITTED, FITTED) == (parameters, [])
     del kept_ones["strain_offset"]
-    assert parameters_for_other_test(parameters, FITTED, changed) == kept_ones
-    assert parameters_for_other_test(parameters, FITTED, OTHER) == {"maxwell_modulus": 4e9}
+    assert parameters_for_other_test(parameters, FITTED, changed) == (kept_ones, [])
+    assert parameters_for_other_test(parameters, FITTED, OTHER) == ({"maxwell_modulus": 4e9}, [])
 
 
 def test_of_several_fitted_tests_the_name_counts(programs: None) -> None:

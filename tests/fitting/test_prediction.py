@@ -433,10 +433,26 @@ def test_a_solution_leaves_out_what_belongs_to_another_apparatus(small_problem: 
     fitted = replace(small_problem.experiment, uncertain=(furnace, cell))
     other = creep(small_problem.experiment, uncertain=(furnace, cell))
     kept = {name: values[name] for name in ("maxwell_modulus", "temperature_error")}
-    assert parameters_for_other_test(values, fitted, other) == kept
+    assert parameters_for_other_test(values, fitted, other) == (kept, [])
     # An apparatus without a name is that of one test alone.
     kept["stress_calibration_error"] = 0.02
-    assert parameters_for_other_test(values, fitted, replace(other, id=fitted.id)) == kept
-    assert parameters_for_other_test(values, fitted, replace(other, uncertain=())) == {
-        "maxwell_modulus": 4e9
+    assert parameters_for_other_test(values, fitted, replace(other, id=fitted.id)) == (kept, [])
+    alone = {"maxwell_modulus": 4e9}
+    assert parameters_for_other_test(values, fitted, replace(other, uncertain=())) == (alone, [])
+
+
+def test_a_history_has_the_modulus_at_its_own_temperature(
+    programs: None, small_problem: Problem
+) -> None:
+    table = load_attenuation(ICE.parent / "olivine" / "attenuation_A1802.toml")
+    hot = replace(creep(small_problem.experiment), material="olivine", temperature=1473.15)
+    values = {name: prior.location for name, prior in resolved_priors(table).priors.items()} | {
+        "modulus_temperature_coefficient": -2.5e-4,
+        "peak_strength": 0.1,
     }
+    found, notes = parameters_for_other_test(values, table, hot)
+    share = 1 - 2.5e-4 * (1473.15 - values["modulus_reference_temperature"])
+    assert found["maxwell_modulus"] == pytest.approx(share * values["maxwell_modulus"], rel=1e-9)
+    # The strain that is delayed stays as it was.
+    assert found["peak_strength"] == pytest.approx(share * 0.1, rel=1e-9)
+    assert notes == ["The Maxwell modulus is that at 1473.15 K in the whole test."]

@@ -20,6 +20,7 @@ from pyburgers.predictions.designs import (
     DesignPlan,
     design,
     expected_width,
+    places_read,
     share_told_apart,
     telling_combinations,
 )
@@ -107,6 +108,11 @@ def test_designs_that_cannot_be_judged_are_refused(small_fit: Fit, separate_join
         design(separate_joint, plan)
     with pytest.raises(InputError, match="found 20, expected at least 200"):
         design(small_fit, plan, draws=20)
+
+
+def test_a_single_reading_is_the_last() -> None:
+    assert places_read(5, 1).tolist() == [4]
+    assert places_read(5, 2).tolist() == [0, 4]
 
 
 def test_command(small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -261,6 +261,84 @@ def test_laws_without_compliances_are_refused(
         export(fit_of(made, **laws, **FROZEN), code, **SHEAR)
 
 
+def test_grains_and_fabric_of_constant_laws_stay_where_they_are_put(made: Fit) -> None:
+    fit = fit_of(made, **FROZEN)
+    for state in ("initial", "steady_state"):
+        spectrum = pyburgers.predict_attenuation(
+            fit, [1e-3], [REGIME], microstructure=state, grain_size=3e-5, fabric_factor=0.5
+        )
+        assert np.isinf(spectrum["critical_strain"]).all()
+        assert (spectrum["fabric_factor"] == 0.5).all()
+
+
+def test_another_elastic_modulus_leaves_the_delayed_strain(made: Fit) -> None:
+    fit = fit_of(made, {"peak_strength": 0.2}, kelvin="two_elements")
+    fitted, given = (
+        pyburgers.predict_attenuation(fit, [1e-3, 1.0], [REGIME], elastic_modulus=modulus)
+        for modulus in (None, 30e9)
+    )
+    for own in (fitted, given):
+        own["delayed"] = own["storage_compliance"] - own["elastic_compliance"]
+    np.testing.assert_allclose(given["elastic_compliance"], 1 / 30e9, rtol=1e-12)
+    for name in ("delayed", "loss_compliance"):
+        np.testing.assert_allclose(given[name], fitted[name], rtol=1e-9)
+    with pytest.raises(
+        InputError, match=r"elastic_modulus_sd: found 1e\+09 Pa without elastic_mod"
+    ):
+        pyburgers.predict_attenuation(fit, [1e-3], [REGIME], elastic_modulus_sd=1e9)
+
+
+def test_comments_say_what_was_not_fitted_and_what_state_it_is(made: Fit) -> None:
+    size = np.float64(1e-3)
+    far: dict[str, Any] = {
+        "grain_size": size,
+        "fabric_factor": 1.0,
+        "frequencies": [1e-9],
+        "temperatures": [300.0],
+    }
+    (text,) = export(made, "tidalpy", regime=Regime(5e9, 1e9), poisson_ratio=0.3, **far)
+    beyond = next(line for line in text.splitlines() if "Beyond what was fitted" in line)
+    for condition in (
+        "temperature 300 K",
+        "initial grain size 1000 um",
+        "stress",
+    ):
+        assert condition in beyond
+    for told in ("Ice at 300 K is molten", "6 GPa is unlikely in ice", "kelvin_viscosity"):
+        assert told in text
+    (text,) = export(made, "aspect", microstructure="steady_state")
+    assert "steady_state_fabric_factor" in text
+    fabric = float(columns(made)["steady_state_fabric_factor"].mean())
+    assert f"with the fabric factor F = {fabric!r}." in text
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"beta": None}, "parameters: 'beta' is missing"),
+        ({"temperature": 0.0}, "temperature: found 0, expected a positive number"),
+        ({"grain_size": -1e-3}, "grain_size: found -0.001, expected a positive number"),
+        ({"grain_size": 230.0}, "grain_size: found 230 m, expected metres below 1"),
+        ({"fabric_factor": -1.0}, "fabric_factor: found -1, expected a positive number"),
+    ],
+)
+def test_a_flow_rate_is_of_a_whole_law_and_a_possible_state(
+    changed: Mapping[str, float | None], message: str
+) -> None:
+    law = {"stress_exponent": 4.0, "grain_size_exponent": 0.4, "activation_enthalpy": 62e3}
+    given: dict[str, Any] = {
+        **law,
+        "beta": -7.29e-4,
+        "temperature": 263.0,
+        "grain_size": 1e-3,
+        **changed,
+    }
+    state = {name: given.pop(name) for name in given.keys() - {*law, "beta"}}
+    values = {name: value for name, value in given.items() if value is not None}
+    with pytest.raises(InputError, match=re.escape(message)):
+        pyburgers.flow_rate(values, 1e6, **state)
+
+
 def test_a_mistyped_format_is_guessed(made: Fit) -> None:
     with pytest.raises(InputError, match="did you mean 'aspect'"):
         export(made, "aspec")

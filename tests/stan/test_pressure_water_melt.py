@@ -352,7 +352,7 @@ def test_a_law_with_beta_has_no_volume(tmp_path: Path) -> None:
 def test_a_prediction_is_of_the_pressure_of_its_own_test(small_problem: Problem) -> None:
     """A fit under no pressure says that another pressure is beyond what was fitted."""
     fitted, deep = small_problem.experiment, replace(small_problem.experiment, environment=PLACE)
-    values = parameters_for_other_test({**TRUTH, "pressure": 5e6}, fitted, deep)
+    values, _ = parameters_for_other_test({**TRUTH, "pressure": 5e6}, fitted, deep)
     assert "pressure" not in values
     assert with_stated(deep, values)["pressure"] == PLACE["pressure"]
     ranges = {"pressure": (3e8, 3e8)}, {"pressure": (1e7, 1e7)}

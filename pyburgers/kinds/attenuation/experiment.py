@@ -215,6 +215,13 @@ class AttenuationExperiment(Experiment):
         return float(stress.max() * self.elasticity.stress_factor)
 
     @property
+    def poisson_ratio_in_shear(self) -> float | None:
+        """Poisson's ratio of readings in shear, NaN if a bulk modulus stands for it; else None."""
+        if self.elasticity.deformation == "axial":
+            return None
+        return np.nan if self.elasticity.poisson_ratio is None else self.elasticity.poisson_ratio
+
+    @property
     def doubts(self) -> tuple[str, ...]:
         """Say where tan(delta) is that of no solid."""
         largest = float(self.readings.tan_delta.max(initial=0.0))

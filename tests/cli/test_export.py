@@ -16,8 +16,10 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import ORIGINS
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.problem import problem_of
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.pooling import DEFAULT_KINDS
+from pyburgers.model.variants import with_variant
 from pyburgers.predictions.exported import LEFT_OUT, LOG_FACTOR, POWER_LAW, as_latex, exported
 
 
@@ -193,3 +195,20 @@ def test_a_solution_from_a_run_has_what_the_file_states_as_a_prediction_has(
     assert ends["stated"] - ends["plain"] == pytest.approx(1e-2 + 1e-9 * 1e6, rel=1e-6)
     # Under a constant force the area grows.
     assert 0 < ends["force"] < 0.998 * ends["plain"]
+
+
+def test_a_solution_from_a_run_keeps_grains_that_the_fit_kept(
+    small_fit: Fit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    test = small_fit.experiment
+    priors = with_variant(small_fit.priors, test, {"grain_size": "constant"})
+    frozen = replace(small_fit, problem=problem_of([test], priors))
+    path, out = tmp_path / "creep.toml", tmp_path / "creep.csv"
+    path.write_text(IMAGINED.replace("end_time = 10.0", "end_time = 1e3"), encoding="utf-8")
+    sizes = []
+    for fit in (small_fit, frozen):
+        monkeypatch.setattr(Fit, "load", lambda _, fit=fit: fit)
+        assert main(["simulate", str(path), "--from", "run", "--draw", "1", "--out", str(out)]) == 0
+        sizes.append(pd.read_csv(out)["grain_size_m"].to_numpy())
+    assert sizes[0][-1] < 0.9e-3
+    np.testing.assert_allclose(sizes[1], 1e-3, rtol=1e-9)

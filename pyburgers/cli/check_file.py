@@ -9,6 +9,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from pyburgers.cli.column_hints import contradictions, unread_note
 from pyburgers.cli.file_hints import hints, looks, text_files
 from pyburgers.common.errors import InputError, StructureError
 from pyburgers.common.paths import shown
@@ -66,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
     return max([check(path) for path in options.files])
 
 
-def check(path: Path) -> int:
+def check(path: Path, *, tells_unread: bool = True) -> int:
     """Print all that is wrong with a file, or what it holds; return the exit code."""
     try:
         content = read_tables(path)
@@ -74,14 +75,18 @@ def check(path: Path) -> int:
         content, errors, loaded = {}, list(error.sentences), None
     else:
         errors, loaded = all_errors(path, content)
-    notes = {note for look in looks(path, content) for note in look.notes}
+    tables = list(looks(path, content))
+    notes = {note for look in tables for note in look.notes}
     notices = loaded.notices if isinstance(loaded, Experiment | RateTable) else ()
     lines = [f"error: {sentence}" for sentence in errors]
     lines += [f"note: {note}" for note in sorted(notes) if errors]
+    unread = (unread_note(look, content) for look in tables if tells_unread and not errors)
+    lines += [f"note: {note}" for note in dict.fromkeys(unread) if note]
     lines += [f"hint: {sentence}" for sentence in hints(path, content)]
     lines += [f"{'note' if one in notes else 'warning'}: {one}" for one in notices]
     if isinstance(loaded, Experiment):
-        lines += [f"warning: {sentence}" for sentence in doubts(loaded)]
+        beside = (one for look in tables for one in contradictions(look, content, loaded))
+        lines += [f"warning: {sentence}" for sentence in (*doubts(loaded), *beside)]
     if isinstance(loaded, PriorSet):
         lines += [f"warning: {sentence}" for sentence in unlikely_priors(loaded)]
     for line in lines:

@@ -7,17 +7,15 @@ from typing import Any
 
 import numpy as np
 
+from pyburgers.cli.column_hints import hints_of_names
 from pyburgers.common.cells import DECIMAL_COMMA, ODD_MINUS
 from pyburgers.common.columns import may_be_quoted
 from pyburgers.common.errors import InputError
 from pyburgers.common.text_tables import TextTable, look_at
-from pyburgers.kinds.column_names import COLUMN_NAMES, unit_in_name
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.new_file import NAMED_SEPARATORS, new_files
 
 SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "white space", ",": "commas"}
-DEFAULT_UNITS = {"temperature": "K", "stress": "MPa"}
-"""Units of columns whose unit need not be stated."""
 
 FILE_KEYS = ("file", "strain_file", "stress_file")
 
@@ -54,7 +52,7 @@ def hints(path: Path, content: Mapping[str, Any]) -> list[str]:
     found = [
         f"{look.path}: {hint}"
         for look in looks(path, content)
-        for hint in _hints_of(look, data, small_strain)
+        for hint in (*_hints_of(look, data, small_strain), *hints_of_names(look, content))
     ]
     if content.get("compression") != "negative":
         found += [
@@ -101,26 +99,6 @@ def _hints_of(look: TextTable, data: Mapping[str, Any], small_strain: float) -> 
             more = f" (and {len(cells) - 1} more)" if len(cells) > 1 else ""
             yield f"line {line}: {cell!r}{more} {what}: {remedy}."
     yield from _hints_of_strain(look, data, small_strain)
-    yield from _hints_of_units(look, data)
-
-
-def _hints_of_units(look: TextTable, data: Mapping[str, Any]) -> Iterator[str]:
-    """Name columns whose names have another unit than the file states."""
-    for key, column in data.items():
-        stem = key.removesuffix("_column")
-        patterns = COLUMN_NAMES.get(stem.removeprefix("strain_").removeprefix("stress_"))
-        if stem == key or patterns is None or column not in look.columns:
-            continue
-        if look.is_time_stamps(column):
-            continue
-        default = DEFAULT_UNITS.get(patterns.kind)
-        shared = "modulus_unit" if "modulus" in stem else f"{patterns.kind}_unit"
-        stated = data.get(f"{stem}_unit", data.get(shared, default))
-        named = unit_in_name(look.described(column), patterns.kind)
-        if named is not None and named != str(stated).removeprefix("deg" * (named == "C")):
-            said = f"unit {stated!r} is stated" if stated else "no unit is stated"
-            other = f"the unit {named!r}" if named else "another unit, or a logarithm"
-            yield f"{said} for column {column!r}, whose name says {other}: check it."
 
 
 def _hints_of_strain(

@@ -136,7 +136,7 @@ def run(options: argparse.Namespace) -> int:
     with writing(out):
         write_atomically(out, lambda draft: _write_checked(draft, out, text, file))
     print(shown(f"written: {out}"))
-    code = check(out)
+    code = check(out, tells_unread=False)  # they are told above, with reasons
     if code == 0:
         print(f"next: {shlex.join(['pyburgers', 'fit', shown(out)])}")
     else:
@@ -247,8 +247,8 @@ def _require_units(path: Path, columns: Mapping[str, GuessedColumn]) -> None:
             along = " along the axis" if guessed.quantity in ALONG_AXIS else ""
             expected = f"{what}{along} in {units}" if units else what
             raise InputError(
-                f"{where}: found a name that states another unit, a logarithm, a shear or a "
-                f"relative error, or leaves the unit open, expected {expected}; convert the "
+                f"{where}: found a name that states another unit, a factor, a logarithm, a shear "
+                f"or a relative error, or leaves the unit open, expected {expected}; convert the "
                 "numbers and name the unit."
             )
         if guessed.confined_by is not None:

@@ -36,7 +36,14 @@ UNIT_TABLE: Mapping[str, Mapping[str, Unit]] = MappingProxyType(
             ),
             "percent": Unit(1e-2, r"per ?cent|%(?!o)|pct|prozent|pourcent"),
         },
-        "strain rate": {"1/s": Unit(), "1e-6/s": Unit(1e-6)},
+        "strain rate": {
+            "1/s": Unit(
+                1.0,
+                r"1 ?/ ?s(?:ec)?(?![a-z])|(?<![a-z])s\^?-1"
+                r"|(?:^|(?<!t)(?<!%)[ _])per[ _]?s(?:ec(?:ond)?)?(?![a-z])",
+            ),
+            "1e-6/s": Unit(1e-6, r"(?:1e|10\^?)-6 ?(?:[1 ]?/ ?s|s\^?-1)(?![a-z])"),
+        },
         "time": {
             "s": Unit(1.0, r"(?<![a-zμ])s(?:e[ck]s?)?(?:ond[es]?s?|unden?)?(?![a-z])"),
             "min": Unit(60.0, r"(?<![a-z])min(?:s|ut\w*)?"),
@@ -54,7 +61,11 @@ UNIT_TABLE: Mapping[str, Mapping[str, Unit]] = MappingProxyType(
             "mrad": Unit(1e-3, r"mrad"),
             "rad": Unit(1.0, r"(?<![a-zμ])rad"),
         },
-        "length": {"m": Unit(), "mm": Unit(1e-3), "um": Unit(1e-6)},
+        "length": {
+            "m": Unit(1.0, r"(?<![a-zμ])m(?:et(?:er|re)s?)?(?![a-z])"),
+            "mm": Unit(1e-3, r"(?<![a-z])(?:mm|millimet\w+)(?![a-z])"),
+            "um": Unit(1e-6, r"(?<![a-z])(?:um|μm|microns?|micromet\w+)(?![a-z])"),
+        },
         "molar energy": {"J/mol": Unit(), "kJ/mol": Unit(1e3)},
         "molar volume": {"m3/mol": Unit(), "cm3/mol": Unit(1e-6)},
         "inverse molar energy": {"mol/J": Unit(), "mol/kJ": Unit(1e-3)},
@@ -62,7 +73,10 @@ UNIT_TABLE: Mapping[str, Mapping[str, Unit]] = MappingProxyType(
             "K": Unit(1.0, r"kelvin|°? ?(?<![a-z])k(?![a-z])"),
             "C": Unit(1.0, r"celsius|° ?c|(?<![a-z])deg[_ .]*c|(?<![a-z])c(?![a-z])", zero=273.15),
         },
-        "relative error": {"1": Unit(), "percent": Unit(1e-2)},
+        "relative error": {
+            "1": Unit(1.0, r"fraction|\([-1]\)|\[[-1]\]"),
+            "percent": Unit(1e-2, r"per ?cent|%|pct"),
+        },
         "inverse temperature": {"1/K": Unit(), "1e-6/K": Unit(1e-6)},
         "dimensionless": {"1": Unit()},
     }
@@ -85,14 +99,20 @@ FOREIGN_UNIT_NAMES: Mapping[str, str] = MappingProxyType(
         "strain": r"[mμ](?:icro|illi)?_?(?:strain|ε)|[(\[](?:milli|micro)[)\]]|ppm|‰"
         r"|[mμu]m/m(?!m)|%o|(?<![a-z/])(?:mm|cm|μm|um|in|inch|inches)(?![a-z/])",
         "stress": r"[khm]bar|(?<![a-z])(?:[kh]pa|psi|ksi|bar|atm|[km]n|kgf?|lb[fs]?|lbsf|pounds?"
-        r"|kips?|tons?)(?![a-z])|[(\[]n[)\]]|load_?n$"
+        r"|kips?|tons?|torr|mmhg|dynes?)(?![a-z])|dyn ?/|n/ ?(?:cm|in)|[(\[]n[)\]]|load_?n$"
         r"|normali[sz]|(?<![a-z])[eg]/[eg]|[(\[] ?(?:-|dimensionless|unitless) ?[)\]]",
-        "time": r"day|week|month|year|(?<![a-z])(?:d|yrs?|[kmμun]s(?:ec)?)(?![a-z])",
+        "time": r"day|week|month|year|(?<![a-z])(?:d|yrs?|[kmμun]s(?:ec)?|tagen?|wochen?|monaten?"
+        r"|jahren?|jours?|semaines?|mois|ann?ees?)(?![a-z])|normali[sz]|reduced",
         "temperature": r"fahrenheit|°f|(?<![a-z])f(?![a-z])",
-        "frequency": r"(?<![a-z])[kmμun]hz|rpm|rev|cpm",
+        "frequency": r"(?<![a-z])[kmμun]hz|rpm|rev|cpm|normali[sz]|reduced",
+        "strain rate": r"%|per ?cent|pct|ppm|micro|[mμ]strain|(?<![a-z])(?:[mμu]m|pa) ?/"
+        r"|(?:/ ?|per[ _]?)(?:min|hr?|hour|d|day|week|yr?|year|a|annum)(?![a-z])"
+        r"|(?<![a-z])(?:min|hr?|d|yr?|a)\^?-1",
+        "length": r"(?<![a-z])(?:cm|nm|km|in|inch(?:es)?|phi|px|pixels?|astm|mesh)(?![a-z])|φ",
         "attenuation": r"(?<![a-z])(?:ln|db)(?![a-z])|quality|gute|%|percent|10\^?-?[2-9]|1e-?\d"
         r"|(?<![\d.])(?<!log)(?<!log_)100+(?!\d)"
-        r"|(?<![a-z/])q(?![a-z]|\w*[\^{( ]*-? ?1|[ _]?inv)",
+        r"|(?<![a-z/])q(?![a-z]|\w*[\^{( ]*-? ?1|[ _]?inv)"
+        r"|specific.?loss|energ\w*.?loss|loss.?of.?energ|per.?cycle|decrement|δ ?[ew] ?/ ?[ew]",
         "angle": r"[μun]rad",
     }
 )

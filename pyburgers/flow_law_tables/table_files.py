@@ -39,6 +39,7 @@ from pyburgers.flow_law_tables.tables import (
 from pyburgers.kinds.conditions import unlikely_stress
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.kinds.experiment_file import ProvenanceTable
+from pyburgers.kinds.limits import unlikely_strain_rate
 from pyburgers.model.parameters import ENVIRONMENT
 
 
@@ -152,7 +153,11 @@ def load_rate_table(source: str | Path | Mapping[str, Any]) -> RateTable:
         **values,
         provenance=Provenance(**file.provenance.model_dump()),
         peak_strain=None if peak is None else PeakStrain(peak.mean, peak.sd),
-        notices=(*notes, *unlikely_stress(file.material, float(values["stress"].max()))),
+        notices=(
+            *notes,
+            *unlikely_stress(file.material, float(values["stress"].max())),
+            *unlikely_strain_rate(float(values["strain_rate"].max())),
+        ),
     )
 
 

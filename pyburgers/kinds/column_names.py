@@ -20,10 +20,15 @@ OTHER_QUANTITIES = re.compile(
     r"|^(?!.*freq|.*omega|.*ω|[fw](?![a-z])).*(?<!rad)(?:/ ?|(?= ?s\^?-1))s(?:ec|\^?-1)? ?[)\]]"
     rf"|{CONFINING.pattern}|pore|radial|lateral|quer|(?<![a-z])vol"
     r"|(?:gas|oil|fluid|water|ambient).{0,2}press|compliance|viscos|strain.?ampl|vitesse|geschwindigkeit"
+    r"|bulk.?mod|kompressionsmod|unrelax"
     r"|^(?:sigma|sig|σ|s)_?[23](?![0-9a-z])|^p(?:c|conf)?(?![a-z])"
 )
 """Pattern of columns that resemble a quantity and are another one: strain rates, compliances,
-pressures and strains across the axis."""
+bulk and unrelaxed moduli, pressures and strains across the axis."""
+
+
+OTHER_WORDS = "another quantity, such as a rate or what acts beside the axis"
+"""What the columns of `OTHER_QUANTITIES` hold, in words."""
 
 
 SET_POINT = (
@@ -32,8 +37,15 @@ SET_POINT = (
 """Pattern of columns of set points, which are no readings."""
 
 
-ENGINEERING = r"engineering|nominal|(?<![a-z])eng(?![a-z])|technisch"
+ENGINEERING = (
+    r"engineering|nominal|(?<![a-z])(?:eng(?![a-z])|nenn)|technisch|ingenieur|conventionnel"
+    r"|(?:load|force|kraft|(?<![a-z])[fp]) ?/ ?a_?0|(?<![a-z])[dδ]_?l ?/ ?l"
+)
 """Pattern of columns of engineering stress or strain."""
+
+
+PART_OF_STRAIN = r"plasti|elasti|permanent|residual|bleibend|creep|kriech|fluage|viscous"
+"""Pattern of columns of a part of the strain."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +108,9 @@ COLUMN_NAMES: Mapping[str, ColumnNames] = MappingProxyType(
                 (r"sample|specimen|probe|echantillon", 0),
             ),
         ),
-        "median_stress": ColumnNames("stress", (r"median|mean_?stress|bias",)),
+        "median_stress": ColumnNames(
+            "stress", (r"median|mean.?stress|bias|mitt(?:el|lere.?)spannung|contrainte.?moyenne",)
+        ),
         "amplitude": ColumnNames("stress", (r"(?<![a-z])ampl",)),
         "limit": ColumnNames("limit", (r"limit",)),
         "stress": ColumnNames(
@@ -145,6 +159,11 @@ SHEAR = r"(?<![a-z])(?:g\(t\)|tau|gamma)|shear|schub|scher|cisaill|octahedral|τ
 """Pattern of columns of shear, which hold no stress, strain or modulus along the axis."""
 
 
+def deformation_in(name: str) -> str | None:
+    """Return the deformation that the name of a modulus states."""
+    return "shear" if re.search(SHEAR, name) else "axial" if "young" in name else None
+
+
 ALONG_AXIS = frozenset({"stress", "strain", "relaxation_modulus"})
 """Quantities that files state along the axis alone."""
 
@@ -164,14 +183,13 @@ ERRORS = re.compile(
 """Pattern of columns of standard deviations."""
 
 
-OTHER_ERRORS = re.compile(
-    r"(?<![a-z])rel|(?<![\d.])2 ?_?(?:σ|sigma|s\.?[de](?![a-z]))|95 ?(?:%|percent|_?ci)"
-)
-"""Pattern of errors that are relative, or another multiple than one standard deviation."""
+OTHER_ERRORS = re.compile(r"(?<![\d.])2 ?_?(?:σ|sigma|s\.?[de](?![a-z]))|95 ?(?:%|percent|_?ci)")
+"""Pattern of errors that are another multiple than one standard deviation."""
 
 
-SHARES = re.compile(r"%|percent|prozent|pourcent|pct")
-"""Pattern of errors in percent, which are relative if the quantity is none in percent itself."""
+RELATIVE = r"(?<![a-z])rel"
+SHARES = rf"{RELATIVE}|%|percent|prozent|pourcent|pct"
+"""Pattern of relative errors, also in percent if the quantity is none in percent itself."""
 
 
 LOGARITHM = re.compile(r"(?<![a-z])(?:log(?!g|i[ns]|o|s(?![a-z]))|ln(?![a-z]))")
@@ -195,8 +213,13 @@ NO_UNIT = re.compile(
 """Pattern of words in brackets that state no unit."""
 
 
-POWER_OF_TEN = re.compile(r"(?<![\d.])10(?:\^|\*\*|-)-?\d(?!\d?-)|[x×*·] ?10\d|(?<![a-z\d.])1e-?\d")
-"""Pattern of units with a factor, which files do not know; a date has none."""
+FACTOR = re.compile(
+    r"(?<![\d.])10(?:\^|\*\*|-)-?\d(?!\d?-)|[x×*·] ?10\d|(?<![a-z\d.])1e-?\d"
+    r"|(?:(?<![a-z])x|[×*·]) ?10+(?!\d)|(?<![a-z\d.])[\d.]*\d ?(?:x(?![a-z])|[×*·](?!\*))"
+    r"|(?<!\d)/ ?(?:2|10+)(?![\d/])|(?<![\d/])1[/⁄]2(?![\d/])|(?<![a-z])(?<!(?:first|econd) )half"
+    r"|peak.?to.?peak|pk-?pk|(?<![a-z])(?:p-p|rms)(?![a-z])|spitze.?spitze"
+)
+"""Pattern of a factor, such as of a half or an amplitude from peak to peak; a date has none."""
 
 
 def plain(name: str) -> str:
@@ -239,10 +262,11 @@ def unit_of_name(name: str, kind: str, *, is_chosen: bool) -> str | None:
     is_angle = kind == "attenuation" and ANGLES.search(name) is not None
     looks = "angle" if is_angle else kind
     unit, stated = unit_in(name, looks), _stated_unit(name)
-    is_other = kind != "attenuation" and (LOGARITHM.search(name) or POWER_OF_TEN.search(name))
+    has_factor = FACTOR.search(name) and not FACTOR.search(unit or "")
+    is_other = kind != "attenuation" and (LOGARITHM.search(name) or has_factor)
     if is_other or (unit == "rad/s" and "hz" in name) or _is_other_error(name, kind):
         return ""
-    if stated and kind != "limit":
+    if stated and kind not in ("limit", "strain rate"):
         return unit_spelled(stated, looks) or ""
     needs_unit = is_angle or (kind == "stress" and FORCES.search(name) and not is_chosen)
     if unit is None and (needs_unit or re.search(FOREIGN_UNIT_NAMES.get(looks, "$^"), name)):
@@ -261,7 +285,7 @@ def _stated_unit(name: str) -> str:
 
 def _is_other_error(name: str, kind: str) -> bool:
     """Whether a name is that of an error that is no standard deviation of the quantity itself."""
-    is_share = kind != "strain" and SHARES.search(name)
+    shares = {"strain": RELATIVE, "relative error": "$^"}.get(kind, SHARES)
     is_logarithm = kind == "attenuation" and LOGARITHM.search(name)
-    is_other = OTHER_ERRORS.search(name) or is_share or is_logarithm
+    is_other = OTHER_ERRORS.search(name) or re.search(shares, name) or is_logarithm
     return bool(ERRORS.search(name) and is_other)

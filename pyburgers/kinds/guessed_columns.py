@@ -18,6 +18,7 @@ from pyburgers.kinds.column_names import (
     ERRORS,
     LOGARITHM,
     OTHER_QUANTITIES,
+    OTHER_WORDS,
     SET_POINT,
     SHEAR,
     kinds_in,
@@ -148,7 +149,7 @@ def left_out(
     for guessed in columns.values():
         beside = f"such a file names no {guessed.says} beside the columns that are taken"
         if guessed.is_foreign and guessed.quantity not in used:
-            beside = f"its name states no unit of {guessed.kind} that files know"
+            beside = f"its name states something else than {guessed.kind} in a unit that files know"
         if guessed.quantity == "frequency" and "period" in read:
             cycles = read["period"].si * guessed.si
             if not _are_alike(np.ones(cycles.size), cycles):
@@ -169,7 +170,7 @@ def left_out(
                 f"no quantity has such a name{f'; its unit is one of {unit}' if unit else ''}"
             )
             if OTHER_QUANTITIES.search(name):
-                by_itself = "its name is that of a rate, or of what acts beside the axis"
+                by_itself = f"its name is that of {OTHER_WORDS}"
                 if numbers := table.numbers(column):
                     ends = dict.fromkeys(f"{end:g}" for end in (min(numbers), max(numbers)))
                     by_itself += f"; it holds {' to '.join(ends)}"

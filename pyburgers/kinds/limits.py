@@ -1,4 +1,4 @@
-"""Numbers that no test has, in SI."""
+"""Numbers that no test has, or hardly any, in SI."""
 
 import numpy as np
 
@@ -13,6 +13,15 @@ MAX_GRAIN_SIZE = 1.0
 
 MAX_STRAIN = 20.0
 """Strain (fraction) that no test reaches."""
+
+MAX_LIKELY_STRAIN_RATE = 1.0
+"""Strain rate (1/s) beyond which a unit may be wrong."""
+
+
+def unlikely_strain_rate(fastest: float) -> list[str]:
+    """Say if the fastest strain rate (1/s) of tests is one that no press has."""
+    is_likely = fastest <= MAX_LIKELY_STRAIN_RATE
+    return [] if is_likely else [f"a strain rate of {fastest:g} 1/s is unlikely; check its unit."]
 
 
 def impossible_conditions(

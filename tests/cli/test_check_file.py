@@ -1,8 +1,10 @@
 """`pyburgers check-file` of shipped files, and of tables; tests/messages has what it says."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
+import tomli_w
 from small_inputs import CURVE, DATA
 
 from pyburgers.cli.main import main
@@ -18,6 +20,7 @@ def test_shipped_files_have_no_errors(path: Path, capsys: pytest.CaptureFixture[
     out = capsys.readouterr().out
     assert "no errors" in out
     assert "error: " not in out
+    assert "hint: " not in out
 
 
 @pytest.mark.parametrize("content", [CURVE.encode(), CURVE.encode("utf-16"), b"PK\x03\x04\xff"])
@@ -29,3 +32,193 @@ def test_a_table_in_the_place_of_an_experiment_file(
     assert main(["fit", str(path)]) == 2
     error = capsys.readouterr().err
     assert f"write an experiment file for them: pyburgers new '{path}'." in error
+
+
+KINDS = {
+    "rates": (
+        {"tests": [{"imposed": "stress", "regime": "minimum", "geometry": "compression"}]},
+        {
+            "temperature": ("T (C)", "C", "-10"),
+            "stress": ("stress (MPa)", "MPa", "1"),
+            "strain_rate": ("rate (1/s)", "1/s", "0.1"),
+            "grain_size": ("d (mm)", "mm", "0.5"),
+        },
+    ),
+    "constant_rate": (
+        {"segments": [{"start_strain": 0.0, "strain_rate_per_s": 1e-5}]},
+        {"strain": ("Strain (%)", "percent", "2"), "stress": ("Stress (MPa)", "MPa", "3")},
+    ),
+    "attenuation": (
+        {"attenuation": {"deformation": "shear", "poisson_ratio": 0.25}},
+        {
+            "period": ("Period (s)", "s", "10"),
+            "modulus": ("G (GPa)", "GPa", "60"),
+            "attenuation": ("1/Q", None, "0.1"),
+        },
+    ),
+}
+"""Keys of a file of a kind of test, and its columns: name, unit and number in each row."""
+
+
+def checked(
+    folder: Path, protocol: str, columns: Mapping[str, tuple[str, str | None, str]], beside: str
+) -> Path:
+    """Write a table of rows alike, and a file that reads all columns but the one `beside` them."""
+    keys, own = KINDS[protocol]
+    columns = {**own, **columns}
+    data: dict[str, str] = {"file": "table.csv"}
+    for quantity, (name, unit, _) in columns.items():
+        data[f"{quantity}_column"] = name
+        if unit is not None:
+            data[f"{quantity}_unit"] = unit
+    if protocol == "attenuation":
+        data["attenuation_form"] = "tan_delta"
+    names, numbers = [one[0] for one in columns.values()], [one[2] for one in columns.values()]
+    if beside:
+        name, _, number = beside.partition(" = ")
+        names, numbers = [*names, name], [*numbers, number]
+    n_rows = 1 if protocol == "attenuation" else 3  # each period once
+    rows = [",".join(names), *[",".join(numbers)] * n_rows]
+    (folder / "table.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    content = {
+        "id": "x",
+        "material": "ice",
+        "protocol": protocol,
+        **({} if protocol == "rates" else {"temperature_K": 263.0, "initial_grain_size_m": 1e-3}),
+        **keys,
+        "data": data,
+        "provenance": {"kind": "measured", "source": "s"},
+    }
+    path = folder / "test.toml"
+    path.write_text(tomli_w.dumps(content), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("protocol", "quantity", "column", "unit", "number", "words"),
+    [
+        ("rates", "strain_rate", "Rate (1e-6/s)", "1/s", "0.1", "the unit '1e-6/s': check it"),
+        ("rates", "strain_rate", "-log10 rate (1/s)", "1/s", "7", "7 1/s is unlikely"),
+        ("rates", "strain_rate", "-log10 rate (1/s)", "1/s", "0.1", "a factor, or a logarithm"),
+        ("rates", "strain_rate", "strain_rate_per_year", "1/s", "1e-7", "another unit"),
+        ("rates", "strain_rate", "shear rate (1/s)", "1/s", "1e-7", "check the keys geometry and"),
+        ("rates", "stress", "Shear stress (MPa)", "MPa", "1", "check the keys geometry and"),
+        ("rates", "stress", "Pc (MPa)", "MPa", "1", "name is that of another quantity"),
+        ("rates", "grain_size", "grain size (um)", "mm", "0.5", "the unit 'um': check it"),
+        ("rates", "grain_size", "grain_size_cm", "mm", "0.5", "another unit"),
+        ("rates", "water_fugacity", "fH2O (MPa)", "GPa", "10", "the unit 'MPa': check it"),
+        ("rates", "reading_error", "reading error (%)", "1", "0.2", "the unit 'percent': check"),
+        ("constant_rate", "strain", "Lateral strain (%)", "percent", "2", "of another quantity"),
+        (
+            "constant_rate",
+            "strain",
+            "Shear strain (%)",
+            "percent",
+            "2",
+            "its name is that of shear",
+        ),
+        (
+            "constant_rate",
+            "strain",
+            "Strain err (%)",
+            "percent",
+            "2",
+            "its name is that of an error",
+        ),
+        (
+            "constant_rate",
+            "strain",
+            "Creep strain (%)",
+            "percent",
+            "2",
+            "taken as the total strain",
+        ),
+        (
+            "constant_rate",
+            "strain",
+            "dL/L0 strain (%)",
+            "percent",
+            "2",
+            "taken as true strain, though",
+        ),
+        (
+            "constant_rate",
+            "stress",
+            "Nennspannung [MPa]",
+            "MPa",
+            "2",
+            "taken as true stress, though",
+        ),
+        ("constant_rate", "stress", "Stress amplitude (MPa)", "MPa", "2", "that of the amplitude"),
+        ("attenuation", "modulus", "E' (GPa)", "GPa", "60", "that of the storage modulus"),
+        ("attenuation", "modulus", "Youngs modulus (GPa)", "GPa", "60", "states axial: check it"),
+        ("attenuation", "attenuation", "log 1/Q", None, "0.1", "whose name says a logarithm"),
+        ("attenuation", "attenuation", "log decrement", None, "0.1", "another unit"),
+        ("attenuation", "attenuation_uncertainty", "err 1/Q (%)", None, "5", "another unit"),
+    ],
+)
+def test_a_name_that_says_something_else_is_told(
+    protocol: str,
+    quantity: str,
+    column: str,
+    unit: str | None,
+    number: str,
+    words: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = checked(tmp_path, protocol, {quantity: (column, unit, number)}, "")
+    assert main(["check-file", str(path)]) == 0
+    assert words in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("protocol", "columns"),
+    [
+        *((protocol, {}) for protocol in KINDS),
+        ("rates", {"strain_rate": ("Rate (1e-6/s)", "1e-6/s", "0.1")}),
+        ("rates", {"reading_error": ("rel. error (%)", "percent", "5")}),
+        ("rates", {"grain_size": ("mean d", "um", "500")}),
+        ("constant_rate", {"stress": ("Load (MPa)", "MPa", "3")}),
+        ("attenuation", {"temperature": ("T", "K", "263")}),
+        ("attenuation", {"modulus": ("Shear modulus", "GPa", "60")}),
+        ("attenuation", {"attenuation_uncertainty": ("sd of 1/Q", None, "0.01")}),
+    ],
+)
+def test_usual_names_are_no_matter(
+    protocol: str,
+    columns: dict[str, tuple[str, str | None, str]],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["check-file", str(checked(tmp_path, protocol, columns, ""))]) == 0
+    assert "hint: " not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("protocol", "beside", "words"),
+    [
+        ("rates", "rate error (%) = 5", "columns not read: 'rate error (%)' (5)"),
+        ("constant_rate", "T (C) = -10", "columns not read: 'T (C)' (-10)"),
+        ("constant_rate", "T (C) = -30", "holds 243.15 K, but the test is at 263 K; check both"),
+        ("attenuation", "T (C) = -30", "holds 243.15 K, but the test is at 263 K; check both"),
+        ("constant_rate", "Strain rate (1/s) = 1e-3", "holds 0.001 1/s in the median, but"),
+    ],
+)
+def test_columns_that_are_not_read_are_told_and_compared(
+    protocol: str, beside: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = checked(tmp_path, protocol, {}, beside)
+    assert main(["check-file", str(path)]) == 0
+    assert words in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "beside", ["T (C) = -10", "Room temperature (C) = 20", "Strain rate (1/s) = 1.4e-5"]
+)
+def test_columns_that_agree_are_no_contradiction(
+    beside: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = checked(tmp_path, "constant_rate", {}, beside)
+    assert main(["check-file", str(path)]) == 0
+    assert "check both" not in capsys.readouterr().out

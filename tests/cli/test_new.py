@@ -116,3 +116,30 @@ def test_attenuation_has_many_names(name: str, tmp_path: Path) -> None:
     path = tmp_path / "table.csv"
     path.write_text(f"period_s,{name}\n1,0.1\n10,0.2\n", encoding="utf-8")
     assert guess_columns(look_at(path))["attenuation"].column == name
+
+
+@pytest.mark.parametrize(
+    "name", ["Bulk modulus (GPa)", "Unrelaxed modulus (GPa)", "Peak-to-peak stress (MPa)"]
+)
+def test_what_resembles_a_reading_of_attenuation_is_left_out(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text(f"Period (s),1/Q,{name}\n1,0.1,50\n10,0.2,50\n", encoding="utf-8")
+    made(path, "--deformation", "axial")
+    out = capsys.readouterr().out
+    assert f"left out: column {name!r}, because its name " in out
+    assert "relaxation" not in out
+
+
+@pytest.mark.parametrize("name", ["Mean stress (MPa)", "Mittelspannung [MPa]"])
+def test_a_mean_stress_is_the_median_of_cycles_and_no_stress_of_a_curve(
+    name: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text(f"Period (s),1/Q,{name},Amplitude (MPa)\n1,0.1,5,2\n10,0.2,5,2\n", "utf-8")
+    test = made(path, "--deformation", "axial")
+    assert isinstance(test, AttenuationExperiment)
+    np.testing.assert_allclose(test.conditions.median_stress, 5e6)
+    path.write_text(f"Strain (%),{name}\n1,5\n2,6\n", encoding="utf-8")
+    assert "stress" not in guess_columns(look_at(path))

@@ -1,12 +1,11 @@
 """What `pyburgers new` writes for a table of attenuation."""
 
-import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.table import Form
-from pyburgers.kinds.column_names import SHEAR
+from pyburgers.kinds.column_names import deformation_in, plain
 from pyburgers.kinds.guessed_columns import GuessedColumn
 from pyburgers.kinds.new_file import (
     LAYOUT,
@@ -98,18 +97,9 @@ class AttenuationFile(NewFile):
 
     def propose_answers(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the deformation that the name of a modulus states."""
-        stated = _stated_deformation(columns)
-        return {} if stated is None else {DEFORMATION.name: stated[0]}
-
-    def describe_decisions(self, test: Description) -> Sequence[str]:
-        """Say if the deformation is another one than the name of a modulus states."""
-        stated, given = _stated_deformation(test.columns), test.values[DEFORMATION.name]
-        if stated is None or stated[0] == given:
-            return ()
-        return (
-            f"deformation {given} holds for the modulus too, but the name of column {stated[1]!r} "
-            f"states {stated[0]}: check it",
-        )
+        moduli = (plain(one.name) for name, one in columns.items() if name.endswith("modulus"))
+        stated = next(filter(None, map(deformation_in, moduli)), None)
+        return {} if stated is None else {DEFORMATION.name: stated}
 
     def allowed_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return Poisson's ratio only where the deformation may be shear."""
@@ -126,17 +116,6 @@ class AttenuationFile(NewFile):
             "modulus_unit": units.get("modulus", units.get("storage_modulus")),
             "attenuation_form": None if attenuation is None else _form_of(attenuation),
         }
-
-
-def _stated_deformation(columns: Columns) -> tuple[str, str | int] | None:
-    """Return the deformation that the name of a modulus states, and its column."""
-    for modulus in (one for name, one in columns.items() if name.endswith("modulus")):
-        name = modulus.name.lower()
-        if re.search(SHEAR, name):
-            return "shear", modulus.column
-        if "young" in name:
-            return "axial", modulus.column
-    return None
 
 
 def _form_of(attenuation: GuessedColumn) -> Form:

@@ -14,6 +14,7 @@ from pyburgers.kinds.experiment_file import (
     far_reading,
     microstructure_tables,
 )
+from pyburgers.kinds.limits import unlikely_strain_rate
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.peak_test import PeakTest
 from pyburgers.model.read_quantities import STRESS
@@ -22,9 +23,8 @@ LEAST_STRAIN = 1e-12
 """Strain from which on there is a solution: the solver cannot stop at rest."""
 
 
-MAX_LIKELY_STRAIN_RATE, MIN_READ_SHARE = 1.0, 0.05
-"""A unit may be wrong beyond this strain rate (1/s), and where readings end before this share of
-the final strain."""
+MIN_READ_SHARE = 0.05
+"""A unit may be wrong where readings end before this share of the final strain."""
 
 
 @dataclass(frozen=True)
@@ -109,10 +109,7 @@ class ConstantRateExperiment(Experiment):
     @property
     def doubts(self) -> tuple[str, ...]:
         """Return doubts about rates that no press has and about missing readings at the end."""
-        found = []
-        fastest = max(segment.strain_rate for segment in self.segments)
-        if fastest > MAX_LIKELY_STRAIN_RATE:
-            found.append(f"a strain rate of {fastest:g} 1/s is unlikely; check its unit.")
+        found = unlikely_strain_rate(max(segment.strain_rate for segment in self.segments))
         if self.n_points and self.strain[-1] < MIN_READ_SHARE * self.final_strain:
             found.append(
                 f"readings end at a strain of {self.strain[-1]:g}, a small part of the final "

@@ -1,11 +1,9 @@
 """What `pyburgers new` writes for a test at constant strain rate."""
 
-import re
 from collections.abc import Collection, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
-from pyburgers.kinds.column_names import ENGINEERING
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.experiment_file import slope_of
 from pyburgers.kinds.guessed_columns import GuessedColumn
@@ -79,15 +77,10 @@ class ConstantRateFile(NewFile):
         return () if _steps(columns, given) else {STRAIN_RATE.name}
 
     def describe_decisions(self, test: Description) -> Sequence[str]:
-        """Say where the rate steps, and that columns of engineering measures are taken as is."""
+        """Say where the rate steps."""
         steps = _steps(test.columns, test.values)
         by_strain = ", ".join(f"{rate:g} from {start:g}" for start, rate in steps)
-        return [f"the strain rate (1/s) steps over the strain: {by_strain}"] * bool(steps) + [
-            f"column {one.column!r} is taken as true {one.quantity}, though its name says "
-            "engineering; --protocol loading_history turns it"
-            for one in test.columns.values()
-            if re.search(ENGINEERING, one.name.lower())
-        ]
+        return [f"the strain rate (1/s) steps over the strain: {by_strain}"] * bool(steps)
 
     def filling(self, test: Description) -> Mapping[str, object]:
         """Return the sign of a compression that is negative, and what tells strain from time."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.units import UNITS, units_text
-from pyburgers.kinds.column_names import ENGINEERING
+from pyburgers.kinds.column_names import ENGINEERING, plain
 from pyburgers.kinds.experiment_file import slope_of
 from pyburgers.kinds.loading_history.driver import is_driven_by_rates
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
@@ -235,7 +235,7 @@ class LoadingHistoryFile(NewFile):
 
 def _measure(columns: Columns, quantity: str) -> str:
     """Return the measure that the name of a column says."""
-    name = columns[quantity].name.lower() if quantity in columns else ""
+    name = plain(columns[quantity].name) if quantity in columns else ""
     return "engineering" if re.search(ENGINEERING, name) else "true"
 
 

@@ -1,0 +1,235 @@
+"""What names of columns say beside what a file reads from them, and columns that it leaves."""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pyburgers.common.text_tables import TextTable
+from pyburgers.common.units import UNITS, span_text
+from pyburgers.flow_law_tables.tables import IN_SHEAR, SI_COLUMNS
+from pyburgers.flow_law_tables.tables import KIND as RATES
+from pyburgers.kinds.column_names import (
+    ALONG_AXIS,
+    COLUMN_NAMES,
+    ENGINEERING,
+    ERRORS,
+    LOGARITHM,
+    OTHER_QUANTITIES,
+    OTHER_WORDS,
+    PART_OF_STRAIN,
+    SHEAR,
+    deformation_in,
+    plain,
+    quantity_in,
+    unit_in_name,
+)
+from pyburgers.kinds.conditions import temperature_range
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.guessed_columns import guess_columns
+
+DEFAULT_UNITS = {"temperature": "K", "stress": "MPa"}
+"""Units of columns whose unit need not be stated."""
+
+NO_CONFLICTS = {
+    ("amplitude", "stress"),
+    ("loss_modulus", "attenuation"),
+    ("median_stress", "stress"),
+    ("period", "time"),
+    ("storage_modulus", "modulus"),
+}
+"""Quantities that a file reads, with what the names of their columns may be those of."""
+
+ONE_LETTER = re.compile(r"[a-z](?![a-z'\"′’”])")
+"""Pattern of names such as t, which may be a time or a temperature."""
+
+MAX_TEMPERATURE_DIFFERENCE, MAX_RATE_RATIO = 5.0, 2.0
+"""Kelvin, and ratio, by which a column that is not read may lie outside what a file states."""
+
+
+@dataclass(frozen=True)
+class _Named:
+    """A column that a file names.
+
+    `column`, `name`: as in the file, and plain with the unit under it.
+    `quantity`, `kind`, `is_error`: of its key: what it is, of what kind, whether it is its error.
+    `unit`: that the file states for it, if any.
+    """
+
+    column: str | int
+    name: str
+    quantity: str
+    kind: str
+    is_error: bool
+    unit: object
+
+
+def hints_of_names(look: TextTable, content: Mapping[str, Any]) -> Iterator[str]:
+    """Name columns whose names say something else than the file that names them."""
+    for one in _named(look, content):
+        named = unit_in_name(one.name, one.kind)
+        if named is not None and named != str(one.unit).removeprefix("deg" * (named == "C")):
+            said = f"unit {one.unit!r} is stated" if one.unit else "no unit is stated"
+            other = f"the unit {named!r}" if named else "another unit, a factor, or a logarithm"
+            yield f"{said} for column {one.column!r}, whose name says {other}: check it."
+        if other := _other_quantity(one, content):
+            yield (
+                f"column {one.column!r} is read as the {one.quantity.replace('_', ' ')}, but its "
+                f"name is that of {other}: check it."
+            )
+        yield from _hints_of_measures(one, content)
+
+
+def _named(look: TextTable, content: Mapping[str, Any]) -> Iterator[_Named]:
+    """Return the columns of a table that a file names, by what its keys say."""
+    data = content["data"]
+    kinds = {quantity: names.kind for quantity, names in COLUMN_NAMES.items()}
+    if content.get("protocol") == RATES:
+        kinds = {quantity: kind for quantity, (kind, _) in SI_COLUMNS.items()}
+    for key, column in data.items():
+        stem = key.removesuffix("_column")
+        of = stem.removesuffix("_uncertainty")
+        quantity = of if of in kinds else of.removeprefix("strain_").removeprefix("stress_")
+        is_there = column in look.columns and not look.is_time_stamps(column)
+        if stem == key or quantity not in kinds or not is_there:
+            continue
+        kind = kinds[quantity]
+        shared = "modulus_unit" if "modulus" in of else f"{kind}_unit"
+        unit = data.get(f"{of}_unit", data.get(shared, DEFAULT_UNITS.get(kind)))
+        if quantity == "attenuation" and stem != of:  # of tan delta, whatever the angle is in
+            unit = None
+        yield _Named(column, plain(look.described(column)), quantity, kind, stem != of, unit)
+
+
+def _other_quantity(one: _Named, content: Mapping[str, Any]) -> str:
+    """Return what else than the quantity of its key a name is that of, in words, if anything."""
+    if one.quantity not in COLUMN_NAMES or one.quantity == "limit":
+        return ""
+    if OTHER_QUANTITIES.search(one.name):
+        return OTHER_WORDS
+    if ERRORS.search(one.name) and not one.is_error:
+        return "an error"
+    found = quantity_in(one.name)
+    if found == "relaxation_modulus" and "relaxation_strain" in content["data"]:
+        found = "stress"
+    is_alike = found in (None, one.quantity) or (one.quantity, found) in NO_CONFLICTS
+    return "" if is_alike or ONE_LETTER.match(one.name) else f"the {str(found).replace('_', ' ')}"
+
+
+def _hints_of_measures(one: _Named, content: Mapping[str, Any]) -> Iterator[str]:
+    """Say where a name and a file differ on shear, the measure or the form of a quantity."""
+    column, quantity, protocol = one.column, one.quantity, content.get("protocol")
+    if protocol == RATES and quantity in ("stress", "strain_rate"):
+        if re.search(SHEAR, one.name) and _are_axial(content.get("tests")):
+            yield (
+                f"column {column!r} is read as that of axial tests, but its name is that of shear: "
+                "check the keys geometry and measure in [[tests]]."
+            )
+    elif quantity in ALONG_AXIS and re.search(SHEAR, one.name):
+        yield (
+            f"column {column!r} is read as the {quantity} along the axis, but its name is that of "
+            "shear: check it."
+        )
+    attenuation, stated = content.get("attenuation"), deformation_in(one.name)
+    deformation = attenuation.get("deformation") if isinstance(attenuation, dict) else None
+    if "modulus" in quantity and deformation and stated not in (None, deformation):
+        yield (
+            f"deformation {deformation!r} holds for the modulus too, but the name of column "
+            f"{column!r} states {stated}: check it."
+        )
+    form = content["data"].get("attenuation_form")
+    is_logarithm = quantity == "attenuation" and LOGARITHM.search(one.name)
+    if is_logarithm and not one.is_error and form != "log10_tan_delta":
+        yield (
+            f"attenuation_form {form!r} is stated for column {column!r}, whose name says a "
+            "logarithm: check it."
+        )
+    if quantity not in ("stress", "strain") or not {"stages", "segments"} & content.keys():
+        return
+    if re.search(ENGINEERING, one.name) and content.get(f"{quantity}_measure") != "engineering":
+        turns = "turn it, or let a loading history turn it"
+        if "stages" in content:
+            turns = f'write {quantity}_measure = "engineering"'
+        yield (
+            f"column {column!r} is taken as true {quantity}, though its name says engineering: "
+            f"{turns}."
+        )
+    if quantity == "strain" and re.search(PART_OF_STRAIN, one.name):
+        yield (
+            f"column {column!r} is taken as the total strain, with its elastic part, though its "
+            "name says a part of the strain: check it."
+        )
+
+
+def _are_axial(tests: object) -> bool:
+    """Whether no table [[tests]] says that stresses and rates are those of shear, or octahedral."""
+    return isinstance(tests, list) and not any(
+        one.get("geometry") in IN_SHEAR or one.get("measure") == "octahedral"
+        for one in tests
+        if isinstance(one, dict)
+    )
+
+
+def unread_columns(look: TextTable, content: Mapping[str, Any]) -> list[str | int]:
+    """Return the columns of a table that a file does not name."""
+    named = {column for key, column in content["data"].items() if key.endswith("_column")}
+    for rows in _selections(content):
+        named |= rows.keys()
+    return [column for column in look.columns if column != "" and column not in named]
+
+
+def unread_note(look: TextTable, content: Mapping[str, Any]) -> str | None:
+    """Say which columns of a table a file does not read, and what they hold; None without any."""
+    found = []
+    for column in unread_columns(look, content):
+        numbers = [] if look.is_time_stamps(column) else look.numbers(column)
+        ends = f" ({span_text((min(numbers), max(numbers)), digits=6)})" if numbers else ""
+        found.append(f"{column!r}{ends}")
+    return f"{look.path.name}: columns not read: {', '.join(found)}." if found else None
+
+
+def _selections(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Return the keys `rows` of a file, which say by columns which rows are read."""
+    tables = [content["data"]]
+    for key in ("segments", "tests"):
+        own = content.get(key)
+        tables += own if isinstance(own, list) else []
+    for table in tables:
+        if isinstance(table, dict) and isinstance(table.get("rows"), dict):
+            yield table["rows"]
+
+
+def contradictions(
+    look: TextTable, content: Mapping[str, Any], experiment: Experiment
+) -> Iterator[str]:
+    """Say where columns that are not read hold another temperature or rate than the test has."""
+    unread = unread_columns(look, content)
+    if any(_selections(content)):  # other rows are of other tests
+        return
+    guessed = guess_columns(look).get("temperature")
+    if guessed is not None and guessed.column in unread and not guessed.is_foreign:
+        ends = float(np.nanmin(guessed.si)), float(np.nanmax(guessed.si))
+        own = temperature_range(experiment)
+        words = COLUMN_NAMES["temperature"].words
+        is_beside = any(place > 2 and re.search(word, plain(guessed.name)) for word, place in words)
+        apart = max(own[0] - ends[1], ends[0] - own[1])
+        if apart >= MAX_TEMPERATURE_DIFFERENCE and not is_beside:
+            yield (
+                f"{look.path.name}: column {guessed.column!r} holds {span_text(ends, digits=6)} K, "
+                f"but the test is at {span_text(own, digits=6)} K; check both."
+            )
+    strains = "|".join(COLUMN_NAMES["strain"].names)
+    rates = [segment["strain_rate_per_s"] for segment in content.get("segments", ())]
+    for column in unread:
+        name, numbers = plain(look.described(column)), look.numbers(column)
+        unit = unit_in_name(name, "strain rate")
+        if not (unit and numbers and rates and re.search(strains, name)):
+            continue
+        rate = float(np.median(np.abs(numbers))) * UNITS["strain rate"][unit]
+        if rate > MAX_RATE_RATIO * max(rates) or 0 < rate < min(rates) / MAX_RATE_RATIO:
+            yield (
+                f"{look.path.name}: column {column!r} holds {rate:.3g} 1/s in the median, but the "
+                f"stated rates are {span_text((min(rates), max(rates)), digits=3)} 1/s; check both."
+            )

@@ -8,7 +8,7 @@ import zipfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 from unicodedata import category
 
 from pyburgers.common.cells import CellKind, Row, are_units, kind_of, names_between_blanks
@@ -34,6 +34,10 @@ ZIP, OLD_WORKBOOK = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 
 
 SAVE_AS_CSV = "save the sheet as CSV UTF-8"
+
+
+LITERAL_SIGNS = re.compile(r'"[^"]*"|\\.')
+"""Parts of the format of a cell that stand beside its number as they are."""
 
 
 @dataclass(frozen=True)
@@ -100,9 +104,9 @@ def _workbook(path: Path, content: bytes) -> list[Sheet]:
     try:
         book = load_workbook(io.BytesIO(content), read_only=True, data_only=True)
         sheets = [
-            Sheet(name, rows=[tuple(map(_as_text, row)) for row in book[name].values])
+            Sheet(name, rows=[tuple(map(_text_of, row)) for row in book[name].iter_rows()])
             for name in book.sheetnames
-            if hasattr(book[name], "values")
+            if hasattr(book[name], "iter_rows")
         ]
     except (InvalidFileException, zipfile.BadZipFile, KeyError, ValueError, OSError) as error:
         raise InputError(
@@ -112,8 +116,12 @@ def _workbook(path: Path, content: bytes) -> list[Sheet]:
     return [sheet for sheet in sheets if any(any(row) for row in sheet.rows)]
 
 
-def _as_text(value: object) -> str:
-    """Return the text of a cell of a workbook."""
+def _text_of(cell: Any) -> str:
+    """Return the text of a cell of a workbook; a number shown in percent keeps its sign."""
+    value = cell.value
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if is_number and "%" in LITERAL_SIGNS.sub("", cell.number_format):
+        return f"{100 * value:.12g}%"
     if value is None:
         return ""
     if isinstance(value, datetime.datetime) and value.year == ZERO_OF_WORKBOOKS.year + 1:

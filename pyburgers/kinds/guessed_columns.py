@@ -177,8 +177,9 @@ def left_out(
             if CONFINING.search(name):
                 by_itself = "laws depend on one pressure at most, which the key pressure_Pa states"
             if not table.numbers(column):
-                by_itself = "it holds no numbers"
-                if has_date(next(iter(table.cleaned(table.columns.index(column))), "")):
+                cell = next(filter(None, table.cleaned(table.columns.index(column))), "")
+                by_itself = f"it holds no numbers{f', but such as {cell[:20]!r}' if cell else ''}"
+                if has_date(cell):
                     by_itself = "dates are read with the times of day beside them alone"
             yield f"column {column!r}, because {reasons.get(column, by_itself)}"
 

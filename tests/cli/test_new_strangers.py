@@ -202,6 +202,24 @@ KINDS = {
     "unloading": (TIME, 2 - np.abs(PERCENT - 2), 5 - np.abs(CURVE - 50) / 9, "strain turns back"),
     "cycles": (TIME, np.sin(TIME / 130), np.sin(TIME / 130 + 0.3), "goes back and forth"),
     "one rate": (TIME, PERCENT, CURVE, "there are strain and stress"),
+    "one rate, its rise read a few times": (
+        np.arange(41.0),
+        0.5 * np.arange(41),
+        8 * (1 - np.exp(-np.arange(41.0))),
+        "there are strain and stress",
+    ),
+    "creep, its rise read a few times": (
+        np.arange(41.0),
+        0.5 * np.arange(41) ** 0.8,
+        8 * (1 - np.exp(-np.arange(41.0))),
+        "stays the same while strain grows",
+    ),
+    "strain and stress in turn": (
+        TIME,
+        np.where(np.arange(30) % 2, PERCENT, np.nan),
+        np.where(np.arange(30) % 2, np.nan, 5.0),
+        "stays the same while strain grows",
+    ),
     "one rate, softening": (TIME, PERCENT, CURVE - TIME / 100, "there are strain and stress"),
     "one rate, with noise": (
         TIME,

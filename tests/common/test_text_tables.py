@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from openpyxl import Workbook
+from openpyxl import Workbook, load_workbook
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.text_tables import TextTable, look_at
@@ -208,6 +208,17 @@ def test_a_workbook_is_read_from_the_sheet_with_the_numbers(tmp_path: Path) -> N
     assert table.numbers("When") == [0, 60, 120]
     assert "the sheet 'Data' of the workbook is read" in table.notes[0]
     assert table.problems == ()
+
+
+def test_a_number_that_a_workbook_shows_in_percent_is_no_fraction(tmp_path: Path) -> None:
+    path = workbook(tmp_path / "book.xlsx", Data=[["t", "e", "f"], [0, 0.07, 7], [1, 0.2, 20]])
+    book = load_workbook(path)
+    for row in book["Data"].iter_rows(min_row=2):
+        row[1].number_format, row[2].number_format = "0.00%", '0.0"%"'
+    book.save(path)
+    table = look_at(path)
+    assert [cells for _, cells in table.rows] == [("0", "7%", "7"), ("1", "20%", "20")]
+    assert (table.numbers("e"), table.numbers("f")) == ([], [7, 20])
 
 
 def test_a_workbook_with_two_tables_is_a_problem(tmp_path: Path) -> None:

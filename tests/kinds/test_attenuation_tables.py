@@ -219,3 +219,11 @@ def test_a_table_is_advised_the_next_law_and_not_its_own(law: str, advised: list
     advice = advise_on_spectra(KELVIN_LAWS[law].parameters)
     assert re.findall(r"kelvin=(\w+)", advice) == advised
     assert "temperatures by themselves" in advice
+
+
+@pytest.mark.parametrize(("stated", "is_told"), [("", True), ("\nmedian_stress_Pa = 0.0", False)])
+def test_a_median_that_is_not_stated_beside_an_amplitude_is_told(
+    edit: Edit, stated: str, is_told: bool
+) -> None:
+    test = load_attenuation(edit(('"shear"', f'"shear"\namplitude_Pa = 1e5{stated}')))
+    assert any("The median stress" in notice for notice in test.notices) == is_told

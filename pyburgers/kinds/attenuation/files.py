@@ -184,6 +184,9 @@ def _measured(
     readings = _readings(path, data, found, str(source))
     order_name = "period" if periods == "period_column" else "frequency"
     check_table(conditions, readings, order, str(source), order_name)
+    is_stated = "median_stress_column" in found or file.attenuation.median_stress_Pa is not None
+    if conditions.amplitude.all() and not is_stated:
+        notes = (*notes, "The median stress of the cycles is not stated: it is taken as 0.")
     return conditions, readings, notes
 
 

@@ -221,6 +221,12 @@ def is_driven_by_rates(time: FloatArray, strain: FloatArray, stress: FloatArray)
     return 2 * n_rates - 1 < corner.size - 1
 
 
+def is_at_one_rate(time: FloatArray, strain: FloatArray) -> bool:
+    """Whether the strain is one straight line over the times, (n,)."""
+    moment, value = _looked_at(time, strain)
+    return line_through(moment, value, tolerances(moment, value))[0].size == 2
+
+
 def thinned(
     time: FloatArray,
     stage: IntArray,

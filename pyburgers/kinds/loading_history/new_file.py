@@ -12,7 +12,7 @@ from pyburgers.common.array_types import FloatArray
 from pyburgers.common.units import UNITS, units_text
 from pyburgers.kinds.column_names import ENGINEERING, plain
 from pyburgers.kinds.experiment_file import slope_of
-from pyburgers.kinds.loading_history.driver import is_driven_by_rates
+from pyburgers.kinds.loading_history.driver import is_at_one_rate, is_driven_by_rates
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.new_file import (
     LAYOUT,
@@ -126,7 +126,10 @@ class LoadingHistoryFile(NewFile):
         stress = facts_of(columns["stress"])
         if strain is None or strain.oscillates:
             return None
-        if stress.is_steady:
+        # A load comes on at once: where the stress is read on its way up, a straight line of the
+        # strain from there on is a rate that is imposed.
+        rises = stress.held_from > 1 and is_at_one_rate(*_rows(columns, "time", "strain"))
+        if stress.is_steady and not rises:
             return "the stress stays the same while strain grows"
         if stress.is_in_levels and not is_driven_by_rates(
             *_rows(columns, "time", "strain", "stress")
@@ -252,6 +255,8 @@ def _hold_of(columns: Columns) -> int | None:
     if "strain" not in columns:
         return 0 if Facts(_rows(columns, "time", stress)[1]).only_falls else None
     time, strain, falling = _rows(columns, "time", "strain", stress)
+    if time.size == 0:  # read in turn
+        return None
     first = Facts(strain).held_from
     stress_then, strain_then = Facts(falling[first:]), Facts(strain[first:])
     is_long = time[-1] - time[first] >= MIN_HELD_SHARE * (time[-1] - time[0]) > 0

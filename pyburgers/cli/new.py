@@ -24,7 +24,12 @@ from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.common.toml_files import read_tables
 from pyburgers.common.units import UNIT_TABLE, units_text
 from pyburgers.kinds.column_names import ALONG_AXIS, COLUMN_NAMES
-from pyburgers.kinds.guessed_columns import GuessedColumn, guess_columns, left_out
+from pyburgers.kinds.guessed_columns import (
+    GuessedColumn,
+    guess_columns,
+    left_out,
+    units_in_comments,
+)
 from pyburgers.kinds.likelihood import NAMES
 from pyburgers.kinds.new_file import (
     Columns,
@@ -122,6 +127,8 @@ def run(options: argparse.Namespace) -> int:
         print(f"guessed: {guessed.sentence}")
     if options.protocol is None:
         print(f"guessed: protocol {name}, because {reason}")
+    for sentence in units_in_comments(table, read):
+        print(f"check: {sentence}")
     for sentence in left_out(table, columns, read, _temperature_use(columns, given)):
         print(f"left out: {sentence}")
     _require_units(options.csv, read)

@@ -52,6 +52,7 @@ class TextTable:
     `rows`: number of the line from 1, and cells as they stand in the file.
     `units`: cells of a row of units under the names.
     `missing`: cells that are said to stand for no reading; None where they are to be found.
+    `comments`: number and text of each line that is skipped.
     `layout_notes`, `problems`: what was done to find the table; what keeps rows from being read.
     `is_in_memory`: whether the columns were arrays; rows are then numbered from 1.
     """
@@ -63,6 +64,7 @@ class TextTable:
     rows: tuple[Row, ...]
     units: tuple[str, ...] | None = None
     missing: tuple[str, ...] | None = None
+    comments: tuple[tuple[int, str], ...] = ()
     layout_notes: tuple[str, ...] = ()
     problems: tuple[str, ...] = ()
     is_in_memory: bool = False
@@ -325,6 +327,7 @@ def _table_in(
         rows=layout.rows,
         units=layout.units,
         missing=None if missing is None else tuple(missing),
+        comments=tuple(comments),
         layout_notes=layout.notes,
     )
     problems = (

@@ -412,7 +412,12 @@ def departure(read: FloatArray, imposed: FloatArray, scale: float) -> Departure 
 
 
 def slope_of(time: FloatArray, values: FloatArray) -> float | None:
-    """Return the slope of the straight line through readings, None where times tell none."""
+    """Return the slope of the straight line through readings, None where times tell none.
+
+    Times that go back tell none either.
+    """
     own = time - time.mean()
     spread = float(own @ own)
-    return float(own @ (values - values.mean())) / spread if spread > 0 else None
+    if spread == 0 or (np.diff(time) < 0).any():
+        return None
+    return float(own @ (values - values.mean())) / spread

@@ -32,6 +32,10 @@ MIN_PERCENT, MAX_MEGAPASCAL, MAX_CELSIUS = 1.0, 1e5, 200.0
 degrees Celsius, where names say nothing."""
 
 
+BY_NUMBERS, BY_NOTHING = "its numbers", "nothing; check it"
+"""What says the unit of a column whose name and units do not."""
+
+
 DIFFERENTIAL_PLACE, MIN_CONFINING_SHARE = 0, 0.05
 """Place of names of differential stresses; a stress beside the axis below this share is none."""
 
@@ -184,6 +188,26 @@ def left_out(
             yield f"column {column!r}, because {reasons.get(column, by_itself)}"
 
 
+def units_in_comments(table: TextTable, read: Mapping[str, GuessedColumn]) -> Iterator[str]:
+    """Say which comment lines state another unit than a column has whose name states none."""
+    parts = [
+        (line, part, plain(part))
+        for line, text in table.comments
+        for part in map(str.strip, re.split(r"[,;\t]", text))
+    ]
+    for quantity, guessed in read.items():
+        if guessed.told_by not in (BY_NUMBERS, BY_NOTHING):
+            continue
+        for line, part, name in parts:
+            is_about = quantity_in(name) == quantity and not OTHER_QUANTITIES.search(name)
+            unit = unit_of_name(name, guessed.kind, is_chosen=True) if is_about else None
+            if unit is not None and unit != guessed.unit:
+                yield (
+                    f"column {guessed.column!r} is taken in {guessed.unit}, but line {line} "
+                    f"({part[:60]!r}) may state another unit: write the unit in the column's name"
+                )
+
+
 def _named(table: TextTable) -> dict[str | int, str]:
     """Return what each column that is known holds."""
     columns = table.columns
@@ -282,6 +306,6 @@ def _unit_of_numbers(kind: str, numbers: FloatArray) -> tuple[str | None, str]:
         "temperature": "C" if largest < MAX_CELSIUS else "K",
     }
     if kind in by_size:
-        return by_size[kind], "its numbers"
+        return by_size[kind], BY_NUMBERS
     unit = {"time": "s", "frequency": "Hz"}.get(kind)
-    return unit, "its name" if unit is None else "nothing; check it"
+    return unit, "its name" if unit is None else BY_NOTHING

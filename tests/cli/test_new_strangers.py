@@ -260,6 +260,38 @@ def test_the_slope_of_the_strain_is_the_rate_that_is_proposed(
     assert "(its slope is 1e-05 1/s) lies up to 0.0261" in capsys.readouterr().out
 
 
+def test_times_that_go_back_are_told_and_suggest_no_rate(
+    table: Table, capsys: pytest.CaptureFixture[str]
+) -> None:
+    time = np.where(TIME > 2000, TIME - 1500, TIME)
+    path = table(**{"time (s)": time, "strain (%)": PERCENT, "stress (MPa)": CURVE})
+    assert_refused(["new", str(path), *KNOWN], capsys, "Missing: --strain-rate-per-s")
+    assert main(["new", str(path), *KNOWN, *RATE]) == 0
+    assert "data row 21: the time 600 s comes after 2000 s" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("comments", "told"),
+    [
+        (
+            "# time: h\n# stress: kPa\n# strain: percent\n",
+            ["line 1 ('time: h')", "('stress: kPa')"],
+        ),
+        ("# Time in hours; stress (MPa)\n", ["line 1 ('Time in hours')"]),
+        ("# creep of ice for 3 h under a load\n# time: s, strain rate: 1/h\n", []),
+    ],
+)
+def test_units_in_comments_are_told(
+    comments: str, told: Sequence[str], table: Table, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = table(time=TIME, stress=CURVE, strain=PERCENT)
+    path.write_text(comments + path.read_text("utf-8"), encoding="utf-8")
+    assert main(["new", str(path), *KNOWN]) == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if "may state another" in line]
+    assert len(lines) == len(told)
+    assert all(any(words in line for line in lines) for words in told)
+
+
 def test_stages_end_where_the_strain_turns(
     table: Table, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -207,7 +207,17 @@ def join_curves(
 def unlike_rates(
     name: str, time: FloatArray, strain: FloatArray, imposed: FloatArray
 ) -> tuple[str, ...]:
-    """Say where strain over time (s), each (n_rows,), is not the one that the rates impose then."""
+    """Say where strain over time (s), each (n_rows,), is not the one that the rates impose then.
+
+    Times that go back are told in its place.
+    """
+    back = np.flatnonzero(np.diff(time) < 0)
+    if back.size:
+        k = back[0]
+        return (
+            f"{name}: data row {k + 2}: the time {time[k + 1]:g} s comes after {time[k]:g} s: "
+            "expected times that do not go back, to compare the strain with the stated rates.",
+        )
     far = departure(strain, imposed, float(np.abs([*strain, *imposed]).max()))
     if far is None:
         return ()

@@ -105,7 +105,8 @@ def _steps(columns: Columns, given: Mapping[str, Any]) -> tuple[tuple[float, flo
 @lru_cache(maxsize=1)
 def _seen_steps(time: GuessedColumn, strain: GuessedColumn) -> tuple[tuple[float, float], ...]:
     """Return steps that readings show: once for all questions about a file."""
-    return rate_steps(*read_together(time.si, strain.si))
+    readings = read_together(time.si, strain.si)
+    return () if slope_of(*readings) is None else rate_steps(*readings)
 
 
 def _segment_lines(rates: Sequence[tuple[float, float]]) -> list[str]:

@@ -121,7 +121,7 @@ def run(options: argparse.Namespace) -> int:
     given = {question.name: vars(options)[question.name] for question in _every_question()}
     name, reason, columns = _recognised_kind(table, options)
     new_file = new_files()[name]
-    _require_columns(options.csv, name, new_file, columns)
+    _require_columns(table, name, new_file, columns)
     read = new_file.select_columns(columns)
     for guessed in read.values():
         print(f"guessed: {guessed.sentence}")
@@ -232,14 +232,15 @@ def _guess_protocol(columns: Columns) -> tuple[str, str]:
 
 
 def _require_columns(
-    path: Path, protocol: str, new_file: NewFile, columns: Mapping[str, GuessedColumn]
+    table: TextTable, protocol: str, new_file: NewFile, columns: Mapping[str, GuessedColumn]
 ) -> None:
     for quantities in new_file.needed:
         if not any(name in columns for name in quantities):
             names = " or ".join(quantities).replace("_", " ")
+            among = f" among {', '.join(map(str, table.columns))}" if table.columns else ""
             raise InputError(
-                f"{path}: found no column that looks like {names}, expected one "
-                f"for the protocol {protocol}; name it so in the first row, give "
+                f"{table.path}: found no column of numbers that looks like {names}{among}, "
+                f"expected one for the protocol {protocol}; name it so in the first row, give "
                 f"{_column_question(quantities[0]).option}, or give --protocol."
             )
 

@@ -23,7 +23,8 @@ NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eEdD][+-]?[0-9]+)?")
 
 DECIMAL_COMMA = re.compile(r"^[+-]?[0-9]+,[0-9]+(?:[eE][+-]?[0-9]+)?$")
 THOUSANDS = re.compile(r"^[+-]?[1-9][0-9]{0,2},[0-9]{3}$")
-"""A decimal comma that may separate thousands."""
+HUNDREDS = re.compile(r"[1-9][0-9]{2}")
+"""A decimal comma that may separate thousands, and a number that comes before the first of them."""
 
 NOTHING = re.compile(r"nan|n/?a|#n/?a|null|none|n\.a\.|-+", re.IGNORECASE)
 """Words that stand for no reading."""
@@ -51,6 +52,7 @@ _UNITS = re.compile(
 _POWER_OF_TEN = re.compile(
     r"[x×*·]? ?(?:10(?:\^|\*\*)[-−]?\d+|10[-−]\d+|10⁻?[⁰¹²³⁴⁵⁶⁷⁸⁹]+|1e-?\d+)", re.IGNORECASE
 )
+_TITLE_OF_UNITS = re.compile(r"units?|einheit(?:en)?|unit[eé]s?", re.IGNORECASE)
 _IN_BRACKETS = re.compile(r"[(\[][^)\]]*[)\]]")
 
 
@@ -69,18 +71,20 @@ def kind_of(cell: str) -> CellKind:
 
 def is_unit(cell: str) -> bool:
     """Whether a cell may stand in a row of units; one without a unit is empty or has a dash."""
+    factor = _POWER_OF_TEN.match(cell)
+    unit = cell if factor is None else cell[factor.end() :].strip()
     return (
-        cell.strip("-–") == ""
+        unit.strip("-–") == ""
         or _IN_BRACKETS.fullmatch(cell) is not None
-        or _UNITS.fullmatch(cell) is not None
-        or _POWER_OF_TEN.fullmatch(cell) is not None
+        or any(map(_UNITS.fullmatch, (cell, unit)))
         or any(unit_spelled(cell.lower(), quantity) for quantity in UNIT_TABLE)
     )
 
 
 def are_units(cells: Sequence[str]) -> bool:
     """Whether cells may be a row of units, of which at least one is no number."""
-    return all(map(is_unit, cells)) and any(kind_of(cell) == "text" for cell in cells)
+    own = cells[1:] if cells and _TITLE_OF_UNITS.fullmatch(cells[0]) else cells
+    return all(map(is_unit, own)) and any(kind_of(cell) == "text" for cell in own)
 
 
 def as_number(cell: str) -> float | None:

@@ -320,9 +320,12 @@ def _index(column: str | int, table: TextTable, where: str) -> int:
     if names is not None:
         if names.count(str(column)) == 1:
             return names.index(str(column))
-        problem = "is not in" if str(column) not in names else "occurs more than once in"
+        problem, remedy = "is not in", ""
+        if str(column) in names:
+            problem, remedy = "occurs more than once in", "; rename all of them but one"
         raise InputError(
-            f"{where}: column {column!r} {problem} {path}, whose columns are {', '.join(names)}."
+            f"{where}: column {column!r} {problem} {path}, whose columns are {', '.join(names)}"
+            f"{remedy}."
         )
     n_cells = len(table.columns)
     if isinstance(column, str) or not 1 <= column <= n_cells:

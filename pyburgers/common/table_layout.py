@@ -354,6 +354,14 @@ def separator_of(lines: Sequence[str]) -> str:
         n_numbers, width, _ = best_run(rows)
         return (n_numbers if width > 1 or separator == " " else 0), width > 1
 
+    def is_in_every_line(separator: str) -> bool:
+        widths = {len(_cells_or_line(line, separator)) for line in sample}
+        return len(widths) == 1 and max(widths) > 1
+
+    # Blanks may separate thousands between these two, which stand in lines for nothing else.
+    for separator in (";", "\t"):
+        if is_in_every_line(separator) and score(separator)[0] > 0:
+            return separator
     best = max(SEPARATORS, key=score)
     if score(best)[0] > 0:
         return best

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from pyburgers.common.cells import (
     DECIMAL_COMMA,
+    HUNDREDS,
     NOTHING,
     NUMBER,
     THOUSANDS,
@@ -128,7 +129,7 @@ class TextTable:
         if index in self._stamps:
             return self._stamps[index][0]
         missing = self._missing[index]
-        cells = ["" if cell in missing else cell for cell in self._column(index)]
+        cells = ["" if cell in missing else cell for cell in self.cells(index)]
         if self.has_decimal_commas:
             return [
                 cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell for cell in cells
@@ -139,7 +140,8 @@ class TextTable:
         """Return lines and cells that look like something."""
         return [(line, cell) for line, cells in self.rows for cell in cells if looks.search(cell)]
 
-    def _column(self, index: int) -> list[str]:
+    def cells(self, index: int) -> list[str]:
+        """Return the cells of a column, as they stand in the file."""
         return [cells[index] if index < len(cells) else "" for _, cells in self.rows]
 
     @cached_property
@@ -156,7 +158,7 @@ class TextTable:
     def _missing(self) -> list[set[str]]:
         """Cells of each column that stand for no reading."""
         return [
-            missing_numbers(self._column(index), self.missing) for index in range(len(self.columns))
+            missing_numbers(self.cells(index), self.missing) for index in range(len(self.columns))
         ]
 
     @cached_property
@@ -164,7 +166,7 @@ class TextTable:
         """Columns of time stamps with their kinds, and that of dates that goes with a clock."""
         kinds: dict[int, str] = {}
         for index in range(len(self.columns)):
-            cells = [cell for cell in self._column(index) if cell and not NOTHING.fullmatch(cell)]
+            cells = [cell for cell in self.cells(index) if cell and not NOTHING.fullmatch(cell)]
             if cells and all(has_clock(cell) or has_date(cell) for cell in cells):
                 dated, timed = has_date(cells[0]), has_clock(cells[0])
                 kinds[index] = "both" if dated and timed else "date" if dated else "clock"
@@ -180,11 +182,11 @@ class TextTable:
         for index in kinds:
             if index == date:
                 continue
-            cells = self._column(index)
+            cells = self.cells(index)
             from_zero = kinds[index] == "clock" and self._is_from_zero(index)
             if date is not None and kinds[index] == "clock" and not from_zero:
                 cells = [
-                    f"{day} {clock}" for day, clock in zip(self._column(date), cells, strict=True)
+                    f"{day} {clock}" for day, clock in zip(self.cells(date), cells, strict=True)
                 ]
             read = seconds_of(cells)
             if read is not None:
@@ -211,13 +213,13 @@ class TextTable:
             if self._stamps[index][1]:
                 notes.append(f"column {name!r}: 12 AM was read as noon, because times go back else")
         elif kind is not None and index != date:
-            cell = next(cell for cell in self._column(index) if cell)
+            cell = next(cell for cell in self.cells(index) if cell)
             notes.append(
                 f"column {name!r} holds time stamps such as {cell!r}, which can be read in more "
                 "than one way: write them as 2024-03-01 09:00:00, or hh:mm:ss"
             )
         if missing:
-            many = sum(cell in missing for cell in self._column(index))
+            many = sum(cell in missing for cell in self.cells(index))
             notes.append(
                 f"column {name!r}: {', '.join(sorted(missing))} (in {many} of {len(self.rows)} "
                 "rows) stands for no reading, as an empty cell does"
@@ -371,10 +373,19 @@ def _long_rows(table: TextTable, width: int) -> Iterator[str]:
 
 
 def _doubtful_commas(table: TextTable) -> Iterator[str]:
-    """Name a comma that may separate thousands or decimals, unless semicolons separate cells."""
-    if not table.has_decimal_commas or table.separator == ";":
+    """Name a comma that may separate thousands or decimals.
+
+    Between semicolons such commas are of decimals, unless whole hundreds stand in their column.
+    """
+    if not table.has_decimal_commas:
         return
     commas = table.cells_like(DECIMAL_COMMA)
+    columns = (table.cells(index) for index in range(len(table.columns)))
+    if table.separator == ";" and not any(
+        any(map(HUNDREDS.fullmatch, cells)) and any(map(DECIMAL_COMMA.fullmatch, cells))
+        for cells in columns
+    ):
+        return
     if all(THOUSANDS.fullmatch(cell) for _, cell in commas):
         line, cell = commas[0]
         yield (

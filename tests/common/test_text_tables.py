@@ -248,3 +248,19 @@ def test_a_row_that_is_longer_than_the_names_in_a_comment_has_numbered_cells(
     table = looked_at(tmp_path, "# strain\n\n0.25\n0.5\t0\n0.75\n1\n1.25\n1.5\n1.75\n")
     assert table.hidden_names == ("strain",)
     assert [table.described(column) for column in table.columns] == ["strain", "2"]
+
+
+def test_blanks_that_separate_thousands_separate_no_cells(tmp_path: Path) -> None:
+    table = looked_at(tmp_path, "time (s)\tstress (MPa)\n0\t0\n900\t2\n1 000\t3\n1 100\t4\n")
+    assert table.columns == ("time (s)", "stress (MPa)")
+
+
+@pytest.mark.parametrize(
+    ("cells", "is_doubted"),
+    [("900;1\n1,000;2\n1,100;3\n", True), ("900;1,125\n1000;2,250\n1100;3,125\n", False)],
+)
+def test_commas_between_semicolons_are_doubted_beside_whole_hundreds(
+    cells: str, is_doubted: bool, tmp_path: Path
+) -> None:
+    table = looked_at(tmp_path, f"time (s);stress (MPa)\n{cells}")
+    assert any("may separate thousands or decimals" in one for one in table.problems) == is_doubted

@@ -220,5 +220,7 @@ def test_a_date_is_no_factor(name: str) -> None:
 def test_a_row_of_units_may_have_a_factor(factor: str) -> None:
     assert are_units(["s", "MPa", factor])
     assert are_units(["Stunden", "Prozent", factor])
+    assert are_units(["Unit", "s", f"{factor} Pa"])
+    assert not are_units(["Unit", "1e-5", "-"])
     assert not are_units(["1e-5", "-", "1e-3"])
     assert not are_units(["s", "MPa", "1000"])

@@ -28,7 +28,7 @@ from pyburgers.kinds.column_names import (
 )
 from pyburgers.kinds.conditions import temperature_range
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.guessed_columns import guess_columns
+from pyburgers.kinds.guessed_columns import BY_NAME, guess_columns
 
 DEFAULT_UNITS = {"temperature": "K", "stress": "MPa"}
 """Units of columns whose unit need not be stated."""
@@ -209,7 +209,12 @@ def contradictions(
     if any(_selections(content)):  # other rows are of other tests
         return
     guessed = guess_columns(look).get("temperature")
-    if guessed is not None and guessed.column in unread and not guessed.is_foreign:
+    if (
+        guessed is not None
+        and guessed.column in unread
+        and guessed.told_by == BY_NAME
+        and guessed.unit
+    ):
         ends = float(np.nanmin(guessed.si)), float(np.nanmax(guessed.si))
         own = temperature_range(experiment)
         words = COLUMN_NAMES["temperature"].words

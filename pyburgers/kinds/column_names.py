@@ -216,7 +216,8 @@ NO_UNIT = re.compile(
 FACTOR = re.compile(
     r"(?<![\d.])10(?:\^|\*\*|-)-?\d(?!\d?-)|[x×*·] ?10\d|(?<![a-z\d.])1e-?\d"
     r"|(?:(?<![a-z])x|[×*·]) ?10+(?!\d)|(?<![a-z\d.])[\d.]*\d ?(?:x(?![a-z])|[×*·](?!\*))"
-    r"|(?<!\d)/ ?(?:2|10+)(?![\d/])|(?<![\d/])1[/⁄]2(?![\d/])|(?<![a-z])(?<!(?:first|econd) )half"
+    r"|(?:[)\]%]|(?:[a-z]{3,}|[σεγτ])\w*) ?/ ?(?:2|10+)(?![\d/])|1⁄2|^\(?1/2(?![\d/])"
+    r"|(?<![a-z])(?<!first )(?<!second )half"
     r"|peak.?to.?peak|pk-?pk|(?<![a-z])(?:p-p|rms)(?![a-z])|spitze.?spitze"
 )
 """Pattern of a factor, such as of a half or an amplitude from peak to peak; a date has none."""

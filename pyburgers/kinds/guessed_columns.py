@@ -32,8 +32,8 @@ MIN_PERCENT, MAX_MEGAPASCAL, MAX_CELSIUS = 1.0, 1e5, 200.0
 degrees Celsius, where names say nothing."""
 
 
-BY_NUMBERS, BY_NOTHING = "its numbers", "nothing; check it"
-"""What says the unit of a column whose name and units do not."""
+BY_NAME, BY_NUMBERS, BY_NOTHING = "its name", "its numbers", "nothing; check it"
+"""What says the unit of a column: a unit under its name is part of that."""
 
 
 DIFFERENTIAL_PLACE, MIN_CONFINING_SHARE = 0, 0.05
@@ -232,7 +232,7 @@ def _place(guessed: GuessedColumn) -> tuple[float, ...]:
     patterns = COLUMN_NAMES[guessed.quantity.removesuffix("_uncertainty")]
     pattern = next((k for k, one in enumerate(patterns.names) if re.search(one, name)), 0)
     word = next((place for words, place in patterns.words if re.search(words, name)), 2)
-    has_unit = guessed.told_by == "its name" and not guessed.is_foreign
+    has_unit = guessed.told_by == BY_NAME and not guessed.is_foreign
     is_set_point = re.search(SET_POINT, name) is not None
     return pattern, is_set_point, word, 0 if has_unit else 1 + guessed.is_foreign
 
@@ -277,7 +277,7 @@ def _with_unit(
     numbers = np.array([np.nan if value is None else value for value in cells])
     name = table.described(column)
     kind = COLUMN_NAMES[quantity.removesuffix("_uncertainty")].kind
-    found = GuessedColumn(quantity, column, name, None, "its name", numbers)
+    found = GuessedColumn(quantity, column, name, None, BY_NAME, numbers)
     if table.is_time_stamps(column):
         return replace(found, unit="s", told_by="its time stamps")
     unit = unit_of_name(plain(name), kind, is_chosen=is_chosen)
@@ -292,7 +292,7 @@ def _with_unit(
 def _with_shared_unit(guessed: GuessedColumn, found: Mapping[str, GuessedColumn]) -> GuessedColumn:
     """Return a column with the unit that it shares with another, where its name says none."""
     other = found.get(guessed.shares_unit_with or "")
-    if other is None or guessed.told_by == "its name":
+    if other is None or guessed.told_by == BY_NAME:
         return guessed
     return replace(guessed, unit=other.unit, told_by=f"that of {other.column!r}")
 
@@ -308,4 +308,4 @@ def _unit_of_numbers(kind: str, numbers: FloatArray) -> tuple[str | None, str]:
     if kind in by_size:
         return by_size[kind], BY_NUMBERS
     unit = {"time": "s", "frequency": "Hz"}.get(kind)
-    return unit, "its name" if unit is None else BY_NOTHING
+    return unit, BY_NAME if unit is None else BY_NOTHING

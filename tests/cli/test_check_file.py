@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 import tomli_w
@@ -34,7 +35,10 @@ def test_a_table_in_the_place_of_an_experiment_file(
     assert f"write an experiment file for them: pyburgers new '{path}'." in error
 
 
-KINDS = {
+Column = tuple[str, str | None, str]
+"""Name, unit and number in each row."""
+
+KINDS: Mapping[str, tuple[Mapping[str, Any], Mapping[str, Column]]] = {
     "rates": (
         {"tests": [{"imposed": "stress", "regime": "minimum", "geometry": "compression"}]},
         {
@@ -57,12 +61,10 @@ KINDS = {
         },
     ),
 }
-"""Keys of a file of a kind of test, and its columns: name, unit and number in each row."""
+"""Keys of a file of a kind of test, and its columns."""
 
 
-def checked(
-    folder: Path, protocol: str, columns: Mapping[str, tuple[str, str | None, str]], beside: str
-) -> Path:
+def checked(folder: Path, protocol: str, columns: Mapping[str, Column], beside: str) -> Path:
     """Write a table of rows alike, and a file that reads all columns but the one `beside` them."""
     keys, own = KINDS[protocol]
     columns = {**own, **columns}
@@ -187,7 +189,7 @@ def test_a_name_that_says_something_else_is_told(
 )
 def test_usual_names_are_no_matter(
     protocol: str,
-    columns: dict[str, tuple[str, str | None, str]],
+    columns: Mapping[str, Column],
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -214,7 +216,7 @@ def test_columns_that_are_not_read_are_told_and_compared(
 
 
 @pytest.mark.parametrize(
-    "beside", ["T (C) = -10", "Room temperature (C) = 20", "Strain rate (1/s) = 1.4e-5"]
+    "beside", ["T (C) = -10", "T = 150", "Room temperature (C) = 20", "Strain rate (1/s) = 1.4e-5"]
 )
 def test_columns_that_agree_are_no_contradiction(
     beside: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

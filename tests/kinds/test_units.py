@@ -211,8 +211,19 @@ def test_words_in_brackets_are_no_units_and_units_have_many_spellings(
     assert found == dict.fromkeys(found, unit)
 
 
-@pytest.mark.parametrize("name", ["Stress 2010-11-05 (MPa)", "Stress 10-11-2010 (MPa)"])
-def test_a_date_is_no_factor(name: str) -> None:
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("Stress 2010-11-05 (MPa)", "Stress 10-11-2010 (MPa)", "Stress 2/10/2024 (MPa)"),
+        *(
+            "Stress LVDT 1/2 (MPa)",
+            "max 10 Stress (MPa)",
+            "Stress, second half (MPa)",
+            "|E*| (MPa)",
+        ),
+    ],
+)
+def test_a_date_or_a_number_is_no_factor(name: str) -> None:
     assert unit_in_name(name, "stress") == "MPa"
 
 

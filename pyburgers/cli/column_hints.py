@@ -85,7 +85,7 @@ def hints_of_names(look: TextTable, content: Mapping[str, Any]) -> Iterator[str]
 def _named(look: TextTable, content: Mapping[str, Any]) -> Iterator[_Named]:
     """Return the columns of a table that a file names, by what its keys say."""
     data = content["data"]
-    kinds = {quantity: names.kind for quantity, names in COLUMN_NAMES.items()}
+    kinds = {name: one.kind for name, one in COLUMN_NAMES.items() if name != "limit"}
     if content.get("protocol") == RATES:
         kinds = {quantity: kind for quantity, (kind, _) in SI_COLUMNS.items()}
     for key, column in data.items():
@@ -105,7 +105,7 @@ def _named(look: TextTable, content: Mapping[str, Any]) -> Iterator[_Named]:
 
 def _other_quantity(one: _Named, content: Mapping[str, Any]) -> str:
     """Return what else than the quantity of its key a name is that of, in words, if anything."""
-    if one.quantity not in COLUMN_NAMES or one.quantity == "limit":
+    if one.quantity not in COLUMN_NAMES:
         return ""
     if OTHER_QUANTITIES.search(one.name):
         return OTHER_WORDS

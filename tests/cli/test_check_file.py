@@ -184,6 +184,7 @@ def test_a_name_that_says_something_else_is_told(
         ("constant_rate", {"stress": ("Load (MPa)", "MPa", "3")}),
         ("attenuation", {"temperature": ("T", "K", "263")}),
         ("attenuation", {"modulus": ("Shear modulus", "GPa", "60")}),
+        ("attenuation", {"limit": ("log10 limit", None, "0.01")}),
         ("attenuation", {"attenuation_uncertainty": ("sd of 1/Q", None, "0.01")}),
     ],
 )

@@ -182,9 +182,9 @@ def check_state(
     temperature: npt.ArrayLike, grain_size: npt.ArrayLike, fabric_factor: npt.ArrayLike
 ) -> None:
     """Refuse temperatures (K), grain sizes (m) or fabric factors that no material has."""
-    _check_positive("temperature", "K", np.asarray(temperature, dtype=np.float64))
+    _check_positive("temperature", "of K", np.asarray(temperature, dtype=np.float64))
     sizes = np.asarray(grain_size, dtype=np.float64)
-    _check_positive("grain_size", "m", sizes)
+    _check_positive("grain_size", "of m", sizes)
     _check_positive("fabric_factor", "(1 = isotropic)", np.asarray(fabric_factor, dtype=np.float64))
     if (sizes >= 1).any():
         raise InputError(

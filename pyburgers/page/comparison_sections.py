@@ -4,13 +4,14 @@ By points, by whole tests left out, and with a flow law from another source and 
 """
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from pyburgers.checks.prior_sentences import read_off_sentences
 from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.paths import shown
 from pyburgers.common.units import count_points, with_error
@@ -48,7 +49,7 @@ from pyburgers.model.display import (
     unit_text,
 )
 from pyburgers.model.flow_law_prior import FlowLawPrior
-from pyburgers.model.priors import FLOW_LAW
+from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR
 from pyburgers.page.names import file_key, page_keys, page_names
 
 LOG_RATE = "log_flow_rate"
@@ -220,12 +221,11 @@ def _with_errors(values: pd.Series, errors: pd.Series) -> list[str]:
 def flow_law_source_section(
     fits: Mapping[str, Fit], keys: Mapping[str, str]
 ) -> tuple[PageSection, ...]:
-    """Compare the first fit with a joint prior of the flow law with the first fit without one."""
-    laws = {name: fit.priors.flow_law for name, fit in fits.items() if not fit.is_joint}
-    alone = next((name for name, law in laws.items() if law is None), None)
-    both, law = next(((name, law) for name, law in laws.items() if law is not None), (None, None))
-    if alone is None or both is None or law is None:
+    """Compare the first two fits of equal laws with and without a joint prior of the flow law."""
+    pair = next(_pairs_by_source(fits), None)
+    if pair is None:
         return ()
+    alone, both, law = pair
     draws = _flow_law_draws(law, fits[alone], fits[both])
     table = flow_law_sources_table(draws)
     experiment, at = fits[alone].experiment, law.conditions
@@ -237,12 +237,14 @@ def flow_law_source_section(
         f"{experiment.id} is synthetic: that it is combined with other data shows the method and "
         "says nothing about nature.",
     )
-    agreement = _agreement(draws["other source alone"][LOG_RATE], draws["curve alone"][LOG_RATE])
+    said = read_off_sentences(fits[both].read_off & {JOINT_PRIOR}) or (
+        _agreement(draws["other source alone"][LOG_RATE], draws["curve alone"][LOG_RATE]),
+    )
     section = PageSection(
         key=f"flow_law_{keys[both]}",
         title=f"Flow law of {alone}, with another source and without",
         paragraphs=(
-            agreement,
+            *said,
             *(synthetic if experiment.provenance.kind == "synthetic" else ()),
         ),
         details=(
@@ -268,12 +270,32 @@ def flow_law_source_section(
                 "Flow law by source",
                 COMBINED_CAPTION,
                 partial(combined_flow_law, draws),
-                agreement,
+                " ".join(said),
             ),
         ),
         after_fits=True,
     )
     return (section,)
+
+
+def _pairs_by_source(fits: Mapping[str, Fit]) -> Iterator[tuple[str, str, FlowLawPrior]]:
+    """Yield names of two fits of equal laws, without a joint prior and with it, and that prior.
+
+    They flow by a power law alone, whose parameters are free: its rate is that of the prior.
+    """
+    able = {
+        name: fit
+        for name, fit in fits.items()
+        if not fit.is_joint
+        and fit.variant.maxwell == "power_law"
+        and fit.variant.hardening == fit.variant.second_mechanism == "none"
+        and not any(fit.priors[parameter].is_fixed for parameter in FLOW_LAW)
+    }
+    for both, other in able.items():
+        for alone, fit in able.items():
+            law = other.priors.flow_law
+            if law and not fit.priors.flow_law and fit.variant == other.variant:
+                yield alone, both, law
 
 
 def _flow_law_draws(law: FlowLawPrior, alone: Fit, both: Fit) -> dict[str, dict[str, FloatArray]]:

@@ -21,7 +21,12 @@ from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.flow_law_tables.softening import least_squares
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
 from pyburgers.model.priors import FLOW_LAW, with_flow_law
-from pyburgers.page.comparison_sections import LOG_RATE, comparison_sections
+from pyburgers.model.variants import with_variant
+from pyburgers.page.comparison_sections import (
+    LOG_RATE,
+    comparison_sections,
+    flow_law_source_section,
+)
 from pyburgers.page.page import write_report
 from pyburgers.page.rate_section import least_squares_table, rate_section
 
@@ -122,6 +127,32 @@ def test_sources_that_disagree_are_said_to(fits: list[Fit]) -> None:
         both = with_problem(fits[1], fits[1].experiment, with_flow_law(fits[0].priors, law, "test"))
         text = " ".join(comparison_sections([fits[0], both])[1].paragraphs)
         assert f"The two sources {expected}" in text
+
+
+@pytest.mark.parametrize("maxwell", ["hyperbolic_sine", "threshold_stress"])
+@pytest.mark.parametrize("which", ["alone", "both"])
+def test_sources_are_compared_under_the_same_power_law_alone(
+    fits: list[Fit], maxwell: str, which: str
+) -> None:
+    alone, both = fits
+    other = with_problem(
+        alone, alone.experiment, with_variant(alone.priors, alone.experiment, {"maxwell": maxwell})
+    )
+    with_law = with_problem(both, both.experiment, with_flow_law(other.priors, LAW, "test"))
+    found = {"other": other, "both": both} if which == "alone" else {"a": other, "b": with_law}
+    assert flow_law_source_section(found, {name: name for name in found}) == ()
+    # Later fits of the group may have the same law.
+    found |= {"alone": alone, "with": both}
+    (section,) = flow_law_source_section(found, {name: name for name in found})
+    assert section.title.startswith("Flow law of alone,")
+
+
+def test_a_source_that_was_read_off_the_curve_does_not_agree_with_it(fits: list[Fit]) -> None:
+    law = replace(LAW, read_off=(fits[1].experiment.id,))
+    both = with_problem(fits[1], fits[1].experiment, with_flow_law(fits[0].priors, law, "test"))
+    text = " ".join(comparison_sections([fits[0], both])[1].paragraphs)
+    assert "agreement of prior and data means nothing" in text
+    assert "The two sources" not in text
 
 
 def test_a_synthetic_curve_with_another_source_says_nothing_about_nature(

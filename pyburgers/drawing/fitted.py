@@ -29,18 +29,21 @@ def residuals(fit: FittedTest) -> FloatArray:
     return left
 
 
+def reading_errors(fit: FittedTest) -> FloatArray:
+    """Return the standard deviation (SI) of each reading about the response, shape (n_points,)."""
+    replicated, response = (
+        response_in(fit.posterior, group) for group in ("posterior_predictive", "model_response")
+    )
+    found: FloatArray = (replicated - response).std(("chain", "draw")).to_numpy()
+    return found
+
+
 def residual_size(fit: FittedTest, noise: str) -> float:
     """Return the posterior mean of the size of residuals (SI), those of a law's discrepancy too."""
     draws = fit.posterior["posterior"].to_dataset()
     if noise not in draws:
         return 0.0
     return float((draws[noise] * np.hypot(1.0, draws.get("discrepancy", 0.0))).mean())
-
-
-def mean_of(fit: FittedTest, parameter: str) -> float:
-    """Return the posterior mean of a parameter (SI), 0 where the fit does not have it."""
-    draws = fit.posterior["posterior"].to_dataset()
-    return float(draws[parameter].mean()) if parameter in draws else 0.0
 
 
 def curve_of(

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from pyburgers.common.array_types import IntArray
 from pyburgers.common.draws import FloatArray
-from pyburgers.drawing.fitted import curve_of, mean_of, positions, predicted
+from pyburgers.drawing.fitted import curve_of, positions, predicted, reading_errors
 from pyburgers.drawing.fitted import residuals as residuals_of
 from pyburgers.drawing.page_parts import PageTable, recipe, text_table
 from pyburgers.drawing.panels import (
@@ -84,8 +84,9 @@ def _spectra(fit: FittedTest) -> list[_Spectrum]:
     "Attenuation and modulus",
     "Attenuation tan δ (the same as 1/Q) and modulus against period, one colour for each "
     "temperature: circles are readings, triangles upper limits, lines posterior medians of the "
-    "model and areas 90 % of draws, without the scatter of readings. If circles leave a line in "
-    "step with the period or with temperature, the relaxation follows another law.",
+    "model and areas 90 % of draws, without the scatter of readings. Bars are stated errors e: "
+    "readings of tan δ lie about √(tan²δ + e²), above a line that is below e. If other circles "
+    "leave a line in step with the period or with temperature, the relaxation follows another law.",
     lambda fit: rms_result(fit),
 )
 def master_curves(fit: FittedTest) -> Figure:
@@ -101,10 +102,15 @@ def master_curves(fit: FittedTest) -> Figure:
             for which, marker in ((~limit, "o"), (limit, "v")):
                 rows = own.rows[which]
                 recorded = np.maximum(readings.tan_delta, readings.limit)[rows]
-                draw_dots(upper, period[rows], recorded, colour=own.colour, marker=marker)
+                error = np.where(readings.is_limit, 0.0, readings.tan_delta_error)[rows]
+                draw_dots(
+                    upper, period[rows], recorded, yerr=error, colour=own.colour, marker=marker
+                )
             if readings.modulus.size:
-                moduli = readings.modulus[own.rows] * GPA
-                draw_dots(lower, period[own.rows], moduli, colour=own.colour)
+                moduli, errors = (
+                    values[own.rows] * GPA for values in (readings.modulus, readings.modulus_error)
+                )
+                draw_dots(lower, period[own.rows], moduli, yerr=errors, colour=own.colour)
         upper.set(xscale="log", yscale="log", ylabel=TAN_DELTA_LABEL)
         modulus = MODULUS_NAMES[experiment.elasticity.deformation]
         lower.set(xlabel=PERIOD_LABEL, ylabel=f"{modulus} (GPa)")
@@ -181,43 +187,39 @@ def arrhenius(fit: FittedTest) -> Figure:
 @recipe(
     "residuals",
     "Residuals against period",
-    "Residuals of the fit: ln of the reading less the predictive median of the model, of "
-    "attenuation above and of modulus below, against period, one colour for each temperature. The "
-    "dotted lines hold 90 % of readings as the fitted scatter has them. A slope or a bow that "
+    "Residuals of the fit: ln of the reading less the predictive median of the model, over the "
+    "standard deviation of the reading by its stated error and the fitted scatter; of attenuation "
+    "above and of modulus below, against period, one colour for each temperature. The dotted lines "
+    "hold 90 % of readings if the model is right; upper limits are left out. A slope or a bow that "
     "temperatures share is a law that is missing.",
     lambda fit: rms_result(fit),
 )
 def residuals(fit: FittedTest) -> Figure:
     """Draw residuals against period by temperature."""
     experiment = of_kind(fit.experiment, AttenuationExperiment)
-    period = experiment.conditions.period
-    parts = zip(
-        left_over(fit),
-        ("attenuation_scatter", "modulus_scatter"),
-        (r"$\ln\tan\delta$", "ln modulus"),
-        strict=True,
-    )
+    period, is_limit = experiment.conditions.period, experiment.readings.is_limit
+    left = np.split(residuals_of(fit) / reading_errors(fit), [is_limit.size])
+    parts = zip(left, (~is_limit, True | is_limit), ("tan δ", "modulus"), strict=True)
     with figure_of(8.6, 6.4, experiment.title) as figure:
         panels = figure.subplots(2, 1, sharex=True)
-        for axes, (values, scatter, label) in zip(panels, parts, strict=True):
+        for axes, (values, counts, label) in zip(panels, parts, strict=True):
             axes.axhline(0.0, color=BLACK, linewidth=0.8)
-            if scatter in fit.posterior["posterior"].to_dataset():
-                half = HALF_WIDTH * mean_of(fit, scatter)
-                for level in (-half, half):
-                    axes.axhline(level, color=BLACK, linestyle=":", linewidth=0.8)
+            for level in (-HALF_WIDTH, HALF_WIDTH):
+                axes.axhline(level, color=BLACK, linestyle=":", linewidth=0.8)
             for own in _spectra(fit) if values.size else ():
+                rows = own.rows[counts[own.rows]]
                 axes.plot(
-                    period[own.rows],
-                    values[own.rows],
+                    period[rows],
+                    values[rows],
                     marker="o",
                     markersize=3.5,
                     linewidth=0.8,
                     color=own.colour,
                     label=own.label,
                 )
-            axes.set_ylabel(f"residual of {label} (–)")
+            axes.set_ylabel(f"residual of ln {label} / its sd")
         panels[0].set_xscale("log")
-        panels[0].legend(loc="best", ncols=4, fontsize=8)
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right center")
         panels[1].set_xlabel(PERIOD_LABEL)
     return figure
 

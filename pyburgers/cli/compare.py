@@ -90,7 +90,10 @@ def _compare_by_point(options: argparse.Namespace, fits: Mapping[str, Fit]) -> i
     print(comparison_table(comparison).round(2).to_string())
     for sentence in sentences(comparison):
         print(sentence)
-    print(f"\nHow far each parameter moves from {next(iter(fits))}, in its sd there:")
+    one = next(iter(fits))
+    print(
+        f"\nHow far each parameter moves from {one}, in its sd there, if it means the same in all:"
+    )
     print(parameter_shifts(fits).filter(like=MOVED).round(2).to_string())
     print(shown(f"numbers and figure: {options.out}"))
     return exit_code(comparison.reliable)

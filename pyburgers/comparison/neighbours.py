@@ -9,7 +9,7 @@ import pandas as pd
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import shown_quantity
-from pyburgers.model.neighbouring_laws import neighbouring_laws
+from pyburgers.model.neighbouring_laws import neighbouring_laws, redefined
 
 MOVED = " moved"
 """What names of columns with differences end with."""
@@ -56,12 +56,16 @@ def _command(*words: str | Path) -> str:
 
 
 def parameter_shifts(fits: Mapping[str, Fit]) -> pd.DataFrame:
-    """Return unit, mean, sd of the first fit; of others the mean, and its move over that sd."""
-    summaries = {name: fit.summary("SI") for name, fit in fits.items()}
-    (_, first), *others = summaries.items()
-    table = first[["unit", "mean", "sd"]]
+    """Return unit, mean, sd of the first fit; of others the mean, and its move over that sd.
+
+    Rows are quantities that all fits have, and that mean the same in all.
+    """
+    (_, first), *others = fits.items()
+    table = first.si_summary()[["unit", "mean", "sd"]]
     for name, other in others:
-        table = table.join(other["mean"].rename(f"{name} mean"), how="inner")
+        mean = other.si_summary()["mean"].rename(f"{name} mean")
+        apart = redefined(first.variant, other.variant)
+        table = table.join(mean.drop([*apart], errors="ignore"), how="inner")
         table[f"{name}{MOVED}"] = (table[f"{name} mean"] - table["mean"]) / table["sd"]
     return table.rename_axis("parameter")
 
@@ -70,7 +74,7 @@ def shift_sentences(fits: Mapping[str, Fit]) -> tuple[str, ...]:
     """Say how far each parameter moves from the first fit to each other one, the farthest first."""
     table = parameter_shifts(fits).filter(like=MOVED)
     sentences = []
-    for name in table:
+    for name in table if len(table) else ():
         by = table[name].sort_values(key=abs, ascending=False)
         moves = ", ".join(f"{shown_quantity(str(k)).label} {one:+.1f}" for k, one in by.items())
         other = str(name).removesuffix(MOVED)

@@ -18,7 +18,8 @@ class Law:
 
     `parameters` are those that it frees. `expression` is the law in an export; `{slower}` stands
     for a factor of the Kelvin viscosity. `own_stress` says whether it has a stress of its own,
-    `closed_form` whether stress cycles have a closed form.
+    `closed_form` whether stress cycles have a closed form. `redefines` are quantities of other laws
+    that mean something else in this one.
     """
 
     name: str
@@ -26,6 +27,7 @@ class Law:
     expression: str
     own_stress: bool = False
     closed_form: bool = True
+    redefines: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -103,6 +105,8 @@ _PEAK = (
 _SECOND = f" + peak_strength/maxwell_modulus*(1 - exp(-time/(({_TIME})*10^-peak_time_decades)))"
 _CREEP = "kelvin_strain/stress = "
 _BAND_PARAMETERS = ("relaxation_time_decades", "relaxation_exponent")
+_LONGEST_TIME = ("kelvin_viscosity",)
+_ONE_ELEMENT = ("kelvin_modulus", "kelvin_viscosity")
 
 
 def _nonlinear(name: str, parameter: str, factor: str) -> KelvinLaw:
@@ -116,6 +120,7 @@ def _nonlinear(name: str, parameter: str, factor: str) -> KelvinLaw:
         _RATE.format(nonlinear=f"*{factor}"),
         own_stress=True,
         closed_form=False,
+        redefines=_LONGEST_TIME,
     )
 
 
@@ -139,6 +144,7 @@ KELVIN_LAWS: Mapping[str, KelvinLaw] = MappingProxyType(
                 f"{_CREEP}{_ELEMENT}{_SECOND}",
                 times=(_PEAK_TIMES,),
                 without=("peak_width",),
+                redefines=_ONE_ELEMENT,
                 weak_priors={
                     _STRENGTH: {
                         "location": 0.3,
@@ -153,12 +159,14 @@ KELVIN_LAWS: Mapping[str, KelvinLaw] = MappingProxyType(
                 _BAND_PARAMETERS,
                 f"{_CREEP}{_BAND}",
                 times=(_BAND_TIMES,),
+                redefines=_LONGEST_TIME,
             ),
             KelvinLaw(
                 "extended_peak",
                 (*_BAND_PARAMETERS, _STRENGTH, "peak_time_decades", "peak_width"),
                 f"{_CREEP}{_BAND}{_PEAK}",
                 times=(_BAND_TIMES, _PEAK_TIMES),
+                redefines=_ONE_ELEMENT,
             ),
             KelvinLaw(
                 "andrade",
@@ -166,6 +174,7 @@ KELVIN_LAWS: Mapping[str, KelvinLaw] = MappingProxyType(
                 f"{_CREEP}(time/({_TIME}))^andrade_exponent/kelvin_modulus",
                 times=(RelaxationTimes("andrade_exponent", "endless"),),
                 conventions=("kelvin_modulus",),
+                redefines=_ONE_ELEMENT,
             ),
         )
     }
@@ -195,6 +204,8 @@ SPECTRUM_PARAMETERS: tuple[str, ...] = tuple(
 )
 """Parameters of the laws with several relaxation times."""
 
+_FLOW_POINTS = ("reference_stress", "reference_flow_rate")
+
 DASHPOT_LAWS: Mapping[str, DashpotLaw] = MappingProxyType(
     {
         law.name: law
@@ -202,12 +213,13 @@ DASHPOT_LAWS: Mapping[str, DashpotLaw] = MappingProxyType(
             DashpotLaw(
                 "power_law", (), "abs(stress)/fabric_factor", neighbours=("hyperbolic_sine",)
             ),
-            DashpotLaw("linear", (), "abs(stress)/fabric_factor"),
+            DashpotLaw("linear", (), "abs(stress)/fabric_factor", redefines=("beta",)),
             DashpotLaw(
                 "hyperbolic_sine",
                 ("breakdown_stress",),
                 "breakdown_stress*sinh(abs(stress)/(fabric_factor*breakdown_stress))",
                 own_stress=True,
+                redefines=_FLOW_POINTS,
                 words="Flow law that is proportional to small stresses and exponential in large "
                 "ones.",
             ),
@@ -217,6 +229,7 @@ DASHPOT_LAWS: Mapping[str, DashpotLaw] = MappingProxyType(
                 "max(abs(stress) - threshold_stress, 0)/fabric_factor",
                 own_stress=True,
                 closed_form=False,
+                redefines=_FLOW_POINTS,
                 stress_share=0.1,
                 words="Stress up to which a dashpot does not flow.",
             ),
@@ -265,6 +278,7 @@ HARDENING_LAWS: Mapping[str, HardeningLaw] = MappingProxyType(
                 " - abs(strain_rate)*backstress/backstress_limit)"
                 " - recovery_rate*(backstress*abs(backstress/backstress_limit)"
                 + _RECOVERING.format(boundaries=""),
+                redefines=_FLOW_POINTS,
                 driving="(stress - backstress)",
             ),
             HardeningLaw(
@@ -284,6 +298,7 @@ HARDENING_LAWS: Mapping[str, HardeningLaw] = MappingProxyType(
                     boundaries=f" + boundary_recovery*{_SOURCES}"
                     "*(backstress/reference_backstress)^3"
                 ),
+                redefines=(*_FLOW_POINTS, "recovery_rate"),
                 driving=f"(stress - backstress - {_SOURCES})",
                 density="*(backstress/reference_backstress)^2",
             ),

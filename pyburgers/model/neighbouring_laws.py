@@ -1,7 +1,7 @@
 """Which other laws data may hardly tell from that of a fit."""
 
 from pyburgers.model.fitted_test import Test
-from pyburgers.model.laws import DASHPOT_LAWS, KELVIN_LAWS
+from pyburgers.model.laws import DASHPOT_LAWS, HARDENING_LAWS, KELVIN_LAWS
 from pyburgers.model.variants import ModelVariant
 
 MOST_OF_A_PART = 2
@@ -27,4 +27,20 @@ def neighbouring_laws(variant: ModelVariant, test: Test) -> tuple[str, ...]:
         f"{part}={law}"
         for part, laws in nearest.items()
         for law in [one for one in laws if one in test.laws.get(part, (one,))][:MOST_OF_A_PART]
+    )
+
+
+def redefined(one: ModelVariant, other: ModelVariant) -> frozenset[str]:
+    """Return the quantities that do not mean the same under the laws of two variants."""
+    parts = (
+        (KELVIN_LAWS, one.kelvin, other.kelvin),
+        (DASHPOT_LAWS, one.maxwell, other.maxwell),
+        (HARDENING_LAWS, one.hardening, other.hardening),
+    )
+    return frozenset(
+        name
+        for laws, *pair in parts
+        if len({*pair}) > 1
+        for law in pair
+        for name in laws[law].redefines
     )

@@ -244,9 +244,18 @@ class SameData:
 
     @property
     def shifts(self) -> tuple[str, ...]:
-        """How far parameters move between fits with data of the group."""
-        fits = {one.name: one.fit for one in self.sections if one.fit.manifest["use_likelihood"]}
-        return shift_sentences(fits) if len(fits) > 1 else ()
+        """How far parameters move between fits with data of the group that were sampled well."""
+        with_data = [one for one in self.sections if one.fit.manifest["use_likelihood"]]
+        usable = {
+            one.name: one.fit
+            for one in with_data
+            if one.entry.verdicts[CheckKind.SAMPLING].outcome is Outcome.YES
+        }
+        if len(usable) < 2:
+            return ()
+        left_out = ", ".join(one.name for one in with_data if one.name not in usable)
+        told = f"Left out, because the posterior was not sampled well: {left_out}."
+        return (*shift_sentences(usable), *([told] if left_out else []))
 
     @property
     def left_to_prior(self) -> list[dict[str, str]]:

@@ -1,9 +1,11 @@
 """Fits under neighbouring laws: which, the commands that make them, how far parameters move."""
 
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from synthetic_fit import make_fit, with_problem
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.checks.verdicts import Verdict
@@ -13,8 +15,8 @@ from pyburgers.comparison.neighbours import (
     what_a_yes_leaves_open,
 )
 from pyburgers.fitting.fit import Fit
-from pyburgers.model.neighbouring_laws import neighbouring_laws
-from pyburgers.model.variants import ModelVariant
+from pyburgers.model.neighbouring_laws import neighbouring_laws, redefined
+from pyburgers.model.variants import ModelVariant, with_variant
 
 
 def described(outcome: Outcome) -> dict[CheckKind, Verdict]:
@@ -52,6 +54,37 @@ def test_nothing_is_left_open_without_a_yes(
 ) -> None:
     monkeypatch.setattr(Fit, "verdicts", lambda _: described(outcome))
     assert what_a_yes_leaves_open(small_fit) == ()
+
+
+@pytest.mark.parametrize(
+    ("laws", "expected"),
+    [
+        ({"residuals": "autocorrelated", "fabric": "constant"}, set()),
+        ({"kelvin": "power_law"}, {"kelvin_viscosity"}),
+        ({"kelvin": "andrade"}, {"kelvin_viscosity", "kelvin_modulus"}),
+        ({"maxwell": "threshold_stress"}, {"reference_stress", "reference_flow_rate"}),
+        (
+            {"hardening": "dislocations"},
+            {"reference_stress", "reference_flow_rate", "recovery_rate"},
+        ),
+    ],
+)
+def test_quantities_of_another_law_may_mean_something_else(
+    laws: dict[str, str], expected: set[str]
+) -> None:
+    other = replace(ModelVariant(), **laws)  # type: ignore[arg-type]
+    assert redefined(ModelVariant(), other) == redefined(other, ModelVariant()) == expected
+    assert not redefined(other, replace(other, grain_size="constant"))
+
+
+def test_only_what_means_the_same_moves(tmp_path: Path) -> None:
+    one, like = (make_fit(tmp_path / name, chains=2, draws=100) for name in ("one", "other"))
+    priors = with_variant(like.priors, like.experiment, {"maxwell": "threshold_stress"})
+    other = with_problem(like, like.experiment, priors)
+    assert "reference_stress" in parameter_shifts({"one": one, "like": like}).index
+    moved = parameter_shifts({"one": one, "other": other}).index
+    assert "reference_stress" not in moved
+    assert "stress_exponent" in moved
 
 
 def test_parameters_move_by_their_own_sd(small_fit: Fit, long_fit: Fit) -> None:

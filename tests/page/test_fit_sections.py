@@ -114,6 +114,15 @@ def test_a_conflict_names_the_fits_that_have_it(sections: list[Section]) -> None
     ]
 
 
+def test_parameters_move_between_fits_that_were_sampled_well(sections: list[Section]) -> None:
+    good, failed = sections
+    again = replace(good, name="again")
+    assert SameData((good, failed)).shifts == ()
+    moves, left_out = SameData((good, failed, again)).shifts
+    assert moves.startswith("From good to again parameters move by")
+    assert left_out == "Left out, because the posterior was not sampled well: failed."
+
+
 def test_what_is_the_priors_is_named_below_the_table(sections: list[Section]) -> None:
     one = SameData((decided(sections[0], {"p": "prior", "n": "conflict"}),))
     assert list(one.values.columns) == ["symbol", "quantity", "unit", "mean", "sd", DECISION]

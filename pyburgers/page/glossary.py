@@ -49,9 +49,10 @@ DEFINITIONS = {
     "activation enthalpy": "How strongly the strain rate grows with temperature.",
     "critical strain": "Strain over which grain size or fabric approach their steady state.",
     "fabric factor": "How the crystal fabric weakens the material; 1 where there is none.",
-    "reference stress": "Stress at which the power law of undeformed material flows at the "
-    "imposed rate.",
-    "reference flow rate": "Rate at which undeformed material flows under a reference stress.",
+    "reference stress": "Stress at which undeformed material would flow at the imposed rate by "
+    "its power law alone.",
+    "reference flow rate": "Rate at which undeformed material would flow under a reference stress "
+    "without threshold, backstress or further mechanism.",
     "tan δ": "Attenuation: tangent of the angle by which strain lags stress.",
     "Maxwell time": "Time in which flow makes as much strain as the elastic one.",
     "relaxation times": "Times after which strain that comes late has come.",

@@ -491,6 +491,8 @@ def test_an_oscillation_says_what_was_done_to_the_record(shown: Page) -> None:
     # The curve on the same page has its own.
     assert shown.text.count("Strain rate 1.69 × 10") == 1
     assert shown.text.count("The reference stress S") == 1
+    # True under laws with a threshold or a backstress too.
+    assert shown.text.count("by its power law alone") == 2
 
 
 def test_amplitude_and_lag_stand_beside_those_of_replicated_data(

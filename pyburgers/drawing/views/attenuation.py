@@ -368,9 +368,9 @@ VIEW = View(
     curve=fitted_curve,
     facts=facts,
     reference_text=Markup(
-        "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the dashpot flows at the "
-        "temperature of the file's head and the largest stress of the table (1 MPa where none is "
-        "stated), follows from the other parameters, and so does its prior."
+        "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the dashpot would flow by its "
+        "power law alone at the temperature of the file's head and the largest stress of the table "
+        "(1 MPa where none is stated), follows from the other parameters, and so does its prior."
     ),
     tables=lambda fit: (rms_table(fit),),
 )

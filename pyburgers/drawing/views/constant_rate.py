@@ -131,8 +131,8 @@ VIEW = View(
     curve=fitted_curve,
     facts=facts,
     reference_text=Markup(
-        "The reference stress <i>S</i><sub>0</sub>, at which the power law of the undeformed "
-        "material flows at the first imposed rate, follows from the other parameters, and so does "
-        "its prior."
+        "The reference stress <i>S</i><sub>0</sub>, at which undeformed material would flow at the "
+        "first imposed rate by its power law alone (without threshold, backstress, hyperbolic sine "
+        "or further mechanism), follows from the other parameters, and so does its prior."
     ),
 )

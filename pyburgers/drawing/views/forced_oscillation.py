@@ -289,10 +289,10 @@ VIEW = View(
     curve=fitted_curve,
     facts=facts,
     reference_text=Markup(
-        "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the dashpot flows at the grain "
-        "size of the start and at the bias or the amplitude of the stress, whichever is larger (at "
-        "the amplitude where the background is removed), follows from the other parameters, and so "
-        "does its prior."
+        "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the dashpot would flow by its "
+        "power law alone at the grain size of the start and at the bias or the amplitude of the "
+        "stress, whichever is larger (at the amplitude where the background is removed), follows "
+        "from the other parameters, and so does its prior."
     ),
     tables=lambda fit: (response_page_table(fit),),
 )

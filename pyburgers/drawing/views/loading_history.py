@@ -337,9 +337,10 @@ VIEW = View(
     curve=fitted_curve,
     facts=facts,
     reference_text=Markup(
-        "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the undeformed material flows "
-        "under the largest stress of the test (with a hyperbolic sine, the material after its "
-        "largest strain), follows from the other parameters, and so does its prior."
+        "The reference flow rate <i>ε̇</i><sub>0</sub>, at which undeformed material would flow "
+        "under the largest stress of the test without threshold, backstress or further mechanism "
+        "(with a hyperbolic sine, the material after its largest strain), follows from the other "
+        "parameters, and so does its prior."
     ),
     tables=minimum_rate_table,
     joint_figures=isochronous_figure,

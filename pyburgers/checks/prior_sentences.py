@@ -88,8 +88,8 @@ def decision_text(
     name: str, decided_by: str, by_prior_of: str, symbol: Callable[[str], str] = symbol_of
 ) -> str:
     """Say who decides a quantity, from its `decision_columns`, such as ``prior (of Q_M)``."""
-    if by_prior_of in ("", name):
-        return decided_by
+    if by_prior_of.removesuffix(READ_OFF) in ("", name):
+        return decided_by + READ_OFF * by_prior_of.endswith(READ_OFF)
     shown = [
         symbol(one.removesuffix(READ_OFF)) + READ_OFF * one.endswith(READ_OFF)
         for one in by_prior_of.split("; ")
@@ -157,12 +157,21 @@ def _decisions(influences: Mapping[str, Influence]) -> Iterator[str]:
         if one.bound is not None:
             yield _bound_sentence(name, one.bound)
         elif one.origin is Origin.PRIOR and one.priors[0] != one.name:
-            other = one.priors[0]
-            yield (
-                f"The prior of {_label(other)} decides {_label(name)}, not the data. If that prior "
-                f"moved by one of its standard deviations, {symbol_of(name)} would move by "
-                f"{abs(one.moves[other]):.2f} of its own."
-            )
+            yield _priors_sentence(name, one)
+
+
+def _priors_sentence(name: str, one: Influence) -> str:
+    label, by = _label(name), " and ".join(map(_label, one.priors))
+    moves = " or ".join(f"{abs(one.moves[prior]):.2f}" for prior in one.priors)
+    said, which = (
+        (f"The prior of {by} decides {label}", "that prior")
+        if len(one.priors) == 1
+        else (f"The priors of {by} together decide {label}", "one of them")
+    )
+    return (
+        f"{said}, not the data. If {which} moved by one of its standard deviations, "
+        f"{symbol_of(name)} would move by {moves} of its own."
+    )
 
 
 def read_off_sentences(names: Collection[str]) -> tuple[str, ...]:

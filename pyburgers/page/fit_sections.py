@@ -9,7 +9,7 @@ import pandas as pd
 
 from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
 from pyburgers.checks.prior_influence import Origin
-from pyburgers.checks.prior_sentences import influence_numbers
+from pyburgers.checks.prior_sentences import READ_OFF, influence_numbers
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.csv_tables import csv_text
 from pyburgers.comparison.neighbours import shift_sentences, what_a_yes_leaves_open
@@ -28,9 +28,6 @@ from pyburgers.page.posterior_figures import figures_for
 
 NAMED = ["symbol", "quantity", "unit"]
 """Columns of a table of parameters that say what a row is about."""
-
-OF_THE_PRIOR = Origin.PRIOR.value
-"""Cell of a number that its own prior decides."""
 
 DOUBTFUL = (Origin.PRIOR, Origin.CONFLICT, Origin.BOUND, Origin.CANNOT_TELL)
 """Who decides a number that the data do not."""
@@ -114,6 +111,11 @@ class Section:
         return what_a_yes_leaves_open(self.fit)
 
     @property
+    def intervals(self) -> pd.DataFrame:
+        """Mean, sd and interval of each parameter beside its prior."""
+        return self.parameters.drop(columns=tables.VALUE)
+
+    @property
     def passed(self) -> list[CheckResult]:
         """Checks that passed."""
         return [one for one in self.entry.checks if one.passed]
@@ -135,6 +137,8 @@ def write_section(key: str, name: str, fit: Fit, out: Path) -> Section:
     influences = fit.decisions()
     if influences:
         files["influence"] = influence_numbers(influences).reset_index()
+    parameters = tables.result_table(summary, fit.priors, truth)
+    quoted = tables.quoted(fit, summary, parameters, influences)
     more_tables = view_of(fit.experiment).tables(fit)
     files |= {table.name: table.saved for table in more_tables}
     for table_name, table in files.items():
@@ -144,7 +148,7 @@ def write_section(key: str, name: str, fit: Fit, out: Path) -> Section:
         name=name,
         fit=fit,
         entry=entry_of(key, name, fit, checks, influences),
-        parameters=tables.result_table(summary, fit.priors, truth),
+        parameters=parameters.assign(**{tables.VALUE: quoted}),
         priors=files["priors"],
         sampler=sampler,
         fixed=tuple(
@@ -225,14 +229,14 @@ class SameData:
     def values(self) -> pd.DataFrame:
         """Return what data say of the parameters: rows that are not the prior's in every fit.
 
-        All cells are text. Columns are symbol, quantity and unit, then of one fit mean, sd and,
-        with a likelihood, what decides. Several fits have mean ± sd of each. There, the word prior
+        All cells are text. Columns are symbol, quantity and unit, then of one fit the value and,
+        with a likelihood, what decides. Several fits have the value of each. There, the word prior
         takes the place of a number that its own prior decides. If neither data nor that prior
         decides, brackets say who does.
         """
         if not self.others:
             decided = [tables.DECISION] if tables.DECISION in self.first.parameters else []
-            columns = [*NAMED, "mean", "sd", *decided]
+            columns = [*NAMED, tables.VALUE, *decided]
             return self._rows(self.first.parameters[columns], left_to_prior=False)
         rows = _union(section.parameters[NAMED] for section in self.sections)
         for section in self.sections:
@@ -287,7 +291,7 @@ class SameData:
             for symbol, decided in zip(
                 section.parameters["symbol"], _decided_by(section.parameters), strict=True
             )
-            if decided != OF_THE_PRIOR
+            if not _is_own_prior(decided)
         }
         is_left = ~table["symbol"].isin(by_data)
         return table[is_left if left_to_prior else ~is_left].reset_index(drop=True)
@@ -312,13 +316,17 @@ def _decided_by(parameters: pd.DataFrame) -> list[str]:
 
 
 def _in_one_cell(parameters: pd.DataFrame) -> list[str]:
-    """Mean ± sd of each quantity, and who decides it where the data do not."""
+    """Value of each quantity, and who decides it where the data do not."""
     cells = []
-    for row, decided in zip(parameters.to_dict("records"), _decided_by(parameters), strict=True):
-        value = f"{row['mean']} ± {row['sd']}"
+    for value, decided in zip(parameters[tables.VALUE], _decided_by(parameters), strict=True):
         doubted = f"{value} [{decided}]" if decided.startswith((*DOUBTFUL, Origin.BOTH)) else value
-        cells.append(OF_THE_PRIOR if decided == OF_THE_PRIOR else doubted)
+        cells.append(decided if _is_own_prior(decided) else doubted)
     return cells
+
+
+def _is_own_prior(decided: str) -> bool:
+    """Whether its own prior alone decides a number, be it read off the data or not."""
+    return decided.removesuffix(READ_OFF) == Origin.PRIOR
 
 
 def _union(parts: Iterable[pd.DataFrame]) -> pd.DataFrame:

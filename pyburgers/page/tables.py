@@ -12,11 +12,13 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckResult, Outcome
+from pyburgers.checks.prior_influence import Influence
 from pyburgers.checks.prior_sentences import ORIGIN_RULES, decision_text
 from pyburgers.common.units import number, rounded
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import prior_text, shown_quantity, symbol_text, unit_text
+from pyburgers.model.laws import KELVIN_LAWS
 from pyburgers.model.parameters import PARAMETER_BY_NAME, Parameter
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
@@ -67,11 +69,51 @@ def result_table(
     return table
 
 
-LONGEST_NUMBER = 8
+LONGEST_NUMBER = 7
 """Characters of a number in a table, if its width does not need more."""
+
+WIDE = 0.75
+"""Standard deviation over the mean from which mean ± sd says little of a positive number: a normal
+distribution would have a tenth of its draws below 0."""
+
+VALUE = "value"
+"""Title of the column with `quoted`."""
 
 DECISION = "decided by"
 """Title of the column that says who decides a number (`pyburgers.checks.prior_influence`)."""
+
+
+def quoted(
+    fit: Fit, summary: pd.DataFrame, shown: pd.DataFrame, influences: Mapping[str, Influence]
+) -> list[str]:
+    """Return what to quote of each row of `Fit.summary` in SI units; `shown` is its `result_table`.
+
+    It is mean ± sd; median and central 90 % of a positive number that is too wide for that; and
+    the other end of the interval, as a limit, at a bound where the model ends.
+    """
+    law = KELVIN_LAWS[fit.variant.kelvin]
+    held = [fit.priors[name] for name in law.conventions if fit.priors[name].is_fixed]
+    at = "".join(
+        f" (at {fixed['symbol']} = {fixed['mean']} {fixed['unit']})"
+        for fixed in (fixed_row(PARAMETER_BY_NAME[prior.parameter], prior) for prior in held)
+    )
+    texts = []
+    for (name, row), cells in zip(summary.iterrows(), shown.to_dict("records"), strict=True):
+        bound = influences[str(name)].bound if str(name) in influences else None
+        if bound is not None and bound.is_physical:
+            is_lower = bound.side == "lower"
+            text = f"< {cells['95 %']}" if is_lower else f"> {cells['5 %']}"
+        elif row["q5"] > 0 and row["sd"] > WIDE * row["mean"]:
+            factor = shown_quantity(str(name)).display_factor
+            median = float(fit.posterior["posterior"][str(name)].median())
+            low, middle, high = (
+                number(float(f"{end * factor:.2g}")) for end in (row["q5"], median, row["q95"])
+            )
+            text = f"{middle} ({low} to {high})"
+        else:
+            text = f"{cells['mean']} ± {cells['sd']}"
+        texts.append(text + at * (name in law.redefines))
+    return texts
 
 
 def table_of_deciders() -> pd.DataFrame:

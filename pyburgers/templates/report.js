@@ -159,7 +159,7 @@ for (const part of [stage, ...all(".picture")]) {
 
 // Tables of results as text for other programs.
 const cells = (row) => [...row.cells];
-const asText = (text) => /^[=+@-]/.test(text) && Number.isNaN(Number(text)) ? "'" + text : text; // no formula of a spreadsheet
+const asText = (text) => /^[=+@-]/.test(text) && Number.isNaN(Number(text.replace(/ ± [\d.]+$/, ""))) ? "'" + text : text; // no formula of a spreadsheet
 const quoted = (text) => /[",\n]/.test(text) ? '"' + text.replaceAll('"', '""') + '"' : text;
 const asCsv = (table) => [...table.rows].map((row) => cells(row).map((cell) => quoted(asText(cell.innerText.trim()))).join(",")).join("\n") + "\n";
 const marks = { "\\": "\\textbackslash{}", "{": "\\{", "}": "\\}", "&": "\\&", "%": "\\%", "$": "\\$", "#": "\\#", "_": "\\_", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}", "±": "$\\pm$", "−": "$-$", "µ": "$\\mu$", "·": "$\\cdot$", "×": "$\\times$", "–": "--", "‑": "-", "⁻": "$^{-}$", "⁶": "$^{6}$", "∞": "$\\infty$" };

@@ -267,6 +267,20 @@ def test_what_is_said_of_a_figure_stands_beside_it_where_there_is_room(
     assert (said["y"] >= figure["y"] + figure["height"]) is not is_beside
 
 
+@pytest.mark.parametrize("width", [1160, 1200, 1280])
+def test_what_decides_numbers_of_a_fit_is_not_cut_off(
+    browser: Any, page_file: Path, width: int
+) -> None:
+    visit = Visit(browser, page_file, width=width)
+    room = visit.tab.eval_on_selector_all(
+        ".beside .scroll:has(> .values)",
+        "all => all.map((one) => one.clientWidth - one.scrollWidth)",
+    )
+    visit.tab.close()
+    assert room
+    assert min(room) >= 0
+
+
 def test_a_folded_fit_opens_from_a_link(browser: Any, page_file: Path) -> None:
     visit = Visit(browser, page_file)
     folded = visit.tab.locator("details.variant")
@@ -321,11 +335,15 @@ def test_results_can_be_copied(browser: Any, page_file: Path) -> None:
         "{ value: { writeText: async (text) => { window.copied.push(text); } } }); }"
     )
     section = visit.tab.locator("section.experiment").first
+    section.locator(".values tbody tr td:nth-child(4)").first.evaluate(
+        "(cell) => { cell.innerText = '-0.254 ± 0.076'; }"
+    )
     section.get_by_role("button", name="Copy CSV").click()
     section.get_by_role("button", name="Copy LaTeX").click()
     csv, latex = visit.tab.evaluate("window.copied")
     visit.tab.close()
-    assert csv.startswith("symbol,quantity,unit,mean,sd")
+    assert csv.startswith("symbol,quantity,unit,value,decided by")
+    assert csv.splitlines()[1].split(",")[3] == "-0.254 ± 0.076"  # no formula
     assert len({line.count("\\\\") for line in latex.splitlines() if "&" in line}) == 1
     assert latex.startswith("\\begin{tabular}{")
     assert "$n$ & stress exponent" in latex

@@ -94,6 +94,10 @@ def test_n_on_a_trade_off_is_decided_by_the_prior_of_the_enthalpy() -> None:
     assert decision_text("stress_exponent", "prior", "activation_enthalpy") == "prior (of Q_M)"
     assert decision_text("beta", "prior", "beta") == "prior"
     assert decision_text("beta", "data", "") == "data"
+    # Its own prior alone needs no brackets, but for what it was read off.
+    assert decision_text("beta", "prior", "beta [read off these data]") == (
+        "prior [read off these data]"
+    )
     (sentence,) = decision_sentences(found)
     assert sentence.startswith(
         "The prior of activation enthalpy decides stress exponent, not the data. If that prior"
@@ -186,6 +190,17 @@ def test_a_posterior_piled_against_a_bound_is_no_measurement() -> None:
     (sentence,) = decision_sentences({"kelvin_modulus": found})
     assert "as a limit" in sentence
     assert "Widen" not in sentence
+
+
+def test_priors_that_decide_together_are_all_named() -> None:
+    two = Influence("beta", {"activation_enthalpy": 0.58, "beta": -0.55, "stress_exponent": 0.3})
+    assert two.origin is Origin.PRIOR
+    (sentence,) = decision_sentences({"beta[A]": two})
+    assert sentence == (
+        "The priors of activation enthalpy and pre-exponent ln(A)/Q together decide "
+        "pre-exponent ln(A)/Q[A], not the data. If one of them moved by one of its standard "
+        "deviations, β[A] would move by 0.58 or 0.55 of its own."
+    )
 
 
 def test_a_bound_does_not_hide_the_prior_that_would_decide_without_it() -> None:

@@ -10,9 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.container import ErrorbarContainer
 
 from pyburgers.common.array_types import FloatArray
-from pyburgers.drawing.views.attenuation import master_curves, residuals
+from pyburgers.drawing.views.attenuation import arrhenius, master_curves, residuals
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.model.priors import PriorSet, default_priors
+from pyburgers.model.variants import with_variant
 
 SHAPE = (2, 1000)
 
@@ -43,13 +44,25 @@ def fit() -> Drawn:
     }
     place = np.searchsorted(np.sort(experiment.position), places)
     along = response[..., np.argsort(experiment.position)][..., place]
-    predictions = {"log_reading": (("chain", "draw", "place"), along)}
+    names = ("log_reading", "log_relaxation_time", "log_maxwell_time")
+    predictions = dict.fromkeys(names, (("chain", "draw", "place"), along))
     tree = {
         name: xr.Dataset({"log_reading": (("chain", "draw", "point"), values)})
         for name, values in at_points.items()
     }
     tree["predictions"] = xr.Dataset(predictions, {"place": places})
     return Drawn(experiment, default_priors("olivine"), xr.DataTree.from_dict(tree), error)
+
+
+@pytest.mark.parametrize(
+    ("law", "times"), [("linear", ["Kelvin part"]), ("extended", ["Kelvin part"]), ("andrade", [])]
+)
+def test_a_law_without_longest_time_has_no_relaxation_time(
+    fit: Drawn, law: str, times: list[str]
+) -> None:
+    priors = with_variant(fit.priors, fit.experiment, {"kelvin": law})
+    drawn = {line.get_label() for line in arrhenius(replace(fit, priors=priors)).axes[0].lines}
+    assert drawn == {*times, "Maxwell time of the dashpot"}
 
 
 def test_residuals_are_over_the_error_of_each_reading_and_leave_limits_out(fit: Drawn) -> None:

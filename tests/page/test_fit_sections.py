@@ -125,7 +125,7 @@ def test_parameters_move_between_fits_that_were_sampled_well(sections: list[Sect
 
 def test_what_is_the_priors_is_named_below_the_table(sections: list[Section]) -> None:
     one = SameData((decided(sections[0], {"p": "prior", "n": "conflict"}),))
-    assert list(one.values.columns) == ["symbol", "quantity", "unit", "mean", "sd", DECISION]
+    assert list(one.values.columns) == ["symbol", "quantity", "unit", "value", DECISION]
     assert [row["symbol"] for row in one.left_to_prior] == ["p"]
     assert len(one.values) + 1 == len(sections[0].parameters)
     disputed = one.values["symbol"][pd.Series(one.doubtful[DECISION])]
@@ -140,6 +140,12 @@ def test_numbers_of_several_fits_stand_side_by_side(sections: list[Section]) -> 
     assert [row["symbol"] for row in both.left_to_prior] == ["p"]
     assert "p" not in rows.index
     assert rows["good"]["n"] == "prior"
+    marked = "prior [read off these data]"
+    read_off = SameData((decided(sections[0], {"n": marked}), failed))
+    assert read_off.values.set_index("symbol")["good"]["n"] == marked
+    assert "n" in {
+        row["symbol"] for row in SameData((decided(sections[0], {"n": marked}),)).left_to_prior
+    }
     numbers = failed.parameters.set_index("symbol").loc["n"]
     assert rows["failed"]["n"] == f"{numbers['mean']} ± {numbers['sd']}"
     assert rows["failed"]["E_M"].endswith(" [conflict]")

@@ -30,6 +30,7 @@ from pyburgers.drawing.views.oscillation_response import (
     replicated_response,
     response_table,
 )
+from pyburgers.drawing.views.softening import softening_caption
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.experiment import of_kind
@@ -104,6 +105,7 @@ def test_the_figure_of_softening_shows_shares_and_factors_within_its_panels(tmp_
     (axes,) = (one for one in figure.axes if "share" in one.get_title("left"))
     assert axes.get_xlim() == (0.0, 2.0)
     assert {"median 0.50", "10 % of draws lie beyond"} <= set(legend_texts(figure))
+    assert "legend counts draws beyond" in softening_caption("end")
     hardened = softened(fit, fabric_factor=2.5)
     (axes,) = (one for one in hardened.axes if "fabric" in one.get_title("left"))
     low, high = axes.get_ylim()

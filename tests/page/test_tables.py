@@ -2,9 +2,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from synthetic_fit import TRUTH, make_fit, make_prior, uniform
+from synthetic_fit import TRUTH, make_fit, make_prior, uniform, with_problem
 
-from pyburgers.checks.prior_influence import Origin
+from pyburgers.checks.prior_influence import Bound, Influence, Origin
 from pyburgers.checks.prior_sentences import decision_text
 from pyburgers.common.units import duration_text, number, rounded
 from pyburgers.fitting.fit import Fit
@@ -12,6 +12,7 @@ from pyburgers.kinds.program_data import fixed_in_effect
 from pyburgers.model.display import prior_text, shown_quantity, symbol_text, unit_text
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PARAMETERS, PROGRAM_PARAMETERS
 from pyburgers.model.prior_families import Prior
+from pyburgers.model.variants import with_variant
 from pyburgers.page import tables
 from pyburgers.page.glossary import with_definitions
 from pyburgers.page.run_records import runs_table
@@ -103,6 +104,50 @@ def test_a_page_says_what_decides_a_number_and_how_far_it_is_off(fit: Fit) -> No
     assert fit.priors["beta"].is_fixed
     assert "pre-exponent ln(A)/Q" not in rows
     assert "truth" not in tables.result_table(summary, fit.priors, None)
+
+
+def test_what_to_quote_is_a_limit_at_a_bound_and_a_median_of_a_wide_number(fit: Fit) -> None:
+    summary = fit.summary("SI")
+    shown = tables.result_table(summary, fit.priors, None)
+    rows = {name: k for k, name in enumerate(summary.index)}
+
+    def quoted(name: str, **of_summary: float) -> str:
+        bounds = {
+            "stress_exponent": Bound("upper", 5.0, 0.4, is_physical=True),
+            "grain_size_exponent": Bound("lower", 0.0, 0.4, is_physical=True),
+            "maxwell_modulus": Bound("lower", 1e9, 0.4, is_physical=False),
+        }
+        influences = {name: Influence(name, {}, bound=one) for name, one in bounds.items()}
+        changed = summary.astype(dict.fromkeys(of_summary, float))
+        for key, value in of_summary.items():
+            changed.loc[name, key] = value
+        return tables.quoted(fit, changed, shown, influences)[rows[name]]
+
+    cells = {name: shown.iloc[k] for name, k in rows.items()}
+    assert quoted("stress_exponent") == f"> {cells['stress_exponent']['5 %']}"
+    assert quoted("grain_size_exponent") == f"< {cells['grain_size_exponent']['95 %']}"
+    for name in ("maxwell_modulus", "kelvin_viscosity"):
+        assert quoted(name) == f"{cells[name]['mean']} ± {cells[name]['sd']}"
+    median = float(fit.posterior["posterior"]["kelvin_viscosity"].median()) / 1e9
+    wide = {"mean": 2e16, "sd": 8e16, "q5": 2.5e14, "q95": 6.6e16}
+    assert (
+        quoted("kelvin_viscosity", **wide)
+        == f"{number(float(f'{median:.2g}'))} (250000 to 6.6e+07)"
+    )
+    # A number of either sign has no median in its place.
+    assert "±" in quoted("kelvin_viscosity", **{**wide, "q5": -1e14})
+
+
+def test_a_number_that_data_fix_with_a_convention_is_quoted_for_it(fit: Fit) -> None:
+    priors = with_variant(fit.priors, fit.experiment, {"kelvin": "andrade"})
+    summary = fit.summary("SI")
+    shown = tables.result_table(summary, priors, None)
+    found = tables.quoted(with_problem(fit, fit.experiment, priors), summary, shown, {})
+    texts = dict(zip(summary.index, found, strict=True))
+    assert texts["kelvin_viscosity"].endswith(
+        f" (at E_K = {priors['kelvin_modulus'].location / 1e9:g} GPa)"
+    )
+    assert "(" not in texts["maxwell_modulus"]
 
 
 def test_each_source_of_a_prior_stands_once(fit: Fit) -> None:

@@ -155,10 +155,10 @@ def compliances(tan_delta: FloatArray, modulus: FloatArray) -> tuple[FloatArray,
 @recipe(
     "arrhenius",
     "Relaxation times",
-    "Relaxation time η_K/E_K of the Kelvin part against inverse temperature, and beside it the "
-    "Maxwell time of the dashpot, which is the flow law's: lines are posterior medians, areas 90 % "
-    "of draws. The slope of a line is its activation enthalpy. Beyond the periods of the table a "
-    "time is what the law makes of it, not what was seen.",
+    "Relaxation time η_K/E_K of the Kelvin part against inverse temperature, unless it has no "
+    "longest one, and the Maxwell time of the dashpot, which is the flow law's: lines are "
+    "posterior medians, areas 90 % of draws. The slope of a line is its activation enthalpy. "
+    "Beyond the periods of the table a time is what the law makes of it, not what was seen.",
     lambda fit: relaxation_result(fit),
 )
 def arrhenius(fit: FittedTest) -> Figure:
@@ -173,10 +173,11 @@ def arrhenius(fit: FittedTest) -> Figure:
         axes = figure.subplots()
         seen = conditions.period.min(), conditions.period.max()
         axes.axhspan(*seen, color="#e6e6e6", linewidth=0, label="periods of the table")
+        # Without a longest time η_K/E_K is one by convention.
         for name, colour, label in (
             ("log_relaxation_time", BLUE, "Kelvin part"),
             ("log_maxwell_time", VERMILION, "Maxwell time of the dashpot"),
-        ):
+        )[is_endless(fit) :]:
             times = np.exp(predicted(fit, name)[:, first])
             draw_band(axes, 1e4 / temperature[order], times[:, order], colour, label)
         axes.set(yscale="log", xlabel=r"$10^4/T$ (1/K)", ylabel="time (s)")
@@ -321,10 +322,10 @@ def rms_result(fit: FittedTest) -> str:
 
 
 def relaxation_result(fit: FittedTest) -> str:
-    """Say between which relaxation times of the Kelvin part the temperatures lie."""
-    median = np.exp(np.median(predicted(fit, "log_relaxation_time"), axis=0))
-    what = "times until the creep is the stress over E_K" if is_endless(fit) else "relaxation times"
-    return f"median {what} go from {median.min():.2g} to {median.max():.2g} s."
+    """Say between which relaxation times of the Kelvin part, or Maxwell times, the rows lie."""
+    name, what = ("maxwell", "Maxwell") if is_endless(fit) else ("relaxation", "relaxation")
+    median = np.exp(np.median(predicted(fit, f"log_{name}_time"), axis=0))
+    return f"median {what} times go from {median.min():.2g} to {median.max():.2g} s."
 
 
 def facts(experiment: AttenuationExperiment) -> Sequence[tuple[str, str]]:

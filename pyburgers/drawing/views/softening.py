@@ -71,9 +71,9 @@ def softening_caption(end: str) -> str:
         "the power law, and their product; lines are posterior medians, areas hold 90 % of draws. "
         "(d) Share of grain size in the total softening (logarithms) at the "
         f"{end}; below 0 or above 1 one of the two "
-        "hardens, and the outermost 1 % of draws may be cut off. If this histogram is broad, "
-        "the data do not tell which mechanism softened the material. Circles with bars: measured, "
-        "with standard deviation."
+        "hardens. The legend counts draws beyond the axis, if they are more than 1 %. If this "
+        "histogram is broad, the data do not tell which mechanism softened the material. Circles "
+        "with bars: measured, with standard deviation."
     )
 
 

@@ -114,7 +114,8 @@ def master_curves(fit: FittedTest) -> Figure:
         upper.set(xscale="log", yscale="log", ylabel=TAN_DELTA_LABEL)
         modulus = MODULUS_NAMES[experiment.elasticity.deformation]
         lower.set(xlabel=PERIOD_LABEL, ylabel=f"{modulus} (GPa)")
-        upper.legend(loc="best", ncols=2)
+        # Bars can lie anywhere in the panel.
+        figure.legend(*upper.get_legend_handles_labels(), loc="outside lower center", ncols=5)
     return figure
 
 

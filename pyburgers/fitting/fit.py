@@ -116,11 +116,17 @@ class Fit(SampledFit):
     @property
     def is_part(self) -> bool:
         """Whether this is the result of a joint fit for one test."""
-        return self.whole is not None
+        return len(self.manifest["experiments"]) > len(self.problem.experiments)
 
     @cached_property
     def fitted_conditions(self) -> tuple[Ranges, ...]:
-        """Conditions that each fitted test passed, also of tests that this is no result for."""
+        """Conditions that each fitted test passed, also of tests that this is no result for.
+
+        Examples
+        --------
+        >>> sorted(fit.fitted_conditions[0])
+        ['initial grain size', 'strain', 'strain rate', 'stress', 'temperature']
+        """
         tests = (self.whole or self).tests().values()
         return tuple(conditions_of(one.experiment, one.posterior) for one in tests)
 

@@ -82,7 +82,7 @@ def check(path: Path, *, tells_unread: bool = True) -> int:
     lines += [f"note: {note}" for note in sorted(notes) if errors]
     unread = (unread_note(look, content) for look in tables if tells_unread and not errors)
     lines += [f"note: {note}" for note in dict.fromkeys(unread) if note]
-    lines += [f"hint: {sentence}" for sentence in hints(path, content)]
+    lines += [f"hint: {sentence}" for sentence in hints(tables, content)]
     lines += [f"{'note' if one in notes else 'warning'}: {one}" for one in notices]
     if isinstance(loaded, Experiment):
         beside = (one for look in tables for one in contradictions(look, content, loaded))

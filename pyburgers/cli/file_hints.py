@@ -1,6 +1,6 @@
 """What may lie behind the errors of an experiment file."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -42,7 +42,7 @@ def looks(path: Path, content: Mapping[str, Any]) -> Iterator[TextTable]:
                 yield look_at(file)
 
 
-def hints(path: Path, content: Mapping[str, Any]) -> list[str]:
+def hints(tables: Sequence[TextTable], content: Mapping[str, Any]) -> list[str]:
     """Say what may be behind errors: how the text files look beside what the file says of them."""
     data = content.get("data")
     if not isinstance(data, dict):
@@ -51,15 +51,11 @@ def hints(path: Path, content: Mapping[str, Any]) -> list[str]:
     small_strain = (Experiment if kind is None else kind.experiment).small_strain
     found = [
         f"{look.path}: {hint}"
-        for look in looks(path, content)
+        for look in tables
         for hint in (*_hints_of(look, data, small_strain), *hints_of_names(look, content))
     ]
     if content.get("compression") != "negative":
-        found += [
-            f"{look.path}: {hint}"
-            for look in looks(path, content)
-            for hint in _hints_of_signs(look, data)
-        ]
+        found += [f"{look.path}: {hint}" for look in tables for hint in _hints_of_signs(look, data)]
     return list(dict.fromkeys(found))
 
 

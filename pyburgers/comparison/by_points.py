@@ -44,9 +44,6 @@ from pyburgers.sampling.options import recorded_options
 
 logger = logging.getLogger(__name__)
 
-NAMED_FITS = 'fits by name, such as {"shared": one, "separate": other}'
-"""Words for an argument."""
-
 
 def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Comparison:
     """Compare fits of the same data by leave-one-out cross-validation.
@@ -71,7 +68,8 @@ def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Compariso
     >>> comparison = pyburgers.compare({"one": fit, "same": fit})
     >>> sentence = comparison.pairs()[0].sentence()
     """
-    require_type("fits", fits, Mapping, NAMED_FITS)
+    by_name = 'fits by name, such as {"shared": one, "separate": other}'
+    require_type("fits", fits, Mapping, by_name)
     if len(fits) < 2:
         raise InputError(f"compare: found {counted(len(fits), 'fit')}, expected at least two.")
     check_same_data(fits)

@@ -127,7 +127,9 @@ class Fit(SampledFit):
         >>> sorted(fit.fitted_conditions[0])
         ['initial grain size', 'strain', 'strain rate', 'stress', 'temperature']
         """
-        tests = (self.whole or self).tests().values()
+        if self.whole is not None:
+            return self.whole.fitted_conditions
+        tests = self.tests().values()
         return tuple(conditions_of(one.experiment, one.posterior) for one in tests)
 
     @property

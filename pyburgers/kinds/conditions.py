@@ -161,18 +161,18 @@ def conditions_of(experiment: Experiment, posterior: xr.DataTree) -> Ranges:
 
 def outside(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
     """Say in which conditions a test leaves those that were fitted, a phrase for each."""
-    phrases = []
+    phrases, known = [], widest(fitted)
     for name, (low, high) in target.items():
-        known = [one[name] for one in fitted if name in one]
-        told = name in ENVIRONMENT_WORDS or (name in MECHANICAL and not known)
-        if told and len(known) < len(fitted):
+        is_partly_unknown = name in ENVIRONMENT_WORDS and any(name not in one for one in fitted)
+        if is_partly_unknown or (name in MECHANICAL and name not in known):
             unit, factor = SHOWN[name]
             phrases.append(
                 f"{name} {_range(low, high, factor)} {unit}".rstrip() + " (fitted: not stated)"
             )
-        if len(known) < len(fitted) and (told or not known):
             continue
-        least, most = min(low for low, _ in known), max(high for _, high in known)
+        if name not in known:
+            continue
+        least, most = known[name]
         rounding = TEMPERATURE_ROUNDING if name == "temperature" else ROUNDING
         if low < least * (1 - rounding) or high > most * (1 + rounding):
             unit, factor = SHOWN[name]

@@ -52,6 +52,7 @@ from pyburgers.predictions.stress_cycles import (
     HOLD_TIME,
     PAPER_REGIMES,
     Regime,
+    asked_conditions,
     checked_frequencies,
     checked_hold_time,
     checked_inputs,
@@ -276,14 +277,10 @@ def predict_attenuation(
     )
     if not isinstance(fit, Fit):
         return spectrum
-    frequency = spectrum["frequency"]
-    there = {
-        "temperature": (material.temperature, material.temperature),
-        **({} if grain_size is None else {"initial grain size": (grain_size, grain_size)}),
-        "period": (float(1 / frequency.max()), float(1 / frequency.min())),
-        "stress": (0.0, max(one.median_stress + one.amplitude for one in regimes)),
-        **environment_ranges(environment),
-    }
+    asked = asked_conditions(
+        [material.temperature], grain_size, frequencies=frequencies, regimes=regimes
+    )
+    there = {**asked, **environment_ranges(environment)}
     cautions = (
         *fit.cautions,
         *doubtful_conditions(fit.experiment.material, there, fit.fitted_conditions),

@@ -35,7 +35,7 @@ from pyburgers.predictions.exported import (
     exported,
     fitted_ranges,
 )
-from pyburgers.predictions.stress_cycles import Regime
+from pyburgers.predictions.stress_cycles import Regime, asked_conditions
 
 AnyFit = Fit | RateFit
 Kept = IntArray
@@ -78,7 +78,7 @@ def _creep_texts(form: CreepFormat, fit: AnyFit, stated: Stated, kept: Kept) -> 
             raise InputError(f"{form.code}: found no temperature, expected --temperature-K.")
         given = (fit.experiment.temperature,)
     notes = [
-        *_caution_lines(one, decide, fit, _asked(stated, given)),
+        *_caution_lines(one, decide, fit, asked_conditions(given, stated.grain_size)),
         f"State of the material: {laws.state}. It does not change here.",
         "Left out: elastic and transient strain; evolution of grain size and fabric.",
     ]
@@ -102,13 +102,12 @@ def _compliance_texts(
             f"{form.code}: found {len(stated.temperatures)} temperatures, expected one in a table."
         )
     found, one = shear_compliances(fit, stated, form.code), exported(fit)
-    frequencies = found.frequency
-    asked = {
-        **_asked(stated, stated.temperatures),
-        "period": (1 / float(frequencies.max()), 1 / float(frequencies.min())),
-    }
-    if stated.regime is not None:
-        asked["stress"] = (0.0, stated.regime.median_stress + stated.regime.amplitude)
+    asked = asked_conditions(
+        stated.temperatures,
+        stated.grain_size,
+        frequencies=found.frequency,
+        regimes=() if stated.regime is None else [stated.regime],
+    )
     names = [name for name in one.names if name != LOG_FACTOR]
     notes = [*_caution_lines(one, names, fit, asked), *found.notes]
     mean = "Mean of the posterior: means of J1 and of J2 over all draws."
@@ -128,16 +127,6 @@ def _heads(one: Exported, code: str, mean: str, kept: Kept) -> Iterator[tuple[st
         mean = mean.replace("posterior", "prior")
     for kind in (mean, *(f"Draw {k + 1} of {one.n_draws}." for k in kept)):
         yield f"{title}, model {one.variant}", kind
-
-
-def _asked(stated: Stated, temperatures: Sequence[float]) -> dict[str, tuple[float, float]]:
-    """Return conditions (SI) that a file is written for."""
-    found = {}
-    if temperatures:
-        found["temperature"] = (min(temperatures), max(temperatures))
-    if stated.grain_size is not None:
-        found["initial grain size"] = (stated.grain_size, stated.grain_size)
-    return found
 
 
 def _caution_lines(one: Exported, names: Sequence[str], fit: AnyFit, asked: Ranges) -> list[str]:

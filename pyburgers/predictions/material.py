@@ -76,7 +76,6 @@ def fitted_material(
         if name in draws and name not in experiment.without_effect
     }
     shape = parameters["maxwell_modulus"].shape
-    any_strain = np.ones(shape)
     check_environment(environment)
     for name, value in environment.items():
         parameters[name] = np.full(shape, value)
@@ -103,6 +102,7 @@ def fitted_material(
     laws = variant_of(fit.priors, experiment)
     if isinstance(fit, Fit) and fit.whole is not None:
         laws = fit.whole.variant  # a table tells nothing of what evolves in the other tests
+    any_strain = np.ones(shape)
     if laws.grain_size == "constant":
         parameters |= {"steady_state_grain_size": size, "critical_strain_grain_size": any_strain}
         parameters.pop("piezometer_reference_grain_size", None)

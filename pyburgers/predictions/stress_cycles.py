@@ -102,6 +102,23 @@ class Regime:
         return f"{median} ± {amplitude} {STRESS_UNIT}"
 
 
+def asked_conditions(
+    temperatures: Sequence[float],
+    grain_size: float | None,
+    *,
+    frequencies: Sequence[float] | FloatArray = (),
+    regimes: Sequence[Regime] = (),
+) -> dict[str, tuple[float, float]]:
+    """Return the ranges (SI) of conditions that a prediction is asked for, those that are given."""
+    given: Mapping[str, Sequence[float] | FloatArray] = {
+        "temperature": temperatures,
+        "initial grain size": () if grain_size is None else (grain_size,),
+        "period": 1 / np.asarray(frequencies, dtype=np.float64),
+        "stress": [0.0] * bool(regimes) + [one.median_stress + one.amplitude for one in regimes],
+    }
+    return {name: (float(min(one)), float(max(one))) for name, one in given.items() if len(one)}
+
+
 PAPER_REGIMES = (
     Regime(1e6, 0.17e6),
     Regime(1.5e6, 0.5e6),

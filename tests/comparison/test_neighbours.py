@@ -3,6 +3,7 @@
 import shlex
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from synthetic_fit import make_fit, with_problem
@@ -70,9 +71,9 @@ def test_nothing_is_left_open_without_a_yes(
     ],
 )
 def test_quantities_of_another_law_may_mean_something_else(
-    laws: dict[str, str], expected: set[str]
+    laws: dict[str, Any], expected: set[str]
 ) -> None:
-    other = replace(ModelVariant(), **laws)  # type: ignore[arg-type]
+    other = replace(ModelVariant(), **laws)
     assert redefined(ModelVariant(), other) == redefined(other, ModelVariant()) == expected
     assert not redefined(other, replace(other, grain_size="constant"))
 

@@ -14,7 +14,7 @@ from imposed_stress import (
 )
 from stan_values import PHYSICS
 
-from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.common.errors import SamplingError
 from pyburgers.predictions.attenuation import attenuation_spectrum
 from pyburgers.predictions.stress_cycles import PAPER_REGIMES, Regime
 
@@ -146,31 +146,6 @@ def test_the_elements_follow_the_imposed_stress() -> None:
     # The mean of sin^4 is 3/8, that of sin^2 1/2.
     mean_rate = 1.778058e-31 * (4e6**4 + 3 * 4e6**2 * 1.5e6**2 + 0.375 * 1.5e6**4)
     np.testing.assert_allclose(dashpot[50:] - dashpot[:50], mean_rate / frequency, rtol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"hold_time": 0.0}, "hold_time: found 0"),
-        ({"frequency": -1.0}, "frequencies: found -1"),
-        ({"grain_size": -1e-4}, "grain_size: found -0.0001"),
-        ({"parameters": {**ICE, "beta": [1.0, 2.0]}}, "'beta' has the shape"),
-        (
-            {"parameters": {name: [value] for name, value in ICE.items()}},
-            r"draws of shape \(1,\), expected a number",
-        ),
-    ],
-)
-def test_wrong_arguments_are_refused(changes: dict[str, Any], message: str) -> None:
-    arguments: dict[str, Any] = {
-        "parameters": ICE,
-        "regime": PAPER_REGIMES[0],
-        "frequency": 1e-3,
-        "time": np.array([1.0]),
-        **CONDITIONS,
-    }
-    with pytest.raises(InputError, match=message):
-        simulate_imposed_stress(**{**arguments, **changes})
 
 
 def test_a_solution_that_cannot_be_found_is_an_error() -> None:

@@ -8,11 +8,10 @@ import numpy as np
 import pandas as pd
 
 from pyburgers.common.array_types import FloatArray
-from pyburgers.common.errors import InputError
 from pyburgers.kinds.forced_oscillation.harmonics import fit_harmonics
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.predictions.evolving import solve_imposed_stress
-from pyburgers.predictions.stress_cycles import HOLD_TIME, Regime, checked_hold_time, checked_inputs
+from pyburgers.predictions.stress_cycles import HOLD_TIME, Regime, checked_inputs
 
 TEMPERATURE, GRAIN_SIZE = 260.0, 2e-4
 ICE: dict[str, float] = {
@@ -62,11 +61,6 @@ def simulate_imposed_stress(
     Times (s) count from the start of the cycles and are greater than ``-hold_time``; 0 is added.
     """
     values, size, fabric = checked_inputs(parameters, temperature, grain_size, fabric_factor)
-    if size.ndim != 0:
-        raise InputError(
-            f"parameters: found draws of shape {size.shape}, expected a number for each parameter."
-        )
-    checked_hold_time(hold_time)
     times = np.union1d(time, [0.0])
     solution = solve_imposed_stress(
         {name: np.atleast_1d(value) for name, value in values.items()},

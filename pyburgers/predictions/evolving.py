@@ -27,12 +27,7 @@ from pyburgers.drawing.page_parts import text_table
 from pyburgers.kinds.forced_oscillation.harmonics import CUBIC, fit_harmonics
 from pyburgers.kinds.forward import check_given_together
 from pyburgers.kinds.stan_data import SolverOptions, solver_block
-from pyburgers.model.closed_forms import (
-    closed_forms,
-    parameter_columns,
-    require_no_backstress,
-    require_standard,
-)
+from pyburgers.model.closed_forms import closed_forms, parameter_columns, require_standard
 from pyburgers.model.laws import SPECTRUM_SWITCHES
 from pyburgers.predictions.attenuation import attenuation_spectrum, condition_columns, flat_draws
 from pyburgers.predictions.closed_forms import cycles_data
@@ -166,16 +161,15 @@ def solve_imposed_stress(
     start of the cycles, increase, are greater than ``-hold_time`` and hold 0.
     ``stress`` (Pa) has the shape (n_times,). ``strain``, ``kelvin_strain``, ``dashpot_strain``, and
     of an evolving microstructure ``path_strain``, ``grain_size`` and ``fabric_factor``, have
-    (n_materials, n_times). Raises `SamplingError` if the solver finds no solution.
+    (n_materials, n_times). Wrong frequencies and a backstress are refused by the spectrum
+    that is made before. Raises `SamplingError` if the solver finds no solution.
     """
-    checked_frequencies([frequency])
     require_standard(
         parameters,
         (*SPECTRUM_SWITCHES, "kelvin_grain_size_exponent"),
         "a Kelvin part of one relaxation time because a solution in time needs it; the closed form "
         "takes any",
     )
-    require_no_backstress(parameters)
     check_given_together(
         {name: float(np.max(parameters[name])) for name in OTHER_PARAMETERS if name in parameters},
         "parameters",

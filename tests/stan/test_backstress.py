@@ -40,7 +40,6 @@ from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.laws import HARDENING_LAWS
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import variant_of, with_variant
-from pyburgers.predictions.evolving import solve_imposed_stress
 from pyburgers.predictions.exported import laws_of
 
 FloatArray = npt.NDArray[np.float64]
@@ -275,19 +274,6 @@ def test_stress_cycles_refuse_it() -> None:
     regime = Regime(2e6, 1e6)
     with pytest.raises(InputError, match="hardening_modulus: found values other than 0"):
         attenuation_spectrum(values, [1e-3], [regime], temperature=263.0, grain_size=2e-4)
-    with pytest.raises(InputError, match="hardening_modulus: found values other than 0"):
-        solve_imposed_stress(
-            {name: np.array([value]) for name, value in values.items()},
-            regime,
-            1e-3,
-            np.array([0.0, 1.0]),
-            temperature=263.0,
-            grain_size=np.array([2e-4]),
-            fabric_factor=np.ones(1),
-            hold_time=10.0,
-            evolving=False,
-            solver=EXACT,
-        )
 
 
 @pytest.mark.parametrize(

@@ -267,8 +267,8 @@ def _decisive(record: Mapping[str, Any], free: Sequence[str]) -> dict[str, Any]:
         **{name: value for name, value in sampler.items() if name not in INDECISIVE},
         "draws of": "data and prior" if record["use_likelihood"] else "the prior alone",
         "tolerance": f"{tightened[0]['tolerance']:g}",
-        "solver": record["solver"].get("method"),
-        **record.get("variant", {}),
+        "solver": record["solver"]["method"],
+        **record["variant"],
     }
     if len(tests) > 1:
         pooled = record["pooling"]["kinds"]

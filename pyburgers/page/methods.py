@@ -84,7 +84,7 @@ def _sampling(manifest: dict[str, Any], n_chains: int) -> list[str]:
     ]
     solver = manifest["solver"]
     said.append(
-        f"{_SOLVERS[solver.get('method', BDF)]} solved the equations at a tolerance of "
+        f"{_SOLVERS[solver['method']]} solved the equations at a tolerance of "
         f"{solver['tolerance']:.0e}."
     )
     said += [

@@ -58,7 +58,7 @@ else:
 class _Solver(Entries):
     tolerance: float = Field(gt=0, description="of the solver")
     max_num_steps: int = Field(ge=1, description="of the solver")
-    method: str = Field("bdf", description="which solver: fast, or Stan's ode_bdf_tol")
+    method: str = Field(description="which solver: fast, or Stan's ode_bdf_tol")
 
 
 class ChainFailure(Table):
@@ -144,7 +144,7 @@ class FitManifest(RunManifest):
     experiments: list[str] = Field(min_length=1, description="names of the tests")
     priors_from: str | None = Field(None, description="another source of the flow law's priors")
     pooling: PoolingRecord = Field(description="what tests share")
-    variant: dict[str, str] = Field({}, description="law of each part of the model")
+    variant: dict[str, str] = Field(description="law of each part of the model")
     solver: _Solver = Field(description="settings of the solver")
     more_draws: list[int] = Field([], description="draws by which chains were extended")
     noisy: list[NoisyTolerance] = Field(

@@ -122,7 +122,7 @@ MANIFEST = {
     "failures": [{"chain": 2, "reason": "the system ended it"}],
     "pooling": {"kinds": {"beta": "shared"}, "spread_scales": {}},
     "variant": {"kelvin": "linear"},
-    "solver": {"tolerance": 1e-5, "max_num_steps": 20000},
+    "solver": {"tolerance": 1e-5, "max_num_steps": 20000, "method": "bdf"},
     "refits": [],
     "coordinates": {"system": "plain", "reason": "nothing is free"},
     "other_modes": [{"log_weight": -3.0, "values": {"PIL40": {"beta": -0.1}}}],

@@ -136,6 +136,7 @@ DAMAGES: dict[str, tuple[dict[str, Damage], str]] = {
         for name in (
             *("fingerprint", "status", "command", "versions", "sampler", "use_likelihood"),
             *("failures", "refits", "solver", "coordinates", "pooling", "data_kind", "started"),
+            "variant",
         )
     },
     **{

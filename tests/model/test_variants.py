@@ -2,7 +2,6 @@
 
 import json
 import math
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +15,6 @@ from stan_data import one_test_data
 
 from pyburgers.checks.description import check_coverage
 from pyburgers.checks.fit_checks import CheckedDraws
-from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare, leave_one_out, leave_out_exactly
 from pyburgers.comparison.results import comparison_table
@@ -563,24 +561,6 @@ def test_leave_one_out_uses_the_density_given_all_others(correlated_fit: Fit) ->
     before = dataset(correlated_fit, "log_likelihood")["stress"].isel(chain=0, draw=3)
     joint = stats.multivariate_normal.logpdf(residual, np.zeros(residual.size), covariance)
     assert float(before.sum()) == pytest.approx(joint, abs=1e-2)
-
-
-def test_old_runs_load(small_fit: Fit, tmp_path: Path) -> None:
-    """A run of a version without variants: shorter data, no variant, no labelled draws."""
-    shutil.copytree(small_fit.directory.path, tmp_path / "run")
-    run = replace(small_fit.directory, path=tmp_path / "run")
-    manifest = run.read_manifest()
-    del manifest["variant"]
-    run.write_manifest(manifest)
-    data = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
-    for name in ("family", "location", "scale", "lower", "upper"):
-        data[f"prior_{name}"] = data[f"prior_{name}"][: len(PARAMETERS)]
-    write_json(run.stan_data_file, data)
-    run.posterior_file.unlink()
-    again = Fit.load(run.path)
-    assert again.variant == small_fit.variant
-    for group in ("posterior", "log_likelihood", "predictions"):
-        xr.testing.assert_allclose(dataset(again, group), dataset(small_fit, group))
 
 
 def test_the_fit_that_knows_of_the_correlation_predicts_better(

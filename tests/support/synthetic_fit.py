@@ -343,7 +343,7 @@ def _manifest(
             "chain_timeout": None,
         },
         "coordinates": {"system": "plain", "reason": "asked for"},
-        "solver": {"tolerance": 1e-6, "max_num_steps": 20000},
+        "solver": {"tolerance": 1e-6, "max_num_steps": 20000, "method": "bdf"},
         "use_likelihood": True,
         "versions": {"python": "3.11", "cmdstan": "2.27.0", "compiler": "g++ 12"},
         "hashes": {"inputs/experiment.toml": "a" * 64, "stan_data.json": "b" * 64},

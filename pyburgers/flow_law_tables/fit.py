@@ -303,7 +303,7 @@ class RateFit(SampledFit):
             softening = SofteningPrior.load(file) if file.is_file() else None
         law = law_for(data, law, manifest["held_out"])
         posterior = load_posterior(run, manifest)
-        if posterior is None or "model_response" not in posterior.children:
+        if posterior is None:
             posterior = build_posterior(run, data, law, manifest)
         manifest = {**manifest, "chains": run.chain_records()}
         return cls(run, posterior, manifest, data, law, softening)

@@ -1,6 +1,5 @@
 """Flow law of undeformed material from peak stresses: truths, priors, densities, hand-over."""
 
-import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 import oracle
 import pytest
-import xarray as xr
 from conftest import ICE, TABLE_RUN
 from independent_table import TRUTHS
 from scipy import stats
@@ -233,21 +231,6 @@ def test_one_law_describes_the_published_table(peaks: RateFit) -> None:
     assert names >= {"coverage", "largest residual", "along stress", "groups"}
     # Two grain sizes show no bend: the tests of each are a group.
     assert "along grain size" not in names
-
-
-def test_draws_that_were_kept_without_the_model_s_stresses_are_gathered_again(
-    peaks: RateFit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    shutil.copytree(peaks.directory.path, tmp_path / "run")
-    kept = peaks.posterior.to_dict()
-    older = {name: one for name, one in kept.items() if name != "/model_response"}
-    monkeypatch.setattr(
-        "pyburgers.flow_law_tables.fit.load_posterior",
-        lambda run, manifest: xr.DataTree.from_dict(older),
-    )
-    again = RateFit.load(tmp_path / "run")
-    found, expected = (fit.posterior["model_response"].to_dataset() for fit in (again, peaks))
-    xr.testing.assert_equal(found, expected)
 
 
 def test_a_single_temperature_leaves_the_activation_enthalpy_open(

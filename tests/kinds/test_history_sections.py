@@ -8,7 +8,6 @@ import pytest
 from conftest import ICE
 from history_twins import TRUTH, history_twin
 from refusals import written
-from same_contents import assert_equal
 
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.view import view_of
@@ -16,7 +15,6 @@ from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.experiment import MeasuredMicrostructure, Stated
 from pyburgers.kinds.forward import simulate, simulate_data
-from pyburgers.kinds.kind import save_experiment
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.files import load_loading_history
 from pyburgers.kinds.loading_history.stan_data import section_times, solver_outputs
@@ -102,12 +100,10 @@ def with_sections(folder: Path, *replacements: tuple[str, str], text: str = TEXT
     return written(folder / "test.toml", text, replacements, {"table": ROWS})
 
 
-def test_places_are_in_the_units_of_the_file_and_copies_read_back(tmp_path: Path) -> None:
+def test_places_are_in_the_units_of_the_file(tmp_path: Path) -> None:
     test = load_loading_history(with_sections(tmp_path))
     assert [one.time for one in test.microstructure] == [None, 1050.0, 3600.0]
     assert test.microstructure == MEASURED
-    (tmp_path / "copy").mkdir()
-    assert_equal(load_loading_history(save_experiment(test, tmp_path / "copy")), test)
     fact = dict(view_of(test).facts(test))["Measured microstructure"]
     assert "800 ± 40 µm at a path strain of 3 %" in fact
     assert "fabric factor 0.800 ± 0.050 at 60 min" in fact

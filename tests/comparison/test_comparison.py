@@ -294,13 +294,6 @@ def test_fits_of_other_data_are_refused(tmp_path: Path) -> None:
     assert data_hash(one) == data_hash(same)
 
 
-def test_a_sampled_prior_is_refused(tmp_path: Path) -> None:
-    one = make_fit(tmp_path / "one")
-    prior = replace(one, manifest={**one.manifest, "use_likelihood": False})
-    with pytest.raises(InputError, match=r"^prior: was sampled without likelihood"):
-        compare({"one": one, "prior": prior})
-
-
 @pytest.fixture(scope="module")
 def wrong_fit(small_problem: Problem, tmp_path_factory: pytest.TempPathFactory) -> Fit:
     """The small problem with a Kelvin element three times too stiff."""

@@ -9,18 +9,15 @@ import pytest
 import xarray as xr
 from conftest import ICE, with_fixed
 from history_twins import GRAIN_SIZE, TEMPERATURE, TRUTH, history_twin
-from kind_examples import TWIN_FILE
 from matplotlib.container import ErrorbarContainer
 
-from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_tests import compare_by_test
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.drawing.views.loading_history import response, softening
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
-from pyburgers.kinds.experiment import Experiment, MeasuredMicrostructure, UncertainCondition
-from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
+from pyburgers.kinds.experiment import Experiment, MeasuredMicrostructure
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.problem import of_one_program, problem_of
@@ -146,16 +143,6 @@ def test_tests_of_several_protocols_become_histories() -> None:
     assert problem.experiments[1] is experiments[1]
     assert set(problem.shared) == {"maxwell_modulus", "activation_enthalpy"}
     assert {"stress_noise", "strain_noise"} <= set(problem.free)
-
-
-def test_what_does_not_go_together_is_refused() -> None:
-    curve, creep = constant_rate_test(), history_twin("creep", 12)
-    furnace = replace(curve, uncertain=(UncertainCondition("temperature_error", 2.0, None),))
-    with pytest.raises(InputError, match="creep: key 'temperature_sd_K' is missing"):
-        problem_of([furnace, creep], known_priors(), pooling_of())
-    record = replace(load_forced_oscillation(TWIN_FILE), material="ice")
-    with pytest.raises(InputError, match="forced_oscillation cannot be fitted together with"):
-        problem_of([constant_rate_test(), record], known_priors(), pooling_of())
 
 
 def test_the_flow_law_is_one_and_the_noises_are_not(mixed: Fit) -> None:

@@ -8,7 +8,6 @@ import numpy.typing as npt
 import pytest
 from conftest import ICE, with_fixed
 from history_twins import history_twin
-from kind_examples import TWIN_FILE
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError
@@ -20,8 +19,6 @@ from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
-from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
 from pyburgers.kinds.problem import Problem, one_test, problem_of
 from pyburgers.kinds.program_data import (
@@ -63,8 +60,8 @@ def priors() -> PriorSet:
     return default_priors_for([curve(), table()])
 
 
-def both(pool: dict[str, str] | None = None, *others: Experiment) -> Problem:
-    experiments = [table(), curve(), *others]
+def both(pool: dict[str, str] | None = None) -> Problem:
+    experiments = [table(), curve()]
     return problem_of(experiments, priors(), pooling_for(experiments, pool))
 
 
@@ -99,10 +96,7 @@ def test_a_table_shares_flow_law_and_kelvin_part_and_has_no_microstructure() -> 
     assert pooling_for([curve(), table()], {"all": "shared"}).kinds["maxwell_modulus"] == "shared"
 
 
-def test_what_does_not_go_together_is_refused() -> None:
-    record = replace(load_forced_oscillation(TWIN_FILE), material="ice")
-    with pytest.raises(InputError, match="forced_oscillation cannot be fitted together with"):
-        both(None, record)
+def test_laws_that_no_table_has_are_refused() -> None:
     power_law = with_fixed(priors(), {"kelvin_stress_exponent": 2.0})
     with pytest.raises(InputError, match="kelvin=power_law is not for tests of the protocol att"):
         problem_of([curve(), table()], power_law, pooling_for([curve(), table()]))

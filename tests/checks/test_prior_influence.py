@@ -164,8 +164,9 @@ def test_a_flow_rate_over_many_powers_of_ten_counts_by_its_logarithm() -> None:
     assert found["reference_flow_rate"].prior_share == pytest.approx(1.0, abs=0.02)
 
 
-def piled(bound: float, draws: FloatArray, name: str = "kelvin_modulus") -> Influence:
+def piled(bound: float, draws: FloatArray) -> Influence:
     """Influence on a quantity with a uniform prior of which one bound is given, the other 10."""
+    name = "kelvin_modulus"
     lower, upper = sorted((bound, 10.0))
     middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
     unit = PARAMETER_BY_NAME[name].si_unit

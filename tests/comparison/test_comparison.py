@@ -28,9 +28,7 @@ from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 
 
-def normal_model(
-    observed: FloatArray, *, prior_sd: float, draws: int = 4000
-) -> tuple[xr.DataTree, FloatArray]:
+def normal_model(observed: FloatArray, *, prior_sd: float) -> tuple[xr.DataTree, FloatArray]:
     """Exact draws of the mean of N(mean, 1) data with prior N(0, prior_sd), and the exact elpd."""
     rng = np.random.default_rng(4)
 
@@ -39,7 +37,7 @@ def normal_model(
         return float(values.sum() / precision), float(precision**-0.5)
 
     mean, sd = posterior(observed)
-    means = rng.normal(mean, sd, (4, draws // 4))
+    means = rng.normal(mean, sd, (4, 1000))
     log_lik = stats.norm.logpdf(observed, means[..., None])
     tree = xr.DataTree.from_dict(
         {

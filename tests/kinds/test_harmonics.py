@@ -19,9 +19,9 @@ OMEGA = 2 * np.pi / PERIOD
 NOISE = 0.05
 
 
-def times(cycles: float = 8.0, interval: float = 9.0, seed: int = 0) -> FloatArray:
+def times(cycles: float = 8.0, interval: float = 9.0) -> FloatArray:
     """Irregular clock (s)."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     regular = np.arange(20.0, 20.0 + cycles * PERIOD, interval)
     return regular + 0.2 * interval * rng.uniform(-1, 1, regular.size)
 

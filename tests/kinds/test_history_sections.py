@@ -96,12 +96,8 @@ MEASURED = (
 PIEZOMETER = {"grain_size": "piezometric"}
 
 
-def with_sections(folder: Path, *replacements: tuple[str, str], text: str = TEXT) -> Path:
-    return written(folder / "test.toml", text, replacements, {"table": ROWS})
-
-
 def test_places_are_in_the_units_of_the_file(tmp_path: Path) -> None:
-    test = load_loading_history(with_sections(tmp_path))
+    test = load_loading_history(written(tmp_path / "test.toml", TEXT, (), {"table": ROWS}))
     assert [one.time for one in test.microstructure] == [None, 1050.0, 3600.0]
     assert test.microstructure == MEASURED
     fact = dict(view_of(test).facts(test))["Measured microstructure"]

@@ -35,19 +35,17 @@ MEASURED = (
 )
 
 
-def with_rows(folder: Path, rows: str = ROWS, unit: str = "percent") -> Path:
-    """A copy of a twin with rows, strains in a unit."""
+def with_rows(folder: Path, rows: str = ROWS) -> Path:
+    """A copy of a twin with rows, strains in percent."""
     path = save_experiment(load_constant_rate(ICE / "PIL40.toml"), folder)
     text = path.read_text(encoding="utf-8") + rows
     path.write_text(
-        text.replace('strain_unit = "fraction"', f'strain_unit = "{unit}"'), encoding="utf-8"
+        text.replace('strain_unit = "fraction"', 'strain_unit = "percent"'), encoding="utf-8"
     )
-    if unit == "percent":
-        table = (folder / "experiment.csv").read_text(encoding="utf-8").splitlines()
-        head, *lines = table
-        cells = [line.split(",") for line in lines]
-        scaled = [f"{100 * float(strain)},{stress}" for strain, stress in cells]
-        (folder / "experiment.csv").write_text("\n".join([head, *scaled]), encoding="utf-8")
+    head, *lines = (folder / "experiment.csv").read_text(encoding="utf-8").splitlines()
+    cells = [line.split(",") for line in lines]
+    scaled = [f"{100 * float(strain)},{stress}" for strain, stress in cells]
+    (folder / "experiment.csv").write_text("\n".join([head, *scaled]), encoding="utf-8")
     return path
 
 

@@ -58,10 +58,10 @@ def solved(experiment: HistoryExperiment, *draws: Rates) -> Solved:
     return Solved(experiment, posterior, default_priors(experiment.material))
 
 
-def softening_from(minimum: float, steady: float = 1e-8) -> Rates:
+def softening_from(minimum: float) -> Rates:
     """Rates of a transient that fades while flow becomes faster, least at a time (s)."""
     rise = 1e-7 * np.exp(-minimum / DECAY) / DECAY
-    return lambda t: steady + 1e-7 * np.exp(-t / DECAY) + rise * t
+    return lambda t: 1e-8 + 1e-7 * np.exp(-t / DECAY) + rise * t
 
 
 def plateau(steady: float) -> Rates:

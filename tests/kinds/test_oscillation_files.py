@@ -53,15 +53,15 @@ Write = Callable[..., Path]
 REMOVED = ("period_s = 300.0", 'period_s = 300.0\nbackground = "removed"')
 
 
-def strain_csv(last: float = 1500.0) -> str:
-    time = np.arange(0.0, last, 10.0)
+def strain_csv() -> str:
+    time = np.arange(0.0, 1500.0, 10.0)
     percent = 0.2 * np.sin(2 * np.pi * time / 300) + 5e-4 * time
     rows = [f"{t},{e!r}" for t, e in zip(time, percent.tolist(), strict=True)]
     return "\n".join(["time,strain", *rows]) + "\n"
 
 
-def stress_csv(last: float = 1500.0) -> str:
-    time = np.arange(5.0, last, 25.0)
+def stress_csv() -> str:
+    time = np.arange(5.0, 1500.0, 25.0)
     stress = 150 + 50 * np.sin(2 * np.pi * time / 300 + 0.5) + 0.003 * time
     rows = [
         f"{t / 60!r},{s!r},{4 + 0.01 * k!r}"

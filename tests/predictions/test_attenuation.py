@@ -82,8 +82,8 @@ def dashpot_fluidity(
     return fluidity
 
 
-def random_draws(shape: tuple[int, ...], seed: int = 1) -> dict[str, FloatArray]:
-    rng = np.random.default_rng(seed)
+def random_draws(shape: tuple[int, ...]) -> dict[str, FloatArray]:
+    rng = np.random.default_rng(1)
     return {name: rng.uniform(*ends, shape) for name, ends in PAPER_LIKE_DRAWS.items()}
 
 

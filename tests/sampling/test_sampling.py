@@ -111,10 +111,10 @@ def processes_on(folder: Path) -> list[psutil.Process]:
     ]
 
 
-def wait_until(condition: Callable[[], bool], what: str, seconds: float = 120.0) -> None:
-    end = time.monotonic() + seconds
+def wait_until(condition: Callable[[], bool], what: str) -> None:
+    end = time.monotonic() + 120.0
     while not condition():
-        assert time.monotonic() < end, f"waited {seconds} s for {what}"
+        assert time.monotonic() < end, f"waited 120 s for {what}"
         time.sleep(0.02)
 
 

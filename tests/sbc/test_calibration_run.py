@@ -39,9 +39,9 @@ TINY = (
 RESULTS = ("verdicts.csv", "ranks.csv", "ranks.png", "ranks.svg")
 
 
-def made_up(width: float, *, n: int = 100) -> Calibration:
+def made_up(width: float) -> Calibration:
     """Return a calibration whose truths are `width` times as wide as the posterior."""
-    rng = np.random.default_rng(6)
+    n, rng = 100, np.random.default_rng(6)
     truths = width * rng.standard_normal(n)
     found = (rng.standard_normal((n, 99)) < truths[:, None]).sum(axis=1).tolist()
     right = rng.integers(0, 100, n).tolist()

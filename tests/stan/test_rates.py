@@ -93,8 +93,9 @@ def conditions(n_rows: int, seed: int, n_sources: int = 3) -> RateTable:
     )
 
 
-def twin(program: Program, n_rows: int, seed: int, n_sources: int = 3) -> RateTable:
+def twin(program: Program, n_rows: int, seed: int) -> RateTable:
     """Rows of `TRUTH`, read with scatter, biases of sources and errors."""
+    n_sources = 3
     data = conditions(n_rows, seed, n_sources)
     law = rate_law("ice_composite").at(**TRUTH)
     rng = np.random.default_rng([seed, 1])

@@ -226,14 +226,6 @@ def residuals(fit: FittedTest) -> Figure:
     return figure
 
 
-def left_over(fit: FittedTest) -> tuple[FloatArray, FloatArray]:
-    """Return recorded less median modelled reading, of attenuation and of modulus, by row."""
-    experiment = of_kind(fit.experiment, AttenuationExperiment)
-    left = residuals_of(fit)
-    n = experiment.readings.tan_delta.size
-    return left[:n], left[n:]
-
-
 def rms_by_temperature(fit: FittedTest) -> pd.DataFrame:
     """Return the root mean square of what is left over at each temperature, and in all.
 
@@ -242,8 +234,8 @@ def rms_by_temperature(fit: FittedTest) -> pd.DataFrame:
     """
     experiment = of_kind(fit.experiment, AttenuationExperiment)
     by_temperature = experiment.conditions.temperature
-    left = left_over(fit)
     known = ~experiment.readings.is_limit
+    left = np.split(residuals_of(fit), [known.size])
     rows = {}
     for name, here in [
         *((f"{t:g}", by_temperature == t) for t in np.unique(by_temperature)[::-1]),

@@ -85,7 +85,7 @@ class HarmonicFit:
 
     def trend(self, time: FloatArray) -> FloatArray:
         """Polynomial part (U), its constant included, shape (n,)."""
-        return _polynomial(self._scaled(time), self.trend_coefficients)
+        return np.asarray(legendre.legval(self._scaled(time), self.trend_coefficients))
 
     def trend_shape(self, time: FloatArray) -> FloatArray:
         """Legendre polynomials of the trend at times (s), shape (n, degree + 1)."""
@@ -93,8 +93,8 @@ class HarmonicFit:
 
     def trend_rate(self, time: FloatArray) -> FloatArray:
         """Time derivative (U/s) of the polynomial part, shape (n,)."""
-        slope: FloatArray = legendre.legder(self.trend_coefficients).astype(np.float64)
-        return _polynomial(self._scaled(time), slope) / self.t_half
+        slope = legendre.legder(self.trend_coefficients)
+        return np.asarray(legendre.legval(self._scaled(time), slope)) / self.t_half
 
     def amplitude(self, k: int = 1) -> tuple[float, float]:
         """Amplitude (U) of harmonic `k`, from 1, and its standard error."""
@@ -286,11 +286,6 @@ def _refine(
         options={"xatol": 1e-7 * frequency},
     )
     return float(found.x)
-
-
-def _polynomial(x: FloatArray, coefficients: FloatArray) -> FloatArray:
-    """Legendre series at positions, shape (n,)."""
-    return np.asarray(legendre.legvander(x, coefficients.size - 1) @ coefficients)
 
 
 def _angles(time: FloatArray, period: float, n_harmonics: int) -> FloatArray:

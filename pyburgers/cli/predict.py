@@ -89,15 +89,23 @@ def _add_attenuation_options(command: argparse.ArgumentParser) -> None:
         ("--pressure-MPa", "P", "default: the experiment's, as of the next two"),
         ("--water-fugacity-MPa", "F", "for fits whose rates depend on it"),
         ("--melt-fraction", "PHI", "the same"),
-        ("--hold-time-h", "H", "time at the median stress before the cycles (default 1.5)"),
-        (
-            "--critical-share",
-            "S",
-            "frozen microstructure counts as failing where the hold or a cycle strains by more "
-            "than this share of the smaller critical strain (default 0.1)",
-        ),
     ):
         command.add_argument(option, type=float, metavar=metavar, help=what)
+    command.add_argument(
+        "--hold-time-h",
+        type=float,
+        metavar="H",
+        default=HOLD_TIME / UNITS["time"]["h"],
+        help="time at the median stress before the cycles",
+    )
+    command.add_argument(
+        "--critical-share",
+        type=float,
+        metavar="S",
+        default=CRITICAL_SHARE,
+        help="frozen microstructure counts as failing where the hold or a cycle strains by more "
+        "than this share of the smaller critical strain",
+    )
     command.add_argument(
         "--microstructure",
         choices=("initial", "steady-state"),
@@ -170,9 +178,7 @@ def _predict(fit: Fit, options: argparse.Namespace, out: Path) -> None:
     check_output(out, options.directory, options.measured, beside=beside)
     grain_size = options.grain_size_um
     modulus, deviation = _elastic_modulus(options)
-    hold_time = HOLD_TIME
-    if options.hold_time_h is not None:
-        hold_time = options.hold_time_h * UNITS["time"]["h"]
+    hold_time = options.hold_time_h * UNITS["time"]["h"]
     regimes = _regimes(options)
     environment = {
         name: value * factor
@@ -199,9 +205,7 @@ def _predict(fit: Fit, options: argparse.Namespace, out: Path) -> None:
         regimes,
         **material,
         hold_time=hold_time,
-        critical_share=(
-            CRITICAL_SHARE if options.critical_share is None else options.critical_share
-        ),
+        critical_share=options.critical_share,
     )
     comparison = None
     if options.evolving is not None:

@@ -94,7 +94,8 @@ class HarmonicFit:
     def trend_rate(self, time: FloatArray) -> FloatArray:
         """Time derivative (U/s) of the polynomial part, shape (n,)."""
         slope = legendre.legder(self.trend_coefficients)
-        return np.asarray(legendre.legval(self._scaled(time), slope)) / self.t_half
+        rate = np.asarray(legendre.legval(self._scaled(time), slope), dtype=np.float64)
+        return rate / self.t_half
 
     def amplitude(self, k: int = 1) -> tuple[float, float]:
         """Amplitude (U) of harmonic `k`, from 1, and its standard error."""

@@ -70,7 +70,7 @@ class Told(NamedTuple):
 
 
 Row: TypeAlias = "pd.Series[Any]"
-Tell = Callable[[Leftover, Family, Row], Told]
+Tell = Callable[[Leftover, Row], Told]
 """Puts a discrepancy of a test into words."""
 
 
@@ -85,9 +85,9 @@ def finding_of(draws: CheckedDraws, discrepancies: tuple[str, ...], tell: Tell) 
     )
     worst = table.loc[order.index[0]]
     leftover = family.tests[worst["test"]]
-    told = tell(leftover, family, worst)
+    told = tell(leftover, worst)
     table = table.assign(
-        where=[tell(family.tests[row["test"]], family, row).where for _, row in table.iterrows()]
+        where=[tell(family.tests[row["test"]], row).where for _, row in table.iterrows()]
     )
     return family.finding(worst, table, told.good, told.bad, told.remedy)
 
@@ -246,7 +246,7 @@ def expected_text(row: Row, *, digits: int = 1, largest: float = np.inf) -> str:
     return f"(at most {row['at_most']:.{digits}f} expected of a correct model)"
 
 
-def _tell_coverage(leftover: Leftover, family: Family, row: Row) -> Told:
+def _tell_coverage(leftover: Leftover, row: Row) -> Told:
     share = inside_text(row, "data")
     return Told(
         f"{share}.",
@@ -256,7 +256,7 @@ def _tell_coverage(leftover: Leftover, family: Family, row: Row) -> Told:
     )
 
 
-def _tell_trend(leftover: Leftover, family: Family, row: Row) -> Told:
+def _tell_trend(leftover: Leftover, row: Row) -> Told:
     run, where = _run(leftover)
     found = (
         f"signed ranks of neighbouring residuals of {leftover.name} correlate with "
@@ -271,7 +271,7 @@ def _tell_trend(leftover: Leftover, family: Family, row: Row) -> Told:
     )
 
 
-def _tell_run(leftover: Leftover, family: Family, row: Row) -> Told:
+def _tell_run(leftover: Leftover, row: Row) -> Told:
     run, where = _run(leftover)
     expected = (
         f"longest runs of {leftover.name} have {row['found']:.1f} residuals, a mean over the draws "
@@ -285,7 +285,7 @@ def _tell_run(leftover: Leftover, family: Family, row: Row) -> Told:
     )
 
 
-def _tell_segment(leftover: Leftover, family: Family, row: Row) -> Told:
+def _tell_segment(leftover: Leftover, row: Row) -> Told:
     if row["discrepancy"] == OFFSET:
         return _tell_offset(leftover, row)
     trend, _ = segment_parts(leftover.residual[None], leftover.segment, leftover.position)
@@ -327,7 +327,7 @@ def _tell_offset(leftover: Leftover, row: Row) -> Told:
     )
 
 
-def _tell_largest(leftover: Leftover, family: Family, row: Row) -> Told:
+def _tell_largest(leftover: Leftover, row: Row) -> Told:
     sizes = np.abs(leftover.residual)
     point = int(sizes.argmax())
     where = leftover.place(point, point)
@@ -364,7 +364,7 @@ def _run(leftover: Leftover) -> tuple[str, str]:
     )
 
 
-def _tell_size(leftover: Leftover, family: Family, row: Row) -> Told:
+def _tell_size(leftover: Leftover, row: Row) -> Told:
     ratio, most = row["found"], row["at_most"]
     if row["discrepancy"] == OVER_SCATTER:
         found = (

@@ -204,7 +204,7 @@ def layout_of(
     if names is None:
         above, bad = [*above, *bad], []
     own = [*bad, *rows[start:end]]
-    notes = _layout_notes(rows, above[: len(above) - used], blocks, (start, end), before)
+    notes = _layout_notes(rows, above[: len(above) - used], (start, end), before)
     if units is not None:
         notes.append(
             f"line {above[-1][0]} is a row of units ({', '.join(unit or '-' for unit in units)})"
@@ -282,7 +282,6 @@ def _are_numbered(rows: Sequence[Row], separator: str) -> bool:
 def _layout_notes(
     rows: Sequence[Row],
     passed: Sequence[Row],
-    blocks: Sequence[tuple[int, int]],
     block: tuple[int, int],
     before: int,
 ) -> list[str]:

@@ -202,7 +202,7 @@ def score_sentence(prediction: Prediction, scores: pd.DataFrame) -> str:
         f"{_share(scores, row, 'expected_q5')} to {_share(scores, row, 'expected_q95')})"
         for band, row in zip(BANDS, scores.index, strict=False)
     ]
-    density = dict(zip(scores, scores.loc[DENSITY].to_numpy(np.float64), strict=True))
+    density = scores.loc[DENSITY]
     unit = likelihood_of(prediction.experiment).response.si_unit
     return (
         f"Of {count_points(prediction.experiment.n_points)} lie {' and '.join(said)}; the "
@@ -235,8 +235,7 @@ def surprise_sentence(prediction: Prediction, scores: pd.DataFrame) -> str:
 
 
 def _share(scores: pd.DataFrame, row: str, column: str) -> str:
-    share = dict(zip(scores.index, scores[column].to_numpy(np.float64), strict=True))[row]
-    return f"{100 * share:.0f} %"
+    return f"{100 * scores[column][row]:.0f} %"
 
 
 def _with_data(prediction: Prediction) -> Experiment:

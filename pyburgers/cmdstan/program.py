@@ -25,6 +25,9 @@ from pyburgers.common.errors import SamplingError
 from pyburgers.common.processes import Running, cores, side_by_side, start
 from pyburgers.common.scratch import scratch_folder
 
+COORDINATE = "coordinate"
+"""The one parameter of a program with a density, an unbounded vector."""
+
 ALL_DIGITS = 17
 """Enough to read the same number back."""
 
@@ -259,15 +262,13 @@ class Ending:
 
 @dataclass(frozen=True)
 class Density:
-    """Log density of a program with its data, at points of its one parameter, an unbounded vector.
+    """Log density of a program with its data, at points of its parameter `COORDINATE`.
 
-    `parameter` is the name of the vector. A place has the shape (n_coordinates,), points have
-    (n_points, n_coordinates).
+    A place has the shape (n_coordinates,), points have (n_points, n_coordinates).
     """
 
     program: Program
     data: Mapping[str, Any]
-    parameter: str = "coordinate"
 
     def with_data(self, changes: Mapping[str, object]) -> "Density":
         """Return the density with other entries of the data."""
@@ -275,11 +276,11 @@ class Density:
 
     def variables_at(self, place: FloatArray) -> dict[str, FloatArray]:
         """Return every variable at a place; raise SamplingError where there is no solution."""
-        return self.program.evaluate(self.data, {self.parameter: place.tolist()})
+        return self.program.evaluate(self.data, {COORDINATE: place.tolist()})
 
     def generated_at(self, points: FloatArray) -> tuple[npt.NDArray[np.bool_], Draws]:
         """Return which points are solved, and the variables there (`Program.generate_at`)."""
-        return self.program.generate_at(self.data, self.parameter, points, ALL_DIGITS)
+        return self.program.generate_at(self.data, COORDINATE, points, ALL_DIGITS)
 
     def at(self, points: FloatArray) -> FloatArray:
         """Return the log density, (n_points,), minus infinity where there is no solution."""
@@ -303,7 +304,7 @@ class Density:
         found = []
         with _inputs(self.data) as folder:
             for point in points:
-                write_stan_json(str(folder / POSITION), {self.parameter: point})
+                write_stan_json(str(folder / POSITION), {COORDINATE: point})
                 self.program.run(folder, method, seed=1, failure="There is no gradient here")
                 # Of the potential, which is minus the log density.
                 row = pd.read_csv(folder / TRACE, comment="#").iloc[0].filter(regex="^g_")
@@ -350,7 +351,7 @@ class Density:
         Raises SamplingError if the program stops with an error, as when the climb leaves the region
         with solutions.
         """
-        with _inputs(self.data, {self.parameter: start.tolist()}) as folder:
+        with _inputs(self.data, {COORDINATE: start.tolist()}) as folder:
             method = ["method=optimize", "algorithm=lbfgs", "iter=5000"]
             # A line search that fails ends the climb where it is, often at the maximum.
             end = "Line search failed"
@@ -359,7 +360,7 @@ class Density:
             )
             draws = read_draws([folder / OUTPUT])
             variables = draws.at(0)
-            place = np.atleast_1d(variables[self.parameter])
+            place = np.atleast_1d(variables[COORDINATE])
             return Ending(float(draws["lp__"][0, 0]), place, variables)
 
     def ends(self, starts: Iterable[FloatArray], *, seed: int) -> list[Ending]:

@@ -8,7 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from pyburgers.cmdstan.program import Density, Ending, ModeNotFound, Program, load_program
+from pyburgers.cmdstan.program import (
+    COORDINATE,
+    Density,
+    Ending,
+    ModeNotFound,
+    Program,
+    load_program,
+)
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.stretched_flow import stretch_flows
@@ -324,7 +331,7 @@ def draw_start(
         start = draw_from_prior(problem, programs_of_tests(problem), seed=seed, chain=chain)
     else:
         start = draw_around(density, *laplace, seed=seed, chain=chain)
-    return {density.parameter: start.tolist()}
+    return {COORDINATE: start.tolist()}
 
 
 def draw_from_prior(

@@ -465,13 +465,13 @@ def test_functions_have_bodies_in_stan_if_the_compiler_refuses_a_header(
 
 TINY = """
 parameters {
-  vector[1] x;
+  vector[1] coordinate;
 }
 model {
-  x ~ normal(2, 1);
+  coordinate ~ normal(2, 1);
 }
 generated quantities {
-  real square = x[1]^2;
+  real square = coordinate[1]^2;
   if (square > 30) reject("too large");
 }
 """
@@ -479,9 +479,9 @@ generated quantities {
 
 def assert_every_method_runs(program: Program, folder: Path) -> None:
     assert len(program.recipe) == 64
-    values = program.evaluate({}, {"x": [3.0]})
-    assert (values["x"].tolist(), float(values["square"])) == ([3.0], 9.0)
-    density = Density(program, {}, "x")
+    values = program.evaluate({}, {"coordinate": [3.0]})
+    assert (values["coordinate"].tolist(), float(values["square"])) == ([3.0], 9.0)
+    density = Density(program, {})
     end = density.climb(np.array([3.0]), seed=1)
     assert end.log_density == pytest.approx(0.0, abs=1e-10)
     assert end.place == pytest.approx([2.0], abs=1e-5)
@@ -492,7 +492,7 @@ def assert_every_method_runs(program: Program, folder: Path) -> None:
     files = []
     for name, rows in {"one": (1.0, 2.0), "other": (3.0, 4.0), "bad": (5.0, 6.0)}.items():
         files.append(folder / f"{name}.csv")
-        columns = ",".join([*(f"sampler_{k}__" for k in range(7)), "x.1"])
+        columns = ",".join([*(f"sampler_{k}__" for k in range(7)), "coordinate.1"])
         write_text(files[-1], "\n".join([columns, *(f"{'0,' * 7}{x}" for x in rows)]) + "\n")
     generated = program.generate({}, files[:2], seed=1)
     assert generated["square"].tolist() == [[1.0, 4.0], [9.0, 16.0]]

@@ -272,17 +272,10 @@ def test_what_may_be_zero_or_of_either_sign_is_taken() -> None:
 
 
 FLOW = {
-    "temperature": 260.0,
-    "initial_grain_size": 230e-6,
-    "strain_rate": 1.69e-4,
     "stress_exponent": 3.779,
     "grain_size_exponent": 0.55,
     "activation_enthalpy": 62.08e3,
     "beta": -7.29e-4,
-    "grain_size": 180e-6,
-    "fabric_factor": 0.7,
-    "steady_state": 82e-6,
-    "critical_strain": 0.083,
 }
 
 

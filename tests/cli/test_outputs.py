@@ -7,14 +7,11 @@ from pathlib import Path
 import pytest
 from conftest import ICE, Problem
 from refusals import assert_refused
+from same_contents import contents
 
 from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.kind import load_experiment
-
-
-def contents(folder: Path) -> dict[Path, bytes]:
-    return {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from conftest import SMALL_RUN, Problem, copy_of
 from refusals import assert_refused
-from same_contents import assert_equal
+from same_contents import assert_equal, contents
 
 from pyburgers.cli.main import main
 from pyburgers.common.atomic_files import write_json
@@ -162,10 +162,6 @@ DAMAGES: dict[str, tuple[dict[str, Damage], str]] = {
 def copy(small_fit: Fit, tmp_path: Path) -> Path:
     """A copy of the run, to be damaged."""
     return copy_of(small_fit, tmp_path / "run").directory.path
-
-
-def contents(folder: Path) -> dict[Path, bytes]:
-    return {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
 
 
 @pytest.mark.parametrize(("damages", "words"), DAMAGES.values(), ids=DAMAGES)

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from conftest import sketch_pictures
 from page import Page
+from same_contents import contents
 from synthetic_fit import make_fit, make_prior, with_problem
 from synthetic_olivine_fit import make_olivine_fit, oscillating
 
@@ -434,10 +435,10 @@ def test_what_is_no_earlier_page_is_not_overwritten(fits: list[Fit], tmp_path: P
         (fits, file / "page", "cannot be written"),
         ([], tmp_path / "new", "at least one run"),
     ):
-        before = {own: own.read_bytes() for own in out.rglob("*") if own.is_file()}
+        before = contents(out)
         with pytest.raises(InputError, match=words):
             write(what, out)
-        assert {own: own.read_bytes() for own in out.rglob("*") if own.is_file()} == before
+        assert contents(out) == before
 
 
 def test_a_figure_that_fails_ends_the_report(tmp_path: Path) -> None:

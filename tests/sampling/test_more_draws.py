@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import SMALL_RUN, Problem
+from same_contents import contents
 
 from pyburgers.cmdstan.draw_files import adaptation_of, join_draws, read_draws
 from pyburgers.cmdstan.program import Program
@@ -29,11 +30,7 @@ def again(problem: Problem, out: Path, more_draws: int | None = None) -> Fit:
     )
 
 
-def files_in(folder: Path) -> dict[Path, bytes]:
-    return {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
-
-
-def contents(run: RunDirectory) -> dict[str, bytes]:
+def draws_in(run: RunDirectory) -> dict[str, bytes]:
     files = sorted((run.path / "chains").rglob("draws.csv"))
     return {file.relative_to(run.path).as_posix(): file.read_bytes() for file in files}
 
@@ -48,7 +45,7 @@ def extended(
 
 
 def test_the_draws_that_were_there_stay(small_fit: Fit, extended: Fit) -> None:
-    before, after = contents(small_fit.directory), contents(extended.directory)
+    before, after = draws_in(small_fit.directory), draws_in(extended.directory)
     assert {name: after[name] for name in before} == before
     assert len(after) == 2 * len(before)
     draws = extended.posterior["posterior"].to_dataset()
@@ -77,13 +74,13 @@ def test_it_goes_on_from_any_extension_and_not_without_being_asked(
 ) -> None:
     path = tmp_path / "run"
     extended.save(path)
-    kept = contents(extended.directory)
+    kept = draws_in(extended.directory)
     assert again(small_problem, path).posterior["posterior"].sizes["draw"] == 160
-    assert contents(RunDirectory(path)) == kept
+    assert draws_in(RunDirectory(path)) == kept
     longer = again(small_problem, path, 20)
     assert longer.posterior["posterior"].sizes["draw"] == 180
     assert longer.manifest["more_draws"] == [MORE, 20]
-    assert {name: contents(longer.directory)[name] for name in kept} == kept
+    assert {name: draws_in(longer.directory)[name] for name in kept} == kept
     assert longer.checked_draws is not None
 
 
@@ -103,8 +100,8 @@ def test_a_run_that_was_killed_is_completed_before_another_number_is_added(
     completed = again(small_problem, run.path, more)
     added = [20] if more == 20 else []
     assert completed.manifest["more_draws"] == [MORE, *added]
-    kept = contents(extended.directory)
-    assert {name: contents(run)[name] for name in kept} == kept
+    kept = draws_in(extended.directory)
+    assert {name: draws_in(run)[name] for name in kept} == kept
     draws = completed.posterior["posterior"].to_dataset()
     first = draws.isel(draw=slice(SMALL_RUN.draws + MORE))
     assert first.equals(extended.posterior["posterior"].to_dataset())
@@ -117,7 +114,7 @@ def test_a_run_that_was_killed_is_completed_before_another_number_is_added(
             "Extending 2 chains by 20 draws.",
         ]
     else:
-        assert contents(run) == kept
+        assert draws_in(run) == kept
 
 
 @pytest.mark.parametrize("more", [-5, 0, 10**6 + 1, 10**20])
@@ -126,10 +123,10 @@ def test_a_number_that_cannot_be_drawn_changes_nothing(
 ) -> None:
     path = tmp_path / "run"
     small_fit.save(path)
-    before = files_in(path)
+    before = contents(path)
     with pytest.raises(InputError, match=f"^--more-draws {more}: expected a number from 1 to"):
         again(small_problem, path, more)
-    assert files_in(path) == before
+    assert contents(path) == before
 
 
 def test_draws_are_added_to_a_run_that_is_there_and_stays(
@@ -140,7 +137,7 @@ def test_draws_are_added_to_a_run_that_is_there_and_stays(
         again(small_problem, path, 10)
     assert not path.exists()
     small_fit.save(path)
-    before = files_in(path)
+    before = contents(path)
     with pytest.raises(InputError, match="--more-draws 10: found it beside --overwrite"):
         fit(
             small_problem.experiment,
@@ -150,7 +147,7 @@ def test_draws_are_added_to_a_run_that_is_there_and_stays(
             more_draws=10,
             overwrite=True,
         )
-    assert files_in(path) == before
+    assert contents(path) == before
 
 
 @pytest.mark.parametrize("failing", [(1, 2), (2,)])

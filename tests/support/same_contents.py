@@ -1,6 +1,7 @@
-"""Comparison of dataclasses that hold arrays."""
+"""Comparison of dataclasses that hold arrays, and of the files of folders."""
 
 from dataclasses import fields, is_dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -16,3 +17,8 @@ def assert_equal(one: object, other: object) -> None:
             assert_equal(left, right)
     else:
         assert one == other
+
+
+def contents(folder: Path) -> dict[Path, bytes]:
+    """Return every file of a folder and of those below it."""
+    return {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}

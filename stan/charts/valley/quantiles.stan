@@ -5,6 +5,9 @@
 /** Places on either side of the middle at which a conditional density is evaluated. */
 int n_places() { return 6; }
 
+/** The middle, and the places on both sides of it. */
+int n_all_places() { return 2 * n_places() + 1; }
+
 /** Distance of outer places on the real line; the prior there, a logistic one, has sd 1.8. */
 real outer_spacing() { return 1.5; }
 
@@ -30,7 +33,7 @@ matrix numbers_at(vector place, vector middle) {
 }
 
 /** Places at which a conditional density is evaluated. */
-vector quantile_places() { return linspaced_vector(2 * n_places() + 1, -n_places(), n_places()); }
+vector quantile_places() { return linspaced_vector(n_all_places(), -n_places(), n_places()); }
 
 /**
  * ln density by place, normalised at the places, with a little of the prior mixed in.

@@ -15,12 +15,10 @@ real log_fit(real misfit) {
   return -0.5 * misfit_tail() * log1p(misfit / misfit_tail());
 }
 
+#include charts/valley/fabric_along_grain_strain.stan
+
 /**
  * u_1 at a conditional quantile, and a solution for the fabric there.
- *
- * Along u_1 the misfit is that of the solution for (ln S_0, u_2, amplitude), with the amplitude
- * brought within its bounds, and their volume follows from its Gauss-Newton matrix (Laplace's
- * method).
  *
  * @param log_odds of the quantile
  * @param middle u_1 in the middle of the places, and their standard deviation
@@ -29,58 +27,25 @@ real log_fit(real misfit) {
 vector grain_strain_at_quantile(real log_odds, vector middle, vector asked,
                                 data vector reference, data vector strain, vector weight,
                                 data int stress_given, data matrix bounds) {
-  int n = n_places();
-  vector[rows(strain)] softened = softened_share() * weight;
-  matrix[2 * n + 1, 2] at_place = numbers_at(quantile_places(), middle);
-  vector[2] solved = reference[{i_fabric_strain(), i_fabric_amplitude()}];
-  vector[2] at_middle;
-  real range = bounds[3, 2] - bounds[3, 1];
-  matrix[2, 2 * n + 1] fabric;
-  vector[2 * n + 1] log_density;
-  vector[2] place;
-  row_vector[2] there;
-  vector[rows(strain)] rest;
-  for (k in 1 : n_valley_steps()) {
-    real f = k * 1.0 / n_valley_steps();
-    real start = reference[i_grain_strain()];
-    rest = col(rest_of_strength(start + f * (middle[1] - start),
-                                asked_along_path(f, asked, reference), strain, bounds), 1);
-    solved = head(fabric_step(solved, rest, strain, softened, stress_given, bounds), 2);
-  }
-  at_middle = solved;
-  for (sign in {-1, 1}) {
-    solved = at_middle;
-    for (k in (sign < 0 ? 0 : 1) : n) {
-      int i = n + 1 + sign * k;
-      vector[7] step;
-      real determinant;
-      rest = col(rest_of_strength(at_place[i, 1], asked, strain, bounds), 1);
-      solved = head(fabric_step(solved, rest, strain, softened, stress_given, bounds), 2);
-      step = fabric_step(solved, rest, strain, weight, stress_given, bounds);
-      determinant = step[3] * step[5] - square(step[4]);
-      fabric[ : , i] = solved;
-      log_density[i] = log_fit(step[6] + square(distance_beyond(
-                                 (1 - solved[2] - bounds[3, 1]) / range,
-                                 sqrt(step[3] / determinant) / range)))
-                       - 0.5 * log(determinant) + log_inv_logit(solved[1])
-                       + log1m_inv_logit(solved[1]);
-    }
-  }
-  place = place_of_quantile(log_odds, with_prior(log_density, at_place));
-  there = numbers_at(head(place, 1), middle)[1];
-  rest = col(rest_of_strength(there[1], asked, strain, bounds), 1);
-  solved = fabric * interpolation_weights(place[1]);
+  matrix[n_all_places(), 2] at_place = numbers_at(quantile_places(), middle);
+  matrix[3, n_all_places()] fabric
+    = fabric_along_grain_strain(col(at_place, 1), asked, reference, strain, weight, stress_given,
+                                bounds);
+  vector[2] place = place_of_quantile(log_odds, with_prior(to_vector(fabric[3]), at_place));
+  row_vector[2] there = numbers_at(head(place, 1), middle)[1];
+  vector[rows(strain)] rest = col(rest_of_strength(there[1], asked, strain, bounds), 1);
+  vector[2] solved = fabric[1 : 2] * interpolation_weights(place[1]);
   for (k in 1 : 2) {
-    solved = head(fabric_step(solved, rest, strain, softened, stress_given, bounds), 2);
+    solved = head(fabric_step(solved, rest, strain, softened_share() * weight, stress_given,
+                              bounds), 2);
   }
   return append_row([there[1], there[2] + place[2]]', solved);
 }
 
+#include charts/valley/factor_along_fabric_strain.stan
+
 /**
  * u_2 at a conditional quantile, and what the data ask of F_ss there.
- *
- * Along u_2 the misfit is that of the solution for (ln S_0, F_ss); where F_ss would leave its
- * bounds, the misfit at the bound counts.
  *
  * @param log_odds of the quantile
  * @param middle u_2 in the middle of the places, and their standard deviation
@@ -91,33 +56,15 @@ vector grain_strain_at_quantile(real log_odds, vector middle, vector asked,
 vector fabric_strain_at_quantile(real log_odds, vector middle, real total_softening,
                                  vector rest, data vector strain, vector weight,
                                  data int stress_given, data matrix bounds) {
-  int n = n_places();
   real range = bounds[3, 2] - bounds[3, 1];
-  matrix[2 * n + 1, 2] at_place = numbers_at(quantile_places(), middle);
-  vector[2 * n + 1] total;
-  vector[2 * n + 1] log_density;
-  vector[2] place;
-  row_vector[2] there;
-  vector[4] factor;
-  for (sign in {-1, 1}) {
-    real total_before = total_softening;
-    for (k in (sign < 0 ? 0 : 1) : n) {
-      int i = n + 1 + sign * k;
-      real c;
-      factor = solve_fabric_factor(total_before, at_place[i, 1], rest, 1, strain, weight,
-                                   stress_given, bounds);
-      c = 1 / (range * sqrt(factor[2]));
-      total_before = factor[4];
-      total[i] = factor[4];
-      log_density[i] = log_fit(factor[3]
-                               + square(distance_beyond((factor[1] - bounds[3, 1]) / range, c)))
-                       + log(c);
-    }
-  }
-  place = place_of_quantile(log_odds, with_prior(log_density, at_place));
-  there = numbers_at(head(place, 1), middle)[1];
-  factor = solve_fabric_factor(dot_product(total, interpolation_weights(place[1])), there[1],
-                               rest, 2, strain, weight, stress_given, bounds);
+  matrix[n_all_places(), 2] at_place = numbers_at(quantile_places(), middle);
+  matrix[2, n_all_places()] factors
+    = factor_along_fabric_strain(col(at_place, 1), total_softening, rest, strain, weight,
+                                 stress_given, bounds);
+  vector[2] place = place_of_quantile(log_odds, with_prior(to_vector(factors[2]), at_place));
+  row_vector[2] there = numbers_at(head(place, 1), middle)[1];
+  vector[4] factor = solve_fabric_factor(factors[1] * interpolation_weights(place[1]), there[1],
+                                         rest, 2, strain, weight, stress_given, bounds);
   return [there[1], there[2] + place[2], (factor[1] - bounds[3, 1]) / range,
           1 / (range * sqrt(factor[2]))]';
 }

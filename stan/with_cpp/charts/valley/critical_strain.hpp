@@ -11,14 +11,13 @@ struct Decay {
   double value, slope, curvature;
 };
 
-/** critical = lower + (upper - lower) inv_logit(u). */
+/** critical = lower + (upper - lower) inv_logit(u), with the bounds of a row. */
 class CriticalStrain {
  public:
-  template <typename Row>
-  CriticalStrain(double u, const Row &bounds) {
-    const double range = bounds[1] - bounds[0];
+  CriticalStrain(double u, const Eigen::MatrixXd &bounds, int row) {
+    const double range = bounds(row, 1) - bounds(row, 0);
     share = stan::math::inv_logit(u);
-    value_ = bounds[0] + range * share;
+    value_ = bounds(row, 0) + range * share;
     slope_ = range * share * (1 - share);
     curvature_ = slope_ * (1 - 2 * share);
   }

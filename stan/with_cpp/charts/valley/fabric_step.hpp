@@ -1,172 +1,147 @@
 #ifndef BURGERS_FABRIC_STEP_HPP
 #define BURGERS_FABRIC_STEP_HPP
 /** The function of fabric_step.stan, with its derivatives by hand. */
+#include "by_hand.hpp"
 #include "critical_strain.hpp"
+#include "gauss_newton.hpp"
+#include <vector>
 
 namespace burgers {
 
-/** Precisions of charts/valley/least_squares.stan, and what limits the amplitude in pins.stan. */
-constexpr double precision_of_u = 0.5, precision_of_amplitude = 4;
-constexpr double softest = 0.96, sharpness_of_limit = 50;
+/** limited_amplitude() of charts/valley/pins.stan, given what has decayed up to the last pin. */
+struct LimitedAmplitude {
+  double value, by_amplitude, by_u;
 
-/** At a pin: ln F's derivatives, and what is left of the strength, all less their weighted means. */
+  LimitedAmplitude(double amplitude, const Decay &decay) {
+    constexpr double softest = 0.96, sharpness = 50;
+    const double limit = softest / (1 - decay.value), above = sharpness * (amplitude - limit);
+    value = amplitude - stan::math::log1p_exp(above) / sharpness;
+    by_amplitude = stan::math::inv_logit(-above);
+    by_u = (1 - by_amplitude) * limit / (1 - decay.value) * decay.slope;
+  }
+};
+
+/** Derivatives of ln F at a pin. */
 struct FabricPin {
-  double weight, left, by_u, by_amplitude;
-  double slope_by_u, slope_by_amplitude, curvature, mixed; // of ln F, not centred
+  double by_u, by_amplitude, curvature, mixed;
+};
+
+/** u_2 and the amplitude, or derivatives by these. */
+struct Fabric {
+  double u, amplitude;
+
+  Fabric &operator+=(const Fabric &other) {
+    u += other.u;
+    amplitude += other.amplitude;
+    return *this;
+  }
 };
 
 /** A step at values, and its derivatives. */
 class FabricStep {
  public:
-  static constexpr int n_outputs = 7;
-
-  template <typename Strain, typename Bounds>
-  FabricStep(double u, double amplitude, const double *rest, const double *weight,
-             const Strain &strain, bool stress_given, const Bounds &bounds, FabricPin *pins)
-      : pin_(pins), n_(strain.size()) {
-    const Eigen::RowVectorXd range = bounds.row(1);
-    const CriticalStrain critical(u, range);
-    double total = 0, left = 0, by_u = 0, by_amplitude = 0; // weighted sums
-    for (int k = 0; k < n_; ++k) {
-      const Decay decay = critical.decay(strain[k]);
-      const double growth = 1 - decay.value, fabric = 1 - amplitude * growth;
-      FabricPin &p = pin_[k];
-      p.weight = weight[k];
-      p.slope_by_u = amplitude * decay.slope / fabric;
-      p.slope_by_amplitude = -growth / fabric;
-      p.curvature = amplitude * decay.curvature / fabric - p.slope_by_u * p.slope_by_u;
-      p.mixed = decay.slope / (fabric * fabric);
-      p.left = rest[k] - std::log(fabric);
-      total += p.weight;
-      left += p.weight * p.left;
-      by_u += p.weight * p.slope_by_u;
-      by_amplitude += p.weight * p.slope_by_amplitude;
-    }
-    const double share = stress_given ? 0 : 1 / total; // of the means that ln S_0 takes up
-    c11 = precision_of_u;
-    c22 = precision_of_amplitude;
-    for (int k = 0; k < n_; ++k) {
-      FabricPin &p = pin_[k];
-      p.left -= share * left;
-      p.by_u = p.slope_by_u - share * by_u;
-      p.by_amplitude = p.slope_by_amplitude - share * by_amplitude;
-      c11 += p.weight * p.by_u * p.by_u;
-      c12 += p.weight * p.by_u * p.by_amplitude;
-      c22 += p.weight * p.by_amplitude * p.by_amplitude;
-      g1 += p.weight * p.left * p.by_u;
-      by_misfit += p.weight * p.left * p.by_amplitude;
-      misfit += p.weight * p.left * p.left;
-    }
-    share_of_range = critical.share;
-    g1 += 1 - 2 * share_of_range;
-    g2 = by_misfit + precision_of_amplitude * (0.5 - amplitude);
-    determinant = c11 * c22 - c12 * c12;
-    length = (c22 * g1 - c12 * g2) / determinant;
-    slowing = std::sqrt(1 + length * length);
-    after_u = u + length / slowing;
-    const double free = amplitude + (c11 * g2 - c12 * g1) / determinant;
-    last = CriticalStrain(after_u, range).decay(strain[n_ - 1]);
-    const double above = sharpness_of_limit * (free - softest / (1 - last.value));
-    limited = stan::math::inv_logit(above);
-    after_amplitude = free - stan::math::log1p_exp(above) / sharpness_of_limit;
+  /**
+   * @param share of the weights that counts
+   * @param memory for each pin, which has to outlive the step
+   */
+  FabricStep(const Fabric &at, const double *rest, const double *weight, double share,
+             const Eigen::VectorXd &strain, bool stress_given, const Eigen::MatrixXd &bounds,
+             Pin *pins, FabricPin *fabric)
+      : fabric_(fabric), n_(strain.size()), share_(share), critical_(at.u, bounds, 1),
+        step_(prepared(at, rest, weight, strain, pins), n_, stress_given, critical_.share,
+              0.5 - at.amplitude),
+        limited_(at.amplitude + step_.solved.amplitude,
+                 CriticalStrain(at.u + step_.solved.u, bounds, 1).decay(strain[n_ - 1])) {
+    after = step_.solved;
+    after.u += at.u;
+    after.amplitude = limited_.value;
   }
 
-  void values(double *output) const {
-    const double all[] = {after_u, after_amplitude, c11, c12, c22, misfit, by_misfit};
-    std::copy_n(all, n_outputs, output);
-  }
+  /** The solution after the step, and the rest of the outputs. */
+  Solved after;
 
-  /** Add derivatives: by u and the amplitude, by the rest and by the weight of every pin. */
-  void pull_back(const double *by_output, double *by_solved, double *by_rest,
-                 double *by_weight) const {
-    const double free = by_output[1] * (1 - limited);
-    const double grown = 1 - last.value;
-    const double step = by_output[0]
-                        + by_output[1] * limited * softest / (grown * grown) * last.slope;
-    const double d1 = step / (slowing * slowing * slowing * determinant);
-    const double d2 = free / determinant; // by the numerators of the two steps
-    const double d = -d1 * length - d2 * (c11 * g2 - c12 * g1) / determinant;
-    const double by_g1 = d1 * c22 - d2 * c12, by_g2 = d2 * c11 - d1 * c12;
-    const double a11 = by_output[2] + d2 * g2 + d * c22;
-    const double a12 = by_output[3] - d1 * g2 - d2 * g1 - 2 * d * c12;
-    const double a22 = by_output[4] + d1 * g1 + d * c11;
-    const double of_misfit = by_output[5], of_slope = by_g2 + by_output[6];
-    by_solved[0] = step - 2 * by_g1 * share_of_range * (1 - share_of_range);
-    by_solved[1] = free - precision_of_amplitude * by_g2;
+  Fabric fabric() const { return {after.u, after.amplitude}; }
+
+  /** Add derivatives by the rest and the weight of every pin; return those by the start. */
+  Fabric pull_back(Solved by, double *by_rest, double *by_weight) const {
+    by.u += by.amplitude * limited_.by_u;
+    by.amplitude *= limited_.by_amplitude;
+    const Solved back = step_.pulled_back(by);
+    Fabric found = {by.u + step_.by_u(back), by.amplitude + step_.by_amplitude(back)};
     for (int k = 0; k < n_; ++k) {
-      const FabricPin &p = pin_[k];
-      const double left = 2 * of_misfit * p.left + by_g1 * p.by_u + of_slope * p.by_amplitude;
-      const double by_u = 2 * a11 * p.by_u + a12 * p.by_amplitude + by_g1 * p.left;
-      const double by_amplitude = 2 * a22 * p.by_amplitude + a12 * p.by_u + of_slope * p.left;
-      // Every sum is a sum of products of two, each of which is in two of these.
-      by_weight[k] = 0.5 * (left * p.left + by_u * p.by_u + by_amplitude * p.by_amplitude);
-      by_rest[k] = p.weight * left;
-      by_solved[0] += p.weight * (by_u * p.curvature + by_amplitude * p.mixed - left * p.slope_by_u);
-      by_solved[1] += p.weight
-                      * (by_u * p.mixed - by_amplitude * p.slope_by_amplitude * p.slope_by_amplitude
-                         - left * p.slope_by_amplitude);
+      const FabricPin &f = fabric_[k];
+      const Pin p = step_.by_pin(k, back);
+      by_weight[k] += share_ * p.weight;
+      by_rest[k] += p.left;
+      found.u += p.by_u * f.curvature + p.by_amplitude * f.mixed - p.left * f.by_u;
+      found.amplitude += p.by_u * f.mixed - p.by_amplitude * f.by_amplitude * f.by_amplitude
+                         - p.left * f.by_amplitude;
     }
+    return found;
   }
 
  private:
-  FabricPin *pin_;
+  FabricPin *fabric_;
   int n_;
-  double c11 = 0, c12 = 0, c22 = 0, g1 = 0, g2 = 0, misfit = 0, by_misfit = 0;
-  double share_of_range, determinant, length, slowing, after_u, after_amplitude, limited;
-  Decay last;
+  double share_;
+  CriticalStrain critical_;
+  GaussNewton step_;
+  LimitedAmplitude limited_;
+
+  Pin *prepared(const Fabric &at, const double *rest, const double *weight,
+                const Eigen::VectorXd &strain, Pin *pins) const {
+    for (int k = 0; k < n_; ++k) {
+      const Decay decay = critical_.decay(strain[k]);
+      const double growth = 1 - decay.value, factor = 1 - at.amplitude * growth;
+      FabricPin &f = fabric_[k];
+      f.by_u = at.amplitude * decay.slope / factor;
+      f.by_amplitude = -growth / factor;
+      f.curvature = at.amplitude * decay.curvature / factor - f.by_u * f.by_u;
+      f.mixed = decay.slope / (factor * factor);
+      pins[k] = {share_ * weight[k], rest[k] - std::log(factor), f.by_u, f.by_amplitude};
+    }
+    return pins;
+  }
 };
 
-template <typename T_solved, typename T_rest, typename Strain, typename T_weight, typename Bounds>
-Eigen::Matrix<stan::promote_args_t<T_solved, T_rest, T_weight>, -1, 1> fabric_step(
-    const Eigen::Matrix<T_solved, -1, 1> &solved, const Eigen::Matrix<T_rest, -1, 1> &rest,
-    const Strain &strain, const Eigen::Matrix<T_weight, -1, 1> &weight, const int &stress_given,
-    const Bounds &bounds, std::ostream *) {
-  using stan::math::value_of;
-  using T = stan::promote_args_t<T_solved, T_rest, T_weight>;
-  const Eigen::VectorXd rest_value = value_of(rest), weight_value = value_of(weight);
-  const double u = value_of(solved[0]), amplitude = value_of(solved[1]);
-  const int n = strain.size();
-  constexpr int n_outputs = FabricStep::n_outputs;
-  double value[n_outputs];
-  Eigen::Matrix<T, -1, 1> after(n_outputs);
-  if constexpr (std::is_same<T, double>::value) {
-    std::vector<FabricPin> pins(n);
-    FabricStep(u, amplitude, rest_value.data(), weight_value.data(), strain, stress_given, bounds,
-               pins.data())
-        .values(value);
-    std::copy_n(value, n_outputs, after.data());
-  } else {
-    using stan::math::vari;
-    auto &memory = stan::math::ChainableStack::instance_->memalloc_;
-    const FabricStep step(u, amplitude, rest_value.data(), weight_value.data(), strain,
-                          stress_given, bounds, memory.alloc_array<FabricPin>(n));
-    vari **output = memory.alloc_array<vari *>(n_outputs);
-    vari **input = memory.alloc_array<vari *>(2 + 2 * n);
-    double *by_input = memory.alloc_array<double>(2 + 2 * n);
-    step.values(value);
-    for (int i = 0; i < n_outputs; ++i) {
-      output[i] = new vari(value[i], false);
-      after[i] = T(output[i]);
-    }
-    for (int i = 0; i < 2; ++i) {
-      input[i] = T(solved[i]).vi_;
-    }
-    for (int k = 0; k < n; ++k) {
-      input[2 + k] = T(rest[k]).vi_;
-      input[2 + n + k] = T(weight[k]).vi_;
-    }
-    stan::math::reverse_pass_callback([=]() {
-      double by_output[n_outputs];
-      for (int i = 0; i < n_outputs; ++i) {
-        by_output[i] = output[i]->adj_;
-      }
-      step.pull_back(by_output, by_input, by_input + 2, by_input + 2 + n);
-      for (int i = 0; i < 2 + 2 * n; ++i) {
-        input[i]->adj_ += by_input[i];
-      }
-    });
+/** A step by itself, of the numbers u_2, amplitude, rest and weights. */
+class OneFabricStep {
+ public:
+  OneFabricStep(const Eigen::VectorXd &number, const Eigen::VectorXd &strain, bool stress_given,
+                const Eigen::MatrixXd &bounds)
+      : n_(strain.size()), pins_(n_), fabric_(n_),
+        step_({number[0], number[1]}, number.data() + 2, number.data() + 2 + n_, 1, strain,
+              stress_given, bounds, pins_.data(), fabric_.data()) {}
+
+  Eigen::VectorXd outputs() const {
+    const Solved &all = step_.after;
+    return (Eigen::VectorXd(7) << all.u, all.amplitude, all.c11, all.c12, all.c22, all.misfit,
+            all.by_misfit)
+        .finished();
   }
-  return after;
+
+  Eigen::VectorXd pull_back(const Eigen::VectorXd &by) const {
+    Eigen::VectorXd found = Eigen::VectorXd::Zero(2 + 2 * n_);
+    const Fabric by_start
+        = step_.pull_back({by[0], by[1], by[2], by[3], by[4], by[5], by[6]}, found.data() + 2,
+                          found.data() + 2 + n_);
+    found.head(2) << by_start.u, by_start.amplitude;
+    return found;
+  }
+
+ private:
+  int n_;
+  std::vector<Pin> pins_;
+  std::vector<FabricPin> fabric_;
+  FabricStep step_;
+};
+
+template <typename T, typename Rest, typename Strain, typename Weight, typename Bounds>
+auto fabric_step(const Vector<T> &solved, const Rest &rest, const Strain &strain,
+                 const Weight &weight, const int &stress_given, const Bounds &bounds,
+                 std::ostream *) {
+  return by_hand<OneFabricStep>(numbers(solved, rest, weight), Eigen::VectorXd(strain),
+                                stress_given, Eigen::MatrixXd(bounds));
 }
 
 }  // namespace burgers

@@ -1,7 +1,8 @@
 #ifndef BURGERS_REST_OF_STRENGTH_HPP
 #define BURGERS_REST_OF_STRENGTH_HPP
-/** The function of rest_of_strength.stan, with its derivatives by hand. */
+/** rest_of_strength() of charts/valley/least_squares.stan, with its derivatives. */
 #include "critical_strain.hpp"
+#include <vector>
 
 namespace burgers {
 
@@ -19,55 +20,51 @@ struct GrainSize {
   }
 };
 
-template <typename T_u, typename T_asked, typename Strain, typename Bounds>
-Eigen::Matrix<stan::promote_args_t<T_u, T_asked>, -1, -1> rest_of_strength(
-    const T_u &u, const Eigen::Matrix<T_asked, -1, 1> &asked, const Strain &strain,
-    const Bounds &bounds, std::ostream *) {
-  using stan::math::value_of;
-  using T = stan::promote_args_t<T_u, T_asked>;
-  const Eigen::VectorXd asked_value = value_of(asked);
-  const CriticalStrain critical(value_of(u), Eigen::RowVectorXd(bounds.row(0)));
-  const double exponent_ratio = asked_value[0], ratio = std::exp(asked_value[1]);
-  const int n = strain.size();
-  Eigen::Matrix<T, -1, -1> rest(n, 2);
-  if constexpr (std::is_same<T, double>::value) {
+/** What is left at the pins, and the derivative of the softening by grain size by u. */
+class RestOfStrength {
+ public:
+  /** At a part of the way from the reference point: asked_along_path(). */
+  RestOfStrength(double u, double part_of_way, const double *asked,
+                 const Eigen::VectorXd &reference, const Eigen::VectorXd &strain,
+                 const Eigen::MatrixXd &bounds)
+      : part_of_way_(part_of_way) {
+    const int n = strain.size();
+    const double *from = reference.data() + reference.size() - n - 2;
+    const auto here = [&](int k) { return part_of_way * asked[k] + (1 - part_of_way) * from[k]; };
+    const CriticalStrain critical(u, bounds, 0);
+    const double ratio = std::exp(here(1));
+    exponent_ratio_ = here(0);
+    grain_.reserve(n);
+    value.reserve(n);
     for (int k = 0; k < n; ++k) {
-      const GrainSize grain(critical.decay(strain[k]), ratio);
-      rest(k, 0) = asked_value[2 + k] - exponent_ratio * grain.log;
-      rest(k, 1) = exponent_ratio * grain.by_u;
+      grain_.emplace_back(critical.decay(strain[k]), ratio);
+      value.push_back(here(2 + k) - exponent_ratio_ * grain_[k].log);
     }
-  } else {
-    using stan::math::vari;
-    auto &memory = stan::math::ChainableStack::instance_->memalloc_;
-    GrainSize *grains = memory.alloc_array<GrainSize>(n);
-    vari **output = memory.alloc_array<vari *>(2 * n), **input = memory.alloc_array<vari *>(n + 3);
-    input[0] = T(u).vi_;
-    for (int k = 0; k < n + 2; ++k) {
-      input[1 + k] = T(asked[k]).vi_;
-    }
-    for (int k = 0; k < n; ++k) {
-      grains[k] = GrainSize(critical.decay(strain[k]), ratio);
-      output[2 * k] = new vari(asked_value[2 + k] - exponent_ratio * grains[k].log, false);
-      output[2 * k + 1] = new vari(exponent_ratio * grains[k].by_u, false);
-      rest(k, 0) = T(output[2 * k]);
-      rest(k, 1) = T(output[2 * k + 1]);
-    }
-    stan::math::reverse_pass_callback([=]() {
-      double by_u = 0, by_exponent = 0, by_h = 0;
-      for (int k = 0; k < n; ++k) {
-        const double left = output[2 * k]->adj_, slope = output[2 * k + 1]->adj_;
-        input[3 + k]->adj_ += left;
-        by_exponent += slope * grains[k].by_u - left * grains[k].log;
-        by_u += exponent_ratio * (slope * grains[k].by_u_u - left * grains[k].by_u);
-        by_h += exponent_ratio * (slope * grains[k].by_u_h - left * grains[k].by_h);
-      }
-      input[0]->adj_ += by_u;
-      input[1]->adj_ += by_exponent;
-      input[2]->adj_ += by_h;
-    });
   }
-  return rest;
-}
+
+  std::vector<double> value;
+
+  double slope(int k) const { return exponent_ratio_ * grain_[k].by_u; }
+
+  /** Add derivatives by what is asked, and return that by u; those by slopes may be missing. */
+  double pull_back(const double *by_value, const double *by_slope, double *by_asked) const {
+    double by_u = 0, by_exponent = 0, by_h = 0;
+    for (std::size_t k = 0; k < value.size(); ++k) {
+      const double left = by_value[k], slope = by_slope == nullptr ? 0 : by_slope[k];
+      by_asked[2 + k] += part_of_way_ * left;
+      by_exponent += slope * grain_[k].by_u - left * grain_[k].log;
+      by_u += slope * grain_[k].by_u_u - left * grain_[k].by_u;
+      by_h += slope * grain_[k].by_u_h - left * grain_[k].by_h;
+    }
+    by_asked[0] += part_of_way_ * by_exponent;
+    by_asked[1] += part_of_way_ * exponent_ratio_ * by_h;
+    return exponent_ratio_ * by_u;
+  }
+
+ private:
+  double part_of_way_, exponent_ratio_;
+  std::vector<GrainSize> grain_;
+};
 
 }  // namespace burgers
 #endif

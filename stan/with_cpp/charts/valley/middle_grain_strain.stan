@@ -1,0 +1,4 @@
+// middle_grain_strain.hpp has the body; charts/valley/middle_grain_strain.stan of the folder above
+// describes the function.
+vector middle_grain_strain(vector asked, data vector reference, data vector strain,
+                           vector weight, data int stress_given, data matrix bounds);

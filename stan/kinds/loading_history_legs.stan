@@ -231,19 +231,23 @@ matrix strain_driven_leg(row_vector start, data array[] real time, data real rat
   }
   for (i in 1 : n) {
     int at = n_at_start + i;
-    real z = kelvin_sum(tail(solved[i], n_kelvin), elements);
     states[at, 1] = solved[i][1];
-    states[at, 2] = z;
-    states[at, 3] = start[3] + rate * after_start[i] - kelvin * (z - start[2])
-                    - elastic * (solved[i][1] - start[1]);
-    states[at, 4] = compliant
-                    ? solved[i][2 + has_grains + hardens]
-                    : start[4] + magnitude(rate) * after_start[i];
+    states[at, 2] = kelvin_sum(tail(solved[i], n_kelvin), elements);
+    if (compliant) {
+      states[at, 4] = solved[i][2 + has_grains + hardens];
+    }
     states[at, 5] = has_grains ? solved[i][2] : start[5];
     states[at, 6] = hardens ? solved[i][2 + has_grains] : 0;
     if (n_summed(element) > 0) {
       states[at, 7 : ] = to_row_vector(tail(solved[i], n_kelvin));
     }
+  }
+  states[n_at_start + 1 : , 3]
+    = start[3] + rate * to_vector(after_start)
+      - kelvin * (states[n_at_start + 1 : , 2] - start[2])
+      - elastic * (states[n_at_start + 1 : , 1] - start[1]);
+  if (!compliant) {
+    states[n_at_start + 1 : , 4] = start[4] + magnitude(rate) * to_vector(after_start);
   }
   return states;
 }
@@ -309,14 +313,19 @@ matrix stress_driven_leg(row_vector start, data array[] real time, data real y_0
     states[at, 1] = y_0 + rate * after_start[i];
     states[at, 2] = kelvin_sum(tail(solved[i], n_kelvin), elements);
     states[at, 3] = start[3] + solved[i][1];
-    states[at, 4] = grows
-                    ? before + spring * states[at, 1] + kelvin * states[at, 2] + solved[i][1]
-                    : start[4] + solved[i][2];
+    if (!grows) {
+      states[at, 4] = start[4] + solved[i][2];
+    }
     states[at, 5] = has_grains ? solved[i][3] : start[5];
     states[at, 6] = hardens ? solved[i][n_others] : 0;
     if (n_summed(element) > 0) {
       states[at, 7 : ] = to_row_vector(tail(solved[i], n_kelvin));
     }
+  }
+  if (grows) {
+    states[n_at_start + 1 : , 4]
+      = before - start[3] + spring * states[n_at_start + 1 : , 1]
+        + kelvin * states[n_at_start + 1 : , 2] + states[n_at_start + 1 : , 3];
   }
   return states;
 }

@@ -107,7 +107,8 @@ struct Steps {
   std::vector<Step<Rates>, Allocator<Step<Rates>>> taken;
   std::vector<double, Allocator<double>> z;
 
-  Steps(std::size_t expected, int n_elements) {
+  Steps(std::size_t n_times, int n_elements) {
+    const std::size_t expected = 2 * n_times + 16;
     taken.reserve(expected);
     z.reserve(expected * n_elements);
   }
@@ -271,13 +272,12 @@ class Trajectory {
           step.stage[i].state[a] = step.start[a] + slope[a] * c[i] * step.length;
         }
       } else {
-        const double node[4] = {0, c[0], c[1], 1};
         const double place = 1 + c[i] * step.length / last->length;
         double weight[4];
         for (int j = 0; j < 4; ++j) {
-          weight[j] = 1;
+          weight[j] = radau().share[j];
           for (int k = 0; k < 4; ++k) {
-            weight[j] *= k == j ? 1 : (place - node[k]) / (node[j] - node[k]);
+            weight[j] *= k == j ? 1 : place - radau().node[k];
           }
         }
         for (int a = 0; a < N; ++a) {

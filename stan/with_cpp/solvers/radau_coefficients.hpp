@@ -2,6 +2,7 @@
 #define BURGERS_RADAU_COEFFICIENTS_HPP
 /** Coefficients of Radau IIA of order 5. */
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 
 namespace burgers {
@@ -17,6 +18,8 @@ struct Radau {
   double eigenvalue;   // the real one of inverse
   double invariant[3]; // det(1 + x a) = 1 + sum of invariant[j] x^(j + 1)
   Block b[3];          // adjugate of 1 + x a, by powers of x
+  double node[4];      // start and stages of a step
+  double share[4];     // of the polynomial through these: 1/product of distances from the others
 
   Radau() : eigenvalue(3.637834252744496), invariant{3.0 / 5, 3.0 / 20, 1.0 / 60} {
     const double r = std::sqrt(6.0);
@@ -29,6 +32,14 @@ struct Radau {
     b[0].setIdentity();
     b[1] = invariant[0] * b[0] - a;
     b[2] = invariant[2] * inverse;
+    node[0] = 0;
+    std::copy_n(c.data(), 3, node + 1);
+    for (int j = 0; j < 4; ++j) {
+      share[j] = 1;
+      for (int k = 0; k < 4; ++k) {
+        share[j] /= k == j ? 1 : node[j] - node[k];
+      }
+    }
   }
 };
 

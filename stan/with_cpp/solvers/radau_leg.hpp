@@ -30,7 +30,7 @@ Outputs solve_leg(const Leg &leg, const std::vector<double> &time, double tolera
                   const Eigen::VectorXd &start, const Eigen::VectorXd &argument) {
   const int n_elements = start.size() - N;
   const auto trajectory = trajectory_of<N>(leg, n_elements, tolerance, argument.data());
-  Steps<LegRates<N>, std::allocator> steps(time.size() + 16, n_elements);
+  Steps<LegRates<N>, std::allocator> steps(time.size(), n_elements);
   Outputs states;
   const bool solved = trajectory.solve(
       start.head<N>(), {start.data() + N, start.data() + start.size()}, time, steps,
@@ -67,7 +67,7 @@ std::vector<stan::math::vector_v> solve_leg(const Leg &leg, const std::vector<do
   double *argument_value = memory.alloc_array<double>(n_given);
   Eigen::Map<Eigen::VectorXd>(argument_value, n_given) = argument.val();
   const auto trajectory = trajectory_of<N>(leg, n_elements, tolerance, argument_value);
-  Steps<Rates, stan::math::arena_allocator> steps(n_times + 16, n_elements);
+  Steps<Rates, stan::math::arena_allocator> steps(n_times, n_elements);
   vari **output = memory.alloc_array<vari *>(n_times * n_all);
   std::size_t *n_steps = memory.alloc_array<std::size_t>(n_times);
   std::vector<stan::math::vector_v> states;

@@ -20,7 +20,8 @@ from pyburgers.kinds.problem import problem_of
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.pooling import DEFAULT_KINDS
 from pyburgers.model.variants import with_variant
-from pyburgers.predictions.exported import LEFT_OUT, LOG_FACTOR, POWER_LAW, as_latex, exported
+from pyburgers.predictions.exported import LEFT_OUT, LOG_FACTOR, as_latex, exported
+from pyburgers.predictions.stated_laws import POWER_LAW
 
 
 def printed(fit: Fit, kind: str, capsys: pytest.CaptureFixture[str]) -> str:

@@ -22,7 +22,8 @@ from pyburgers.kinds.program_data import given_parameters
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.laws import DASHPOT_LAWS
-from pyburgers.predictions.exported import LOG_FACTOR, Exported, as_json, as_latex, laws_of
+from pyburgers.predictions.exported import LOG_FACTOR, Exported, as_json, as_latex
+from pyburgers.predictions.stated_laws import laws_of
 
 pytestmark = pytest.mark.usefixtures("programs")
 

@@ -44,7 +44,7 @@ from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.model.variants import variant_of, with_variant
 from pyburgers.predictions.collection import LAWS
-from pyburgers.predictions.exported import laws_of
+from pyburgers.predictions.stated_laws import laws_of
 
 DATA = pyburgers.shipped_folder("data")
 SHIPPED = DATA / "collection"

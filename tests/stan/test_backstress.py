@@ -40,7 +40,7 @@ from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.laws import HARDENING_LAWS
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import variant_of, with_variant
-from pyburgers.predictions.exported import laws_of
+from pyburgers.predictions.stated_laws import laws_of
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

@@ -40,7 +40,7 @@ from pyburgers.model.laws import MECHANISMS
 from pyburgers.model.parameters import FURTHER_MECHANISMS
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import variant_of, with_variant
-from pyburgers.predictions.exported import laws_of
+from pyburgers.predictions.stated_laws import laws_of
 
 OLIVINE = ICE.parent / "olivine" / "olivine_twin.toml"
 FloatArray = npt.NDArray[np.float64]

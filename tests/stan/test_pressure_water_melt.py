@@ -49,7 +49,7 @@ from pyburgers.model.parameters import (
 )
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import variant_of
-from pyburgers.predictions.exported import composite_law, laws_of
+from pyburgers.predictions.stated_laws import composite_law, laws_of
 
 pytestmark = pytest.mark.usefixtures("programs")
 

@@ -134,6 +134,11 @@ class RateLaw:
         names = (own_name(name, one.name) for name in one.stated_parameters)
         return tuple(name for name in names if self.priors[name].is_fixed)
 
+    @property
+    def enhancements(self) -> tuple[str, ...]:
+        """Parameters by which steady rates exceed the least ones, which are those of the law."""
+        return tuple(name for name in ENHANCEMENTS if not is_fixed_at(self.priors[name], 1.0))
+
     def at(self, **values: float) -> "RateLaw":
         """Return the law with parameters fixed at values (SI), all others at their priors' centres.
 

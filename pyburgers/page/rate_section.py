@@ -52,6 +52,8 @@ SOFTENED_CAPTION = (
     "lines is the stress exponent n."
 )
 
+STEADY_CAPTION = " Lines are of least rates: points of steady rates are divided by E."
+
 ENVIRONMENT_CAPTION = " Pressure, water fugacity and melt fraction are the means {}."
 
 RESIDUAL_CAPTION = (
@@ -127,6 +129,7 @@ def rate_section(fit: RateFit, key: str = RATE_KEY) -> PageSection:
                 "Flow law",
                 LAW_CAPTION
                 + SOFTENED_CAPTION * (fit.softening is not None)
+                + STEADY_CAPTION * bool(fit.law.enhancements)
                 + ENVIRONMENT_CAPTION.format("of the same rows") * has_environment(fit.law),
                 partial(law_figure, fit),
             ),

@@ -159,7 +159,8 @@ def creep_laws(fit: SampledFit, stated: Stated, code: str) -> CreepLaws:
             )
         fabric = np.full_like(draws["beta"], stated.fabric_factor or 1.0)
         grain_size = np.full_like(draws["beta"], stated.grain_size)
-        whose = "of the tests" if fit.softening is None else "undeformed"
+        least = " at their least rates" if fit.law.enhancements else ""
+        whose = f"of the tests{least}" if fit.softening is None else "undeformed"
         state = f"{whose}, grain size {number(stated.grain_size * LENGTH_FACTOR)} {LENGTH_UNIT}"
     else:
         assert isinstance(fit, Fit)

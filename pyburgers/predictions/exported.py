@@ -115,6 +115,7 @@ def exported(fit: Fit | RateFit) -> Exported:
     """Return what other codes need of a fit; beta gives tables the names of a curve's flow law."""
     about: Experiment | RateTable
     own: dict[str, str] = {}
+    notes: tuple[str, ...] = ()
     if isinstance(fit, Fit):
         about, priors, variant = fit.experiment, fit.priors, fit.variant.short_text
         left_out = LEFT_OUT | about.without_effect
@@ -123,6 +124,9 @@ def exported(fit: Fit | RateFit) -> Exported:
     else:
         about, priors, variant = fit.data, fit.law.priors, fit.law.priors.title
         columns, own, laws = _law_of_tables(fit)
+        if fit.law.enhancements:
+            excess = " or ".join(fit.law.enhancements)
+            notes = (f"Steady rates of tests are {excess} times their least rates.",)
     if "beta" in columns:
         columns[LOG_FACTOR] = columns["beta"] * columns["activation_enthalpy"]
     values = np.stack(list(columns.values()))
@@ -157,6 +161,7 @@ def exported(fit: Fit | RateFit) -> Exported:
             for known, one in zip(fixed, decided, strict=True)
         ),
         notes=(
+            *notes,
             *fit.origins,
             *fit.prior_conflicts(),
             *fit.prior_decisions(),
@@ -176,7 +181,7 @@ def _law_of_tables(
     fit: RateFit,
 ) -> tuple[dict[str, FloatArray], dict[str, str], dict[str, object]]:
     """Return draws (n_draws,) by name, names of their priors if they are others, and the laws."""
-    law, scatter = fit.law, _draws_of(fit, [SCATTER])
+    law, scatter = fit.law, _draws_of(fit, [*fit.law.enhancements, SCATTER])
     microstructure = {"microstructure": {"undeformed": undeformed("initial_grain_size")}}
     if law.is_power_law and law.power_law.has_beta:
         own = {name: own_name(name, law.power_law.name) for name in FLOW_LAW}

@@ -16,6 +16,7 @@ from pyburgers.common.units import rounded
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import A_FIT, PRIOR_ALONE, SampledFit
 from pyburgers.flow_law_tables.fit import RateFit
+from pyburgers.flow_law_tables.laws import ENHANCEMENTS
 from pyburgers.kinds.conditions import ENVIRONMENT_WORDS, Ranges, doubtful_conditions
 from pyburgers.model.display import shown_quantity
 from pyburgers.model.priors import FLOW_LAW
@@ -63,7 +64,7 @@ def _table(write: Callable[[Exported], str], fit: AnyFit, *_: object) -> tuple[s
 
 def _creep_texts(form: CreepFormat, fit: AnyFit, stated: Stated, kept: Kept) -> tuple[str, ...]:
     laws, one = creep_laws(fit, stated, form.code), exported(fit)
-    decide = [name for name in (*FLOW_LAW, LOG_FACTOR) if name in one.names]
+    decide = [name for name in (*FLOW_LAW, LOG_FACTOR, *ENHANCEMENTS) if name in one.names]
     if LOG_FACTOR not in decide:
         decide = [*one.names]
     elif stated.microstructure == "steady_state":

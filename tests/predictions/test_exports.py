@@ -30,6 +30,7 @@ from pyburgers.flow_law_tables.fit_rates import fit_rates
 from pyburgers.kinds.problem import problem_of
 from pyburgers.model.laws import DASHPOT_LAWS, KELVIN_LAWS, MECHANISMS
 from pyburgers.model.variants import with_variant
+from pyburgers.page.rate_section import rate_section
 from pyburgers.predictions.exports import FORMATS, export
 from pyburgers.predictions.stress_cycles import Regime
 from pyburgers.sampling.options import SamplerOptions
@@ -408,6 +409,23 @@ def test_softened_tests_have_a_law_of_undeformed_material(
         (text,) = export(peaks, code, grain_size=1e-3, **given)
         assert READERS[code](text)(STRESS, typical, 255.0) == pytest.approx(typical, rel=1e-10)
         assert "Conditions of the fitted tests: temperature" in text
+
+
+def test_steady_rates_are_told_from_the_least_ones_of_the_law(
+    creep: RateFit, tmp_path: Path
+) -> None:
+    table = pyburgers.load_rate_table(ICE / "rates" / "jacka_li_1994.toml")
+    options = SamplerOptions(chains=1, warmup=150, draws=60, seed=1)
+    steady = fit_rates(table, out=tmp_path / "run", options=options)
+    excess, told = "tertiary_enhancement[axial]", "of the tests at their least rates"
+    for fit, is_steady in ((steady, True), (creep, False)):
+        content = json.loads(*export(fit, "json"))
+        assert (excess in content["names"]) is is_steady
+        sentence = f"Steady rates of tests are {excess} times their least rates."
+        (text,) = export(fit, "pism", grain_size=2e-3)
+        assert [sentence in content["notes"], sentence in text, told in text] == [is_steady] * 3
+        (figure,) = (one for one in rate_section(fit).figures if one.name == "flow_law")
+        assert ("points of steady rates are divided by E" in figure.caption) is is_steady
 
 
 def evaluated(content: dict[str, Any], draw: int, conditions: dict[str, float]) -> float:

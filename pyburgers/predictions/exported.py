@@ -30,7 +30,13 @@ from pyburgers.model.parameters import CONDITIONS, ENVIRONMENT, RESIDUAL_CORRELA
 from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR
 from pyburgers.model.read_quantities import BY_NOISE
 from pyburgers.posterior.labelled_draws import own_name
-from pyburgers.predictions.stated_laws import POWER_LAW, composite_law, laws_of, undeformed
+from pyburgers.predictions.stated_laws import (
+    LOGARITHM,
+    POWER_LAW,
+    composite_law,
+    laws_of,
+    undeformed,
+)
 
 VARIABLES: Mapping[str, str] = MappingProxyType(
     {
@@ -50,7 +56,7 @@ VARIABLES: Mapping[str, str] = MappingProxyType(
 )
 """Units of the variables, and the gas constant; stress and strain are positive in compression."""
 
-LOG_FACTOR = "ln_flow_law_factor"
+LOG_FACTOR = f"{LOGARITHM}flow_law_factor"
 """ln A in SI units, which β and Q_M give: A = exp(β Q_M)."""
 
 LEFT_OUT = CONDITIONS | {
@@ -66,10 +72,10 @@ LEFT_OUT = CONDITIONS | {
 class Exported:
     """Mean (n,) and covariance (n, n) of the parameters of a material, in SI units.
 
-    Names hold parameters, sampled ones and fixed ones, and `LOG_FACTOR`; a fixed one has no
-    covariance and is decided by "fixed". Notes are conflicts, and numbers that the data alone
-    do not decide. Laws are those that were fitted (`laws_of`). Draws
-    have shape (n, n_draws).
+    Names hold parameters, sampled ones and fixed ones, `LOG_FACTOR`, and logarithms in the place
+    of the rates of mechanisms; a fixed one has no covariance and is decided by "fixed". Notes are
+    conflicts, and numbers that the data alone do not decide. Laws are those that were fitted
+    (`laws_of`). Draws have shape (n, n_draws).
     """
 
     test: str
@@ -187,11 +193,21 @@ def _law_of_tables(
         own = {name: own_name(name, law.power_law.name) for name in FLOW_LAW}
         return {**fit.power_law(), **scatter}, own, {"flow_law": POWER_LAW, **microstructure}
     names = [own_name(name, one.name) for one in law.mechanisms for name in one.stated_parameters]
-    return {**_draws_of(fit, names), **scatter}, {}, {**composite_law(law), **microstructure}
+    # A rate may be uncertain by more than itself: mean and sd of its logarithm describe it.
+    columns = {
+        f"{LOGARITHM}{name}" if name.startswith("mechanism_rate") else name: one
+        for name, one in _draws_of(fit, names).items()
+    }
+    columns |= {name: np.log(one) for name, one in columns.items() if _is_logarithm(name)}
+    return {**columns, **scatter}, {}, {**composite_law(law), **microstructure}
+
+
+def _is_logarithm(name: str) -> bool:
+    return name.startswith(LOGARITHM)
 
 
 def _si_unit(name: str) -> str:
-    return "1" if name == LOG_FACTOR else shown_quantity(name).si_unit
+    return "1" if _is_logarithm(name) else shown_quantity(name).si_unit
 
 
 def as_json(one: Exported, kept: Sequence[int] = ()) -> str:
@@ -281,7 +297,10 @@ def _law_lines(laws: Mapping[str, object], under: str = "") -> list[str]:
 
 
 def _symbol(name: str) -> str:
-    return r"\ln A" if name == LOG_FACTOR else shown_quantity(name).symbol
+    if _is_logarithm(name):
+        of = name.removeprefix(LOGARITHM)
+        return r"\ln A" if name == LOG_FACTOR else rf"\ln {shown_quantity(of).symbol}"
+    return shown_quantity(name).symbol
 
 
 def _decided(name: str, decided_by: str, by_prior_of: str) -> str:
@@ -296,7 +315,7 @@ def _decided(name: str, decided_by: str, by_prior_of: str) -> str:
 
 def _display(name: str) -> tuple[float, str]:
     """Return the factor to the display unit, and that unit."""
-    if name == LOG_FACTOR:
+    if _is_logarithm(name):
         return 1.0, "--"
     quantity = shown_quantity(name)
     unit = unit_text(quantity)

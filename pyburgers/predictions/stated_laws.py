@@ -20,6 +20,9 @@ from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of
 from pyburgers.posterior.labelled_draws import own_name
 
+LOGARITHM = "ln_"
+"""What names of logarithms of quantities begin with, in SI units."""
+
 POWER_LAW = DASHPOT_LAWS["power_law"].flow_law
 
 
@@ -115,7 +118,7 @@ def _mechanism_law(law: RateLaw, one: Mechanism) -> str:
     at, q = law.reference, "activation_enthalpy"
     first = 1 / at.temperature
     stress, grain_size = f"(stress/{at.stress:.10g})", f"(grain_size/{at.grain_size:.10g})"
-    rate = "mechanism_rate"
+    rate = f"exp({LOGARITHM}mechanism_rate)"
     if one.has_beta:
         first, stress, grain_size, rate = 0.0, "stress", "grain_size", f"exp(beta*{q})"
     warmer = ""

@@ -463,6 +463,10 @@ def test_laws_of_mechanisms_are_exported_as_expressions(creep: RateFit, tmp_path
             at = {"temperature": temperature, "stress": 2e6, "grain_size": 3e-4}
             first = evaluated(content, 0, at)
             assert first == pytest.approx(rates[0], rel=1e-8)
+        # Draws of mean and covariance have rates: logarithms are there in their place.
+        of_rates = [name for name in content["names"] if "mechanism_rate" in name]
+        assert of_rates == [f"ln_mechanism_rate[{one.name}]" for one in fit.law.mechanisms]
+        assert r"$\ln \dot\epsilon_1[" in "".join(export(fit, "latex"))
     with pytest.raises(InputError, match=r"cannot express 'Ice, .*expected a power law"):
         export(composite, "aspect", grain_size=1e-3)
     (text,) = export(creep, "aspect", grain_size=1e-3)

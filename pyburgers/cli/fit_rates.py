@@ -68,7 +68,11 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    data = joined([load_rate_table(path) for path in options.data])
+    data = joined(
+        [load_rate_table(path) for path in options.data],
+        options.hold_out,
+        softened=options.curve_priors is not None,
+    )
     for path in options.without:
         before = data.n_rows
         data = without_test(data, load_experiment(path))

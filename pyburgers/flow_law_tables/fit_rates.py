@@ -92,7 +92,8 @@ def fit_rates(
     >>> result = pyburgers.fit_rates(rates, out="runs/fan_2020", options=options)
     """
     run = RunDirectory(given_path(out))
-    data = joined([tables] if isinstance(tables, RateTable) else list(tables))
+    tables = [tables] if isinstance(tables, RateTable) else list(tables)
+    data = joined(tables, held_out, softened=curve is not None)
     kind = "power_law" if curve is None else "flow_law"
     law = rate_law(f"{data.material}_{kind}") if law is None else law
     note_other_material(law.priors, data.material)
@@ -160,7 +161,8 @@ def fit_rates(
         flow_law_prior(result).save(run.path / FLOW_LAW_PRIOR_FILE)
         run.note_hash(run.path / FLOW_LAW_PRIOR_FILE)
     write_tables(result)
-    return replace(result, manifest=run.read_manifest())
+    read = replace(result.data, notices=data.notices)
+    return replace(result, manifest=run.read_manifest(), data=read)
 
 
 def _refuse_softening(law: RateLaw) -> None:

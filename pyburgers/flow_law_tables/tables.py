@@ -4,7 +4,7 @@ In each row stress or strain rate was imposed and the other was read, at the min
 peak stress or in the steady state. Every geometry is turned to the axial equivalent.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, Literal
@@ -196,8 +196,14 @@ class RateTable:
         )
 
 
-def joined(tables: Sequence[RateTable]) -> RateTable:
-    """Put tables of one material under each other; raise InputError if they are of several."""
+def joined(
+    tables: Sequence[RateTable], held_out: Collection[str] = (), *, softened: bool = False
+) -> RateTable:
+    """Put tables of one material under each other; raise InputError if they are of several.
+
+    Peaks of sources that are held out do not count. If the tests are to be softened, a notice says
+    where the strain of peaks that is stated is not that of all.
+    """
     first = tables[0]
     if len(tables) == 1:
         return first
@@ -210,7 +216,15 @@ def joined(tables: Sequence[RateTable]) -> RateTable:
     if len(set(names)) < len(names):
         raise InputError(f"found the tables {', '.join(names)}, expected each of them once.")
     kinds = {table.provenance.kind for table in tables}
-    peak_strains = {table.peak_strain for table in tables}
+    notices = [notice for table in tables for notice in table.notices]
+    fitted = [table for table in tables if {*table.sources} - {*held_out}]
+    peak_strains = {table.peak_strain for table in fitted}
+    if softened and len(peak_strains) > 1:
+        stated = ", ".join(table.id for table in fitted if table.peak_strain is not None)
+        notices.append(
+            f"[peak_strain] of {stated} does not restrict the softening, because not all tables "
+            "state the same; state one that holds for all in each of them."
+        )
     return RateTable(
         id="rates",
         material=first.material,
@@ -224,7 +238,7 @@ def joined(tables: Sequence[RateTable]) -> RateTable:
         ),
         # Statements about the peaks of different tests say nothing about all of them.
         peak_strain=peak_strains.pop() if len(peak_strains) == 1 else None,
-        notices=tuple(notice for table in tables for notice in table.notices),
+        notices=tuple(notices),
     )
 
 

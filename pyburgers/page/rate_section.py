@@ -219,9 +219,9 @@ def _softening_text(fit: RateFit, softening: SofteningPrior) -> str:
     low, middle, high = (number(100 * strain) for strain in softening.peak_strain.round(4))
     stated = fit.data.peak_strain
     where = (
-        "The table does not state at what strain the peaks are"
+        "No strain of the peaks is stated that holds for all tests"
         if stated is None
-        else f"The table states peaks at {100 * stated.mean:.1f} ± {100 * stated.sd:.1f} % strain"
+        else f"Peaks are stated at {100 * stated.mean:.1f} ± {100 * stated.sd:.1f} % strain"
     )
     return (
         f"{where}; the peaks simulated with the priors of a curve are at {middle} % ({low} to "

@@ -2,8 +2,10 @@
 
 import io
 import json
+import shutil
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from conftest import ICE
@@ -41,6 +43,17 @@ def test_tables_are_fitted_held_out_checked_and_shown(
     assert "Flow law of ice from steady rates" in page
     assert "Sources that were predicted" in page
     assert "SYNTHETIC" not in page
+
+
+def test_rows_that_are_left_out_are_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copy(RATES / "fan_2020.toml", tmp_path)
+    rows = pd.read_csv(RATES / "fan_2020.csv")
+    rows.loc[1, "grain_size_mm"] = np.nan
+    rows.to_csv(tmp_path / "fan_2020.csv", index=False)
+    main(["fit-rates", str(tmp_path / "fan_2020.toml"), "--out", str(tmp_path / "run"), *SHORT])
+    assert "note: fan_2020: 1 row without grain size left out." in capsys.readouterr().err
 
 
 def test_a_softened_table_has_a_prior_to_hand_on_and_is_exported(

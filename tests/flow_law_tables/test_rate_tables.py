@@ -163,7 +163,13 @@ def test_the_strain_of_the_peaks_is_read_saved_and_joined(write: Write, tmp_path
     assert load_rate_table(save_rate_table(data, tmp_path)).peak_strain == data.peak_strain
     same_peaks = replace(data, id="same")
     assert joined([data, same_peaks]).peak_strain == data.peak_strain
-    assert joined([data, replace(same_peaks, peak_strain=None)]).peak_strain is None
+    other = replace(same_peaks, peak_strain=None, source=np.full(data.n_rows, "other"))
+    for softened, notices in ((False, 0), (True, 1)):
+        table = joined([data, other], softened=softened)
+        assert table.peak_strain is None
+        assert sum("[peak_strain] of mine does" in one for one in table.notices) == notices
+    without = joined([data, other], ["other"], softened=True)
+    assert (without.peak_strain, without.notices) == (data.peak_strain, ())
     wrong = write(("[provenance]", STATED.replace("0.02", "2.0")))
     assert "key 'mean' in [peak_strain]" in refusal(wrong, load_rate_table)
 

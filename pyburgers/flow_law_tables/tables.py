@@ -7,7 +7,7 @@ peak stress or in the steady state. Every geometry is turned to the axial equiva
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,7 @@ import numpy.typing as npt
 from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import counted
-from pyburgers.kinds.experiment import Experiment, Provenance
+from pyburgers.kinds.experiment import DataKind, Experiment, Provenance
 from pyburgers.kinds.limits import impossible_conditions
 from pyburgers.model.environment import environment_faults
 from pyburgers.model.flow_law_prior import Conditions
@@ -233,7 +233,7 @@ def joined(
             for key in (*NUMBERS, *LABELS)
         },
         provenance=Provenance(
-            kind="synthetic" if "synthetic" in kinds else first.provenance.kind,
+            kind=next(kind for kind in get_args(DataKind) if kind in kinds),
             source="; ".join(table.provenance.source for table in tables),
         ),
         # Statements about the peaks of different tests say nothing about all of them.

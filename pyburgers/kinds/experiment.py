@@ -24,6 +24,9 @@ from pyburgers.model.peak_test import PeakTest
 
 MetadataValue = str | float | int | bool
 
+DataKind = Literal["synthetic", "digitised", "measured"]
+"""Of several together the first counts."""
+
 
 @dataclass(frozen=True)
 class Provenance:
@@ -34,7 +37,7 @@ class Provenance:
     `doi`, `licence`, `notes`: as far as known.
     """
 
-    kind: Literal["measured", "digitised", "synthetic"]
+    kind: DataKind
     source: str
     doi: str | None = None
     licence: str | None = None

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import permutations
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from pyburgers.flow_law_tables.tables import (
     joined,
     without_test,
 )
+from pyburgers.kinds.experiment import DataKind
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.model.peak_test import PeakTest
 from pyburgers.model.priors import FLOW_LAW, default_priors
@@ -172,6 +174,18 @@ def test_the_strain_of_the_peaks_is_read_saved_and_joined(write: Write, tmp_path
     assert (without.peak_strain, without.notices) == (data.peak_strain, ())
     wrong = write(("[provenance]", STATED.replace("0.02", "2.0")))
     assert "key 'mean' in [peak_strain]" in refusal(wrong, load_rate_table)
+
+
+@pytest.mark.parametrize("kinds", list(permutations(("measured", "digitised", "synthetic"), 2)))
+def test_joined_tables_are_of_the_weakest_kind_in_any_order(
+    write: Write, kinds: tuple[DataKind, ...]
+) -> None:
+    data = load_rate_table(write())
+    tables = [
+        replace(data, id=kind, provenance=replace(data.provenance, kind=kind)) for kind in kinds
+    ]
+    weakest = "synthetic" if "synthetic" in kinds else "digitised"
+    assert joined(tables).provenance.kind == weakest
 
 
 def test_the_rows_of_a_curve_are_left_out() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from page import Page
-from synthetic_fit import DataKind, make_fit, with_problem
+from synthetic_fit import make_fit, with_problem
 
 from pyburgers.cli.main import main
 from pyburgers.common.draws import all_draws
@@ -19,6 +19,7 @@ from pyburgers.drawing.page_parts import PageSection
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.flow_law_tables.softening import least_squares
+from pyburgers.kinds.experiment import DataKind
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
 from pyburgers.model.priors import FLOW_LAW, with_flow_law
 from pyburgers.model.variants import with_variant

@@ -15,7 +15,7 @@ from pyburgers.common.atomic_files import write_json
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
-from pyburgers.kinds.experiment import Experiment, Provenance
+from pyburgers.kinds.experiment import DataKind, Experiment, Provenance
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.stan_data import REFERENCE_STRESS
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PARAMETERS
@@ -23,8 +23,6 @@ from pyburgers.model.pooling import SEPARATE
 from pyburgers.model.prior_families import Family, Prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.sampling.run_directory import RunDirectory
-
-DataKind = Literal["measured", "digitised", "synthetic"]
 
 TRUTH = MappingProxyType(
     {

@@ -1,5 +1,6 @@
 """Tables of rates in files: a TOML file beside a text file of columns, read into SI and written."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
@@ -133,15 +134,26 @@ def load_rate_table(source: str | Path | Mapping[str, Any]) -> RateTable:
         )
     file = checked(path, content, _RateFile)
     file.data.check_pairs(path, *MAY_BE_LEFT_OUT)
-    for tests in file.tests:
+    for k, tests in enumerate(file.tests, start=1):
+        for column in tests.rows.keys() & file.data.rows.keys():
+            taken, found = file.data.rows[column], tests.rows[column]
+            if found != taken:
+                raise InputError(
+                    f"{path}: [[tests]] {k}: key 'rows': found {found!r} for column {column!r}, "
+                    f"expected {taken!r}, the rows that [data] takes by its own key 'rows'; remove "
+                    f"{column!r} from one of both keys."
+                )
         if tests.reading_error is not None and file.data.reading_error_column is not None:
             raise InputError(
                 f"{path}: found 'reading_error' in [[tests]] and 'reading_error_column' in [data], "
                 "expected one of them."
             )
     whole, notes = _numbers(path, file.data)
-    parts = all_of(*(partial(_part, path, file, tests) for tests in file.tests))
-    _check_parts(path, whole, parts)
+    read = all_of(*(partial(_numbers, path, file.data, tests.rows) for tests in file.tests))
+    _check_parts(path, whole, [values for values, _ in read], file.tests)
+    parts = [
+        _part(file, tests, values) for tests, (values, _) in zip(file.tests, read, strict=True)
+    ]
     values = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     n_rows = values["stress"].size
     if n_rows < LEAST_ROWS:
@@ -217,9 +229,10 @@ def _numbers(
     return values, notes
 
 
-def _part(path: Path, file: _RateFile, tests: _TestsTable) -> dict[str, npt.NDArray[Any]]:
+def _part(
+    file: _RateFile, tests: _TestsTable, values: Mapping[str, FloatArray]
+) -> dict[str, npt.NDArray[Any]]:
     """Return the arrays of the rows that a table [[tests]] is about."""
-    values, _ = _numbers(path, file.data, tests.rows)
     n_rows = values["stress"].size
     by_geometry = "shear" if tests.geometry in IN_SHEAR else "axial"
     stress, rate = AXIAL_EQUIVALENT[by_geometry if tests.measure == "applied" else tests.measure]
@@ -239,19 +252,25 @@ def _part(path: Path, file: _RateFile, tests: _TestsTable) -> dict[str, npt.NDAr
 
 
 def _check_parts(
-    path: Path, whole: Mapping[str, FloatArray], parts: Sequence[Mapping[str, npt.NDArray[Any]]]
+    path: Path,
+    whole: Mapping[str, FloatArray],
+    parts: Sequence[Mapping[str, FloatArray]],
+    tests: Sequence[_TestsTable],
 ) -> None:
     """Refuse a row that no table [[tests]] is about, or several are, and contradictory ones."""
-    found = sum(part["stress"].size for part in parts)
-    rows = whole["stress"].size
-    temperatures = np.sort(np.concatenate([part["temperature"] for part in parts]))
-    if found != rows or not np.array_equal(temperatures, np.sort(whole["temperature"])):
+    there, *taken = (
+        Counter(map(tuple, np.nan_to_num([*one.values()]).T.tolist())) for one in (whole, *parts)
+    )
+    of_tests = sum(taken, Counter[tuple[float, ...]]())
+    if of_tests != there:
+        left, again = (there - of_tests).total(), sum(there[row] for row in of_tests - there)
         raise InputError(
-            f"{path}: the tables [[tests]] are about {counted(found, 'row')} of {rows}, expected "
-            "every row in exactly one of them; check their keys 'rows'."
+            f"{path}: the tables [[tests]] leave out {left} of {counted(there.total(), 'row')} and "
+            f"take {again} more than once, expected every row in exactly one of them; check their "
+            "keys 'rows'."
         )
-    for k, part in enumerate(parts, start=1):
-        imposed, regime = str(part["imposed"][0]), str(part["regime"][0])
+    for k, one in enumerate(tests, start=1):
+        imposed, regime = one.imposed, one.regime
         if (imposed, regime) in (("stress", "peak"), ("strain_rate", "minimum")):
             expected = "minimum or steady" if imposed == "stress" else "peak or steady"
             raise InputError(

@@ -204,7 +204,7 @@ def creep_laws(fit: SampledFit, stated: Stated, code: str) -> CreepLaws:
 
 def stated_material(fit: Fit, stated: Stated, code: str) -> Material:
     """Return the material in its state, which has to be stated if its microstructure evolves."""
-    variant, chosen = fit.variant, stated.microstructure
+    variant, chosen = (fit.whole or fit).variant, stated.microstructure
     open_grains = variant.grain_size != "constant" and stated.grain_size is None
     open_fabric = variant.fabric != "constant" and stated.fabric_factor is None
     if chosen is None and (open_grains or open_fabric):

@@ -126,7 +126,7 @@ def exported(fit: Fit | RateFit) -> Exported:
         about, priors, variant = fit.experiment, fit.priors, fit.variant.short_text
         left_out = LEFT_OUT | about.without_effect
         columns = _draws_of(fit, [name for name in priors.priors if name not in left_out])
-        laws = laws_of(priors, fit.experiment)
+        laws = laws_of(priors, about, (fit.whole or fit).variant)
     else:
         about, priors, variant = fit.data, fit.law.priors, fit.law.priors.title
         columns, own, laws = _law_of_tables(fit)

@@ -93,15 +93,28 @@ def fitted_material(
             f"elastic_modulus_sd: found {elastic_modulus_sd:g} Pa without elastic_modulus, "
             "expected both or none."
         )
+    laws = variant_of(fit.priors, experiment)
+    if isinstance(fit, Fit) and fit.whole is not None:
+        laws = fit.whole.variant  # a table tells nothing of what evolves in the other tests
     size, fabric = np.full(shape, experiment.initial_grain_size), np.ones(shape)
     if microstructure == "steady_state":
+        unknown = [
+            option
+            for option, law, given, name in (
+                ("--grain-size-um", laws.grain_size, grain_size, "steady_state_grain_size"),
+                ("--fabric-factor", laws.fabric, fabric_factor, "steady_state_fabric_factor"),
+            )
+            if law == "evolving" and given is None and name not in parameters
+        ]
+        if unknown:
+            raise InputError(
+                f"microstructure: found 'steady_state', of which {experiment.id} tells nothing, "
+                f"expected {' and '.join(unknown)}, or another test of the joint fit."
+            )
         size = parameters.get("steady_state_grain_size", size)
         fabric = parameters.get("steady_state_fabric_factor", fabric)
     size = size if grain_size is None else np.full(shape, grain_size)
     fabric = fabric if fabric_factor is None else np.full(shape, fabric_factor)
-    laws = variant_of(fit.priors, experiment)
-    if isinstance(fit, Fit) and fit.whole is not None:
-        laws = fit.whole.variant  # a table tells nothing of what evolves in the other tests
     any_strain = np.ones(shape)
     if laws.grain_size == "constant":
         parameters |= {"steady_state_grain_size": size, "critical_strain_grain_size": any_strain}

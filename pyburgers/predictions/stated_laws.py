@@ -17,7 +17,7 @@ from pyburgers.model.laws import (
 from pyburgers.model.parameters import STANDARD_VALUES
 from pyburgers.model.prior_families import Prior, is_fixed_at
 from pyburgers.model.priors import PriorSet
-from pyburgers.model.variants import variant_of
+from pyburgers.model.variants import ModelVariant, variant_of
 from pyburgers.posterior.labelled_draws import own_name
 
 LOGARITHM = "ln_"
@@ -31,8 +31,13 @@ def undeformed(grain_size: str) -> dict[str, str]:
     return {"grain_size": grain_size, "fabric_factor": "1"}
 
 
-def laws_of(prior_set: PriorSet, experiment: Experiment) -> dict[str, object]:
-    """Return expressions of the laws of a fit, and initial and steady microstructure, by name."""
+def laws_of(
+    prior_set: PriorSet, experiment: Experiment, material: ModelVariant | None = None
+) -> dict[str, object]:
+    """Return expressions of the laws of a fit, and initial and steady microstructure, by name.
+
+    `material`: its laws in a joint fit. What evolves there but not in the test has no steady state.
+    """
     priors, variant = prior_set.priors, variant_of(prior_set, experiment)
     start = f"{experiment.initial_grain_size:.10g}"
     grain_size = {
@@ -58,6 +63,9 @@ def laws_of(prior_set: PriorSet, experiment: Experiment) -> dict[str, object]:
         rate = rate_of_mechanisms(variant.second_mechanism, variant.third_mechanism)
         flow_law = f"strain_rate = {rate}"
         hardening_law = hardening_law.replace("strain_rate", "first_mechanism")
+    is_told = material is None or all(
+        getattr(material, part) == getattr(variant, part) for part in ("grain_size", "fabric")
+    )
     fabric = "1" if variant.fabric == "constant" else "steady_state_fabric_factor"
     return {
         "flow_law": flow_law,
@@ -67,7 +75,7 @@ def laws_of(prior_set: PriorSet, experiment: Experiment) -> dict[str, object]:
         "kelvin_law": _kelvin_law(variant.kelvin, priors),
         "microstructure": {
             "undeformed": undeformed(start),
-            "steady": {"grain_size": grain_size, "fabric_factor": fabric},
+            **({"steady": {"grain_size": grain_size, "fabric_factor": fabric}} if is_told else {}),
         },
     }
 

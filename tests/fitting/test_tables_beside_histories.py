@@ -1,5 +1,6 @@
 """A curve at constant rate and a table of attenuation of one material, fitted together."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -35,6 +36,7 @@ from pyburgers.model.priors import PriorSet
 from pyburgers.page.joint_section import joint_sections, pooling_table
 from pyburgers.page.page import write_report
 from pyburgers.predictions.attenuation import predict_attenuation
+from pyburgers.predictions.exports import export
 from pyburgers.predictions.stress_cycles import Regime
 from pyburgers.sampling.options import SamplerOptions
 
@@ -173,6 +175,22 @@ def test_it_is_read_back_and_predicts_attenuation_and_a_table(fitted: Fit) -> No
     predicted = again.predict(replace(table(), id="again"), draws=20, separate_from=name)
     new = predicted.posterior["model_response"]["log_reading"].to_numpy()[0]
     assert np.std(new.mean(axis=0) - table().response) < 0.1
+
+
+def test_a_table_has_no_steady_state_of_a_microstructure_that_evolves(fitted: Fit) -> None:
+    of_curve, of_table = fitted[curve().id], fitted[table().id]
+    for of_test, is_told in ((of_curve, True), (of_table, False)):
+        content = json.loads(*export(of_test, "json"))
+        assert ("steady" in content["microstructure"]) is is_told
+    with pytest.raises(InputError, match="evolving grain size and fabric of the fit"):
+        export(of_table, "aspect")
+    for given, wanted in (({}, "--grain-size-um and --fabric"), ({"grain_size": 1e-4}, "--fabric")):
+        with pytest.raises(InputError, match=f"{table().id} tells nothing, expected {wanted}"):
+            export(of_table, "aspect", microstructure="steady_state", **given)
+    state = {"grain_size": 1e-4, "fabric_factor": 0.7}
+    assert export(of_table, "aspect", microstructure="steady_state", **state)
+    with pytest.raises(InputError, match="found 'steady_state'"):
+        predict_attenuation(of_table, [1e-3], [Regime(1e6, 1e5)], microstructure="steady_state")
 
 
 @pytest.mark.usefixtures("sketched")

@@ -19,8 +19,8 @@ def what_a_yes_leaves_open(fit: Fit) -> tuple[str, ...]:
     """Return a sentence on laws that a yes does not exclude, then commands; none without a yes."""
     if fit.verdicts()[CheckKind.DESCRIPTION].outcome is not Outcome.YES:
         return ()
-    first = next(iter(fit.tests().values())).experiment
-    laws = neighbouring_laws(fit.variant, first)
+    problem = (fit.whole or fit).problem
+    laws = neighbouring_laws(problem.variant, *problem.experiments)
     if not laws:
         return ()
     said = (
@@ -31,7 +31,7 @@ def what_a_yes_leaves_open(fit: Fit) -> tuple[str, ...]:
         return (f"{said} Fit the same tests with --variant {laws[0]} and compare.",)
     run = fit.directory
     other = f"{run.path}_{laws[0].replace('=', '_')}"
-    inputs: list[str | Path] = [run.test_file(first.id), "--priors", run.priors_file]
+    inputs: list[str | Path] = [run.test_file(problem.name), "--priors", run.priors_file]
     return (
         f"{said} To see how far each moves:",
         _command("fit", *inputs, "--variant", laws[0], "--out", Path(other)),

@@ -7,8 +7,8 @@ from pyburgers.model.variants import ModelVariant
 MOST_OF_A_PART = 2
 
 
-def neighbouring_laws(variant: ModelVariant, test: Test) -> tuple[str, ...]:
-    """Return choices such as ``kelvin=power_law`` that a test can have next to those of its fit.
+def neighbouring_laws(variant: ModelVariant, *tests: Test) -> tuple[str, ...]:
+    """Return choices such as ``kelvin=power_law`` that all tests can have next to their fit's.
 
     Laws of the Kelvin part are neighbours where one has all parameters of the other; those with
     the fewest parameters between them come first.
@@ -26,7 +26,9 @@ def neighbouring_laws(variant: ModelVariant, test: Test) -> tuple[str, ...]:
     return tuple(
         f"{part}={law}"
         for part, laws in nearest.items()
-        for law in [one for one in laws if one in test.laws.get(part, (one,))][:MOST_OF_A_PART]
+        for law in [
+            one for one in laws if all(one in test.laws.get(part, (one,)) for test in tests)
+        ][:MOST_OF_A_PART]
     )
 
 

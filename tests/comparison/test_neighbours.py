@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from conftest import ICE
 from synthetic_fit import make_fit, with_problem
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
@@ -16,6 +17,7 @@ from pyburgers.comparison.neighbours import (
     what_a_yes_leaves_open,
 )
 from pyburgers.fitting.fit import Fit
+from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.model.neighbouring_laws import neighbouring_laws, redefined
 from pyburgers.model.variants import ModelVariant, with_variant
 
@@ -29,6 +31,12 @@ def test_neighbours_are_laws_that_the_kind_of_test_can_have(small_fit: Fit) -> N
     assert neighbouring_laws(ModelVariant(), experiment) == (
         "kelvin=power_law",
         "kelvin=andrade",
+        "maxwell=hyperbolic_sine",
+    )
+    table = load_attenuation(ICE / "attenuation_twin.toml")
+    assert neighbouring_laws(ModelVariant(), experiment, table) == (
+        "kelvin=andrade",
+        "kelvin=two_elements",
         "maxwell=hyperbolic_sine",
     )
     other = ModelVariant(kelvin="power_law", maxwell="hyperbolic_sine")

@@ -1,7 +1,7 @@
 """Tables of rates in files: a TOML file beside a text file of columns, read into SI and written."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -37,7 +37,7 @@ from pyburgers.flow_law_tables.tables import (
     check_values,
     rows_alike,
 )
-from pyburgers.kinds.conditions import unlikely_stress
+from pyburgers.kinds.conditions import unlikely_grain_size, unlikely_stress, unlikely_temperature
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.kinds.experiment_file import ProvenanceTable
 from pyburgers.kinds.limits import unlikely_strain_rate
@@ -165,12 +165,17 @@ def load_rate_table(source: str | Path | Mapping[str, Any]) -> RateTable:
         **values,
         provenance=Provenance(**file.provenance.model_dump()),
         peak_strain=None if peak is None else PeakStrain(peak.mean, peak.sd),
-        notices=(
-            *notes,
-            *unlikely_stress(file.material, float(values["stress"].max())),
-            *unlikely_strain_rate(float(values["strain_rate"].max())),
-        ),
+        notices=(*notes, *(f"{file.id}: {one}" for one in _doubts(file.material, values))),
     )
+
+
+def _doubts(material: str, values: Mapping[str, FloatArray]) -> Iterator[str]:
+    """Say which numbers are unlikely."""
+    warmth = values["temperature"]
+    yield from unlikely_grain_size(float(np.nanmax(values["grain_size"], initial=0.0)))
+    yield from unlikely_temperature(material, float(warmth.min()), float(warmth.max()))
+    yield from unlikely_stress(material, float(values["stress"].max()))
+    yield from unlikely_strain_rate(float(values["strain_rate"].max()))
 
 
 def save_rate_table(data: RateTable, directory: Path) -> Path:

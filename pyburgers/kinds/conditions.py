@@ -35,12 +35,17 @@ def doubts(experiment: Experiment) -> list[str]:
 
 def _of_conditions(experiment: Experiment) -> Iterator[str]:
     """Say which grain size, temperatures and stresses are unlikely."""
-    material, grain = experiment.material, experiment.initial_grain_size
-    if grain > MAX_LIKELY_GRAIN_SIZE:
-        yield f"grains of {grain:g} m are unlikely; 230 um is 230e-6."
+    material = experiment.material
+    yield from unlikely_grain_size(experiment.initial_grain_size)
     yield from unlikely_temperature(material, *temperature_range(experiment))
     if experiment.n_points:
         yield from unlikely_stress(material, experiment.largest_stress)
+
+
+def unlikely_grain_size(largest: float) -> Iterator[str]:
+    """Say if the largest grain size (m) of tests is unlikely."""
+    if largest > MAX_LIKELY_GRAIN_SIZE:
+        yield f"grains of {largest:g} m are unlikely; 230 um is 230e-6."
 
 
 def unlikely_temperature(material: str, coldest: float, hottest: float) -> Iterator[str]:

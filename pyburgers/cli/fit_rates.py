@@ -36,7 +36,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "--law",
         metavar="LAW",
         help="a file, or a law that comes with the package, such as ice_composite (default: the "
-        "material's power law)",
+        "material's power law, if there is one)",
     )
     command.add_argument(
         "--hold-out",

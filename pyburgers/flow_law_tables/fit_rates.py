@@ -31,7 +31,7 @@ from pyburgers.flow_law_tables.softening import softening_prior
 from pyburgers.flow_law_tables.table_files import save_rate_table
 from pyburgers.flow_law_tables.tables import RateTable, in_order_of_tests, joined
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE
-from pyburgers.model.priors import PriorSet, note_other_material
+from pyburgers.model.priors import PriorSet, note_other_material, shipped_prior_files
 from pyburgers.posterior.labelled_draws import own_name
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run import complete_chains, fingerprint, run_record
@@ -95,7 +95,7 @@ def fit_rates(
     tables = [tables] if isinstance(tables, RateTable) else list(tables)
     data = joined(tables, held_out, softened=curve is not None)
     kind = "power_law" if curve is None else "flow_law"
-    law = rate_law(f"{data.material}_{kind}") if law is None else law
+    law = _default_law(data.material, kind) if law is None else law
     note_other_material(law.priors, data.material)
     unknown = [name for name in held_out if name not in data.sources]
     if unknown or len(held_out) == len(data.sources):
@@ -163,6 +163,19 @@ def fit_rates(
     write_tables(result)
     read = replace(result.data, notices=data.notices)
     return replace(result, manifest=run.read_manifest(), data=read)
+
+
+def _default_law(material: str, kind: str) -> RateLaw:
+    """Return the law of a kind that comes with the package; raise InputError if there is none."""
+    shipped = shipped_prior_files("rates")
+    if f"{material}_{kind}" not in shipped:
+        of_material = [one for one in shipped if one.startswith(f"{material}_")]
+        laws = of_material if kind == "power_law" else []
+        raise InputError(
+            f"there is no default {kind.replace('_', ' ')} of {material}, expected --law with "
+            f"{' or '.join([*laws, 'a file of your own'])}."
+        )
+    return rate_law(f"{material}_{kind}")
 
 
 def _refuse_softening(law: RateLaw) -> None:

@@ -105,7 +105,7 @@ def _drawn_groups(
         "residuals": xr.Dataset(
             {name: at_rows(name, used) for name in ("residual", "residual_replicated", "deviation")}
         ),
-        "predictions": _predictions(chains, lines(data), law),
+        "predictions": _predictions(chains, lines(data.rows(used)), law),
     }
     if len(data.sources) > 1:
         groups[DRIVING_ERRORS] = xr.Dataset(

@@ -153,7 +153,7 @@ def rate_data(
         np.log(grain_size / reference.grain_size),
         1 / data.temperature - 1 / reference.temperature,
     ]
-    drawn = lines(data)
+    drawn = lines(data.rows(is_used))
     environment = environment_of(law, *(getattr(data, name) for name in ENVIRONMENT))
     mean_environment = environment[is_used].mean(axis=0)
     mean_distances = [float(np.mean(one[is_used])) for one in distances]
@@ -210,7 +210,7 @@ def rate_data(
             GRID_STRESSES,
         ).tolist(),
         "grid_environment": np.repeat(
-            [environment[one.rows].mean(axis=0) for one in drawn], GRID_STRESSES, axis=0
+            [environment[is_used][one.rows].mean(axis=0) for one in drawn], GRID_STRESSES, axis=0
         ).tolist(),
         "grid_temperature": np.repeat([one.temperature for one in drawn], GRID_STRESSES).tolist(),
     }

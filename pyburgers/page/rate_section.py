@@ -82,6 +82,7 @@ def rate_section(fit: RateFit, key: str = RATE_KEY) -> PageSection:
     >>> section = pyburgers.rate_section(creep)
     """
     data, held_out = fit.data, fit.held_out_table()
+    held_out_too = "" if held_out.empty else ", held-out ones among them"
     predicted = PageTable(
         "held_out",
         "Sources that were predicted",
@@ -98,8 +99,8 @@ def rate_section(fit: RateFit, key: str = RATE_KEY) -> PageSection:
         ),
         details=(
             f"{counted(fit.used.n_rows, 'test')} of {counted(len(fit.used.sources), 'source')} "
-            f"({data.provenance.kind} data: {data.provenance.source}). Stress or strain rate is "
-            "imposed, the other is read. Shear is turned to the axial equivalents: sqrt(3) times "
+            f"({data.provenance.kind} data: {data.provenance.source}{held_out_too}). Stress or "
+            "strain rate is imposed, the other is read. Shear is turned to the axial equivalents: sqrt(3) times "
             "the shear stress, the shear strain rate over sqrt(3).",
             _reference_text(fit),
             "Specimens differ by a factor of their rate, sources by a factor and by an error of "
@@ -309,7 +310,7 @@ def held_out_shown(fit: RateFit) -> pd.DataFrame:
 
 def law_figure(fit: RateFit) -> Figure:
     """Draw rates against stress with the 90 % band of the law, by temperature."""
-    data, used = fit.data, ~np.isin(fit.data.source, fit.manifest["held_out"])
+    data = fit.used
     predictions = fit.posterior["predictions"].to_dataset()
     log_rates = undeformed = all_draws(predictions["log_strain_rate"])
     left = all_draws(fit.posterior["residuals"].to_dataset()["residual"])
@@ -318,8 +319,7 @@ def law_figure(fit: RateFit) -> Figure:
         # A residual counts the stress that is undeformed at the rate of the test, not of the line.
         by_rate = all_draws(predictions[SOFTENING])[:, 1:2]
         left = left / (1 - fit.power_law()["stress_exponent"][:, None] * by_rate)
-    residual = np.full(data.n_rows, np.nan)
-    residual[used] = left.mean(axis=0)
+    residual = left.mean(axis=0)
     with figure_of(6.4, 5.2) as figure:
         axes = figure.subplots()
         for k, line in enumerate(lines(data)):

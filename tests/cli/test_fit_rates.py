@@ -9,10 +9,14 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import ICE
+from figure_texts import legend_texts
 from refusals import assert_refused
 
 from pyburgers.cli.main import main
+from pyburgers.flow_law_tables.fit import RateFit
+from pyburgers.flow_law_tables.program_data import lines
 from pyburgers.model.flow_law_prior import FlowLawPrior
+from pyburgers.page.rate_section import law_figure
 
 RATES = ICE / "rates"
 SHORT = ("--chains", "2", "--warmup", "150", "--draws", "100", "--seed", "1")
@@ -36,6 +40,13 @@ def test_tables_are_fitted_held_out_checked_and_shown(
     for name in ("posterior.nc", "summary.csv", "flow_law.png", "flow_law.svg"):
         assert (out / name).is_file()
     assert not (out / "flow_law_prior.json").exists()
+    # What is drawn and counted are the tests that were fitted.
+    figure = law_figure(fit := RateFit.load(out))
+    assert f"{fit.used.n_rows} tests" in figure.axes[0].get_title(loc="left")
+    counts = [text.split()[0] for text in legend_texts(figure) if "test" in text]
+    assert sum(map(int, counts)) == fit.used.n_rows == fit.data.n_rows - 9
+    drawn = np.array([line.stress for line in lines(fit.used)])
+    assert fit.posterior["predictions"]["stress"].to_numpy() == pytest.approx(drawn)
     assert main(["check", str(out)]) == code
     assert "along temperature" in capsys.readouterr().out
     assert main(["report", str(out), "--out", str(tmp_path / "page")]) == 0
@@ -43,6 +54,7 @@ def test_tables_are_fitted_held_out_checked_and_shown(
     assert "Flow law of ice from steady rates" in page
     assert "Sources that were predicted" in page
     assert "SYNTHETIC" not in page
+    assert ", held-out ones among them). Stress or strain rate is imposed" in page
 
 
 def test_rows_that_are_left_out_are_told(

@@ -54,6 +54,10 @@ SOFTENED_CAPTION = (
 
 STEADY_CAPTION = " Lines are of least rates: points of steady rates are divided by E."
 
+SOURCES = (
+    ", sources by a factor and by an error of temperature. Each source has a scatter of its own"
+)
+
 ENVIRONMENT_CAPTION = " Pressure, water fugacity and melt fraction are the means {}."
 
 RESIDUAL_CAPTION = (
@@ -100,11 +104,10 @@ def rate_section(fit: RateFit, key: str = RATE_KEY) -> PageSection:
         details=(
             f"{counted(fit.used.n_rows, 'test')} of {counted(len(fit.used.sources), 'source')} "
             f"({data.provenance.kind} data: {data.provenance.source}{held_out_too}). Stress or "
-            "strain rate is imposed, the other is read. Shear is turned to the axial equivalents: sqrt(3) times "
-            "the shear stress, the shear strain rate over sqrt(3).",
+            "strain rate is imposed, the other is read. Shear is turned to the axial equivalents: "
+            "sqrt(3) times the shear stress, the shear strain rate over sqrt(3).",
             _reference_text(fit),
-            "Specimens differ by a factor of their rate, sources by a factor and by an error of "
-            "temperature. Each source has a scatter of its own.",
+            "Specimens differ by a factor of their rate" + SOURCES * (len(data.sources) > 1) + ".",
             *(
                 []
                 if fit.softening is None

@@ -54,6 +54,8 @@ def test_tables_are_fitted_held_out_checked_and_shown(
     assert "Flow law of ice from steady rates" in page
     assert "Sources that were predicted" in page
     assert "SYNTHETIC" not in page
+    sources = "Specimens differ by a factor of their rate, sources by a factor"
+    assert sources in page
     assert ", held-out ones among them). Stress or strain rate is imposed" in page
 
 
@@ -92,6 +94,7 @@ def test_a_softened_table_has_a_prior_to_hand_on_and_is_exported(
     assert main(["report", str(out), "--out", str(tmp_path / "page")]) == 0
     page = (tmp_path / "page" / "index.html").read_text(encoding="utf-8")
     assert "scatters about them: the latter is what a curve can take" in page
+    assert "Specimens differ by a factor of their rate." in page  # of one source
     assert page.count('href="#rates_run"') >= 3  # contents, the fit among them, overview
     capsys.readouterr()
     code = main(["export", str(out), "--test", "PIL40"])

@@ -260,10 +260,12 @@ def _finding(left: RateLeftover, name: str, good: str, bad: str, remedy: str) ->
 
 def _shares(row: Row) -> str:
     """Return how many fits of a correct model have a discrepancy, or one as improbable."""
+    here, somewhere = (
+        number(float(f"{100 * row[name]:.2g}")) for name in ("probability", "family_probability")
+    )
     return (
-        f"{100 * row['probability']:.2g} % of fits of a correct model leave (and "
-        f"{100 * row['family_probability']:.2g} % somewhere; a no needs less than "
-        f"{100 * LEVEL:g} %)"
+        f"{here} % of fits of a correct model leave (and {somewhere} % somewhere; a no needs less "
+        f"than {100 * LEVEL:g} %)"
     )
 
 

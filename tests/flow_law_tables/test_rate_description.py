@@ -120,6 +120,11 @@ def test_a_table_of_one_law_passes() -> None:
     assert "of the readings lie inside the 90 % predictive band" in results[0].sentence
 
 
+def test_what_nearly_all_fits_leave_is_told_in_percent() -> None:
+    results = {one.name: one.sentence for one in run_checks(LAW.fit(LAW.data(7), 7), ASKED)}
+    assert "(and 100 % somewhere; a no needs" in results["along stress"]
+
+
 def bent(data: FloatArray) -> FloatArray:
     return np.asarray(data + 0.07 * ((LAW.log_rate - MIDDLE) / 2.0) ** 2)
 

@@ -249,7 +249,7 @@ def check_effective_sample_size(draws: CheckedDraws) -> Finding:
         table,
         f"{worst} has only {beyond(value, ESS_LIMIT, 0)} effectively independent draws "
         f"({which}), {ESS_LIMIT} are wanted for stable intervals",
-        "add draws in proportion (--more-draws of fit, or --draws from the start)",
+        "add draws in proportion (--more-draws of fit or fit-rates, or --draws from the start)",
         unusable=value < ESS_USABLE,
     )
 

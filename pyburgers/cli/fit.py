@@ -7,6 +7,7 @@ from typing import Any
 
 from pyburgers.cli.shared import (
     add_model_options,
+    add_options_of_runs_there,
     add_sampler_options,
     by_protocol,
     command_line,
@@ -59,15 +60,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "--out", type=Path, help="run directory (default runs/ID, of a joint fit runs/ID+ID)"
     )
     add_sampler_options(command)
-    command.add_argument(
-        "--more-draws",
-        type=int,
-        metavar="N",
-        help="add N draws to every chain of the run in --out, after what it still lacks",
-    )
-    command.add_argument(
-        "--overwrite", action="store_true", help="replace a run of other inputs in --out"
-    )
+    add_options_of_runs_there(command)
     command.add_argument(
         "--tolerance",
         type=float,

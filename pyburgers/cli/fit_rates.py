@@ -7,7 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
-from pyburgers.cli.shared import DEFAULT_OPTIONS, add_sampler_options, command_line, sampler_options
+from pyburgers.cli.shared import (
+    DEFAULT_OPTIONS,
+    add_options_of_runs_there,
+    add_sampler_options,
+    command_line,
+    sampler_options,
+)
 from pyburgers.cli.terminal import print_checks, print_lines, print_table
 from pyburgers.common.paths import shown
 from pyburgers.drawing.style import write_images
@@ -64,6 +70,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument("--out", type=Path, help="run directory (default: runs/ID)")
     add_sampler_options(command, RATE_OPTIONS, replace(DEFAULT_OPTIONS, warmup=WARMUP))
+    add_options_of_runs_there(command)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -85,6 +92,8 @@ def run(options: argparse.Namespace) -> int:
         out=options.out or Path("runs") / data.id,
         options=sampler_options(options, RATE_OPTIONS),
         command=command_line(),
+        more_draws=options.more_draws,
+        overwrite=options.overwrite,
     )
     for notice in result.data.notices:
         logger.info(f"note: {notice}")

@@ -66,6 +66,19 @@ def add_sampler_options(
         )
 
 
+def add_options_of_runs_there(command: argparse.ArgumentParser) -> None:
+    """Add the options that say what becomes of a run that is in --out already."""
+    command.add_argument(
+        "--more-draws",
+        type=int,
+        metavar="N",
+        help="add N draws to every chain of the run in --out, after what it still lacks",
+    )
+    command.add_argument(
+        "--overwrite", action="store_true", help="replace a run of other inputs in --out"
+    )
+
+
 def by_protocol(value: Callable[[Likelihood[Any]], float]) -> str:
     """Return the default of an option that depends on the kind of test, for its help."""
     values = {name: f"{value(one):g}" for name, one in likelihoods().items()}

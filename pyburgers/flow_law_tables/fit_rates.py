@@ -17,7 +17,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.fitting.continuation import sample_until_good
 from pyburgers.fitting.sampled_fit import write_tables
-from pyburgers.flow_law_tables.fit import LAW_FILE, SOFTENING_FILE, RateFit
+from pyburgers.flow_law_tables.fit import LAW_FILE, SOFTENING_FILE, RateFit, is_rate_run
 from pyburgers.flow_law_tables.hand_over import flow_law_prior
 from pyburgers.flow_law_tables.laws import RateLaw, rate_law, save_rate_law
 from pyburgers.flow_law_tables.program_data import (
@@ -34,7 +34,7 @@ from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE
 from pyburgers.model.priors import PriorSet, note_other_material, shipped_prior_files
 from pyburgers.posterior.labelled_draws import own_name
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.run import complete_chains, fingerprint, run_record
+from pyburgers.sampling.run import complete_chains, fingerprint, require_extendable, run_record
 from pyburgers.sampling.run_directory import RunDirectory
 
 WARMUP, TARGET_ACCEPTANCE = 1000, 0.95
@@ -55,6 +55,8 @@ def fit_rates(
     options: SamplerOptions | None = None,
     use_likelihood: bool = True,
     command: str = "pyburgers.fit_rates(...)",
+    more_draws: int | None = None,
+    overwrite: bool = False,
 ) -> RateFit:
     """Fit a composite flow law to one table of steady rates or to several together.
 
@@ -79,6 +81,8 @@ def fit_rates(
         False samples the prior.
     command : str
         Command that repeats the run, for the manifest.
+    more_draws, overwrite
+        As for `pyburgers.fit`.
 
     Raises
     ------
@@ -92,6 +96,8 @@ def fit_rates(
     >>> result = pyburgers.fit_rates(rates, out="runs/fan_2020", options=options)
     """
     run = RunDirectory(given_path(out))
+    if more_draws is not None:
+        require_extendable(run, more_draws, overwrite=overwrite)
     tables = [tables] if isinstance(tables, RateTable) else list(tables)
     data = joined(tables, held_out, softened=curve is not None)
     kind = "power_law" if curve is None else "flow_law"
@@ -123,8 +129,18 @@ def fit_rates(
     )
     model = load_program(stan_directory() / "rates.stan")
     identity = fingerprint(stan_data, options, model.recipe)
+    there = run.read_manifest() if run.manifest_file.is_file() else {"fingerprint": identity}
+    if there.get("fingerprint") != identity and is_rate_run(run.path):
+        if not overwrite:
+            raise InputError(
+                f"{run.path}: holds a run of other inputs; choose another --out, or --overwrite to "
+                "replace it."
+            )
+        run.clear(identity)
+    asked = more_draws
 
-    def sample(more_draws: int | None) -> RateFit:
+    def sample(more: int | None) -> RateFit:
+        nonlocal asked
         with run.claimed(identity):
             save_rate_table(data, run.inputs)
             save_rate_law(law, run.inputs / LAW_FILE)
@@ -152,8 +168,9 @@ def fit_rates(
                 run,
                 options,
                 lambda chain: start_of_chain(stan_data, options.seed, chain),
-                more_draws=more_draws,
+                more_draws=more or asked,
             )
+        asked = None  # chains that continue for another reason get no more
         return RateFit.load(run.path)
 
     result = sample_until_good(sample, options)

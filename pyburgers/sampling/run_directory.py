@@ -44,6 +44,7 @@ WRITTEN = frozenset(
         *("failures", "leave_out", "superseded", ".scratch"),
         *("stan_data.json", "metric.json", "checks.json"),
         *("posterior.nc", "summary.csv"),
+        *("flow_law_prior.json", "flow_law.png", "flow_law.svg"),
     }
 )
 """What a fit writes into its run directory beside its manifest."""

@@ -70,6 +70,27 @@ def test_rows_that_are_left_out_are_told(
     assert "note: fan_2020: 1 row without grain size left out." in capsys.readouterr().err
 
 
+def test_a_run_gets_more_draws_and_is_replaced(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    command = ["fit-rates", str(RATES / "fan_2020.toml"), "--out", str(out), *SHORT]
+    for further, draws in (([], 100), (["--more-draws", "20"], 120)):
+        main([*command, *further])
+        assert RateFit.load(out).posterior["posterior"].sizes["draw"] == draws
+    stale = out / "flow_law_prior.json"
+    stale.write_text("{}", encoding="utf-8")
+    others = [*command, "--law", "ice_flow_law"]
+    capsys.readouterr()
+    assert_refused(main(others), capsys, "holds a run of other inputs", "--overwrite to replace it")
+    main([*others, "--overwrite"])
+    assert RateFit.load(out).law.power_law.has_beta
+    assert not stale.exists()
+    capsys.readouterr()
+    again = [*others, "--overwrite", "--more-draws", "20"]
+    assert_refused(main(again), capsys, "--more-draws 20: found it beside --overwrite")
+
+
 def test_a_softened_table_has_a_prior_to_hand_on_and_is_exported(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

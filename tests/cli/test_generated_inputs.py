@@ -335,6 +335,7 @@ OPTIONS = {
     "design": ("--candidates", "--against", "--choose", "--draws", "--seed", "--out"),
     "fit-rates": (
         *("--law", "--hold-out", "--curve-priors", "--without", "--out", "--chains", "--seed"),
+        "--more-draws",
     ),
     "compare": ("--out", "--leave-out", "--no-refit"),
     "sbc": (

@@ -22,7 +22,7 @@ from pyburgers.fitting.sampled_fit import PRIOR_ALONE, SampledFit
 from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.flow_law_tables.laws import SCATTER
 from pyburgers.flow_law_tables.tables import RateTable
-from pyburgers.kinds.conditions import Ranges, ranges_text, widest
+from pyburgers.kinds.conditions import ENVIRONMENT_WORDS, Ranges, ranges_text, widest
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.display import shown_quantity, unit_text
@@ -112,6 +112,10 @@ def fitted_ranges(fit: Fit | RateFit) -> Ranges:
         "initial grain size": data.grain_size,
         "strain rate": data.strain_rate,
         "stress": data.stress,
+        **{
+            words: getattr(data, name)
+            for words, name in zip(ENVIRONMENT_WORDS, ENVIRONMENT, strict=True)
+        },
     }
     known = {name: one[np.isfinite(one)] for name, one in columns.items()}
     return {name: (float(one.min()), float(one.max())) for name, one in known.items() if one.size}

@@ -428,6 +428,15 @@ def test_steady_rates_are_told_from_the_least_ones_of_the_law(
         assert ("points of steady rates are divided by E" in figure.caption) is is_steady
 
 
+def test_exports_of_tables_state_pressure_water_and_melt_of_the_tests(creep: RateFit) -> None:
+    known, unknown = np.full(creep.data.n_rows, 3e8), np.full(creep.data.n_rows, np.nan)
+    partly = np.where(np.arange(creep.data.n_rows) == 0, 0.02, unknown)
+    fit = replace(creep, data=replace(creep.data, pressure=known, melt_fraction=partly))
+    (text,) = export(fit, "pism", grain_size=1e-3)
+    assert "MPa; pressure 300 MPa; melt fraction 0.02. The law extrapolates" in text
+    assert "water fugacity" not in text
+
+
 def evaluated(content: dict[str, Any], draw: int, conditions: dict[str, float]) -> float:
     """ln(rate s) of the law that an export in JSON states in words, at one draw of its sample."""
 

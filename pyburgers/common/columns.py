@@ -45,6 +45,9 @@ INFINITE = re.compile(r"[+-]?(?:inf(?:inity)?|[0-9.]+e[+-]?[0-9]+|nan)", re.IGNO
 MARKED = re.compile(r"[+-]?[0-9]+(?:[.,'_ \u00a0\u202f][0-9]+)+")
 """Cells of digits with more marks between them than a decimal point."""
 
+LIMIT = re.compile(r"[<>≤≥].*")
+"""Cells that limit a quantity."""
+
 MAX_NAMED_CELLS = 3
 """Cells of a column that are named where they hold no numbers."""
 
@@ -357,7 +360,8 @@ def _column(
         elif value is None:
             finite = "finite " if INFINITE.fullmatch(cells[k]) else ""
             marks = " without thousands separators" if MARKED.fullmatch(cells[k]) else ""
-            fault = f"found {cells[k]!r}, expected a {finite}number{marks}"
+            limit = ": a limit is no reading, leave its row out" * bool(LIMIT.match(cells[k]))
+            fault = f"found {cells[k]!r}, expected a {finite}number{marks}{limit}"
         if fault is not None:
             sentences.append(f"{table.path}: {table.row_name} {line}, column {column!r}: {fault}.")
         values.append(math.nan if value is None else value)

@@ -77,7 +77,12 @@ _BY_LOWER = {term.lower(): text for term, text in DEFINITIONS.items()}
 
 
 def with_definitions(text: str) -> Markup:
-    """Escape a text, and give the first of each technical word in it its definition."""
+    """Escape a text, and give the first of each technical word in it its definition.
+
+    Words of a text that is escaped already have none: it may hold names.
+    """
+    if isinstance(text, Markup):
+        return text
     parts, seen, end = [], set(), 0
     for found in _TERM.finditer(text):
         term = found[0].lower()

@@ -4,6 +4,7 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
+from markupsafe import escape
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
@@ -102,10 +103,13 @@ def rate_section(fit: RateFit, key: str = RATE_KEY) -> PageSection:
             *([] if fit.softening is None else [_hand_over_text(fit)]),
         ),
         details=(
-            f"{counted(fit.used.n_rows, 'test')} of {counted(len(fit.used.sources), 'source')} "
-            f"({data.provenance.kind} data: {data.provenance.source}{held_out_too}). Stress or "
-            "strain rate is imposed, the other is read. Shear is turned to the axial equivalents: "
-            "sqrt(3) times the shear stress, the shear strain rate over sqrt(3).",
+            # An author may be called as a technical word is.
+            escape(
+                f"{counted(fit.used.n_rows, 'test')} of {counted(len(fit.used.sources), 'source')} "
+                f"({data.provenance.kind} data: {data.provenance.source}{held_out_too})."
+            ),
+            "Stress or strain rate is imposed, the other is read. Shear is turned to the axial "
+            "equivalents: sqrt(3) times the shear stress, the shear strain rate over sqrt(3).",
             _reference_text(fit),
             "Specimens differ by a factor of their rate" + SOURCES * (len(data.sources) > 1) + ".",
             *(

@@ -2,7 +2,6 @@
 
 import io
 import json
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,8 @@ from pyburgers.cli.main import main
 from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.flow_law_tables.program_data import lines
 from pyburgers.model.flow_law_prior import FlowLawPrior
-from pyburgers.page.rate_section import law_figure
+from pyburgers.page.glossary import with_definitions
+from pyburgers.page.rate_section import law_figure, rate_section
 
 RATES = ICE / "rates"
 SHORT = ("--chains", "2", "--warmup", "150", "--draws", "100", "--seed", "1")
@@ -56,18 +56,21 @@ def test_tables_are_fitted_held_out_checked_and_shown(
     assert "SYNTHETIC" not in page
     sources = "Specimens differ by a factor of their rate, sources by a factor"
     assert sources in page
-    assert ", held-out ones among them). Stress or strain rate is imposed" in page
+    assert ", held-out ones among them).</p>" in page
 
 
-def test_rows_that_are_left_out_are_told(
+def test_rows_that_are_left_out_are_told_and_authors_are_no_technical_words(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    shutil.copy(RATES / "fan_2020.toml", tmp_path)
+    text = (RATES / "fan_2020.toml").read_text("utf-8").replace('source = "', 'source = "Prior & ')
+    (tmp_path / "fan_2020.toml").write_text(text, encoding="utf-8")
     rows = pd.read_csv(RATES / "fan_2020.csv")
     rows.loc[1, "grain_size_mm"] = np.nan
     rows.to_csv(tmp_path / "fan_2020.csv", index=False)
     main(["fit-rates", str(tmp_path / "fan_2020.toml"), "--out", str(tmp_path / "run"), *SHORT])
     assert "note: fan_2020: 1 row without grain size left out." in capsys.readouterr().err
+    cited, *_ = rate_section(RateFit.load(tmp_path / "run")).details
+    assert "(measured data: Prior &amp; " in with_definitions(cited)
 
 
 def test_a_run_gets_more_draws_and_is_replaced(

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -184,11 +185,11 @@ def test_a_table_has_no_steady_state_of_a_microstructure_that_evolves(fitted: Fi
         assert ("steady" in content["microstructure"]) is is_told
     with pytest.raises(InputError, match="evolving grain size and fabric of the fit"):
         export(of_table, "aspect")
-    for given, wanted in (({}, "--grain-size-um and --fabric"), ({"grain_size": 1e-4}, "--fabric")):
+    size: dict[str, Any] = {"grain_size": 1e-4}
+    for given, wanted in (({}, "--grain-size-um and --fabric"), (size, "--fabric")):
         with pytest.raises(InputError, match=f"{table().id} tells nothing, expected {wanted}"):
             export(of_table, "aspect", microstructure="steady_state", **given)
-    state = {"grain_size": 1e-4, "fabric_factor": 0.7}
-    assert export(of_table, "aspect", microstructure="steady_state", **state)
+    assert export(of_table, "aspect", microstructure="steady_state", fabric_factor=0.7, **size)
     with pytest.raises(InputError, match="found 'steady_state'"):
         predict_attenuation(of_table, [1e-3], [Regime(1e6, 1e5)], microstructure="steady_state")
 

@@ -191,8 +191,8 @@ def league_sentence(contests: Sequence[Contest]) -> str:
     said = [
         f"Of {len(contests)} measured tests, some law describes {_listed(described)}",
         f"Only with correlated residuals {_listed(correlated)}",
-        f"No law describes {_listed(missed)}",
-        f"It cannot be told of {_listed(unsure)}",
+        f"No law that was sampled well describes {_listed(missed)}",
+        f"It cannot be told whether any law describes {_listed(unsure)}",
     ]
     fits = [fit for one in contests for fit in one.fits.values()]
     bad = sum(fit.sampled_well is not Outcome.YES for fit in fits)

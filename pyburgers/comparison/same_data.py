@@ -12,6 +12,8 @@ from pyburgers.common.errors import InputError
 from pyburgers.comparison.results import LeaveOneOut, LeaveOneTestOut
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
+from pyburgers.model.parameters import CONDITIONS
+from pyburgers.model.variants import ModelVariant
 from pyburgers.posterior.labelled_draws import MICROSTRUCTURE
 from pyburgers.sampling.run import decisive
 
@@ -73,12 +75,17 @@ def check_same_data(fits: Mapping[str, Fit]) -> None:
 
 
 def fits_alone(joint: Fit, separate: Sequence[Fit]) -> dict[str, Fit | None]:
-    """Return the first fit of the same data, or None, for every test of a joint fit."""
-    hashes = [(data_hash(other), other) for other in separate]
+    """Return the first fit of the same data and laws, or None, for every test of a joint fit."""
+
+    def compared(one: Fit) -> tuple[str, ModelVariant, frozenset[str]]:
+        errors = CONDITIONS.intersection(one.posterior["posterior"].data_vars)
+        return data_hash(one), one.variant, errors
+
+    by_test = [(compared(other), other) for other in separate]
     found: dict[str, Fit | None] = {}
     for name, fit in joint.tests().items():
-        wanted = data_hash(fit)
-        found[name] = next((other for key, other in hashes if key == wanted), None)
+        wanted = compared(fit)
+        found[name] = next((other for key, other in by_test if key == wanted), None)
     return found
 
 

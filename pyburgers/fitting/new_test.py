@@ -111,7 +111,8 @@ def draw_values(
             f"A new test's own {_listed(problem.partial)} drawn from the centre and spread of the "
             "tests."
         )
-    separate = [n for n in problem.free if n not in (*problem.shared, *problem.partial)]
+    elsewhere = {*problem.shared, *problem.partial, *TEST_PARAMETERS, *CONDITIONS}
+    separate = [name for name in problem.free if name not in elsewhere]
     if separate:
         notes.append(
             f"Separate between the tests, and here of {separate_from or 'each test in turn'}: "
@@ -302,6 +303,11 @@ def add_condition_errors(
         else:
             others[name] = condition.sd * rng.standard_normal(kept.size)
             notes.append(f"The {label} is drawn anew, as the file states it.")
+    notes += [
+        f"The {PARAMETER_BY_NAME[name].label} is taken as none, because the file states no error."
+        for name in source.problem.free
+        if name in CONDITIONS and name not in others
+    ]
     return others, notes
 
 

@@ -107,6 +107,9 @@ def test_a_relaxation_is_written_with_its_loading(
     assert first.end_time - first.start_time == pytest.approx(unit * loading)
     assert test.time[-1] == pytest.approx(test.end_time)
     assert (test.reading_stage[-3:] == 1).all()
+    written_text = file.read_text(encoding="utf-8")
+    assert "# stress_uncertainty = 0.05" in written_text
+    file.write_text(written_text.replace("# stress_unc", "stress_unc"), encoding="utf-8")
     assert main(["check-file", str(file)]) == 0
     parameters, out = tmp_path / "parameters.json", tmp_path / "solution.csv"
     parameters.write_text(json.dumps(dict(TRUTH)), encoding="utf-8")

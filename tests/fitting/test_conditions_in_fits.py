@@ -129,6 +129,10 @@ def test_tests_of_one_furnace_have_one_error(small_problem: Problem, tmp_path: P
     assert predicted[1].std() == pytest.approx(5.0, rel=0.2)
     elsewhere = joint.predict(replace(new, uncertain=()))
     assert TEMPERATURE not in elsewhere.posterior["posterior"]
+    about = [note for note in elsewhere.notes if "true less stated temperature" in note]
+    assert about == [
+        "The true less stated temperature is taken as none, because the file states no error."
+    ]
 
 
 def test_simulated_tests_of_one_furnace_go_wrong_together(small_problem: Problem) -> None:

@@ -16,6 +16,7 @@ import pyburgers
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.same_data import fits_alone
 from pyburgers.fitting.fit import Fit, fit
+from pyburgers.kinds.problem import problem_of
 from pyburgers.page.joint_section import (
     INTERVALS_CAPTION,
     intervals,
@@ -168,5 +169,10 @@ def test_the_caption_names_the_colours_of_the_intervals(joint: Fit, small_fit: F
     assert {colour_word(colour) for colour in alone - together} == {drawn[1]}
 
 
-def test_fits_alone_are_those_of_the_same_data(joint: Fit, small_fit: Fit) -> None:
+def test_fits_alone_are_those_of_the_same_data_and_laws(joint: Fit, small_fit: Fit) -> None:
     assert fits_alone(joint, [small_fit]) == {"PIL40": small_fit, "other": None}
+    test = small_fit.experiment
+    priors = pyburgers.with_variant(small_fit.priors, test, {"residuals": "autocorrelated"})
+    problem = problem_of([test], priors)
+    assert problem.variant != joint.variant
+    assert set(fits_alone(joint, [replace(small_fit, problem=problem)]).values()) == {None}

@@ -174,27 +174,27 @@ YES, NO, UNSURE = Outcome.YES, Outcome.NO, Outcome.CANNOT_TELL
         (
             (YES, NO),
             (NO, YES),
-            "some law describes none. No law describes 1 (dunite_4506). Not sampled well, and "
-            "counted for nothing: 1 of 2 fits.",
+            "some law describes none. No law that was sampled well describes 1 "
+            "(dunite_4506). Not sampled well, and counted for nothing: 1 of 2 fits.",
             "standard",
         ),
         (
             (YES, NO),
             (YES, UNSURE),
-            "some law describes none. It cannot be told of 1 (dunite_4506).",
+            "some law describes none. It cannot be told whether any law describes 1 (dunite_4506).",
             None,
         ),
         (
             (NO, NO),
             (NO, YES),
-            "some law describes none. It cannot be told of 1 (dunite_4506). Not sampled well, "
-            "and counted for nothing: 2 of 2 fits.",
+            "some law describes none. It cannot be told whether any law describes 1 "
+            "(dunite_4506). Not sampled well, and counted for nothing: 2 of 2 fits.",
             None,
         ),
         (
             (YES, NO),
             (YES, NO),
-            "some law describes none. No law describes 1 (dunite_4506).",
+            "some law describes none. No law that was sampled well describes 1 (dunite_4506).",
             None,
         ),
     ],

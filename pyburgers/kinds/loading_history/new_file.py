@@ -26,6 +26,7 @@ from pyburgers.kinds.new_file import (
     facts_of,
     filled,
     read_together,
+    with_comment,
 )
 
 JUMP_DURATION_SHARE = 1e-3
@@ -87,7 +88,7 @@ strain_unit = {{strain_unit}}
 stress_column = {{stress_column}}
 stress_unit = {{stress_unit}}
 relaxation_strain = {{relaxation_strain}}  # the stress column is the stress over this strain
-# strain_uncertainty = 0.002  # of a reading, in its unit
+{{reading_error}}
 # [[microstructure]]  # measured in the sample, at one time or more
 # time = "end"  # of the test; else in stage_time_unit
 # grain_size_m = 165e-6
@@ -219,13 +220,17 @@ class LoadingHistoryFile(NewFile):
 
     def filling(self, test: Description) -> Mapping[str, object]:
         """Return the stages, measures and signs, and a modulus of relaxation as a stress."""
+        stages = _stage_lines(test)
+        reads_strain = any(one.startswith('control = "stress') for one in stages)
+        error = "strain_uncertainty = 0.002" if reads_strain else "stress_uncertainty = 0.05"
         found: dict[str, object] = {
             "time_units": units_text("time"),
             "stress_units": units_text("stress"),
             "compression": compression_of(test, test.values[STRESS.name]),
             "strain_measure": _measure(test.columns, "strain"),
             "stress_measure": _measure(test.columns, "stress"),
-            "stages": _stage_lines(test),
+            "stages": stages,
+            "reading_error": [with_comment(f"# {error}", "of a reading, in its unit")],
         }
         modulus = test.columns.get("relaxation_modulus")
         if modulus is not None:

@@ -280,7 +280,8 @@ def predict_attenuation(
     asked = asked_conditions(
         [material.temperature], grain_size, frequencies=frequencies, regimes=regimes
     )
-    there = {**asked, **environment_ranges(environment)}
+    stated = {**fit.experiment.environment, **environment}
+    there = {**asked, **environment_ranges(stated)}
     cautions = (
         *fit.cautions,
         *doubtful_conditions(fit.experiment.material, there, fit.fitted_conditions),

@@ -216,6 +216,13 @@ def test_a_pressure_is_said_to_be_beyond_what_was_fitted(
     assert told in capsys.readouterr().out.splitlines()
 
 
+def test_the_pressure_of_a_fitted_test_is_that_of_its_prediction(small_fit: Fit) -> None:
+    (own,) = small_fit.problem.experiments
+    deep = replace(small_fit.problem, experiments=(replace(own, environment={"pressure": 3e8}),))
+    cautions = predict_attenuation(replace(small_fit, problem=deep), [0.1]).attrs["cautions"]
+    assert "pressure" not in cautions
+
+
 def test_the_steady_state_is_softer(small_fit: Fit, tmp_path: Path) -> None:
     options = ("--regimes", "4", "--frequencies-Hz", "1e-4")
     values = {}

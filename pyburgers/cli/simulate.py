@@ -16,6 +16,8 @@ from pyburgers.kinds.conditions import doubts
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import load_parameters, simulate, with_laws
 from pyburgers.kinds.kind import load_experiment
+from pyburgers.model.hardening import extension_sentences
+from pyburgers.model.laws import DISLOCATIONS_SWITCH
 from pyburgers.model.unlikely_numbers import unlikely_numbers
 from pyburgers.model.variants import parse_choices
 
@@ -69,7 +71,11 @@ def run(options: argparse.Namespace) -> int:
         )
     laws |= parse_choices(options.variant)
     parameters = with_laws(experiment, parameters, laws)
-    solution = experiment.solution_table(simulate(experiment, parameters))
+    solved = simulate(experiment, parameters)
+    reference = parameters.get(DISLOCATIONS_SWITCH, 0.0)
+    for sentence in extension_sentences(reference, solved["stress_Pa"].to_numpy()):
+        logger.info(f"warning: {sentence}")
+    solution = experiment.solution_table(solved)
     with writing(options.out):
         write_text(options.out, csv_text(solution))
     print(shown(f"{len(solution)} rows in {options.out}"))

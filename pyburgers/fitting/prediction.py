@@ -29,6 +29,8 @@ from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import one_test
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER
+from pyburgers.model.hardening import extension_sentences
+from pyburgers.model.laws import DISLOCATIONS_SWITCH
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
 from pyburgers.posterior.groups import drawn_at_points, grid_group, groups_at_points
@@ -148,6 +150,7 @@ def predict_test(
             *source.cautions,
             *_fitted_itself(source, experiment),
             *_beyond(source, experiment, posterior),
+            *_extended(posterior),
             *_unsolved(int(np.sum(~solved)), kept.size),
         ),
         notes=(
@@ -213,6 +216,15 @@ def _fitted_itself(source: Source, experiment: Experiment) -> list[str]:
 def _beyond(source: Source, experiment: Experiment, posterior: xr.DataTree) -> tuple[str, ...]:
     """Say where a test leaves the conditions that were fitted."""
     return beyond_sentences(conditions_of(experiment, posterior), source.conditions)
+
+
+def _extended(posterior: xr.DataTree) -> list[str]:
+    """Say where the median solution leaves the stresses that dislocations take."""
+    solved = posterior["predictions"].to_dataset()
+    if "stress" not in solved:
+        return []
+    reference = posterior["posterior"].to_dataset().get(DISLOCATIONS_SWITCH, xr.DataArray(0.0))
+    return extension_sentences(reference, solved["stress"].median(("chain", "draw")).to_numpy())
 
 
 def _unsolved(number: int, total: int) -> list[str]:

@@ -264,6 +264,11 @@ class Experiment(ABC):
         """Its peak as tables of rates have it, if it has one."""
         return None
 
+    @property
+    def extension(self) -> str:
+        """What is known to pull the sample, in words; empty if nothing is."""
+        return ""
+
     def solution_table(self, solution: pd.DataFrame) -> pd.DataFrame:
         """Return the table that `pyburgers simulate` writes of a solution."""
         return solution

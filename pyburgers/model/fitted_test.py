@@ -22,6 +22,10 @@ class Test(Protocol):
         """Laws that such tests can be fitted with, by part: any of a part that is not named."""
 
     @property
+    def extension(self) -> str:
+        """What is known to pull the sample, in words; empty if nothing is."""
+
+    @property
     def linear_hardening(self) -> bool:
         """Whether a backstress has its linear form in such tests."""
 

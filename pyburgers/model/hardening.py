@@ -4,9 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
+from pyburgers.model.fitted_test import Test
 from pyburgers.model.laws import DISLOCATIONS_SWITCH, HARDENING_LAWS, HARDENING_SWITCH
 from pyburgers.model.parameters import PARAMETER_BY_NAME, STANDARD_VALUES
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at, is_standard
@@ -32,6 +34,9 @@ SOURCE_LENGTH = 4e-10
 It is 2 G b: the shear modulus G is 0.4 of Young's, the Burgers vector b half a nanometre.
 """
 
+PULLED = 0.01
+"""Stress in extension, over the largest in compression, that is more than an error of a solver."""
+
 OF_BACKSTRESS = frozenset(
     {DISLOCATIONS_SWITCH, *(name for law in HARDENING_LAWS.values() for name in law.parameters)}
 )
@@ -45,16 +50,35 @@ def hardening_law(priors: Mapping[str, Prior]) -> str:
     return "backstress" if is_standard(priors, DISLOCATIONS_SWITCH) else "dislocations"
 
 
-def check_dislocations(priors: Mapping[str, Prior], where: str) -> None:
-    """Raise InputError for dislocations that store no backstress, or that are none at the start."""
+def check_dislocations(priors: Mapping[str, Prior], test: Test) -> None:
+    """Raise InputError for dislocations that store no backstress, are none at first, or are pulled.
+
+    Dislocations that stress of one sign has stored say nothing of one of the other sign.
+    """
     if is_standard(priors, DISLOCATIONS_SWITCH):
         return
+    if test.extension:
+        raise InputError(
+            f"{test.id}: hardening=dislocations takes stresses of one sign, found "
+            f"{test.extension}, expected none in extension, or hardening=backstress."
+        )
     for name in (HARDENING_SWITCH, "initial_backstress"):
         if is_standard(priors, name):
             raise InputError(
-                f"{where}: found {name} fixed at 0 beside a {DISLOCATIONS_SWITCH}, which is for "
+                f"{test.id}: found {name} fixed at 0 beside a {DISLOCATIONS_SWITCH}, which is for "
                 f"hardening=dislocations, expected a positive {name}, or no {DISLOCATIONS_SWITCH}."
             )
+
+
+def extension_sentences(reference_backstress: npt.ArrayLike, stress: FloatArray) -> list[str]:
+    """Say where a solution (Pa) leaves the stresses that dislocations of that reference take."""
+    least = float(stress.min(initial=0.0))
+    if not np.any(reference_backstress) or least >= -PULLED * stress.max(initial=0.0):
+        return []
+    return [
+        f"The stress falls to {least / 1e6:.4g} MPa, in extension, which hardening=dislocations "
+        "does not describe: what is solved from there on means nothing."
+    ]
 
 
 def check_median_stress(priors: Mapping[str, Prior], median: FloatArray, where: str) -> None:

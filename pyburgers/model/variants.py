@@ -263,7 +263,7 @@ def check_laws(priors: PriorSet, experiment: Test) -> None:
     _check_kind(variant.record(), experiment)
     if experiment.linear_hardening:
         check_linear_hardening(priors.priors, experiment.protocol, experiment.id)
-    check_dislocations(priors.priors, experiment.id)
+    check_dislocations(priors.priors, experiment)
     mechanisms.check_mechanisms(priors.priors, experiment.id)
 
 

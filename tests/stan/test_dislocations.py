@@ -20,10 +20,12 @@ from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.likelihood import likelihood_of
+from pyburgers.kinds.loading_history.stages import Control
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.arrhenius import GAS_CONSTANT
+from pyburgers.model.hardening import extension_sentences
 from pyburgers.model.laws import HARDENING_LAWS
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.prior_families import fixed_prior
@@ -186,6 +188,42 @@ def test_dislocations_without_a_backstress_are_refused(name: str) -> None:
         simulate(history_twin("creep", 4), {**TRUTH, **DISLOCATIONS, name: 0.0})
 
 
+@pytest.mark.parametrize(
+    ("control", "value", "found"),
+    [("stress", -5e6, "-5 MPa"), ("strain_rate", -1e-4, "an imposed strain of -0.1")],
+)
+def test_a_sample_that_is_pulled_is_refused(control: Control, value: float, found: str) -> None:
+    pulled, priors = of_one_stage(control, value, 1e3), default_priors("ice")
+    changed = with_variant(priors, history_twin("mixed", 16), CHOICE)
+    message = f"found {found}, expected none in extension, or hardening=backstress"
+    with pytest.raises(InputError, match=message):
+        simulate(pulled, {**TRUTH, **DISLOCATIONS})
+    with pytest.raises(InputError, match=message):
+        with_variant(changed, pulled, {})
+
+
+def test_readings_in_extension_are_refused() -> None:
+    test = history_twin("relaxation", 16)
+    noisy, pulled = (
+        replace(test, reading=np.append(test.reading[:-1], share * test.largest_stress))
+        for share in (-0.1, -0.5)
+    )
+    changed = with_variant(default_priors("ice"), noisy, CHOICE)
+    with pytest.raises(InputError, match="takes stresses of one sign"):
+        problem_of([pulled], changed)
+
+
+@pytest.mark.parametrize(("rate", "warned"), [(-1e-6, False), (-1e-4, True)])
+def test_a_solution_that_ends_in_extension_is_doubted(rate: float, warned: bool) -> None:
+    test = history_twin("relaxation", 4)
+    unloading = replace(test.stages[-1], control="strain_rate", end_time=700.0, value=rate)
+    values = {**TRUTH, **DISLOCATIONS}
+    solution = simulate(replace(test, stages=(test.stages[0], unloading)), values, at=[600, 700])
+    said = extension_sentences(values["reference_backstress"], solution["stress_Pa"].to_numpy())
+    assert bool(said) is warned
+    assert not extension_sentences(0.0, solution["stress_Pa"].to_numpy())
+
+
 def steady_table(folder: Path) -> AttenuationExperiment:
     """Return the spectrum of ice with small cycles about 4 MPa."""
     stress = "attenuation.median_stress_Pa = 4e6\nattenuation.amplitude_Pa = 100.0\nspectra"
@@ -257,6 +295,6 @@ def test_stresses_of_either_sign_are_refused() -> None:
             ),
         ),
     )
-    priors = with_variant(default_priors("ice"), turned, CHOICE)
+    priors = with_variant(default_priors("ice"), test, CHOICE)
     with pytest.raises(InputError, match="of one sign, found -1 MPa"):
         problem_of([turned], priors)

@@ -1,5 +1,6 @@
 """Tests under a history of imposed strain and stress: what was imposed, what was read."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -20,6 +21,9 @@ from pyburgers.kinds.loading_history.stages import (
 )
 from pyburgers.model.display import time_unit
 from pyburgers.model.read_quantities import STRAIN, STRESS
+
+PULLING = 0.3
+"""Reading in extension, over the largest one, that is more than an error."""
 
 MAX_UNREAD_SHARE = 0.5
 """Share of a stage at either end of the readings from which on their times are doubted."""
@@ -143,6 +147,16 @@ class HistoryExperiment(Experiment):
     def imposed_stresses(self) -> FloatArray:
         """Stresses (Pa) at the ends of all legs that impose one; empty for none."""
         return imposed_stresses(self.legs)
+
+    @property
+    def extension(self) -> str:
+        """Imposed stress, or imposed strain before any, that pulls the sample; or such readings."""
+        stresses = [*self.imposed_stresses, *_pulling(self.reading[~self.response_is_strain])]
+        if stresses and (least := min(stresses)) < 0:
+            return f"{least / 1e6:g} MPa"
+        legs = itertools.takewhile(lambda leg: leg.driven == "strain", self.legs)
+        strains = _pulling(imposed_strains(list(legs)))
+        return f"an imposed strain of {strains.min():g}" if strains.size else ""
 
     @property
     def largest_stress(self) -> float:
@@ -291,6 +305,11 @@ class HistoryExperiment(Experiment):
                 table |= {f"{quantity}_column": quantity, f"{quantity}_unit": unit}
                 table[f"{quantity}_uncertainty"] = error
         return table
+
+
+def _pulling(values: FloatArray) -> FloatArray:
+    """Return the values in extension that are no error of a zero or of a reading."""
+    return values[values < -PULLING * np.abs(values).max(initial=0.0)]
 
 
 def _stage_table(stage: Stage) -> dict[str, Any]:

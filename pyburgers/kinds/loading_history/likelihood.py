@@ -30,7 +30,7 @@ from pyburgers.model.prior_families import fixed_prior, is_fixed_at
 from pyburgers.model.priors import PriorSet, priors_of_freed_parameters
 from pyburgers.model.read_quantities import STRAIN, STRESS, Quantity
 from pyburgers.model.reference_quantities import REFERENCE_FLOW_RATE_QUANTITY
-from pyburgers.model.variants import variant_of, with_variant
+from pyburgers.model.variants import with_variant
 
 STRAIN_NOISE_SHARE = 0.01
 """Median of the strain noise, over the range of the strain readings."""
@@ -138,17 +138,8 @@ class HistoryLikelihood(Likelihood[HistoryExperiment]):
         return found + found[:1] * (len(experiments) - len(histories))
 
     def check_priors(self, experiment: HistoryExperiment, priors: PriorSet) -> None:
-        """Refuse sections at unknown times where the grain size follows the stress.
-
-        Dislocations that stress of one sign has stored say nothing of one of the other sign.
-        """
+        """Refuse sections at unknown times where the grain size follows the stress."""
         section_times(experiment, priors)
-        least = experiment.imposed_stresses.min(initial=0.0)
-        if least < 0 and variant_of(priors, experiment).hardening == "dislocations":
-            raise InputError(
-                f"{experiment.id}: hardening=dislocations takes stresses of one sign, found "
-                f"{least / 1e6:g} MPa, expected none in extension, or hardening=backstress."
-            )
 
     def as_history(self, experiment: HistoryExperiment) -> Experiment:
         """Return the test, which is one."""

@@ -21,6 +21,9 @@ CRITICAL_SHARE = 0.1
 """Default share of the critical strain: it brings grain size or fabric a tenth of their way, which
 makes a dashpot with n = 4 that will halve its strength faster by a fifth."""
 
+HARMLESS_EXPONENT = 4.0
+"""Its n."""
+
 LIKELY = 0.5
 """Share of draws from which on a part of a curve is marked."""
 
@@ -30,12 +33,14 @@ def critical_strain(
     grain_size: FloatArray,
     fabric_factor: FloatArray,
     final_grain_size: FloatArray,
+    steepness: FloatArray,
 ) -> FloatArray:
     """Return the smaller critical strain of what evolves: infinite if nothing, NaN if unknown.
 
-    A size that will change several times reaches its share in as many times less strain. Grain size
-    (m) and fabric have the shape of the draws, `final_grain_size` and the result a last axis of
-    regimes.
+    A size that will change several times reaches its share in as many times less strain, and so
+    does a fabric on which the rate depends more steeply than in the power law of `CRITICAL_SHARE`.
+    Grain size (m) and fabric have the shape of the draws, `final_grain_size`, `steepness`
+    (`pyburgers.predictions.closed_forms.rate_steepness`) and the result a last axis of regimes.
     """
     if any(name not in parameters for name in EVOLUTION):
         return np.full(final_grain_size.shape, np.nan)
@@ -44,7 +49,8 @@ def critical_strain(
     )
     smaller: FloatArray = np.minimum(
         _relative(of_grains, grain_size[..., np.newaxis], final_grain_size),
-        _relative(of_fabric, fabric_factor[..., np.newaxis], final_fabric),
+        _relative(of_fabric, fabric_factor[..., np.newaxis], final_fabric)
+        / np.maximum(1.0, steepness / HARMLESS_EXPONENT),
     )
     return smaller
 

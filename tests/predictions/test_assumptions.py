@@ -150,6 +150,21 @@ def test_what_is_at_its_steady_state_does_not_evolve() -> None:
     assert critical({**ICE, **PIEZOMETER}, grain_size=1e-4, fabric_factor=0.5) < 0.07
 
 
+@pytest.mark.parametrize(("breakdown", "n"), [(2e6, 1.0), (0.1e6, 1.0), (0.5e6, 3.7), (0.0, 5.0)])
+def test_fabric_has_a_smaller_critical_strain_where_a_sine_is_steep(
+    breakdown: float, n: float
+) -> None:
+    """The local exponent of the hyperbolic sine is n x/tanh(x)."""
+    law = {**ICE, "breakdown_stress": breakdown, "stress_exponent": n}
+    found = spectrum_of(law, grain_size=1e-4, fabric_factor=0.8)["critical_strain"].to_numpy()
+    for regime, critical in zip(PAPER_REGIMES, found, strict=True):
+        steepness = 0.0
+        if breakdown:
+            x = (regime.median_stress + regime.amplitude) / (0.8 * breakdown)
+            steepness = n * x / np.tanh(x)
+        assert critical == pytest.approx(0.2 / max(1.0, steepness / 4.0), rel=0.005)
+
+
 def test_what_will_change_many_times_over_has_a_smaller_critical_strain() -> None:
     """Grains at low stress: the piezometer of the Stan program's test (`oracle.piezometer`)."""
     found = spectrum_of({**ICE, **PIEZOMETER})["critical_strain"].to_numpy()

@@ -141,7 +141,7 @@ class Design:
         A row for each step: the ``candidate`` that narrows most beside those above it, and the
         widths after it.
     cautions : tuple of str
-        Doubts about the fit and the predictions.
+        Doubts about both fits and their predictions.
 
     Examples
     --------
@@ -261,6 +261,11 @@ def design(
         name: fit.predict(one.experiment, draws=draws, seed=seeds[name])
         for name, one in plan.candidates.items()
     }
+    others = {
+        name: against.predict(one.experiment, draws=draws, seed=seeds[name] + len(seeds))
+        for name, one in plan.candidates.items()
+        if against is not None
+    }
     rows, features = dict[str, dict[str, float | str]](), dict[str, FloatArray]()
     kept = _common_draws(list(predictions.values()))
     first = next(iter(predictions.values())).posterior["posterior"].to_dataset()
@@ -277,10 +282,8 @@ def design(
             "beyond_limits": _beyond(plan, candidate, stress),
             **_widths(truths, features[name]),
         }
-        if against is not None:
-            other = against.predict(
-                candidate.experiment, draws=draws, seed=seeds[name] + len(seeds)
-            )
+        if name in others:
+            other = others[name]
             every = _common_draws([other])
             other_signal, other_noisy = _readings(other, candidate.n_readings, every)
             both = np.vstack([noisy, other_noisy])
@@ -288,16 +291,26 @@ def design(
             rows[name]["told_apart"] = share_told_apart(told, len(noisy))
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("candidate")
     within = [name for name, row in rows.items() if not row["beyond_limits"]]
-    cautions = (
+    cautions = _cautions(fit, predictions)
+    if against is not None:
+        run = against.directory.path.name
+        of_other = _cautions(against, others)
+        cautions += [f"{run}: {one}" for one in of_other if one not in cautions]
+    return Design(
+        table,
+        _one_after_the_other(truths, features, within, choose),
+        (*cautions, SAME_SAMPLE),
+    )
+
+
+def _cautions(fit: Fit, predictions: Mapping[str, Prediction]) -> list[str]:
+    """Return doubts about a fit, and those about its predictions by the candidate."""
+    found = (
         one if one in fit.cautions else f"{name}: {one}"
         for name, prediction in predictions.items()
         for one in prediction.cautions
     )
-    return Design(
-        table,
-        _one_after_the_other(truths, features, within, choose),
-        (*dict.fromkeys(cautions), SAME_SAMPLE),
-    )
+    return [*dict.fromkeys(found)]
 
 
 def _check(fit: Fit, about: Sequence[str], draws: int) -> None:

@@ -9,6 +9,7 @@ from conftest import ICE
 from scipy import stats
 
 import pyburgers
+from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.cli.main import main
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
@@ -98,6 +99,15 @@ def test_candidates_of_a_fit(small_fit: Fit) -> None:
 def test_a_law_is_not_told_from_itself(small_fit: Fit) -> None:
     found = design(small_fit, plan_for(small_fit), against=small_fit, draws=200)
     assert found.table["told_apart"].to_numpy() == pytest.approx(0.5, abs=0.12)
+    assert len({*found.cautions}) == len(found.cautions)
+    run = small_fit.directory.path.name
+    assert not any(caution.startswith(f"{run}: ") for caution in found.cautions)
+
+
+def test_doubts_about_the_fit_of_the_other_law_are_said(long_fit: Fit, small_fit: Fit) -> None:
+    found = design(long_fit, plan_for(long_fit), against=small_fit, draws=200)
+    badly_sampled = small_fit.verdicts()[CheckKind.SAMPLING].sentence
+    assert f"{small_fit.directory.path.name}: {badly_sampled}" in found.cautions
 
 
 def test_designs_that_cannot_be_judged_are_refused(small_fit: Fit, separate_joint: Fit) -> None:

@@ -64,10 +64,17 @@ def parameter_shifts(fits: Mapping[str, Fit]) -> pd.DataFrame:
     table = first.si_summary()[["unit", "mean", "sd"]]
     for name, other in others:
         mean = other.si_summary()["mean"].rename(f"{name} mean")
-        apart = redefined(first.variant, other.variant)
+        apart = redefined(first.variant, other.variant) | _of_other_units(first, other)
         table = table.join(mean.drop([*apart], errors="ignore"), how="inner")
         table[f"{name}{MOVED}"] = (table[f"{name} mean"] - table["mean"]) / table["sd"]
     return table.rename_axis("parameter")
+
+
+def _of_other_units(one: Fit, other: Fit) -> frozenset[str]:
+    """Return beta if A has the unit Pa^-n of an n that only one fit knows, or knows otherwise."""
+    exponents = [fit.problem.priors[0]["stress_exponent"] for fit in (one, other)]
+    known = {prior.location if prior.is_fixed else None for prior in exponents}
+    return frozenset({"beta"} if len(known) > 1 else ())
 
 
 def shift_sentences(fits: Mapping[str, Fit]) -> tuple[str, ...]:

@@ -213,7 +213,7 @@ DASHPOT_LAWS: Mapping[str, DashpotLaw] = MappingProxyType(
             DashpotLaw(
                 "power_law", (), "abs(stress)/fabric_factor", neighbours=("hyperbolic_sine",)
             ),
-            DashpotLaw("linear", (), "abs(stress)/fabric_factor", redefines=("beta",)),
+            DashpotLaw("linear", (), "abs(stress)/fabric_factor"),
             DashpotLaw(
                 "hyperbolic_sine",
                 ("breakdown_stress",),

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import ICE
+from conftest import ICE, with_fixed
 from synthetic_fit import make_fit, with_problem
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
@@ -94,6 +94,22 @@ def test_only_what_means_the_same_moves(tmp_path: Path) -> None:
     moved = parameter_shifts({"one": one, "other": other}).index
     assert "reference_stress" not in moved
     assert "stress_exponent" in moved
+
+
+@pytest.mark.parametrize(
+    ("exponents", "moves"),
+    [((None, None), True), ((4.0, 4.0), True), ((None, 1.0), False), ((3.0, 4.0), False)],
+)
+def test_beta_moves_between_laws_of_one_unit(
+    exponents: tuple[float | None, float | None], moves: bool, tmp_path: Path
+) -> None:
+    fits = {}
+    for name, exponent in zip(("one", "other"), exponents, strict=True):
+        fixed = {} if exponent is None else {"stress_exponent": exponent}
+        fit = make_fit(tmp_path / name, chains=2, draws=100, fixed=tuple(fixed))
+        priors = with_fixed(fit.priors, fixed)
+        fits[name] = with_problem(fit, fit.experiment, priors)
+    assert ("beta" in parameter_shifts(fits).index) is moves
 
 
 def test_parameters_move_by_their_own_sd(small_fit: Fit, long_fit: Fit) -> None:

@@ -1,6 +1,6 @@
 """The discrepancy of a law in a test that was not fitted: the same share of the response."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 import xarray as xr
@@ -14,6 +14,8 @@ from pyburgers.kinds.stan_data import REFERENCE_SOLVER
 from pyburgers.model.parameters import STANDARD_VALUES
 from pyburgers.model.read_quantities import BY_NOISE
 
+NONE_HERE = " have none here, and their bands are too narrow."
+
 
 def carry_discrepancy(
     values: Mapping[str, FloatArray], fitted: Problem, experiment: Experiment
@@ -22,35 +24,43 @@ def carry_discrepancy(
 
     A discrepancy stays the same share of the response, and correlates over the same share of the
     test. It is carried over only to quantities that the fit reads, because the misfit of another
-    one depends on the law. `values` (n_draws,): parameters by name (SI), the
-    discrepancy as `draw_values` has it.
+    one depends on the law. It is a multiple of all noises, so others must have none. `values`
+    (n_draws,): parameters by name (SI), the discrepancy as `draw_values` has it.
     """
     found = dict(values)
     if not values.get("discrepancy", np.zeros(1)).any():
         return found, []
     likelihood, first = likelihood_of(experiment), fitted.experiments[0]
     here, there = experiment.residual_correlation, first.residual_correlation
-    known = {name for test in fitted.experiments for name in test.noises}
+    known = _known_noises(fitted)
+    unknown = [name for name in experiment.noises if name not in known]
     takes_one = "discrepancy" in experiment.laws.get("residuals", ("discrepancy",))
-    if not (takes_one and {*experiment.noises} <= known):
+    alone = (
+        "The fit knows the discrepancy of its law in readings of "
+        f"{_names_of(known)} alone: new readings"
+    )
+    stays_apart = len(unknown) < len(experiment.noises) and all(
+        experiment.noises[name] is None for name in unknown
+    )
+    if not (takes_one and stays_apart):
         found |= {
             name: np.full_like(values["discrepancy"], STANDARD_VALUES[name])
             for name in ("discrepancy", here)
         }
-        read = " and ".join(sorted(BY_NOISE[name].name for name in known))
         why = (
-            f"The fit knows the discrepancy of its law in readings of {read} alone"
+            alone
             if takes_one
-            else f"Tests of the protocol {experiment.protocol} take no discrepancy of the law"
+            else f"Tests of the protocol {experiment.protocol} take no discrepancy of the law: "
+            "new readings"
         )
-        return found, [f"{why}: new readings have none here, and their bands are too narrow."]
+        return found, [f"{why}{NONE_HERE}"]
     at = np.unique(experiment.position) if experiment.n_points else likelihood.grid(experiment)
     mean = {name: float(own.mean()) for name, own in values.items()}
     solution = solve(experiment, {**mean, "discrepancy": 0.0}, at, solver=REFERENCE_SOLVER)
     squares = [
         (solution[f"grid_{one.name}"][places] / values[one.noise][:, np.newaxis]) ** 2
         for one, places in zip(likelihood.read, likelihood.is_read(experiment, at), strict=True)
-        if places.any()
+        if places.any() and one.noise in known
     ]
     found["discrepancy"] = values["discrepancy"] * np.sqrt(
         np.mean(np.concatenate(squares, axis=1), axis=1)
@@ -59,11 +69,23 @@ def carry_discrepancy(
         spans = [one.span[1] - one.span[0] for one in (experiment, first)]
         found[here] = values[there] * (spans[0] / spans[1])
         found[there] = np.full_like(values[there], STANDARD_VALUES[there])
-    return found, []
+    return found, [f"{alone} of {_names_of(unknown)}{NONE_HERE}"] if unknown else []
+
+
+def _known_noises(fitted: Problem) -> set[str]:
+    """Return the noises of what a fit reads."""
+    return {name for test in fitted.experiments for name in test.noises}
+
+
+def _names_of(noises: Collection[str]) -> str:
+    return " and ".join(sorted(BY_NOISE[name].name for name in noises))
 
 
 def discrepancy_sentences(
-    experiment: Experiment, values: Mapping[str, FloatArray], predictions: xr.Dataset
+    experiment: Experiment,
+    values: Mapping[str, FloatArray],
+    fitted: Problem,
+    predictions: xr.Dataset,
 ) -> list[str]:
     """Say how much of the variance of new readings the discrepancy makes, for each quantity read.
 
@@ -72,11 +94,11 @@ def discrepancy_sentences(
     discrepancy = values.get("discrepancy", np.zeros(1))
     if not discrepancy.any():
         return []
-    likelihood = likelihood_of(experiment)
+    likelihood, known = likelihood_of(experiment), _known_noises(fitted)
     at = predictions[likelihood.clock.name].to_numpy()
     said = []
     for one, places in zip(likelihood.read, likelihood.is_read(experiment, at), strict=True):
-        if places.any():
+        if places.any() and one.noise in known:
             solved = all_draws(predictions[one.name]).astype(np.float64)[:, places]
             noise = values[one.noise]
             parts = np.array(

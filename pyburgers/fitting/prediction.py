@@ -159,6 +159,7 @@ def predict_test(
             *discrepancy_sentences(
                 experiment,
                 {name: own[solved] for name, own in values.items()},
+                source.problem,
                 posterior["predictions"].to_dataset(),
             ),
         ),

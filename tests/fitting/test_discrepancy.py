@@ -214,6 +214,33 @@ def test_a_discrepancy_goes_with_stresses_of_any_history(
     assert any("in readings of stress alone" in note for note in unknown.notes)
 
 
+@pytest.mark.parametrize("stated", [None, 1e-4])
+def test_strain_that_a_fit_does_not_read_leaves_stress_its_discrepancy(
+    stated: float | None, fits: Mapping[tuple[str, str], Fit], small_problem: Problem
+) -> None:
+    """One discrepancy is a multiple of every noise: a stated one of strain would have it too."""
+    result = fits["missed", "discrepancy"]
+    pressed = Stage("strain_rate", 0.0, 100.0, 255.0, 1e-4)
+    crept = Stage("stress", 100.0, 300.0, 255.0, 2e6)
+    strained, both = (
+        result.predict(creep(small_problem.experiment, stages=stages, **error), draws=40)
+        for stages, error in (
+            ((pressed,), {}),
+            ((pressed, crept), {"strain_uncertainty": stated}),
+        )
+    )
+    sizes = [all_draws(one.posterior["posterior"]["discrepancy"]) for one in (strained, both)]
+    if stated is None:
+        np.testing.assert_allclose(sizes[1], sizes[0], rtol=0.3)
+    else:
+        assert not sizes[1].any()
+    about = "" if stated else " of strain"
+    none = f"in readings of stress alone: new readings{about} have none here"
+    assert [none in note for note in both.notes].count(True) == 1
+    carried_over = ["carried over as a share" in note for note in both.notes]
+    assert carried_over.count(True) == (stated is None)
+
+
 def test_a_page_says_how_large_the_discrepancy_is(
     fits: Mapping[tuple[str, str], Fit], tmp_path: Path, sketched: None
 ) -> None:

@@ -322,6 +322,8 @@ def _fixed(name: str, value: float, choice: str) -> Prior:
 def _choose_kelvin(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
     references = {"kelvin_reference_temperature": experiment.temperature}
     if KELVIN_LAWS[choice].own_stress:
+        if kelvin_law(priors.priors, experiment.id) == choice:
+            return priors
         stress = REFERENCE_STRESS_SHARE * _largest_stress(experiment)
         references["kelvin_reference_stress"] = float(f"{stress:.0e}")
     else:
@@ -367,7 +369,8 @@ def _choose_hardening(priors: PriorSet, experiment: Test, choice: str) -> PriorS
     if choice != "none" and hardening_law(priors.priors) not in ("none", choice):
         priors = _choose_hardening(priors, experiment, "none")
     is_linear = experiment.linear_hardening
-    needless = is_linear and choice != "dislocations"
+    stays = choice in ("none", hardening_law(priors.priors))
+    needless = stays or (is_linear and choice != "dislocations")
     stress = 0.0 if needless else _largest_stress(experiment)
     of_material = experiment.initial_grain_size, experiment.temperature
     conditions, freed = (stress, experiment.duration, *of_material), priors_of_freed_parameters()
@@ -378,7 +381,8 @@ def _choose_hardening(priors: PriorSet, experiment: Test, choice: str) -> PriorS
 
 def _choose_mechanism(which: str, priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
     """Free the rate, which holds at the largest stress, to one digit, before the test."""
-    stress = float(f"{_largest_stress(experiment):.0e}")
+    stays = choice in ("none", mechanisms.mechanism(which, priors.priors))
+    stress = 0.0 if stays else float(f"{_largest_stress(experiment):.0e}")
     conditions = (stress, experiment.initial_grain_size, experiment.temperature)
     weak = priors_of_freed_parameters()[f"{which}_rate"]
     return priors.exchanging(

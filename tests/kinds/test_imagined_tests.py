@@ -1,6 +1,7 @@
 """Imagined tests: oscillations and tables of attenuation without readings."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import attenuation_oracle
@@ -8,6 +9,7 @@ import numpy as np
 import oracle
 import pandas as pd
 import pytest
+from history_twins import BACKSTRESS, THIRD, TRUTH, history_twin
 from refusals import written
 from same_contents import assert_equal
 
@@ -202,6 +204,26 @@ def test_a_law_whose_parameter_is_not_given_is_refused(parameters: dict[str, flo
     twin = load_experiment(TWIN)
     with pytest.raises(InputError, match=r"kelvin=power_law: .* kelvin_stress_exponent"):
         with_laws(twin, parameters, {"kelvin": "power_law"})
+
+
+@pytest.mark.parametrize(
+    "choices",
+    [
+        {"hardening": "none"},
+        {"hardening": "backstress"},
+        {"third_mechanism": "none", "second_mechanism": "none"},
+        {"third_mechanism": "power_law"},
+        {"kelvin": "power_law"},
+    ],
+    ids=str,
+)
+def test_a_law_that_needs_no_stress_needs_no_data(choices: dict[str, str]) -> None:
+    test = history_twin("creep", 4)
+    parts = {name: np.empty(0, getattr(test, name).dtype) for name in test.of_points}
+    kelvin = {"kelvin_stress_exponent": 2.0, "kelvin_reference_stress": 1e6}
+    values = {**TRUTH, **BACKSTRESS, **THIRD, **kelvin}
+    found = with_laws(replace(test, **parts), values, choices)
+    assert found == with_laws(test, values, choices)
 
 
 @pytest.mark.usefixtures("programs")

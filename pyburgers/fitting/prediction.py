@@ -154,6 +154,7 @@ def predict_test(
             *_unsolved(int(np.sum(~solved)), kept.size),
         ),
         notes=(
+            *_all_taken(draws, kept.size),
             *(*notes, *apparatus_notes, *condition_notes, *modulus_notes, *law_notes),
             *(*noise_notes, *discrepancy_notes),
             *discrepancy_sentences(
@@ -226,6 +227,13 @@ def _extended(posterior: xr.DataTree) -> list[str]:
         return []
     reference = posterior["posterior"].to_dataset().get(DISLOCATIONS_SWITCH, xr.DataArray(0.0))
     return extension_sentences(reference, solved["stress"].median(("chain", "draw")).to_numpy())
+
+
+def _all_taken(asked: int | None, taken: int) -> list[str]:
+    """Say how many draws were taken if there are fewer than asked for."""
+    if asked is None or asked <= taken:
+        return []
+    return [f"The fit has {taken} draws, which are all taken; {asked} were asked for."]
 
 
 def _unsolved(number: int, total: int) -> list[str]:

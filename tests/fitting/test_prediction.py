@@ -291,6 +291,16 @@ def test_what_cannot_be_predicted_is_refused(joint: Fit, small_fit: Fit) -> None
             fit.predict(experiment, **options)
 
 
+@pytest.mark.parametrize(("asked", "told"), [(200, False), (201, True)])
+def test_a_fit_with_fewer_draws_than_asked_for_gives_all(
+    asked: int, told: bool, small_fit: Fit
+) -> None:
+    prediction = small_fit.predict(another_test(small_fit), draws=asked)
+    assert prediction.posterior["posterior"].sizes["draw"] == 200
+    note = f"The fit has 200 draws, which are all taken; {asked} were asked for."
+    assert (note in prediction.notes) is told
+
+
 def test_all_is_kept_in_the_file(small_fit: Fit, tmp_path: Path) -> None:
     target = another_test(small_fit)
     prediction = small_fit.predict(target, draws=4)

@@ -5,9 +5,12 @@ import os
 import re
 from pathlib import Path
 
+from pyburgers.common.errors import require_type
+
 
 def given_path(path: str | Path) -> Path:
     """Return the absolute path that a user means; ``~`` at its start is a known user's home."""
+    require_type("path", path, (str, os.PathLike), "the path of a file or folder")
     return Path(os.path.expanduser(path)).absolute()  # noqa: PTH111 - pathlib's refuses unknown users
 
 

@@ -19,12 +19,13 @@ from scipy.special import logsumexp
 from pyburgers.checks.prior_sentences import read_off_sentences
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import FloatArray, all_draws
-from pyburgers.common.errors import InputError, SamplingError, require_type
+from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.common.units import counted
 from pyburgers.comparison.results import Comparison, LeaveOneOut
 from pyburgers.comparison.same_data import (
     best_first,
     check_same_data,
+    require_fits_by_name,
     sampling_doubts,
     tests_of,
 )
@@ -68,8 +69,7 @@ def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Compariso
     >>> comparison = pyburgers.compare({"one": fit, "same": fit})
     >>> sentence = comparison.pairs()[0].sentence()
     """
-    by_name = 'fits by name, such as {"shared": one, "separate": other}'
-    require_type("fits", fits, Mapping, by_name)
+    require_fits_by_name("fits", fits)
     if len(fits) < 2:
         raise InputError(f"compare: found {counted(len(fits), 'fit')}, expected at least two.")
     check_same_data(fits)

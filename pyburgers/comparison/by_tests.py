@@ -16,7 +16,12 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.tasks import ALL_HERE, Workers
 from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
 from pyburgers.comparison.results import ComparisonByTest, LeaveOneTestOut
-from pyburgers.comparison.same_data import best_first, check_same_data, sampling_doubts
+from pyburgers.comparison.same_data import (
+    best_first,
+    check_same_data,
+    require_fits_by_name,
+    sampling_doubts,
+)
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Task, run_fits
 from pyburgers.kinds.stan_data import SolverOptions
@@ -59,6 +64,7 @@ def compare_by_test(
     --------
     >>> comparison = pyburgers.compare_by_test({"shared": joint, "separate": separate})
     """
+    require_fits_by_name("joints", joints)
     fit_without_tests(joints, workers=workers, command=command)
     found = {name: _left_out(joint) for name, joint in joints.items()}
     return _ordered(found, joints)

@@ -8,10 +8,10 @@ import numpy as np
 from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.common.atomic_files import sha256_of_json
 from pyburgers.common.draws import FloatArray
-from pyburgers.common.errors import InputError
+from pyburgers.common.errors import InputError, require_type
 from pyburgers.comparison.results import LeaveOneOut, LeaveOneTestOut
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.sampled_fit import SampledFit
+from pyburgers.fitting.sampled_fit import A_FIT, SampledFit
 from pyburgers.model.parameters import CONDITIONS
 from pyburgers.model.variants import ModelVariant
 from pyburgers.posterior.labelled_draws import MICROSTRUCTURE
@@ -57,6 +57,14 @@ def data_hash(one: Fit) -> str:
         for group, variables in columns.items()
     }
     return sha256_of_json(decisive(values))
+
+
+def require_fits_by_name(argument: str, fits: Mapping[str, Fit]) -> None:
+    """Refuse an argument that is no mapping of fits."""
+    by_name = 'fits by name, such as {"shared": one, "separate": other}'
+    require_type(argument, fits, Mapping, by_name)
+    for name, one in fits.items():
+        require_type(f"{argument}: {name}", one, Fit, A_FIT)
 
 
 def check_same_data(fits: Mapping[str, Fit]) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Integral
 
 import numpy as np
 import numpy.typing as npt
@@ -106,6 +107,8 @@ def predict_test(
     """
     require_type("experiment", experiment, Experiment, A_TEST)
     require_same_material(source.problem.experiments[0], experiment)
+    if draws is not None:
+        require_type("draws", draws, Integral, "a whole number")
     if draws is not None and draws < 1:
         raise InputError(f"draws: found {draws}, expected at least 1.")
     rng = np.random.default_rng(seed)

@@ -7,12 +7,13 @@ Axial compression by σ at a rate ε̇ has the second invariants τ = √(s:s/2)
 
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
+from numbers import Real
 
 import numpy as np
 
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.draws import all_draws
-from pyburgers.common.errors import InputError
+from pyburgers.common.errors import InputError, require_type
 from pyburgers.common.units import UNITS, number
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
@@ -55,6 +56,10 @@ class Stated:
 
     def __post_init__(self) -> None:
         """Refuse numbers out of range."""
+        for name in ("grain_size", "fabric_factor", "poisson_ratio", "elastic_modulus"):
+            value = getattr(self, name)
+            if value is not None:
+                require_type(name, value, Real, "a number")
         none: Sequence[float] = ()
         check_state(
             self.temperatures,

@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 import numpy.typing as npt
 
 from pyburgers.common.draws import FloatArray
-from pyburgers.common.errors import InputError
+from pyburgers.common.errors import InputError, require_type
 from pyburgers.common.units import number
 from pyburgers.model.closed_forms import RELAXATION_PARAMETERS, require_standard
 from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
@@ -85,6 +86,8 @@ class Regime:
 
     def __post_init__(self) -> None:
         """Check both stresses."""
+        for name, stress in vars(self).items():
+            require_type(name, stress, Real, "a stress in Pa")
         if not (np.isfinite(self.median_stress) and self.median_stress >= 0):
             raise InputError(
                 f"median_stress: found {self.median_stress:g} Pa, expected zero or a positive "

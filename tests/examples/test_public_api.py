@@ -125,6 +125,27 @@ def other(value: object) -> Any:
             lambda fit: pyburgers.SamplerOptions(chains=other(2.5)),
             "chains: found 2.5, expected a whole",
         ),
+        (
+            lambda fit: fit.predict(fit.experiment, draws=other(2.5)),
+            "draws: found 2.5, expected a whole number",
+        ),
+        (
+            lambda fit: pyburgers.export(fit, "aspect", grain_size=other("1e-3")),
+            "grain_size: found '1e-3', expected a number",
+        ),
+        (
+            lambda _: pyburgers.Regime(other("1"), 2.0),
+            "median_stress: found '1', expected a stress",
+        ),
+        (lambda _: pyburgers.load_experiment(other(5)), "path: found 5, expected the path of"),
+        (
+            lambda fit: pyburgers.compare_by_test(other([fit, fit])),
+            "joints: found list, expected fits by name",
+        ),
+        (
+            lambda _: pyburgers.compare_by_test({"one": other("run")}),
+            "joints: one: found 'run', expected a fit",
+        ),
     ],
 )
 def test_an_argument_of_another_type_is_told(

@@ -24,7 +24,7 @@ from pyburgers.fitting.new_test import (
     transfer_laws,
     with_modulus_there,
 )
-from pyburgers.kinds.conditions import beyond_sentences, conditions_of
+from pyburgers.kinds.conditions import beyond_sentences, conditions_of, longer_than_cycles
 from pyburgers.kinds.experiment import A_TEST, Experiment
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import one_test
@@ -153,6 +153,7 @@ def predict_test(
             *source.cautions,
             *_fitted_itself(source, experiment),
             *_beyond(source, experiment, posterior),
+            *longer_than_cycles(experiment, source.conditions),
             *_extended(posterior),
             *_unsolved(int(np.sum(~solved)), kept.size),
         ),

@@ -12,6 +12,7 @@ from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import kind_of
 from pyburgers.kinds.likelihood import likelihood_of
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.model.parameters import ENVIRONMENT, STANDARD_VALUES
 from pyburgers.model.plausible import PlausibleRanges, plausible_ranges
 
@@ -198,6 +199,20 @@ def beyond_sentences(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...
     """Say in one sentence what `outside` finds; none where that is nothing."""
     beyond = outside(target, fitted)
     return (f"Beyond what was fitted: {'; '.join(beyond)}.",) if beyond else ()
+
+
+def longer_than_cycles(experiment: Experiment, fitted: Sequence[Ranges]) -> tuple[str, ...]:
+    """Say whether a history lasts longer than all cycles of tables, if those alone were fitted."""
+    periods = [one["period"][1] for one in fitted if "period" in one]
+    if not isinstance(experiment, HistoryExperiment) or len(periods) < len(fitted):
+        return ()
+    lasts, longest = experiment.end_time, max(periods)
+    if lasts <= longest:
+        return ()
+    return (
+        f"The test lasts {lasts:.4g} s, longer than any fitted period ({longest:.4g} s): slower "
+        "delayed strain was not fitted.",
+    )
 
 
 def doubtful_conditions(material: str, asked: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:

@@ -352,6 +352,18 @@ def test_creep_is_predicted_from_a_test_at_constant_rate(
     assert len(prediction_figure(prediction).axes) == 1
 
 
+@pytest.mark.parametrize(("duration", "longer"), [(9e3, False), (1e5, True)])
+def test_creep_that_lasts_longer_than_fitted_cycles_is_doubted(
+    duration: float, longer: bool, small_problem: Problem
+) -> None:
+    source = prior_source(load_attenuation(ICE / "attenuation_twin.toml"))
+    stages = (Stage("stress", 0.0, duration, 255.0, 1e5),)
+    cautions = predict_test(source, creep(small_problem.experiment, stages=stages)).cautions
+    told = "The test lasts 1e+05 s, longer than any fitted period (1e+04 s)"
+    assert any(one.startswith(told) for one in cautions) is longer
+    assert any("longer than" in one for one in cautions) is longer
+
+
 def test_readings_need_a_noise_that_somebody_knows(small_fit: Fit, small_problem: Problem) -> None:
     readings = {
         "time": np.array([300.0, 900.0]),

@@ -37,6 +37,7 @@ class AnyTest:
     initial_grain_size: float
     largest_stress: float
     duration: float = 0.02
+    extension: str = ""
 
     @property
     def position(self) -> npt.NDArray[np.float64]:

@@ -266,7 +266,7 @@ class Experiment(ABC):
 
     @property
     def extension(self) -> str:
-        """What is known to pull the sample, in words; empty if nothing is."""
+        """A stress or strain that surely pulls the sample, in words; empty for none."""
         return ""
 
     def solution_table(self, solution: pd.DataFrame) -> pd.DataFrame:

@@ -23,7 +23,7 @@ class Test(Protocol):
 
     @property
     def extension(self) -> str:
-        """What is known to pull the sample, in words; empty if nothing is."""
+        """A stress or strain that surely pulls the sample, in words; empty for none."""
 
     @property
     def linear_hardening(self) -> bool:

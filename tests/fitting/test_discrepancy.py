@@ -229,7 +229,10 @@ def test_strain_that_a_fit_does_not_read_leaves_stress_its_discrepancy(
             ((pressed, crept), {"strain_uncertainty": stated}),
         )
     )
-    sizes = [all_draws(one.posterior["posterior"]["discrepancy"]) for one in (strained, both)]
+    sizes = [
+        all_draws(one.posterior["posterior"].to_dataset()["discrepancy"])
+        for one in (strained, both)
+    ]
     if stated is None:
         np.testing.assert_allclose(sizes[1], sizes[0], rtol=0.3)
     else:

@@ -309,7 +309,7 @@ class HistoryExperiment(Experiment):
 
 def _pulling(values: FloatArray) -> FloatArray:
     """Return the values in extension that are no error of a zero or of a reading."""
-    return values[values < -PULLING * np.abs(values).max(initial=0.0)]
+    return np.asarray(values[values < -PULLING * np.abs(values).max(initial=0.0)])
 
 
 def _stage_table(stage: Stage) -> dict[str, Any]:

@@ -215,7 +215,7 @@ def test_all_parts_are_on_the_page_and_in_files(
     assert "flow law from the other source" in page.text
     assert "are a joint one from another source." in page.text
     assert "23 tests of 1 source (measured data" in page.text
-    assert "The table states peaks at 3.0 ± 1.0 % strain" in page.text
+    assert "Peaks are stated at 3.0 ± 1.0 % strain" in page.text
     assert "The tests were at 263.10 to 264.05 K." in page.text
     assert "for another single one" in page.text
 

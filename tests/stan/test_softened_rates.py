@@ -496,5 +496,5 @@ def test_table_figure_and_words_show_the_softening(peaks: RateFit) -> None:
     assert image(figure, "png").startswith(b"\x89PNG")
     section = rate_section(peaks)
     assert "can take as its prior" in section.paragraphs[1]
-    assert "The table states peaks at 3.0 ± 1.0 % strain" in section.details[-2]
+    assert "Peaks are stated at 3.0 ± 1.0 % strain" in section.details[-2]
     assert "least_squares" in [table.name for table in section.tables]

@@ -22,7 +22,7 @@ CRITICAL_SHARE = 0.1
 makes a dashpot with n = 4 that will halve its strength faster by a fifth."""
 
 HARMLESS_EXPONENT = 4.0
-"""Its n."""
+"""Stress exponent up to which `CRITICAL_SHARE` does little."""
 
 LIKELY = 0.5
 """Share of draws from which on a part of a curve is marked."""

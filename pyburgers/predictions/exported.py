@@ -34,6 +34,7 @@ from pyburgers.predictions.stated_laws import (
     LOGARITHM,
     POWER_LAW,
     composite_law,
+    is_logarithm,
     laws_of,
     undeformed,
 )
@@ -202,16 +203,12 @@ def _law_of_tables(
         f"{LOGARITHM}{name}" if name.startswith("mechanism_rate") else name: one
         for name, one in _draws_of(fit, names).items()
     }
-    columns |= {name: np.log(one) for name, one in columns.items() if _is_logarithm(name)}
+    columns |= {name: np.log(one) for name, one in columns.items() if is_logarithm(name)}
     return {**columns, **scatter}, {}, {**composite_law(law), **microstructure}
 
 
-def _is_logarithm(name: str) -> bool:
-    return name.startswith(LOGARITHM)
-
-
 def _si_unit(name: str) -> str:
-    return "1" if _is_logarithm(name) else shown_quantity(name).si_unit
+    return "1" if is_logarithm(name) else shown_quantity(name).si_unit
 
 
 def as_json(one: Exported, kept: Sequence[int] = ()) -> str:
@@ -301,7 +298,7 @@ def _law_lines(laws: Mapping[str, object], under: str = "") -> list[str]:
 
 
 def _symbol(name: str) -> str:
-    if _is_logarithm(name):
+    if is_logarithm(name):
         of = name.removeprefix(LOGARITHM)
         return r"\ln A" if name == LOG_FACTOR else rf"\ln {shown_quantity(of).symbol}"
     return shown_quantity(name).symbol
@@ -319,7 +316,7 @@ def _decided(name: str, decided_by: str, by_prior_of: str) -> str:
 
 def _display(name: str) -> tuple[float, str]:
     """Return the factor to the display unit, and that unit."""
-    if _is_logarithm(name):
+    if is_logarithm(name):
         return 1.0, "--"
     quantity = shown_quantity(name)
     unit = unit_text(quantity)

@@ -36,7 +36,7 @@ from pyburgers.predictions.exported import (
     exported,
     fitted_ranges,
 )
-from pyburgers.predictions.stated_laws import LOGARITHM
+from pyburgers.predictions.stated_laws import is_logarithm
 from pyburgers.predictions.stress_cycles import Regime, asked_conditions
 
 AnyFit = Fit | RateFit
@@ -136,7 +136,7 @@ def _caution_lines(one: Exported, names: Sequence[str], fit: AnyFit, asked: Rang
     decided, ranges = [], fitted_ranges(fit)
     for name in names:
         k = one.names.index(name)
-        unit = "" if name.startswith(LOGARITHM) else shown_quantity(name).si_unit
+        unit = "" if is_logarithm(name) else shown_quantity(name).si_unit
         spread = f" +- {rounded(one.sd[k], one.sd[k])}" if one.sd[k] else ""
         by = f"{one.decided_by[k]} {one.by_prior_of[k]}".strip() or "unknown"
         decided.append(f"{name} {rounded(one.mean[k], one.sd[k])}{spread} {unit} ({by})")

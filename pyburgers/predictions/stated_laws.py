@@ -26,6 +26,11 @@ LOGARITHM = "ln_"
 POWER_LAW = DASHPOT_LAWS["power_law"].flow_law
 
 
+def is_logarithm(name: str) -> bool:
+    """Whether a name is that of the logarithm of a quantity."""
+    return name.startswith(LOGARITHM)
+
+
 def undeformed(grain_size: str) -> dict[str, str]:
     """Return grain size and fabric factor of the material before a test."""
     return {"grain_size": grain_size, "fabric_factor": "1"}

@@ -47,6 +47,7 @@ generated quantities {
   vector[n_regimes] fluidity; // B, 1/(Pa s)
   array[n_regimes] int has_peak;
   vector[n_regimes] held_rate; // of the dashpot at the median stress, 1/s
+  vector[n_regimes] steepness; // d ln(rate)/d ln(stress) of the dashpot at the peak; 0: it rests
   vector[n_regimes] wanted_grain_size; // in the end, at the median stress, m
   matrix[n_sines > 0 ? n_regimes : 0, n_frequencies] cycle_strain; // path strain of a cycle
   real longest_time; // tau of the Kelvin part, s
@@ -101,6 +102,14 @@ generated quantities {
                                        * longest_time);
       held_rate[r] = dashpot_rate_at(median_stress[r], 0, grain_size, fabric_factor, parameter,
                                      temperature);
+      {
+        real step = 1e-4; // of ln(stress)
+        real peak = median_stress[r] + amplitude[r];
+        real rate = dashpot_rate_at(peak, 0, grain_size, fabric_factor, parameter, temperature);
+        real faster = dashpot_rate_at(exp(step) * peak, 0, grain_size, fabric_factor, parameter,
+                                      temperature);
+        steepness[r] = rate > 0 ? log(faster / rate) / step : 0;
+      }
       wanted_grain_size[r] = preferred_grain_size(median_stress[r], parameter);
       if (n_sines > 0) {
         vector[n_sines] rate;

@@ -39,8 +39,8 @@ def critical_strain(
 
     A size that will change several times reaches its share in as many times less strain, and so
     does a fabric on which the rate depends more steeply than in the power law of `CRITICAL_SHARE`.
-    Grain size (m) and fabric have the shape of the draws, `final_grain_size`, `steepness`
-    (`pyburgers.predictions.closed_forms.rate_steepness`) and the result a last axis of regimes.
+    Grain size (m) and fabric have the shape of the draws, `final_grain_size`, `steepness` (of
+    `stan/stress_cycles.stan`) and the result a last axis of regimes.
     """
     if any(name not in parameters for name in EVOLUTION):
         return np.full(final_grain_size.shape, np.nan)

@@ -45,7 +45,7 @@ from pyburgers.predictions.assumptions import (
     cycle_fails,
     hold_fails,
 )
-from pyburgers.predictions.closed_forms import cycles_data, rate_steepness
+from pyburgers.predictions.closed_forms import cycles_data
 from pyburgers.predictions.material import Material, fitted_material
 from pyburgers.predictions.stress_cycles import (
     DRAW_DIMENSIONS,
@@ -185,14 +185,7 @@ def attenuation_spectrum(
     recoverable = 1 / found["maxwell_modulus"] + found["kelvin_creep_of_hold"]
     median_stress = spectrum["median_stress"].to_numpy()
     hold = median_stress * recoverable[..., np.newaxis] + found["held_rate"] * hold_time
-    steepness = rate_steepness(
-        draws,
-        median_stress + spectrum["amplitude"].to_numpy(),
-        temperature=temperature,
-        grain_size=size,
-        fabric_factor=fabric,
-    )
-    critical = critical_strain(draws, size, fabric, found["wanted_grain_size"], steepness)
+    critical = critical_strain(draws, size, fabric, found["wanted_grain_size"], found["steepness"])
     spectrum = spectrum.assign(
         hold_strain=(regime_dimensions, hold, number_of_one),
         cycle_strain=(dimensions, found["cycle_strain"], number_of_one),

@@ -19,9 +19,6 @@ from pyburgers.model.parameters import (
 from pyburgers.model.priors import FLOW_LAW
 from pyburgers.predictions.stress_cycles import Regime, check_state
 
-STEP = 1e-4
-"""Change of ln(stress) over which `rate_steepness` is a difference."""
-
 CYCLE_NODES = 64
 """Nodes in half a period for the strain of a cycle: the kink of |rate| limits it to about 1e-3."""
 
@@ -46,33 +43,6 @@ def cycles_data(
         "sine": sine.tolist(),
         "hold_time": hold_time,
     }
-
-
-def rate_steepness(
-    parameters: Mapping[str, FloatArray],
-    stress: FloatArray,
-    *,
-    temperature: float,
-    grain_size: FloatArray,
-    fabric_factor: FloatArray,
-) -> FloatArray:
-    """Return d ln(rate)/d ln(stress) of the dashpot, which is its sensitivity to 1/F too.
-
-    Parameters (SI), grain size (m) and fabric have the shape of the draws, the result a last axis
-    of stresses (Pa). Power laws are not steep, and not asked: zeros.
-    """
-    if not any(np.any(parameters.get(name, 0.0)) for name in DASHPOT_STRESSES):
-        return np.zeros((*grain_size.shape, stress.size))
-    held = [Regime(one, one) for one in (*stress, *np.exp(STEP) * stress)]
-    rates = closed_forms(
-        parameters,
-        grain_size,
-        temperature=temperature,
-        fabric_factor=fabric_factor,
-        asked=cycles_data(held, np.empty(0), 0.0, with_strains=False),
-    )["held_rate"]
-    rate, faster = np.split(rates, 2, axis=-1)
-    return np.asarray(np.log(faster / rate) / STEP)
 
 
 def flow_rate(

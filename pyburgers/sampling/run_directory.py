@@ -26,7 +26,7 @@ from pyburgers.common.atomic_files import (
     sha256_of_json,
     write_json,
 )
-from pyburgers.common.errors import InputError
+from pyburgers.common.errors import InputError, StructureError
 from pyburgers.common.locks import process_lock
 from pyburgers.common.scratch import scratch_folder
 from pyburgers.common.toml_files import TableT, checked, read_json, read_json_table
@@ -185,7 +185,12 @@ class RunDirectory:
                 "what the run wrote, or remove the directory and fit again."
             )
         if structure is not None:
-            checked(self.manifest_file, manifest, structure)
+            try:
+                checked(self.manifest_file, manifest, structure)
+            except StructureError as error:
+                raise InputError(
+                    f"{error} If another version of pyburgers wrote the folder, use that version."
+                ) from None
         return manifest
 
     def update_manifest(self, changes: Mapping[str, Any]) -> None:

@@ -346,3 +346,9 @@ def test_what_was_damaged_or_changed_is_told(
         RunDirectory(out).write_manifest(read_json(out / name))
     capsys.readouterr()
     assert_refused(main(["sbc", "--results-of", str(out)]), capsys, word)
+
+
+def test_results_of_another_version_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    folder = Path(__file__).parents[2] / "reports" / "calibration" / "ice"
+    word = "If another version of pyburgers wrote the folder, use that version.\n"
+    assert_refused(main(["sbc", "--results-of", str(folder)]), capsys, word)

@@ -186,8 +186,8 @@ def _that_was_fitted(source: Source, experiment: Experiment) -> FittedTest | Non
 
 def _is_same_test(fitted: Experiment, experiment: Experiment) -> bool:
     """Whether two tests are of a kind and have the same name, or the same readings."""
-    same_readings = experiment.n_points > 0 and np.array_equal(fitted.response, experiment.response)
-    return fitted.protocol == experiment.protocol and (fitted.id == experiment.id or same_readings)
+    same = fitted.id == experiment.id or experiment.has_readings_of(fitted)
+    return same and fitted.protocol == experiment.protocol
 
 
 def _same_of_a_test(fitted: Experiment, experiment: Experiment) -> list[str]:

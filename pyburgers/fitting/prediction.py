@@ -210,11 +210,7 @@ def _tree(
 
 def _fitted_itself(source: Source, experiment: Experiment) -> list[str]:
     """Say whether the data of a test took part in the fit."""
-    fitted = any(
-        experiment.n_points > 0 and np.array_equal(experiment.response, one.response)
-        for one in source.problem.experiments
-    )
-    if not fitted:
+    if not any(experiment.has_readings_of(one) for one in source.problem.experiments):
         return []
     return [f"{experiment.id} is part of the fit, so that its data are no test of the prediction."]
 

@@ -241,6 +241,16 @@ class Experiment(ABC):
         """Number of data points; zero for an experiment that can only be simulated."""
         return len(self.response)
 
+    def has_readings_of(self, other: "Experiment") -> bool:
+        """Whether both tests have the same data, however they are prepared.
+
+        Examples
+        --------
+        >>> test.has_readings_of(test)
+        True
+        """
+        return self.n_points > 0 and np.array_equal(self.response, other.response)
+
     @property
     def quantity(self) -> IntArray:
         """Number, in what its kind reads, of what each reading is of, shape (n_points,)."""

@@ -24,7 +24,7 @@ from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.conditions import conditions_of
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.kinds.experiment import Experiment, Stated, UncertainCondition, of_kind
-from pyburgers.kinds.forced_oscillation.experiment import with_known_strain
+from pyburgers.kinds.forced_oscillation.experiment import with_background, with_known_strain
 from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.kind import FittedTest
@@ -231,6 +231,16 @@ def test_an_oscillation_is_predicted_at_another_temperature(programs: None) -> N
     prediction = predict_test(source, replace(record, id="hotter", temperature=1480.0))
     assert_solves(prediction, 0, rtol=2e-4)
     assert any("temperature 1480 K" in caution for caution in prediction.cautions)
+    assert any("is part of the fit" in caution for caution in prediction.cautions)
+
+
+def test_a_record_is_the_same_data_with_another_background(small_fit: Fit) -> None:
+    record = load_forced_oscillation(TWIN_FILE)
+    other = with_background(record, "removed")
+    assert not np.array_equal(other.response, record.response)
+    assert record.has_readings_of(other)
+    assert not record.has_readings_of(small_fit.experiment)
+    assert not small_fit.experiment.has_readings_of(record)
 
 
 def test_an_upper_limit_is_scored_with_the_probability_of_being_below_it(programs: None) -> None:

@@ -154,6 +154,12 @@ class OscillationExperiment(Experiment):
         """Stresses."""
         return self.stress
 
+    def has_readings_of(self, other: Experiment) -> bool:
+        """Whether both tests have the same record."""
+        if not isinstance(other, OscillationExperiment):
+            return False
+        return self.n_points > 0 and np.array_equal(self.record.stress, other.record.stress)
+
     @property
     def n_driving_errors(self) -> int:
         """Number of the errors of the driving strain that take part."""

@@ -248,9 +248,11 @@ def _numbers(
         place = f"{where}: key {key!r} in [data]"
         index = _index(column, table, place)
         unit = columns[key]
-        if unit is not None and table.is_time_stamps(table.columns[index]):
-            _check_seconds(table, column, unit, getattr(data, unit[0]), where)
-            if not has_own_clock:
+        is_stamps = table.is_time_stamps(table.columns[index])
+        if unit is not None and (is_stamps or column in table.elapsed):
+            what = "time stamps" if is_stamps else "elapsed times"
+            _check_seconds(table, f"{column!r}, which holds {what}", unit, data, where)
+            if is_stamps and not has_own_clock:
                 raise InputError(
                     f"{source}: column {column!r} holds time stamps, expected times in seconds, "
                     "because another file counts from the same moment."
@@ -278,14 +280,15 @@ def _numbers(
 
 
 def _check_seconds(
-    table: TextTable, column: Column, unit: tuple[str, str], stated: str, where: Path
+    table: TextTable, found: str, unit: tuple[str, str], data: TextFilesTable, where: Path
 ) -> None:
-    """Refuse another unit than s of time stamps."""
+    """Refuse another unit than s of time stamps and of elapsed times, which have their own."""
     key, quantity = unit
+    stated = getattr(data, key)
     if quantity != "time" or stated != "s":
         raise InputError(
-            f"{where}: key {key!r} in [data]: found {stated!r} for column {column!r}, which holds "
-            f"time stamps, expected 's' of a time: they are read as seconds ({table.path})."
+            f"{where}: key {key!r} in [data]: found {stated!r} for column {found}, expected 's' of "
+            f"a time: they are read as seconds ({table.path})."
         )
 
 

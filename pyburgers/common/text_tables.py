@@ -12,6 +12,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike
 
 from pyburgers.common.cells import (
@@ -56,6 +57,7 @@ class TextTable:
     `comments`: number and text of each line that is skipped.
     `layout_notes`, `problems`: what was done to find the table; what keeps rows from being read.
     `is_in_memory`: whether the columns were arrays; rows are then numbered from 1.
+    `elapsed`: columns of elapsed times in memory, which became seconds.
     """
 
     path: Path
@@ -69,6 +71,7 @@ class TextTable:
     layout_notes: tuple[str, ...] = ()
     problems: tuple[str, ...] = ()
     is_in_memory: bool = False
+    elapsed: frozenset[str] = frozenset()
 
     @property
     def row_name(self) -> str:
@@ -238,7 +241,10 @@ def table_of_columns(
         raise InputError(f"{path}: found columns of different lengths, {found}; expected one.")
     rows = tuple(enumerate(zip(*cells.values(), strict=True), start=1))
     words = None if missing is None else tuple(missing)
-    return TextTable(path, ",", tuple(cells), None, rows, missing=words, is_in_memory=True)
+    elapsed = frozenset(name for name, values in columns.items() if _is_elapsed(values))
+    return TextTable(
+        path, ",", tuple(cells), None, rows, missing=words, is_in_memory=True, elapsed=elapsed
+    )
 
 
 def _cells_in(path: Path, name: str, values: ArrayLike) -> list[str]:
@@ -256,10 +262,17 @@ def _cells_in(path: Path, name: str, values: ArrayLike) -> list[str]:
             "" if np.isnat(time) else str(time.astype("datetime64[us]")).replace("T", " ")
             for time in array
         ]
+    elif _is_elapsed(array):
+        cells = ["" if pd.isna(one) else str(one.total_seconds()) for one in pd.to_timedelta(array)]
     else:
         cells = ["" if _is_nothing(value) else str(value) for value in array.tolist()]
     hidden = np.broadcast_to(np.ma.getmask(values), array.shape)
     return ["" if is_hidden else cell for cell, is_hidden in zip(cells, hidden, strict=True)]
+
+
+def _is_elapsed(values: ArrayLike) -> bool:
+    """Whether all readings of a column are elapsed times of Python, NumPy or pandas."""
+    return bool(pd.api.types.infer_dtype(np.asarray(values)).startswith("timedelta"))
 
 
 def _is_nothing(value: object) -> bool:

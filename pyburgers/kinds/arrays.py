@@ -4,12 +4,14 @@ Arguments are the keys of experiment files, and are checked as the tables of fil
 """
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pyburgers.common.errors import InputError
+from pyburgers.common.text_tables import table_of_columns
 from pyburgers.common.toml_files import factor_to_si
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import AttenuationFile, load_attenuation
@@ -411,8 +413,8 @@ def _history(called: str, arguments: dict[str, Any]) -> HistoryExperiment:
 
 
 def _last(called: str, time: ArrayLike) -> float:
-    """Return the largest of some times."""
-    try:
-        return float(np.nanmax(np.asarray(time, dtype=np.float64)))
-    except (TypeError, ValueError):
-        raise InputError(f"{called}: argument 'time': expected a list of numbers.") from None
+    """Return the largest of some times, as they will be read."""
+    read = table_of_columns(Path(called), {"time": time}).numbers("time")
+    if not read:
+        raise InputError(f"{called}: argument 'time': expected a list of numbers.")
+    return max(read)

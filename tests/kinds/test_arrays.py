@@ -234,6 +234,30 @@ def test_times_of_pandas_count_from_the_first() -> None:
     assert any("read as seconds since the first row" in notice for notice in test.notices)
 
 
+SECONDS = np.array([100, 200, 400, 800], "timedelta64[s]")
+
+
+@pytest.mark.parametrize(
+    "time", [SECONDS, SECONDS.astype("timedelta64[ns]"), pd.Series(SECONDS), SECONDS.tolist()]
+)
+def test_elapsed_times_are_seconds_from_their_own_zero(time: Any) -> None:
+    clock = {"time": time, "time_unit": "s"}
+    test = pyburgers.CreepTest(**{**COMMON, **CREEP, **clock})
+    assert test.position.tolist() == [100, 200, 400, 800]
+    assert test.stages[-1].end_time == 800
+    assert test.notices == ()
+    rate = pyburgers.ConstantRateTest(
+        **{**COMMON, **CURVE, **clock, "strain": None, "strain_unit": None}
+    )
+    np.testing.assert_allclose(rate.position, [1e-4, 2e-4, 4e-4, 8e-4])
+
+
+def test_a_test_that_has_time_stamps_ends_with_the_last() -> None:
+    clock = pd.date_range("2024-03-01 09:00", periods=4, freq="30min")
+    test = pyburgers.CreepTest(**{**COMMON, **CREEP, "time": clock, "time_unit": "s"})
+    assert test.stages[-1].end_time == 5400
+
+
 def test_a_reading_that_is_not_there_is_left_out_and_said() -> None:
     for nothing in (np.nan, None, pd.NA):
         stress = [1.0, nothing, 3.0, 3.5]
@@ -280,6 +304,7 @@ REFUSED: list[tuple[Callable[..., Experiment], dict[str, Any], dict[str, Any], s
 REFUSED += [
     (pyburgers.CreepTest, CREEP, {"time": [1, 3, 2, 4]}, "data row 3: the time 2 h comes after"),
     (pyburgers.CreepTest, CREEP, {"time_unit": "days"}, "argument 'time_unit': unit 'days'"),
+    (pyburgers.CreepTest, CREEP, {"time": SECONDS}, "found 'h' for column 'time', which holds el"),
     (pyburgers.CreepTest, CREEP, {"time": ["a"]}, "argument 'time': expected a list of numbers"),
     (pyburgers.RelaxationTest, RELAXATION, {"loading_time": 9.0}, "argument 'loading_time'"),
     (pyburgers.RelaxationTest, RELAXATION, {"strain_unit": "mm"}, "argument 'strain_unit'"),

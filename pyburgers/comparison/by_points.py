@@ -55,7 +55,8 @@ def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Compariso
         At least two, by name; all of one test, or all joint ones of the same tests.
     refits : Path, optional
         Folder for fits without single points, in ``NAME/point_K``: points with a Pareto k above 0.7
-        are left out by another fit. Without it, and in joint fits, they are only flagged.
+        are left out by another fit. Without it, and in joint fits and their parts, they are only
+        flagged.
 
     Raises
     ------
@@ -82,7 +83,7 @@ def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Compariso
         result = replace(result, notes=read_off_sentences(one.read_off))
         flagged = np.flatnonzero(result.unreliable).tolist()
         if flagged and refits is not None:
-            if one.is_joint:
+            if one.is_joint or one.is_part:
                 logger.info(
                     f"{name}: points of a joint fit are not left out one by one, because each "
                     "would take a fit of all tests; they stay flagged."

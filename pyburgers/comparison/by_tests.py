@@ -23,6 +23,7 @@ from pyburgers.comparison.same_data import (
     sampling_doubts,
 )
 from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.sampled_fit import require_whole
 from pyburgers.fitting.side_by_side import Task, run_fits
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.sampling.manifest import COMPLETE
@@ -127,6 +128,7 @@ def _is_complete(folder: Path) -> bool:
 
 def check_several_tests(joint: Fit) -> None:
     """Raise `InputError` unless a test, or a part of a single one, can be left out of a fit."""
+    require_whole(joint)
     if len(joint.problem.parts) < 2:
         raise InputError(
             f"{joint.directory.path}: is not a joint fit, it is a fit of {joint.problem.name} "

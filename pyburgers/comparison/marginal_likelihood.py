@@ -21,9 +21,10 @@ from pyburgers.checks.prior_sentences import read_off_sentences
 from pyburgers.cmdstan.draw_files import read_draws
 from pyburgers.cmdstan.program import Density, load_program
 from pyburgers.common.draws import FloatArray
-from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.common.errors import InputError, SamplingError, require_type
 from pyburgers.comparison.results import LogIntegral
 from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.sampled_fit import A_FIT, require_whole
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, solver_block
 from pyburgers.posterior.labelled_draws import relative_efficiency
 
@@ -43,7 +44,8 @@ def log_marginal_likelihood(fit: Fit) -> LogIntegral:
     Parameters
     ----------
     fit : Fit
-        Of one or several tests. If the data took no part, the result is 0, but for its error.
+        Of one or several tests, no part of a joint fit. If the data took no part, the result is 0,
+        but for its error.
 
     Returns
     -------
@@ -54,7 +56,7 @@ def log_marginal_likelihood(fit: Fit) -> LogIntegral:
     Raises
     ------
     InputError
-        If there are too few draws.
+        If there are too few draws, or it is a part of a joint fit.
     SamplingError
         If the program fails or the draws have no spread.
 
@@ -62,6 +64,8 @@ def log_marginal_likelihood(fit: Fit) -> LogIntegral:
     --------
     >>> integral = pyburgers.log_marginal_likelihood(fit)
     """
+    require_type("fit", fit, Fit, A_FIT)
+    require_whole(fit)
     with fit.directory.unchanged_copy(fit.manifest, with_draws=True) as run:
         draws = read_draws(run.draws_files())["coordinate"]
         data = run.read_stan_data()

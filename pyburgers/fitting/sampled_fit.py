@@ -362,6 +362,15 @@ class SampledFit(ABC):
         )
 
 
+def require_whole(one: SampledFit) -> None:
+    """Refuse the result of a joint fit for one test: its draws know all tests."""
+    if one.part_name is not None:
+        raise InputError(
+            f"{one.directory.path}: found what a joint fit says of {one.part_name}, expected the "
+            "whole joint fit."
+        )
+
+
 FitT = TypeVar("FitT", bound=SampledFit)
 
 

@@ -151,7 +151,9 @@ def by_points_section(fits: Mapping[str, Fit], keys: Mapping[str, str]) -> tuple
 def _points_to_fit_again(comparison: Comparison, fits: Mapping[str, Fit]) -> tuple[str, ...]:
     """Say which command leaves points out in earnest, which a page never does."""
     count = sum(int(result.unreliable.sum()) for result in comparison.results.values())
-    if not count or any(fit.is_joint or fit.experiment.points_together for fit in fits.values()):
+    if not count or any(
+        fit.is_joint or fit.is_part or fit.experiment.points_together for fit in fits.values()
+    ):
         return ()
     runs = " ".join(shlex.quote(shown(fit.directory.path)) for fit in fits.values())
     return (f"To fit again without {count_points(count)} of that kind: pyburgers compare {runs}",)

@@ -26,6 +26,7 @@ from pyburgers.comparison.figures import left_out_tests, pointwise_differences
 from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
 from pyburgers.comparison.results import (
     ComparisonByTest,
+    LeaveOneOut,
     LeaveOneTestOut,
     LogIntegral,
     pointwise_table,
@@ -34,6 +35,7 @@ from pyburgers.comparison.results import (
 )
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit, fit
+from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.constant_rate.files import load_constant_rate
@@ -216,6 +218,24 @@ def test_points_of_joint_fits_are_those_of_all_their_tests(shared: Fit, separate
     figure = pointwise_differences(comparison)
     assert [axes.get_title(loc="left") for axes in figure.axes[:2]] == ["PIL40", "other"]
     assert image(figure, "png").startswith(b"\x89PNG")
+
+
+def test_points_of_a_part_of_a_joint_fit_stay_flagged(
+    shared: Fit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(LeaveOneOut, "unreliable", property(lambda one: ~one.exact))
+    part = shared["other"]
+    comparison = compare({"one": part, "same": part}, refits=tmp_path / "refits")
+    assert not comparison.results["one"].exact.any()
+    assert not (tmp_path / "refits").exists()
+
+
+def test_a_part_of_a_joint_fit_has_no_marginal_likelihood(shared: Fit, creep: RateFit) -> None:
+    for refused in (log_marginal_likelihood, lambda one: compare_by_test({"one": one})):
+        with pytest.raises(InputError, match=r"says of other, expected the whole joint fit\.$"):
+            refused(shared["other"])
+    with pytest.raises(InputError, match=r"^fit: found RateFit, expected a fit, as of"):
+        log_marginal_likelihood(creep)  # type: ignore[arg-type]
 
 
 @pytest.mark.slow

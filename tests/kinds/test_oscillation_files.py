@@ -1,14 +1,23 @@
 """Files of forced oscillation tests: what is read, what is refused, what is written."""
 
+import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from conftest import ICE
 from refusals import refusal, written
 from same_contents import assert_equal
 
-from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment, with_background
+from pyburgers.common.errors import InputError
+from pyburgers.kinds.forced_oscillation.experiment import (
+    ImposedCycles,
+    OscillationExperiment,
+    with_background,
+)
 from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forced_oscillation.preparation import REMOVED_NOTICE
 from pyburgers.kinds.kind import load_experiment
@@ -189,3 +198,15 @@ class TestWithBackground:
         changed = with_background(load_forced_oscillation(write()), "removed")
         read: OscillationExperiment = load_forced_oscillation(write(REMOVED))
         assert_equal(changed, read)
+
+    def test_it_takes_a_record_and_one_of_two_words(self, write: Write) -> None:
+        record: Any = load_forced_oscillation(write())
+        curve: Any = load_experiment(ICE / "PIL40.toml")
+        imposed = replace(record, imposed=ImposedCycles(300.0, 1e-4, 2.0))
+        for test, word, refused in (
+            (record, "keep", "background: found 'keep', did you mean 'kept'?"),
+            (curve, "kept", "PIL40: found a test of protocol 'constant_rate', expected one of"),
+            (imposed, "kept", "sample-1: found imposed cycles, expected a record."),
+        ):
+            with pytest.raises(InputError, match=re.escape(refused)):
+                with_background(test, word)

@@ -3,12 +3,13 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, get_args
 
 import numpy as np
 
 from pyburgers.common.array_types import FloatArray
-from pyburgers.kinds.experiment import Experiment
+from pyburgers.common.errors import InputError, nearest
+from pyburgers.kinds.experiment import Experiment, of_kind
 from pyburgers.kinds.forced_oscillation.harmonics import N_HARMONICS, HarmonicFit
 from pyburgers.kinds.forced_oscillation.preparation import (
     Background,
@@ -253,11 +254,22 @@ def with_background(
 ) -> OscillationExperiment:
     """Return the same test with its background removed or kept.
 
+    Raises
+    ------
+    InputError
+        If the test is none of a record, or `background` is neither word.
+
     Examples
     --------
     >>> record = pyburgers.load_experiment(data / "olivine" / "olivine_twin.toml")
     >>> kept = pyburgers.with_background(record, "kept")
     """
+    experiment = of_kind(experiment, OscillationExperiment)
+    if background not in get_args(Background):
+        expected = nearest(background, get_args(Background))
+        raise InputError(f"background: found {background!r}, {expected}")
+    if experiment.imposed is not None:
+        raise InputError(f"{experiment.id}: found imposed cycles, expected a record.")
     settings = replace(experiment.settings, background=background, start_stress=None)
     prepared = prepare(experiment.record, settings, experiment.id)
     others = [one for one in experiment.notices if one not in experiment.prepared.notices]

@@ -172,7 +172,7 @@ def load_rate_table(source: str | Path | Mapping[str, Any]) -> RateTable:
 def _doubts(material: str, values: Mapping[str, FloatArray]) -> Iterator[str]:
     """Say which numbers are unlikely."""
     warmth = values["temperature"]
-    yield from unlikely_grain_size(float(np.nanmax(values["grain_size"], initial=0.0)))
+    yield from unlikely_grain_size(values["grain_size"])
     yield from unlikely_temperature(material, float(warmth.min()), float(warmth.max()))
     yield from unlikely_stress(material, float(values["stress"].max()))
     yield from unlikely_strain_rate(float(values["strain_rate"].max()))

@@ -16,8 +16,8 @@ from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.model.parameters import ENVIRONMENT, STANDARD_VALUES
 from pyburgers.model.plausible import PlausibleRanges, plausible_ranges
 
-MAX_LIKELY_GRAIN_SIZE = 0.05
-"""Grain size (m) beyond which a unit may be wrong."""
+LIKELY_GRAIN_SIZES = (1e-8, 0.05)
+"""Grain sizes (m) outside of which a unit may be wrong."""
 
 
 MIN_LIKELY_STRESS = 1e3
@@ -37,16 +37,18 @@ def doubts(experiment: Experiment) -> list[str]:
 def _of_conditions(experiment: Experiment) -> Iterator[str]:
     """Say which grain size, temperatures and stresses are unlikely."""
     material = experiment.material
-    yield from unlikely_grain_size(experiment.initial_grain_size)
+    yield from unlikely_grain_size(np.array([experiment.initial_grain_size]))
     yield from unlikely_temperature(material, *temperature_range(experiment))
     if experiment.n_points:
         yield from unlikely_stress(material, experiment.largest_stress)
 
 
-def unlikely_grain_size(largest: float) -> Iterator[str]:
-    """Say if the largest grain size (m) of tests is unlikely."""
-    if largest > MAX_LIKELY_GRAIN_SIZE:
-        yield f"grains of {largest:g} m are unlikely; 230 um is 230e-6."
+def unlikely_grain_size(sizes: FloatArray) -> Iterator[str]:
+    """Say if the smallest or the largest grain size (m) of tests is unlikely; NaN is unknown."""
+    least, most = LIKELY_GRAIN_SIZES
+    for size in dict.fromkeys((np.fmin.reduce(sizes), np.fmax.reduce(sizes))):
+        if size < least or size > most:
+            yield f"grains of {size:g} m are unlikely; 230 um is 230e-6."
 
 
 def unlikely_temperature(material: str, coldest: float, hottest: float) -> Iterator[str]:

@@ -450,7 +450,9 @@ class Experiment(ABC):
         readings = counted(self.n_points, "reading") if self.n_points else "no readings"
         grains = f"{self.initial_grain_size * 1e6:.4g} um"
         head = f"{self.material}, {self.temperature_text}, {grains}, {readings}"
-        notes = (f"note: {sentence}" for sentence in (*self.notices, *self.doubts))
+        doubts = import_module("pyburgers.kinds.conditions").doubts(self)
+        own = (sentence.removeprefix(f"{self.id}: ") for sentence in doubts)
+        notes = (f"note: {sentence}" for sentence in (*self.notices, *own))
         return "\n".join([f"<test {self.id} ({self.protocol}): {head}>", *notes])
 
 

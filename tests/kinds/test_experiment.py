@@ -11,7 +11,7 @@ from refusals import refusal, written
 from small_inputs import CURVE, EXPERIMENT
 
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.conditions import doubts
+from pyburgers.kinds.conditions import doubts, unlikely_grain_size
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 
@@ -88,3 +88,15 @@ def test_stresses_that_no_material_bears_and_single_readings_are_doubted(
     stress[3] = -99e6
     (doubt,) = doubts(replace(curve, stress=stress))
     assert "one stress (MPa) of -99 is more than 10 times as large as all others" in doubt
+
+
+def test_a_test_shows_doubts_about_its_conditions(curve: ConstantRateExperiment) -> None:
+    odd = replace(curve, initial_grain_size=2.3e-10, temperature=300.0, stress=1e3 * curve.stress)
+    said = repr(odd)
+    for told in ("grains of 2.3e-10 m are unlikely", "ice at 300 K is molten", "GPa is unlikely"):
+        assert told in said
+    assert said.count("\nnote: ") == 3 + len(curve.notices)
+    assert list(unlikely_grain_size(np.array([np.nan, 1e-9, 0.1]))) == [
+        f"grains of {size} m are unlikely; 230 um is 230e-6." for size in ("1e-09", "0.1")
+    ]
+    assert not list(unlikely_grain_size(np.array([np.nan, 5e-8, 1e-3])))

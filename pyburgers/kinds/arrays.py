@@ -22,6 +22,7 @@ from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.forced_oscillation.files import OscillationFile, load_forced_oscillation
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.files import LoadingHistoryFile, load_loading_history
+from pyburgers.kinds.loading_history.stages import DRIVEN
 
 
 def ConstantRateTest(  # noqa: N802 - it stands for the class of its result
@@ -386,12 +387,20 @@ INSTEAD: Mapping[str, str] = {
 }
 """Arguments that stand for keys of files."""
 
+INSTEAD_OF_STAGES: Mapping[str, str] = {
+    "stages": "pyburgers.LoadingHistory",
+    "stage_time_unit": "'time_unit'",
+    "stage_stress_unit": "'stress_unit'",
+}
+"""What stands for keys of stages where a function makes them, or where there are none."""
+
 
 def _named(called: str, arguments: Mapping[str, Any], *others: str) -> dict[str, Any]:
     """Return the arguments of a function, without some others, under the keys of files."""
     given = {key: arguments[key] for key in arguments if key not in (*others, "keys")}
     size = given.pop("grain_size_um")
-    for key, instead in INSTEAD.items():
+    are_made = "stages" not in arguments and "time_unit" in arguments
+    for key, instead in {**INSTEAD, **(INSTEAD_OF_STAGES if are_made else {})}.items():
         if key in arguments["keys"]:
             raise InputError(f"{called}: argument {key!r}: expected {instead} in its place.")
     # Anything but a number is refused where the key is checked.
@@ -406,6 +415,14 @@ def _history(called: str, arguments: dict[str, Any]) -> HistoryExperiment:
         f"stage_{quantity}_unit": arguments.get(f"{quantity}_unit")
         for quantity in ("time", "stress")
     }
+    # Without them files have s and Pa.
+    for quantity, driven in {"time": ("strain", "stress"), "stress": ("stress",)}.items():
+        has_one = any(DRIVEN.get(stage.get("control")) in driven for stage in arguments["stages"])
+        if has_one and {**units, **arguments}[f"stage_{quantity}_unit"] is None:
+            raise InputError(
+                f"{called}: argument '{quantity}_unit' is missing, expected it because a stage has "
+                f"a {quantity}."
+            )
     # A unit of what was not read is one of the stages alone.
     unread = {f"{q}_unit" for q in ("time", "stress", "strain") if arguments.get(q) is None}
     given = {key: value for key, value in arguments.items() if key not in unread}

@@ -304,7 +304,10 @@ ARGUMENT_NAMES: tuple[tuple[str, str | Callable[[re.Match[str]], str]], ...] = (
     ),
     (r"('initial_grain_size_m'.*) in metres", r"\1 in micrometres"),
     ("'initial_grain_size_m'", "'grain_size_um'"),
-    ("'strain_rate_per_s'", "'strain_rate'"),
+    (
+        r"^(?!.*\[\[stages\]\]).*",  # whose tables keep their keys
+        lambda found: found[0].replace("'strain_rate_per_s'", "'strain_rate'"),
+    ),
     ("'id'", "'name'"),
     (r"\ba key(?= ')", "the argument"),
     (r"\bkey(s?)(?= ')", r"argument\1"),

@@ -301,6 +301,28 @@ REFUSED: list[tuple[Callable[..., Experiment], dict[str, Any], dict[str, Any], s
         ({"strain": None, "strain_unit": None}, "needs the argument 'strain' or 'time'"),
     )
 ]
+STAGE = {"start_time": 0, "end_time": 4}
+HISTORY: dict[str, Any] = {
+    **{key: CREEP[key] for key in ("time", "time_unit", "strain", "strain_unit", "stress_unit")},
+    "stages": [{**STAGE, "control": "stress", "stress": 1.0}],
+}
+REFUSED += [
+    (made, arguments, {key: value}, f"argument {key!r}: expected {instead} in its place")
+    for made, arguments in ((pyburgers.CreepTest, CREEP), (pyburgers.RelaxationTest, RELAXATION))
+    for key, value, instead in (
+        ("stages", HISTORY["stages"], "pyburgers.LoadingHistory"),
+        ("stage_time_unit", "h", "'time_unit'"),
+        ("stage_stress_unit", "Pa", "'stress_unit'"),
+    )
+]
+REFUSED += [
+    (pyburgers.LoadingHistory, HISTORY, change, words)
+    for change, words in (
+        ({"stress_unit": None}, "argument 'stress_unit' is missing, expected it because a stage"),
+        ({"time_unit": None}, "argument 'time_unit' is missing, expected it because a stage"),
+        ({"stages": [{**STAGE, "control": "strain_rate"}]}, "argument 'strain_rate_per_s' in [["),
+    )
+]
 REFUSED += [
     (pyburgers.CreepTest, CREEP, {"time": [1, 3, 2, 4]}, "data row 3: the time 2 h comes after"),
     (pyburgers.CreepTest, CREEP, {"time_unit": "days"}, "argument 'time_unit': unit 'days'"),

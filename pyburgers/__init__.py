@@ -4,9 +4,11 @@ Long calls report progress to the logger ``pyburgers``, at level INFO.
 """
 
 import ast
+import copyreg
 import logging
 from importlib import import_module
 from pathlib import Path
+from types import MappingProxyType
 
 _MODULE_OF = {
     name.name: part.module
@@ -19,6 +21,14 @@ _MODULE_OF = {
 __all__ = sorted(_MODULE_OF)
 
 logging.getLogger(__name__).addHandler(logging.NullHandler())
+
+
+def _read_only(content: dict[object, object]) -> MappingProxyType[object, object]:
+    return MappingProxyType(content)
+
+
+# Tests, priors and fits hold mappings that nobody can change, of which Python makes no copies.
+copyreg.pickle(MappingProxyType, lambda found: (_read_only, (dict(found),)))
 
 
 def __getattr__(name: str) -> object:

@@ -394,8 +394,9 @@ def separate_joint(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
 def fit_pair(problem: Problem, pool: Mapping[str, str], out: Path) -> None:
     """Fit the small test and the other one together, then without each."""
     joint = fit(pair_of(problem), problem.priors, pool=pool, out=out, options=SMALL_RUN)
-    with ThreadPoolExecutor(1) as here:
-        fit_without_tests({"joint": joint}, workers=Workers(here), command="test")
+    with pytest.MonkeyPatch.context() as patch:
+        stay_in_this_process(patch)
+        fit_without_tests({"joint": joint}, workers=Workers(), command="test")
 
 
 def copy_of(fit: Fit, out: Path, *, without: str = "") -> Fit:

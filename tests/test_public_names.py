@@ -20,6 +20,16 @@ def test_other_names_are_refused() -> None:
         getattr(pyburgers, "fits")  # noqa: B009 - type checkers know that there is none
 
 
+def test_a_test_is_copied_wherever_it_comes_from() -> None:
+    code = (
+        "import copy, pickle, pyburgers as p; "
+        "test = p.load_experiment(p.shipped_folder('data') / 'ice' / 'PIL40.toml'); "
+        "print(copy.deepcopy(test).id, pickle.loads(pickle.dumps(p.priors('ice'))).material)"
+    )
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert shown.stdout == "PIL40 ice\n"
+
+
 def test_the_package_imports_nothing_by_itself() -> None:
     code = "import sys, pyburgers; print(*sys.modules)"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

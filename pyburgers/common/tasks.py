@@ -1,12 +1,11 @@
 """Tasks that each write their own results, their workers, and the part that this call does."""
 
-import copyreg
 import os
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from concurrent.futures import wait as wait_for
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, nullcontext, suppress
@@ -15,8 +14,7 @@ from functools import partial
 from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.connection import wait
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import psutil
 
@@ -35,8 +33,8 @@ class Workers:
     Attributes
     ----------
     executor : Executor or None
-        Any of `concurrent.futures` whose workers see the same files as this process; None takes
-        processes of this machine.
+        Any of `concurrent.futures` whose workers are processes that see the same files as this
+        one; None takes processes of this machine.
     jobs : int or None
         How many processes of this machine; None takes one for each core.
     part : tuple of two int, or None
@@ -60,6 +58,11 @@ class Workers:
         InputError
             If there are no processes, or there is no such part.
         """
+        if isinstance(self.executor, ThreadPoolExecutor):
+            raise InputError(
+                "executor: found threads, expected processes such as those of ProcessPoolExecutor, "
+                "because messages name the fit of their process."
+            )
         if self.jobs is not None and self.jobs < 1:
             raise InputError(f"jobs is {self.jobs}, expected at least 1.")
         which, number = self.part or (1, 1)
@@ -95,7 +98,7 @@ def run_tasks(
     Give key and outcome of each when it ends. If a task or the block of this context raises, no
     further ones begin, and those that run go on to their end; an interrupt ends them, save those of
     an executor that was given. Raise SystemFailureError, naming the folder `out`, if the system
-    killed a process.
+    killed a process, and InputError if the script has none for its main process alone.
     """
     given, processes = workers.executor, workers.processes(len(tasks))
     call = work if given is None else partial(_elsewhere, work)
@@ -104,6 +107,11 @@ def run_tasks(
         try:
             yield ((waiting[future], future.result()) for future in as_completed(waiting))
         except BrokenProcessPool as error:
+            if given is None and (script := _script_without_guard()):
+                raise InputError(
+                    f'{script}: found no line if __name__ == "__main__":, expected what it calls '
+                    "below such a line, because each process of a task runs the file again."
+                ) from error
             raise SystemFailureError(
                 f"{out}: the system killed a process; {FREE_MEMORY}"
             ) from error
@@ -112,6 +120,13 @@ def run_tasks(
             if isinstance(error, Exception):
                 wait_for(begun)
             raise
+
+
+def _script_without_guard() -> str:
+    """Return the file of the program where it has no line for its main process alone, else ""."""
+    file = getattr(sys.modules["__main__"], "__file__", None)
+    is_guarded = file is None or "__main__" in Path(file).read_text("utf-8", errors="replace")
+    return "" if is_guarded else str(file)
 
 
 def _elsewhere(work: Callable[..., Outcome], *arguments: object) -> Outcome:
@@ -175,11 +190,3 @@ def _end_with_parent() -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
-
-
-def _read_only(content: dict[Any, Any]) -> MappingProxyType[Any, Any]:
-    return MappingProxyType(content)
-
-
-# Tests and priors hold mappings that nobody can change, which do not travel by themselves.
-copyreg.pickle(MappingProxyType, lambda found: (_read_only, (dict(found),)))

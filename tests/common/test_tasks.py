@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 from types import MappingProxyType
 
@@ -42,7 +42,7 @@ def test_parts_that_there_are_not_are_refused(part: tuple[int, int]) -> None:
 
 
 def test_an_executor_that_is_given_does_the_calls_and_stays_open() -> None:
-    with ThreadPoolExecutor(2) as pool:
+    with ProcessPoolExecutor(2) as pool:
         workers = Workers(pool)
         for _ in range(2):
             calls = {n: (n, 2) for n in range(5)}
@@ -50,8 +50,16 @@ def test_an_executor_that_is_given_does_the_calls_and_stays_open() -> None:
                 assert dict(done) == {n: n * n for n in range(5)}
 
 
+def test_threads_are_refused() -> None:
+    with (
+        ThreadPoolExecutor(1) as pool,
+        pytest.raises(InputError, match=r"^executor: found threads, expected processes"),
+    ):
+        Workers(pool)
+
+
 def test_a_call_that_raises_ends_those_that_wait() -> None:
-    with ThreadPoolExecutor(1) as pool:
+    with ProcessPoolExecutor(1) as pool:
         calls = {0: ("x",), **{n: (n,) for n in range(1, 4)}}
         with (
             pytest.raises(ValueError, match="invalid literal"),
@@ -98,6 +106,24 @@ def test_a_killed_process_is_told_with_what_to_do() -> None:
         run_tasks(os._exit, {1: (1,)}, out=Path("out")) as done,
     ):
         list(done)
+
+
+UNGUARDED = """
+from pathlib import Path
+from pyburgers.common.tasks import run_tasks
+
+with run_tasks(pow, {1: (1, 2)}, out=Path("out")) as done:
+    list(done)
+"""
+
+
+def test_a_script_that_each_process_would_run_again_is_told(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(UNGUARDED, encoding="utf-8")
+    command = [sys.executable, str(script)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert f"InputError: {script}: found no line if __name__ ==" in done.stderr
+    assert "killed" not in done.stderr
 
 
 def test_an_interrupt_ends_calls_that_run() -> None:

@@ -103,6 +103,7 @@ def executable_path(program: Path, cmdstan: Path) -> Path:
 
 def _read_sources(program: Path, include_directory: Path) -> _Sources:
     text = _read(program)
+    folders = list(dict.fromkeys((program.parent, include_directory)))
     included: dict[str, str] = {}
     declared: dict[str, str] = {}
     headers: dict[str, str] = {}
@@ -112,18 +113,17 @@ def _read_sources(program: Path, include_directory: Path) -> _Sources:
         for name in _INCLUDE.findall(including_text):
             if name in included:
                 continue
-            path = include_directory / name
-            if not path.is_file():
-                raise ToolchainError(
-                    f"{includer} includes {name}, which is not in {include_directory}."
-                )
-            included[name] = _read(path)
+            folder = next((one for one in folders if (one / name).is_file()), None)
+            if folder is None:
+                where = " or ".join(map(str, folders))
+                raise ToolchainError(f"{includer} includes {name}, which is not in {where}.")
+            included[name] = _read(folder / name)
             pending.append((name, included[name]))
-            declaration = include_directory / WITH_CPP / name
+            declaration = folder / WITH_CPP / name
             if declaration.is_file():
                 declared[name] = _read(declaration)
                 headers |= {
-                    header.relative_to(include_directory / WITH_CPP).as_posix(): _read(header)
+                    header.relative_to(folder / WITH_CPP).as_posix(): _read(header)
                     for header in sorted(declaration.parent.glob("*.hpp"))
                 }
     return _Sources(program.name, text, included, declared, headers)

@@ -22,6 +22,7 @@ from pyburgers.cmdstan.draw_files import Draws, read_draws, rows_of_draws
 from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import SamplingError
+from pyburgers.common.paths import given_path
 from pyburgers.common.processes import Running, cores, side_by_side, start
 from pyburgers.common.scratch import scratch_folder
 
@@ -58,14 +59,14 @@ class ModeNotFound(Exception):  # noqa: N818 - an outcome with a reason, not an 
     """The optimiser failed; the message says how."""
 
 
-def load_program(source: Path) -> "Program":
+def load_program(source: str | Path) -> "Program":
     """Compile a Stan program, or take its executable from the cache.
 
     Files that the program includes are found beside it, then among the Stan files of the package.
 
     Parameters
     ----------
-    source : Path
+    source : path
         File of the program.
 
     Returns
@@ -85,7 +86,7 @@ def load_program(source: Path) -> "Program":
     >>> float(pyburgers.load_program(Path("one.stan")).evaluate({})["one"])
     1.0
     """
-    return Program(compile_program(source))
+    return Program(compile_program(given_path(source)))
 
 
 @dataclass(frozen=True)

@@ -416,6 +416,16 @@ class TestProgramKey:
         assert len(sources) == 5
         assert len(keys) == 2 + len(changes)
 
+    def test_included_files_are_found_beside_the_program_first(
+        self, home: Path, program: Path
+    ) -> None:
+        cmdstan, shipped = make_cmdstan(home / "cmdstan"), home / "shipped"
+        (shipped / "functions").mkdir(parents=True)
+        (program.parent / "functions" / "outer.stan").rename(shipped / "functions" / "outer.stan")
+        key = program_key(program, shipped, cmdstan)
+        (shipped / "functions" / "inner.stan").write_text("another")
+        assert program_key(program, shipped, cmdstan) == key
+
     def test_missing_include_is_named(self, home: Path, program: Path) -> None:
         cmdstan = make_cmdstan(home / "cmdstan")
         (program.parent / "functions" / "inner.stan").unlink()

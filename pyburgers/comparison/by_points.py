@@ -20,6 +20,7 @@ from pyburgers.checks.prior_sentences import read_off_sentences
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.common.paths import given_path
 from pyburgers.common.units import counted
 from pyburgers.comparison.results import Comparison, LeaveOneOut
 from pyburgers.comparison.same_data import (
@@ -46,14 +47,14 @@ from pyburgers.sampling.options import recorded_options
 logger = logging.getLogger(__name__)
 
 
-def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Comparison:
+def compare(fits: Mapping[str, Fit], *, refits: str | Path | None = None) -> Comparison:
     """Compare fits of the same data by leave-one-out cross-validation.
 
     Parameters
     ----------
     fits : mapping of str to Fit
         At least two, by name; all of one test, or all joint ones of the same tests.
-    refits : Path, optional
+    refits : path, optional
         Folder for fits without single points, in ``NAME/point_K``: points with a Pareto k above 0.7
         are left out by another fit. Without it, and in joint fits and their parts, they are only
         flagged.
@@ -94,7 +95,7 @@ def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Compariso
                     "flagged."
                 )
             else:
-                result = leave_out_exactly(one, result, flagged, refits / name)
+                result = leave_out_exactly(one, result, flagged, given_path(refits) / name)
         found[name] = result
     ordered, weights = best_first(found)
     first = tests_of(next(iter(fits.values())))

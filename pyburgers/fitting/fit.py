@@ -474,6 +474,7 @@ def fit_problem(
         require_extendable(run, more_draws, overwrite=overwrite)
 
     settings = options or SamplerOptions()
+    require_type("options", settings, SamplerOptions, "options, as of pyburgers.SamplerOptions")
     asked = more_draws
 
     def sample(more: int | None) -> Fit:

@@ -70,7 +70,7 @@ def prior_draws(
     Raises
     ------
     InputError
-        If the prior of the flow law is a joint one.
+        If there are no draws, or the prior of the flow law is a joint one.
     SamplingError
         If no draw has a solution.
 
@@ -78,6 +78,8 @@ def prior_draws(
     --------
     >>> drawn = pyburgers.prior_draws(test, fit.priors, draws=5)
     """
+    if draws < 1:
+        raise InputError(f"draws: found {draws}, expected at least 1.")
     rng = np.random.default_rng(seed)
     likelihood = likelihood_of(experiment)
     if experiment.n_points:

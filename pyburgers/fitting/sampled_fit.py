@@ -229,6 +229,8 @@ class SampledFit(ABC):
         --------
         >>> draws = fit.to_arviz(prior_draws=20)
         """
+        if prior_draws < 0:
+            raise InputError(f"prior_draws: found {prior_draws}, expected at least 0.")
         return arviz_data(self.posterior, self.prior_groups(prior_draws, seed))
 
     def prior_groups(self, draws: int, seed: int) -> dict[str, xr.Dataset]:

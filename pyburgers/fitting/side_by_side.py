@@ -9,6 +9,7 @@ from pathlib import Path
 
 from pyburgers.common.errors import PyburgersError
 from pyburgers.common.messages import messages_to
+from pyburgers.common.paths import given_path
 from pyburgers.common.processes import cores
 from pyburgers.common.tasks import ALL_HERE, Workers, run_tasks
 from pyburgers.fitting.fit import Fit, fit_problem
@@ -128,7 +129,7 @@ def run_fits(
 
 def fit_side_by_side(
     tasks: Mapping[str, Task],
-    folder: Path,
+    folder: str | Path,
     *,
     workers: Workers = ALL_HERE,
     command: str,
@@ -140,7 +141,7 @@ def fit_side_by_side(
     ----------
     tasks : mapping of str to Task
         Fits by name. They begin in this order, so those that take longest should come first.
-    folder : Path
+    folder : path
         Folder of the run directories, each with the name of its fit.
     workers : Workers
         Processes or executor, and the part of the fits that this call does.
@@ -168,14 +169,16 @@ def fit_side_by_side(
     >>> tasks = {"mine": pyburgers.task_of([test], priors, options)}
     >>> fits = pyburgers.fit_side_by_side(tasks, Path("runs"), command="python my_script.py")
     """
+    names = {given_path(folder) / name: name for name in tasks}
     found: dict[str, Fit] = {}
 
     def keep(out: Path) -> None:
-        found[out.name] = Fit.load(out)
-        after(out.name, found[out.name])
+        name = names[out]
+        found[name] = Fit.load(out)
+        after(name, found[name])
 
     run_fits(
-        {folder / name: task for name, task in tasks.items()},
+        {out: tasks[name] for out, name in names.items()},
         workers=workers,
         command=command,
         after=keep,

@@ -13,7 +13,7 @@ import numpy as np
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.atomic_files import write_json
-from pyburgers.common.errors import InputError
+from pyburgers.common.errors import InputError, require_type
 from pyburgers.common.paths import given_path
 from pyburgers.fitting.continuation import sample_until_good
 from pyburgers.fitting.sampled_fit import write_tables
@@ -99,6 +99,10 @@ def fit_rates(
     if more_draws is not None:
         require_extendable(run, more_draws, overwrite=overwrite)
     tables = [tables] if isinstance(tables, RateTable) else list(tables)
+    if not tables:
+        raise InputError("tables: found none, expected a table or several.")
+    for table in tables:
+        require_type("tables", table, RateTable, "a table, as of pyburgers.load_rate_table")
     data = joined(tables, held_out, softened=curve is not None)
     kind = "power_law" if curve is None else "flow_law"
     law = _default_law(data.material, kind) if law is None else law
@@ -111,6 +115,7 @@ def fit_rates(
         )
     data = in_order_of_tests(usable_rows(data, law))
     options = options or SamplerOptions()
+    require_type("options", options, SamplerOptions, "options, as of pyburgers.SamplerOptions")
     softening = None
     if curve is not None:
         note_other_material(curve, data.material)

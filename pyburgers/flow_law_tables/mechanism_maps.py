@@ -199,6 +199,11 @@ def _evaluated(
         ("grain_size", grain_size),
         ("stress", stress),
     ):
+        if values.ndim != 1 or not values.size:
+            raise InputError(
+                f"{name}: found an array of shape {values.shape}, expected a number or some in a "
+                "list."
+            )
         if not (np.isfinite(values) & (values > 0)).all():
             raise InputError(f"{name}: found {values.min():g}, expected numbers above 0.")
     there = environment_of(law, **environment)

@@ -4,13 +4,14 @@ Arguments are the keys of experiment files, and are checked as the tables of fil
 """
 
 from collections.abc import Mapping, Sequence
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pyburgers.common.errors import InputError
+from pyburgers.common.errors import InputError, require_type
 from pyburgers.common.text_tables import table_of_columns
 from pyburgers.common.toml_files import factor_to_si
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
@@ -222,6 +223,8 @@ def RelaxationTest(  # noqa: N802
     """
     given = _named("RelaxationTest", locals(), "strain", "strain_unit", "loading_time")
     called, end = "RelaxationTest", _last("RelaxationTest", time)
+    for key, value in (("strain", strain), ("loading_time", loading_time)):
+        require_type(f"{called}: argument {key!r}", value, Real, "a number")
     if not 0 < loading_time < end:
         raise InputError(
             f"{called}: argument 'loading_time': found {loading_time:g}, expected more than 0 and "

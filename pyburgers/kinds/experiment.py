@@ -418,13 +418,21 @@ class Experiment(ABC):
         path : str or Path
             The file. `pyburgers.load_experiment` reads an equal test from it.
 
+        Raises
+        ------
+        InputError
+            If there is no folder for it.
+
         Examples
         --------
         >>> test.to_toml("mine.toml")
         >>> pyburgers.load_experiment("mine.toml").n_points == test.n_points
         True
         """
-        write_toml(given_path(path), self.tables())
+        path = given_path(path)
+        if not path.parent.is_dir():
+            raise InputError(f"{path}: found no folder {path.parent}, expected that of the file.")
+        write_toml(path, self.tables())
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the readings of the test.

@@ -68,7 +68,8 @@ def check_parameters(values: Mapping[str, object], where: str = "parameters") ->
     if missing:
         raise InputError(f"{where}: parameter {missing[0]!r} is missing.")
     checked = {}
-    for name, value in values.items():
+    for name, given in values.items():
+        value = given.item() if isinstance(given, np.generic) else given
         if (
             isinstance(value, bool)
             or not isinstance(value, int | float)

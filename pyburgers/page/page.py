@@ -53,7 +53,7 @@ logger = logging.getLogger(__name__)
 
 def write_report(
     fits: Sequence[Fit],
-    out: Path,
+    out: str | Path,
     *,
     title: str,
     command: str,
@@ -73,7 +73,7 @@ def write_report(
     ----------
     fits : sequence of Fit
         Of single tests or of the tests of joint fits. Measured ones come first on the page.
-    out : Path
+    out : path
         Folder, new or of an earlier report.
     title : str
         Heading of the page.
@@ -111,6 +111,7 @@ def write_report(
     ...     [fit], Path("page"), title="Creep", command="python my_script.py"
     ... )
     """
+    out = given_path(out)
     if not fits and not told:
         raise InputError(f"{out}: a report needs at least one run, found none.")
     _claim(out)

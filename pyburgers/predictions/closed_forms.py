@@ -1,12 +1,13 @@
 """Closed forms of stress cycles, and the flow law (`pyburgers.model.closed_forms`)."""
 
 from collections.abc import Mapping, Sequence
+from numbers import Real
 
 import numpy as np
 import numpy.typing as npt
 
 from pyburgers.common.draws import FloatArray
-from pyburgers.common.errors import InputError, nearest
+from pyburgers.common.errors import InputError, nearest, require_type
 from pyburgers.kinds.attenuation.likelihood import stress_nodes
 from pyburgers.kinds.stan_data import ends
 from pyburgers.model.closed_forms import closed_forms
@@ -94,6 +95,7 @@ def flow_rate(
     if missing:
         known = nearest(missing[0], parameters) if parameters else "expected its value."
         raise InputError(f"parameters: {missing[0]!r} is missing, {known}")
+    require_type("temperature", temperature, Real, "one number of kelvins")
     check_state(temperature, grain_size, fabric_factor)
     draws = {
         name: np.asarray(parameters[name], dtype=np.float64)

@@ -254,6 +254,8 @@ def design(
     >>> bool(found.table["maxwell_modulus_width"]["again"] < 1)
     True
     """
+    if not plan.candidates:
+        raise InputError("candidates: found none, expected at least one, as pyburgers.Candidate.")
     _check(fit, plan.about, draws)
     # Each candidate has noise of its own: with one seed, differences between tests would have none.
     seeds = dict(zip(plan.candidates, range(seed, seed + len(plan.candidates)), strict=True))

@@ -19,6 +19,7 @@ import pandas as pd
 
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import read_text
 
 NEEDED, OPTIONAL = ("frequency_Hz", "tan_delta"), ("tan_delta_sd", "series")
@@ -53,12 +54,12 @@ class MeasuredAttenuation:
     series: tuple[str, ...]
 
 
-def load_measured_attenuation(path: Path) -> MeasuredAttenuation:
+def load_measured_attenuation(path: str | Path) -> MeasuredAttenuation:
     r"""Read points of attenuation to draw over a predicted spectrum.
 
     Parameters
     ----------
-    path : Path
+    path : path
         Comma-separated file with a header; lines that start with # are skipped. Columns are
         frequency_Hz and tan_delta, and if they are known tan_delta_sd and series.
 
@@ -80,6 +81,7 @@ def load_measured_attenuation(path: Path) -> MeasuredAttenuation:
     >>> pyburgers.load_measured_attenuation(Path("measured.csv")).tan_delta
     array([0.12, 0.05])
     """
+    path = given_path(path)
     text = io.StringIO(read_text(path))
     try:
         table = pd.read_csv(text, comment="#", skipinitialspace=True, dtype=str)

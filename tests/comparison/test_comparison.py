@@ -278,6 +278,21 @@ def test_points_of_an_oscillation_stay_flagged(tmp_path: Path) -> None:
         leave_out_exactly(olivine, result(np.zeros(5)), [0], tmp_path / "refits")
 
 
+def test_refits_are_kept_in_a_folder_of_any_type(
+    small_fit: Fit, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    folders = []
+
+    def kept(one: Fit, found: LeaveOneOut, points: object, folder: Path) -> LeaveOneOut:
+        folders.append(folder)
+        return found
+
+    monkeypatch.setattr("pyburgers.comparison.by_points.leave_out_exactly", kept)
+    monkeypatch.setattr(LeaveOneOut, "unreliable", property(lambda one: ~one.exact))
+    compare({"one": small_fit, "same": small_fit}, refits=str(tmp_path))
+    assert folders == [tmp_path / "one", tmp_path / "same"]
+
+
 def test_fits_of_other_data_are_refused(tmp_path: Path) -> None:
     one, same = make_fit(tmp_path / "one", seed=1), make_fit(tmp_path / "same", seed=1)
     other = make_fit(tmp_path / "other", seed=2)

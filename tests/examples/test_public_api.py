@@ -3,7 +3,7 @@
 import ast
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -78,6 +78,14 @@ def test_another_import_is_seen() -> None:
         assert name not in pyburgers.__all__
 
 
+LAW: Mapping[str, float] = {
+    "stress_exponent": 4.0,
+    "grain_size_exponent": 0.4,
+    "activation_enthalpy": 62e3,
+    "beta": -7.29e-4,
+}
+
+
 def other(value: object) -> Any:
     """A value of a type that types refuse where it stands."""
     return value
@@ -145,6 +153,31 @@ def other(value: object) -> Any:
         (
             lambda _: pyburgers.compare_by_test({"one": other("run")}),
             "joints: one: found 'run', expected a fit",
+        ),
+        (
+            lambda fit: pyburgers.fit(fit.experiment, fit.priors, options=other({"chains": 2})),
+            "options: found dict, expected options",
+        ),
+        (
+            lambda _: pyburgers.fit_rates(other(["table.toml"]), out="run"),
+            "tables: found 'table.toml', expected a table",
+        ),
+        (lambda _: pyburgers.fit_rates([], out="run"), "tables: found none, expected a table"),
+        (
+            lambda fit: pyburgers.design(fit, pyburgers.DesignPlan(("maxwell_modulus",), {})),
+            "candidates: found none, expected at least one",
+        ),
+        (
+            lambda fit: pyburgers.prior_draws(fit.experiment, fit.priors, draws=0),
+            "draws: found 0, expected at least 1",
+        ),
+        (lambda fit: fit.to_arviz(prior_draws=-1), "prior_draws: found -1, expected at least 0"),
+        (lambda fit: fit.experiment.to_toml("missing/x.toml"), "found no folder"),
+        (
+            lambda _: pyburgers.flow_rate(
+                {**LAW}, 1e6, temperature=other([260.0, 270.0]), grain_size=1e-3
+            ),
+            "temperature: found list, expected one number",
         ),
     ],
 )

@@ -70,6 +70,15 @@ def test_a_refused_fit_is_told_and_leaves_the_others_alone(
     assert Fit.load(tmp_path / "first").manifest["status"] == "complete"
 
 
+def test_a_name_may_hold_a_folder(
+    programs: None, in_this_process: None, tasks: dict[str, Task], tmp_path: Path
+) -> None:
+    options = replace(tasks["first"].options, chains=1, warmup=60, draws=20)
+    task = replace(tasks["first"], options=options)
+    found = fit_side_by_side({"ice/first": task}, str(tmp_path), command="x")
+    assert found["ice/first"].directory.path == tmp_path / "ice" / "first"
+
+
 def test_a_fit_goes_on_until_its_draws_are_enough(
     programs: None,
     in_this_process: None,

@@ -13,6 +13,7 @@ from conftest import ICE
 from refusals import refusal, written
 
 from pyburgers.common.errors import InputError
+from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.flow_law_tables.laws import (
     ENHANCEMENTS,
     load_rate_law,
@@ -326,3 +327,9 @@ def test_parameters_that_no_row_can_tell_are_fixed() -> None:
     assert "source_rate_spread" not in free
     with pytest.raises(InputError, match="unknown parameter"):
         law.at(n=3.0)
+
+
+@pytest.mark.parametrize("grain_size", [[], [[1e-3, 2e-3]]])
+def test_rates_are_told_at_conditions_in_a_list(grain_size: Any, creep: RateFit) -> None:
+    with pytest.raises(InputError, match=r"temperature: found an array of shape .*, expected a"):
+        creep.rates_at(250.0, 1e6, grain_size)

@@ -329,6 +329,13 @@ REFUSED += [
     (pyburgers.CreepTest, CREEP, {"time": SECONDS}, "found 'h' for column 'time', which holds el"),
     (pyburgers.CreepTest, CREEP, {"time": ["a"]}, "argument 'time': expected a list of numbers"),
     (pyburgers.RelaxationTest, RELAXATION, {"loading_time": 9.0}, "argument 'loading_time'"),
+    (
+        pyburgers.RelaxationTest,
+        RELAXATION,
+        {"loading_time": None},
+        "'loading_time': found NoneType",
+    ),
+    (pyburgers.RelaxationTest, RELAXATION, {"strain": ".06"}, "argument 'strain': found '.06'"),
     (pyburgers.RelaxationTest, RELAXATION, {"strain_unit": "mm"}, "argument 'strain_unit'"),
     (pyburgers.AttenuationTable, TABLE, {"deformation": "shear"}, "argument 'deformation'"),
     (pyburgers.AttenuationTable, TABLE, {"period": [1.0, 1.0, 2.0]}, "found the period 1 twice"),

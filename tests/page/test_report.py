@@ -345,7 +345,7 @@ def test_the_page_says_what_prior_and_data_decide(
     untouched.posterior["posterior"] = draws.assign(
         stress_exponent=draws["stress_exponent"].copy(data=values)
     )
-    file = write_report([untouched], tmp_path / "p", title="T", command=COMMAND)
+    file = write_report([untouched], str(tmp_path / "p"), title="T", command=COMMAND)
     told = [line for line in file.read_text(encoding="utf-8").splitlines() if 'bad">' in line]
     assert any("stress exponent" in line and 'class="words bad">prior<' in line for line in told)
 

@@ -188,7 +188,7 @@ def test_points_are_read_with_and_without_what_is_optional(tmp_path: Path) -> No
     assert points.tan_delta.tolist() == [0.41, 0.22, 0.11]
     assert points.standard_deviation.tolist() == [0.03, 0.0, 0.01]
     assert points.series == ("1 MPa", "1 MPa", "measured")
-    bare = load_measured_attenuation(write(tmp_path, "frequency_Hz,tan_delta\n0.01,0.2\n"))
+    bare = load_measured_attenuation(str(write(tmp_path, "frequency_Hz,tan_delta\n0.01,0.2\n")))
     assert bare.series == ("measured",)
     assert bare.standard_deviation.tolist() == [0.0]
 

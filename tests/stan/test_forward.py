@@ -269,6 +269,8 @@ def test_what_may_be_zero_or_of_either_sign_is_taken() -> None:
         "modulus_temperature_coefficient": -1e-4,
     }
     assert check_parameters(values) == values
+    assert check_parameters({name: np.float32(one) for name, one in values.items()})
+    assert check_parameters(values | {"stress_exponent": np.int64(3)})["stress_exponent"] == 3.0
 
 
 FLOW = {

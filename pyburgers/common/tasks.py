@@ -125,8 +125,10 @@ def run_tasks(
 def _script_without_guard() -> str:
     """Return the file of the program where it has no line for its main process alone, else ""."""
     file = getattr(sys.modules["__main__"], "__file__", None)
-    is_guarded = file is None or "__main__" in Path(file).read_text("utf-8", errors="replace")
-    return "" if is_guarded else str(file)
+    # No process runs the __main__.py of a package again.
+    if file is None or Path(file).name == "__main__.py":
+        return ""
+    return "" if "__main__" in Path(file).read_text("utf-8", errors="replace") else str(file)
 
 
 def _elsewhere(work: Callable[..., Outcome], *arguments: object) -> Outcome:

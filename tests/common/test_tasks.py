@@ -126,6 +126,21 @@ def test_a_script_that_each_process_would_run_again_is_told(tmp_path: Path) -> N
     assert "killed" not in done.stderr
 
 
+def test_a_package_that_is_run_needs_no_guard(tmp_path: Path) -> None:
+    (tmp_path / "tool").mkdir()
+    text = UNGUARDED.replace("pow, {1: (1, 2)}", "__import__('os')._exit, {1: (1,)}")
+    (tmp_path / "tool" / "__main__.py").write_text(text, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", "tool"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert "SystemFailureError: out: the system killed a process" in done.stderr
+
+
 def test_an_interrupt_ends_calls_that_run() -> None:
     calls = {"short": (0,), "long": (600,), "waiting": (600,)}
     started = time.monotonic()

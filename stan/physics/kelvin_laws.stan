@@ -12,7 +12,7 @@
  *
  * n_K = 1 and Q_K = 0 is the linear element of the paper, whatever q_0 and T_0. A law is named by
  * the place of its parameter, whose standard value makes it linear; the linear law by 0. Needs
- * physics/parameters.stan, and physics/flow_law.stan for R.
+ * physics/parameters.stan, physics/environment.stan, and physics/flow_law.stan for R.
  */
 
 /** Parameters of the laws beside the linear one. */

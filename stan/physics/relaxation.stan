@@ -24,7 +24,8 @@
  *
  * Integrals are exact to about 1e-9 and have derivatives: that over the band by the incomplete
  * integral below, that over the peak by a trapezoid rule without the error of its poles. Needs
- * physics/flow_law.stan, physics/kelvin_laws.stan and physics/parameters.stan.
+ * physics/parameters.stan, physics/flow_law.stan, physics/environment.stan and
+ * physics/kelvin_laws.stan.
  */
 
 /**

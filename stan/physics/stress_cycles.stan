@@ -7,7 +7,8 @@
  *
  * which depends on the stresses, not on the frequency. Rates are those of a frozen microstructure:
  * B is the product of the rate factor, d^-p, and a number of the stresses and the stress exponent,
- * whose logarithm these functions return. Needs physics/flow_law.stan and
+ * whose logarithm these functions return. Needs physics/parameters.stan,
+ * physics/flow_law.stan, physics/environment.stan, physics/composite_law.stan and
  * physics/dashpot_mechanisms.stan.
  */
 

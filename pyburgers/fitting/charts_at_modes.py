@@ -24,7 +24,7 @@ from pyburgers.kinds.problem import Problem
 from pyburgers.kinds.program_data import chart_block, density_of, solve, values_of_test
 from pyburgers.kinds.stan_data import Mode, SolverOptions, StanData, solver_in
 from pyburgers.sampling.manifest import OtherMode
-from pyburgers.sampling.modes import START_ATTEMPTS, draw_around, modes_beside_the_highest
+from pyburgers.sampling.modes import START_ATTEMPTS, draw_around, weighed_modes
 
 logger = logging.getLogger(__name__)
 
@@ -224,7 +224,7 @@ def _check_pooling(solved: Iterable[str], problem: Problem) -> None:
 
 
 def find_mode(problem: Problem, density: Density, *, seed: int) -> ProblemMode:
-    """Climb from the best of some draws of the prior, and on from every end more accurately.
+    """Climb from the best of some draws of the prior, and take the weightiest mode met.
 
     The density is that of the problem in plain coordinates. Where tests hang together, also from
     the modes of single tests: draws of the prior alone can all end where a test is not fitted at
@@ -232,15 +232,17 @@ def find_mode(problem: Problem, density: Density, *, seed: int) -> ProblemMode:
     starts, or for a single test.
     """
     exact, ends = _ends(problem, density, seed=seed)
+    (_, weightiest), *lesser = weighed_modes(exact, ends)
     others = []
-    for log_weight, end in modes_beside_the_highest(exact, ends):
+    for log_weight, end in lesser:
         tests = zip(problem.experiments, _modes_of_tests(problem, end), strict=True)
         values = {
             experiment.id: {name: mode.values[name] for name in problem.free}
             for experiment, mode in tests
         }
         others.append(OtherMode(log_weight=log_weight, values=values))
-    return ProblemMode(_modes_of_tests(problem, ends[0]), ends[0].place, tuple(others))
+    modes = _modes_of_tests(problem, weightiest)
+    return ProblemMode(modes, weightiest.place, tuple(others))
 
 
 def _ends(problem: Problem, density: Density, *, seed: int) -> tuple[Density, list[Ending]]:

@@ -98,7 +98,7 @@ class NoisyTolerance(Entries):
 class OtherMode(Entries):
     """Another mode of a problem than the one that chains start from."""
 
-    log_weight: float = Field(description="ln of its weight over that of the highest mode")
+    log_weight: float = Field(description="ln of its weight over that where chains start")
     values: dict[str, dict[str, float]] = Field(description="free parameters, by tests")
 
 

@@ -1,4 +1,4 @@
-"""Around the highest mode of a density: other modes, errors of the solver, starts of chains."""
+"""Around the modes of a density: their weights, errors of the solver, starts of chains."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -30,24 +30,25 @@ START_ATTEMPTS = 100
 """Draws, one after the other, of which none has a solution, at which a search for a start ends."""
 
 
-def modes_beside_the_highest(
-    density: Density, ends: Sequence[Ending]
-) -> list[tuple[float, Ending]]:
-    """Return modes among ends of climbs, of which the first is the highest, without that one.
+def weighed_modes(density: Density, ends: Sequence[Ending]) -> list[tuple[float, Ending]]:
+    """Return modes among ends of climbs, of which the first is the highest, by falling weight.
 
-    Each has ln of its weight over that of the highest.
+    Each has ln of its weight over that of the first one returned. A high mode can be so narrow that
+    a lower one has most of the posterior.
     """
     highest, *others = ends
+    found = [(0.0, highest)]
     candidates = [end for end in others if end.log_density > highest.log_density - MAX_DEPTH]
     if not candidates:
-        return []
+        return found
     try:
         covariance = density.laplace(highest.place)
     except SamplingError:
-        return []  # at the edge of where the solver has solutions nothing can be weighed against it
+        return (
+            found  # at the edge of where the solver has solutions nothing can be weighed against it
+        )
     known = [(highest.place, covariance)]
     log_weight = highest.log_density + _log_volume(covariance)
-    found: list[tuple[float, Ending]] = []
     for end in candidates:
         if any(_distance(end.place, *mode) < MIN_MODE_DISTANCE for mode in known):
             continue
@@ -56,7 +57,9 @@ def modes_beside_the_highest(
             covariance = density.laplace(end.place)
             known.append((end.place, covariance))
             found.append((end.log_density + _log_volume(covariance) - log_weight, end))
-    return found
+    found.sort(key=lambda one: one[0], reverse=True)
+    most = found[0][0]
+    return [(weight - most, end) for weight, end in found]
 
 
 def _log_volume(covariance: FloatArray) -> float:

@@ -1,6 +1,5 @@
-"""Modes beside the highest one, of densities whose modes are known."""
+"""Weights of the modes of densities whose modes are known."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 from pyburgers.cmdstan.program import Density, Ending
 from pyburgers.common.errors import SamplingError
 from pyburgers.sampling.manifest import OtherMode, recorded_modes
-from pyburgers.sampling.modes import modes_beside_the_highest
+from pyburgers.sampling.modes import weighed_modes
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -54,7 +53,7 @@ class Unsolved(Mixture):
         return super().gradients(points)
 
 
-def end(mixture: Mixture, place: Sequence[float]) -> Ending:
+def end(mixture: Mixture, place: npt.ArrayLike) -> Ending:
     """An end of a climb."""
     point = np.array(place)
     return Ending(mixture.log_density(point), point, {})
@@ -75,20 +74,32 @@ def ends() -> list[Ending]:
 
 def test_the_weight_is_that_of_the_probability_around_a_mode(ends: list[Ending]) -> None:
     """The second has a quarter of the density of the first and 0.43 of its probability."""
-    ((log_weight, beside),) = modes_beside_the_highest(Mixture(), ends)
+    (first, highest), (log_weight, beside) = weighed_modes(Mixture(), ends)
+    assert first == 0
+    np.testing.assert_array_equal(highest.place, PLACES[0])
     assert np.exp(log_weight) == pytest.approx(0.3 / 0.7, rel=0.01)
     np.testing.assert_array_equal(beside.place, PLACES[1])
 
 
+def test_the_weightiest_mode_comes_first_though_another_is_higher() -> None:
+    mixture = Mixture()
+    mixture.weights = np.array([0.4, 0.6])
+    highest, wide = (end(mixture, place) for place in PLACES)
+    assert highest.log_density > wide.log_density
+    (_, first), (log_weight, second) = weighed_modes(mixture, [highest, wide])
+    assert (first, second) == (wide, highest)
+    assert np.exp(log_weight) == pytest.approx(0.4 / 0.6, rel=0.01)
+
+
 def test_an_end_beside_which_nothing_is_solved_is_no_mode(ends: list[Ending]) -> None:
-    assert modes_beside_the_highest(Unsolved(), ends) == []
+    assert weighed_modes(Unsolved(), ends) == [(0.0, ends[0])]
     # As where the lesser mode is the one beside which there are solutions.
     turned = sorted(ends, key=lambda one: one.log_density)
     assert turned[0].place[0] > 3
-    assert modes_beside_the_highest(Unsolved(), turned) == []
+    assert weighed_modes(Unsolved(), turned) == [(0.0, turned[0])]
     # Nor is one that lies far below the highest.
     lower = [replace(one, log_density=one.log_density - 13 * (one.place[0] > 3)) for one in ends]
-    assert modes_beside_the_highest(Mixture(), lower) == []
+    assert weighed_modes(Mixture(), lower) == [(0.0, lower[0])]
 
 
 def test_a_part_of_a_joint_fit_has_its_own_values() -> None:

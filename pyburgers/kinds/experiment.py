@@ -190,7 +190,9 @@ class Experiment(ABC):
     parts_name: ClassVar[str] = "parts"
     residual_correlation: ClassVar[str] = "residual_correlation_strain"
     may_be_uncertain: ClassVar[frozenset[str]] = CONDITIONS
-    without_effect: ClassVar[frozenset[str]] = frozenset()
+    without_effect: ClassVar[frozenset[str]] = frozenset(
+        {"modulus_temperature_coefficient", "attenuation_scatter", "modulus_scatter"}
+    )
     small_strain: ClassVar[float] = 5e-3
     of_points: ClassVar[tuple[str, ...]] = ()
     points_together: ClassVar[str] = ""

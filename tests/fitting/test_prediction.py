@@ -473,11 +473,14 @@ def test_a_solution_leaves_out_what_belongs_to_another_apparatus(small_problem: 
     assert parameters_for_other_test(values, fitted, replace(other, uncertain=())) == (alone, [])
 
 
-def test_a_history_has_the_modulus_at_its_own_temperature(
-    programs: None, small_problem: Problem
+@pytest.mark.parametrize("protocol", ["loading_history", "constant_rate", "forced_oscillation"])
+def test_a_test_of_one_temperature_has_the_modulus_there(
+    programs: None, small_problem: Problem, protocol: str
 ) -> None:
     table = load_attenuation(ICE.parent / "olivine" / "attenuation_A1802.toml")
-    hot = replace(creep(small_problem.experiment), material="olivine", temperature=1473.15)
+    curve = small_problem.experiment
+    tests = {one.protocol: one for one in (curve, creep(curve), load_forced_oscillation(TWIN_FILE))}
+    hot = replace(tests[protocol], material="olivine", temperature=1473.15)
     values = {name: prior.location for name, prior in resolved_priors(table).priors.items()} | {
         "modulus_temperature_coefficient": -2.5e-4,
         "peak_strength": 0.1,

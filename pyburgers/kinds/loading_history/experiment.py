@@ -64,9 +64,6 @@ class HistoryExperiment(Experiment):
     of_points: ClassVar[tuple[str, ...]] = ("time", "reading_stage", "reading")
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType({})
     residual_correlation: ClassVar[str] = "residual_correlation_time"
-    without_effect: ClassVar[frozenset[str]] = frozenset(
-        {"modulus_temperature_coefficient", "attenuation_scatter", "modulus_scatter"}
-    )
     small_strain: ClassVar[float] = 5e-5
     stages: tuple[Stage, ...]
     time: FloatArray

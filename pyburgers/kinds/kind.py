@@ -79,6 +79,10 @@ class Kind(ABC, Generic[E]):
         """Return columns of a solution at positions (SI) that are known without solving."""
         return {}
 
+    def conditions_at(self, experiment: E, at: FloatArray) -> Mapping[str, FloatArray]:
+        """Return columns that say what positions (SI) mean, where the clock does not."""
+        return {}
+
     def solution(self, experiment: E, draw: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         """Return the `COLUMNS` of a solution from the variables of the program."""
         known = self.known_columns(experiment, draw[f"grid_{likelihood_of(experiment).clock.name}"])

@@ -33,10 +33,17 @@ class ReadQuantity(Quantity):
 
     `noise`: parameter that is the size of the noise of its readings.
     `negligible_noise`: size (SI) that stands for none, as some programs need one.
+    `logarithm_of`: what the readings are logarithms of, if they are any.
     """
 
     noise: str
     negligible_noise: float
+    logarithm_of: Quantity | None = None
+
+    @property
+    def shown(self) -> Quantity:
+        """What tables and figures of predictions show of it."""
+        return self.logarithm_of or self
 
 
 STRESS = ReadQuantity(
@@ -45,9 +52,11 @@ STRESS = ReadQuantity(
 STRAIN = ReadQuantity(
     "strain", "strain", "1", "%", 1.0 / UNITS["strain"]["percent"], "strain_noise", 1e-12
 )
+TAN_DELTA = Quantity("tan δ", "tan_delta", "1", "1", 1.0)
+MODULUS = Quantity("modulus", "modulus_Pa", "Pa", "GPa", 1.0 / UNITS["stress"]["GPa"])
 LOG_TAN_DELTA, LOG_MODULUS = (
-    ReadQuantity("log_reading", "log_reading", "1", f"in ln {name}", 1.0, noise, 0.0)
-    for name, noise in (("tan δ", "attenuation_scatter"), ("modulus", "modulus_scatter"))
+    ReadQuantity("log_reading", "log_reading", "1", f"in ln {of.name}", 1.0, noise, 0.0, of)
+    for of, noise in ((TAN_DELTA, "attenuation_scatter"), (MODULUS, "modulus_scatter"))
 )
 
 BY_NOISE = {one.noise: one for one in (STRESS, STRAIN, LOG_TAN_DELTA, LOG_MODULUS)}

@@ -12,8 +12,8 @@ from pyburgers.drawing.style import BLUE, ORANGE, VERMILION
 from pyburgers.fitting.prediction import Prediction
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import likelihood_of
-from pyburgers.model.read_quantities import Quantity
-from pyburgers.predictions.other_tests import answers, draws_of, read_quantities
+from pyburgers.model.read_quantities import Quantity, ReadQuantity
+from pyburgers.predictions.other_tests import answers, clock_of, read_quantities, shown_draws
 
 TITLE_WIDTH = 95
 """Letters in a line above the panel."""
@@ -35,7 +35,9 @@ def prediction_figure(prediction: Prediction) -> Figure:
     """
     shown = answers(prediction)
     with figure_of(8.0, 1.6 + 3.6 * len(shown)) as figure:
-        panels = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
+        # Tables of cycles have each quantity at places of its own.
+        sharex = len({one.name for one in shown}) == len(shown)
+        panels = figure.subplots(len(shown), 1, sharex=sharex, squeeze=False)[:, 0]
         for axes, quantity in zip(panels, shown, strict=True):
             _draw(axes, prediction, quantity)
         said = [
@@ -58,28 +60,31 @@ def _clock(experiment: Experiment) -> Quantity:
     return likelihood_of(experiment).shown_clock(experiment.span[1])
 
 
-def _draw(axes: Axes, prediction: Prediction, quantity: Quantity) -> None:
+def _draw(axes: Axes, prediction: Prediction, quantity: ReadQuantity) -> None:
     """Draw bands of a quantity, and data where there are some."""
     experiment = prediction.experiment
-    clock, factor = _clock(experiment), quantity.display_factor
-    position = prediction.posterior["predictions"][clock.name].to_numpy() * clock.display_factor
-    solved, new = (factor * draws for draws in draws_of(prediction, quantity))
+    clock, factor = _clock(experiment), quantity.shown.display_factor
+    position = clock_of(prediction, quantity) * clock.display_factor
+    solved, new = (factor * draws for draws in shown_draws(prediction, quantity))
     _fill(axes, position, new, 90, ORANGE, 0.35, "90 % of new readings")
     _fill(axes, position, solved, 90, BLUE, 0.25, "90 % of solutions")
     _fill(axes, position, solved, 50, BLUE, 0.45, "50 % of solutions")
     median = np.median(solved, axis=0)
     axes.plot(position, median, color=VERMILION, linewidth=1.6, label="predictive median")
-    own = np.array([name == quantity.name for name in read_quantities(experiment)], dtype=bool)
+    own = np.array([one == quantity for one in read_quantities(experiment)], dtype=bool)
     if own.any():
+        response = experiment.response[own]
         draw_data(
             axes,
             experiment.position[own] * clock.display_factor,
-            experiment.response[own] * factor,
+            (response if quantity.logarithm_of is None else np.exp(response)) * factor,
             None,
             f"{experiment.provenance.kind} data",
         )
     axes.margins(x=0.01)
-    axes.set_ylabel(quantity.label)
+    axes.set(
+        ylabel=quantity.shown.label, yscale="linear" if quantity.logarithm_of is None else "log"
+    )
 
 
 def _fill(

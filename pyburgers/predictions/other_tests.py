@@ -10,8 +10,9 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.units import count_points
 from pyburgers.fitting.prediction import Prediction
 from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.kind import kind_of
 from pyburgers.kinds.likelihood import likelihood_of
-from pyburgers.model.read_quantities import Quantity
+from pyburgers.model.read_quantities import ReadQuantity
 from pyburgers.posterior.labelled_draws import response_in
 
 QUANTILES = (5, 25, 50, 75, 95)
@@ -32,14 +33,21 @@ MIXED = 1000
 DENSITY = "log predictive density a reading"
 
 
-def answers(prediction: Prediction) -> tuple[Quantity, ...]:
+def answers(prediction: Prediction) -> tuple[ReadQuantity, ...]:
     """Return what the test answers with: of what can be read, that which is read somewhere."""
     likelihood = likelihood_of(prediction.experiment)
     read = _is_read(prediction)
     return tuple(one for one, places in zip(likelihood.read, read, strict=True) if places.any())
 
 
-def draws_of(prediction: Prediction, answer: Quantity) -> tuple[FloatArray, FloatArray]:
+def clock_of(prediction: Prediction, answer: ReadQuantity) -> FloatArray:
+    """Return the positions (SI) on the clock of `draws_of` an answer, shape (n,)."""
+    clock = likelihood_of(prediction.experiment).clock
+    every: FloatArray = prediction.posterior["predictions"][clock.name].to_numpy()
+    return every[_places(prediction, answer)]
+
+
+def draws_of(prediction: Prediction, answer: ReadQuantity) -> tuple[FloatArray, FloatArray]:
     """Return draws along the clock (SI) of the solution and of new readings, (n_draws, n).
 
     New readings are NaN where the quantity is imposed.
@@ -51,7 +59,21 @@ def draws_of(prediction: Prediction, answer: Quantity) -> tuple[FloatArray, Floa
         for name in (answer.name, f"{answer.name}_replicated")
     )
     read = _is_read(prediction)[likelihood.read.index(answer)]
-    return solved, np.where(read, new, np.nan)
+    places = _places(prediction, answer)
+    return solved[:, places], np.where(read, new, np.nan)[:, places]
+
+
+def shown_draws(prediction: Prediction, answer: ReadQuantity) -> tuple[FloatArray, FloatArray]:
+    """Return `draws_of` an answer as tables and figures show it (`ReadQuantity.shown`), SI."""
+    solved, new = draws_of(prediction, answer)
+    return (solved, new) if answer.logarithm_of is None else (np.exp(solved), np.exp(new))
+
+
+def _places(prediction: Prediction, answer: ReadQuantity) -> npt.NDArray[np.bool_]:
+    """Where the solution is that of an answer: not where another one has its name, (n,)."""
+    likelihood, read = likelihood_of(prediction.experiment), _is_read(prediction)
+    others = [one.name == answer.name and one != answer for one in likelihood.read]
+    return ~read[others].any(axis=0)
 
 
 def _is_read(prediction: Prediction) -> npt.NDArray[np.bool_]:
@@ -66,13 +88,18 @@ def band_table(prediction: Prediction) -> pd.DataFrame:
 
     After the clock there are RESPONSE_q5 to RESPONSE_q95 and new_RESPONSE_q5 to
     new_RESPONSE_q95 of each of `answers`, such as stress_Pa_q5; the latter are NaN where the
-    quantity is imposed.
+    quantity is imposed. Tables of cycles have the period and the temperature beside the clock.
     """
-    clock = likelihood_of(prediction.experiment).clock
-    columns = {clock.column: prediction.posterior["predictions"][clock.name].to_numpy()}
-    for one in answers(prediction):
-        solved, new = draws_of(prediction, one)
-        columns |= {**_quantiles(solved, one.column), **_quantiles(new, f"new_{one.column}")}
+    shown = answers(prediction)
+    clock, at = likelihood_of(prediction.experiment).clock, clock_of(prediction, shown[0])
+    columns = {
+        clock.column: at,
+        **kind_of(prediction.experiment).conditions_at(prediction.experiment, at),
+    }
+    for one in shown:
+        solved, new = shown_draws(prediction, one)
+        name = one.shown.column
+        columns |= {**_quantiles(solved, name), **_quantiles(new, f"new_{name}")}
     return pd.DataFrame(columns)
 
 
@@ -91,10 +118,13 @@ def overview_table(prediction: Prediction) -> pd.DataFrame:
             for least, middle, most in rows
         ]
 
-    columns = {
-        clock.label: [f"{value:.4g}" for value in shown[clock.column] * clock.display_factor]
+    at = shown[clock.column].to_numpy()
+    along = {
+        clock.label: at * clock.display_factor,
+        **kind_of(experiment).conditions_at(experiment, at),
     }
-    for one in answers(prediction):
+    columns = {name: [f"{value:.4g}" for value in values] for name, values in along.items()}
+    for one in (answer.shown for answer in answers(prediction)):
         columns[f"{one.label}, median and 90 %"] = bands(one.column, one.display_factor)
         columns[f"new readings of {one.name}"] = bands(f"new_{one.column}", one.display_factor)
     return pd.DataFrame(columns)
@@ -103,19 +133,25 @@ def overview_table(prediction: Prediction) -> pd.DataFrame:
 def reading_table(prediction: Prediction) -> pd.DataFrame:
     """Return what each reading of a test is predicted to be, and what it is, in SI units.
 
-    Columns are the clock, the name if several quantities are read, measured_RESPONSE, those of
-    `band_table` at the readings, and share_below, the share of predicted readings below the
-    measured one. Raises `InputError` if the test has no data.
+    Columns are those of the clock, the name if several quantities are read, measured_RESPONSE,
+    those of `band_table` at the readings, and share_below, the share of predicted readings below
+    the measured one. Raises `InputError` if the test has no data.
     """
     experiment = _with_data(prediction)
     likelihood = likelihood_of(experiment)
     response = likelihood.response.column
     new = _new_readings(prediction)
     solved = all_draws(response_in(prediction.posterior, "model_response"))
+    quantities = read_quantities(experiment)
     return pd.DataFrame(
         {
             likelihood.clock.column: experiment.position,
-            **({"quantity": read_quantities(experiment)} if len(likelihood.read) > 1 else {}),
+            **kind_of(experiment).conditions_at(experiment, experiment.position),
+            **(
+                {"quantity": [one.shown.name for one in quantities]}
+                if len(likelihood.read) > 1
+                else {}
+            ),
             f"measured_{response}": experiment.response,
             **_quantiles(solved, response),
             **_quantiles(new, f"new_{response}"),
@@ -124,10 +160,10 @@ def reading_table(prediction: Prediction) -> pd.DataFrame:
     )
 
 
-def read_quantities(experiment: Experiment) -> list[str]:
-    """Return the name of what each reading is of, shape (n_points,)."""
+def read_quantities(experiment: Experiment) -> list[ReadQuantity]:
+    """Return what each reading is of, shape (n_points,)."""
     read = likelihood_of(experiment).read
-    return [read[number].name for number in experiment.quantity]
+    return [read[number] for number in experiment.quantity]
 
 
 def score_table(prediction: Prediction) -> pd.DataFrame:

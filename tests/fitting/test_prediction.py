@@ -243,6 +243,33 @@ def test_a_record_is_the_same_data_with_another_background(small_fit: Fit) -> No
     assert not small_fit.experiment.has_readings_of(record)
 
 
+def test_a_table_of_cycles_is_predicted_in_its_own_quantities(programs: None) -> None:
+    """Each row of the bands has a period, and tan delta and modulus there in SI units."""
+    table = load_attenuation(ICE / "attenuation_twin.toml")
+    prediction = predict_test(prior_source(table), table)
+    bands = band_table(prediction)
+    at = bands["place"].to_numpy()
+    period, spectrum, quantity = table.conditions.at(at)
+    assert not quantity.any()
+    np.testing.assert_array_equal(bands["period_s"], period)
+    own_temperature = table.conditions.temperature[table.conditions.first_rows]
+    np.testing.assert_array_equal(bands["temperature_K"], own_temperature[spectrum])
+    every = prediction.posterior["predictions"]["log_reading"].to_numpy()[0].astype(np.float64)
+    for column, own in zip(("tan_delta", "modulus_Pa"), np.hsplit(every, 2), strict=True):
+        expected = np.quantile(np.exp(own), 0.05, axis=0)
+        np.testing.assert_allclose(bands[f"{column}_q5"], expected, rtol=1e-6)
+    readings = reading_table(prediction)
+    assert (
+        readings["quantity"].tolist()
+        == np.repeat(["tan δ", "modulus"], len(table.readings.tan_delta)).tolist()
+    )
+    for shown in (readings, overview_table(prediction)):
+        assert {"period_s", "temperature_K"} < {*shown}
+    panels = prediction_figure(prediction).axes
+    assert [axes.get_ylabel() for axes in panels] == ["tan δ (1)", "modulus (GPa)"]
+    assert panels[0].get_xlim()[1] < panels[1].get_xlim()[1]
+
+
 def test_an_upper_limit_is_scored_with_the_probability_of_being_below_it(programs: None) -> None:
     """What lies below is that of the same table without limits."""
     table = load_attenuation(ICE / "attenuation_twin.toml")

@@ -390,13 +390,18 @@ class Attenuation(Kind[AttenuationExperiment]):
         self, experiment: AttenuationExperiment, at: FloatArray
     ) -> Mapping[str, FloatArray]:
         """Return which reading, period and temperature belong to places."""
+        _, _, quantity = experiment.conditions.at(at)
+        is_modulus = (quantity == MODULUS).astype(np.float64)
+        return {"is_modulus": is_modulus, **self.conditions_at(experiment, at)}
+
+    def conditions_at(
+        self, experiment: AttenuationExperiment, at: FloatArray
+    ) -> Mapping[str, FloatArray]:
+        """Return periods and temperatures of places."""
         conditions = experiment.conditions
-        period, spectrum, quantity = conditions.at(at)
-        return {
-            "is_modulus": (quantity == MODULUS).astype(np.float64),
-            "period_s": period,
-            "temperature_K": conditions.temperature[conditions.first_rows[spectrum]],
-        }
+        period, spectrum, _ = conditions.at(at)
+        temperature = conditions.temperature[conditions.first_rows[spectrum]]
+        return {"period_s": period, "temperature_K": temperature}
 
     def with_noise(
         self,

@@ -6,10 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from pyburgers.common.array_types import FloatArray, IntArray
+from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
-from pyburgers.kinds.attenuation.table import ATTENUATION, CycleConditions
+from pyburgers.kinds.attenuation.table import ATTENUATION, MODULUS, CycleConditions
 from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited, Likelihood, grid_quantities
 from pyburgers.kinds.stan_data import CHART, Layout, StanData, ends
 from pyburgers.model.hardening import check_median_stress
@@ -316,6 +316,11 @@ class AttenuationLikelihood(Likelihood[AttenuationExperiment]):
         even = np.add.outer(np.arange(2 * conditions.n_spectra), shares).ravel()
         rows = [conditions.place, conditions.place + conditions.n_spectra] if fine else []
         return np.unique(np.concatenate([even, *rows]))
+
+    def is_read(self, experiment: AttenuationExperiment, at: FloatArray) -> BoolArray:
+        """Return which places are in spectra of attenuation, and which in those of moduli."""
+        _, _, quantity = experiment.conditions.at(at)
+        return quantity == np.array([[ATTENUATION], [MODULUS]])
 
     def along(self, experiment: AttenuationExperiment) -> dict[str, tuple[FloatArray, str]]:
         """Return places, periods, temperatures, spectra, and errors where all are stated."""

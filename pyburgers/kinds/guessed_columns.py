@@ -82,8 +82,13 @@ class GuessedColumn:
     @property
     def is_logarithm(self) -> bool:
         """Whether it holds logarithms to base 10, by its name or by numbers of attenuation."""
-        is_below_0 = self.quantity == "attenuation" and bool((self.numbers < 0).any())
-        return is_below_0 or LOGARITHM.search(plain(self.name)) is not None
+        return self._is_below_0 or LOGARITHM.search(plain(self.name)) is not None
+
+    @property
+    def _is_below_0(self) -> bool:
+        """Whether it holds attenuations that are all negative: weak ones may scatter about 0."""
+        is_number = self.quantity == "attenuation" and self.unit is None
+        return is_number and bool(np.nanmax(self.numbers) < 0)
 
     @property
     def tan_delta(self) -> FloatArray:
@@ -110,6 +115,8 @@ class GuessedColumn:
         unit = "" if self.unit is None else f" in {self.unit} (by {self.told_by})"
         if self.is_foreign:
             unit = " in a unit that experiment files do not know (by its name)"
+        if self._is_below_0:
+            unit = f" as logarithms to base 10 (by {BY_NUMBERS}; check it)"
         return f"{self.says}: column {self.column!r}{unit}"
 
 

@@ -135,6 +135,29 @@ def test_attenuation_has_many_names(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("numbers", "form", "said", "code"),
+    [
+        ("-1.5 -0.5", "log10_tan_delta", " as logarithms to base 10 (by its numbers; check it)", 0),
+        ("-0.0003 0.02", "tan_delta", "", 2),
+    ],
+)
+def test_attenuation_without_a_form_is_a_logarithm_if_all_of_it_is_negative(
+    numbers: str,
+    form: str,
+    said: str,
+    code: int,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = tmp_path / "table.csv"
+    first, last = numbers.split()
+    path.write_text(f"period_s,Q^-1\n1,{first}\n10,{last}\n", encoding="utf-8")
+    assert main(["new", str(path), *KNOWN, "--deformation", "axial"]) == code
+    assert f"guessed: attenuation: column 'Q^-1'{said}\n" in capsys.readouterr().out
+    assert f'attenuation_form = "{form}"' in path.with_suffix(".toml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
     "name", ["Bulk modulus (GPa)", "Unrelaxed modulus (GPa)", "Peak-to-peak stress (MPa)"]
 )
 def test_what_resembles_a_reading_of_attenuation_is_left_out(

@@ -178,7 +178,7 @@ def check_table(
         readings.tan_delta,
         where,
         "attenuation",
-        "a positive number, or a limit that says what such a reading means",
+        "a positive number, or a 'limit' at or below which it is only known to be at most that",
     )
     rows = conditions.rows_in_order
     ordered = conditions.ordered(rows)

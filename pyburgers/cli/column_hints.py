@@ -98,8 +98,6 @@ def _named(look: TextTable, content: Mapping[str, Any]) -> Iterator[_Named]:
         kind = kinds[quantity]
         shared = "modulus_unit" if "modulus" in of else f"{kind}_unit"
         unit = data.get(f"{of}_unit", data.get(shared, DEFAULT_UNITS.get(kind)))
-        if quantity == "attenuation" and stem != of:  # of tan delta, whatever the angle is in
-            unit = None
         yield _Named(column, plain(look.described(column)), quantity, kind, stem != of, unit)
 
 

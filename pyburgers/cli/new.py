@@ -65,7 +65,7 @@ LAST_QUESTIONS = (
 
 EXPECTED_COLUMNS = {
     "attenuation": f"tan(delta), 1/Q, log10 of them, or an angle in {units_text('angle')}",
-    "attenuation_uncertainty": "a standard deviation of tan(delta) itself",
+    "attenuation_uncertainty": "a standard deviation of tan(delta), or of the angle in its unit",
     "relaxation_modulus": "a modulus E(t)",
 }
 """What a column has to hold."""

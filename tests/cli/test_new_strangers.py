@@ -376,6 +376,19 @@ def test_spectra_are_turned_into_tan_delta_and_the_absolute_modulus(
     np.testing.assert_allclose(test.readings.modulus, [] if modulus is None else modulus)
 
 
+@pytest.mark.parametrize(("name", "error"), [("phase sd (deg)", 0.01), ("phase sd (rad)", 0.0)])
+def test_the_error_of_an_angle_is_read_in_the_unit_of_the_angle(
+    table: Table, name: str, error: float
+) -> None:
+    angle = math.degrees(math.atan(0.1))
+    sd = math.degrees(0.01 / 1.01)
+    path = table(**{"f (Hz)": FREQUENCY, "Phase (deg)": angle, name: sd})
+    assert main(["new", str(path), *KNOWN, *AXIAL]) == 0
+    test = load_experiment(path.with_suffix(".toml"))
+    assert isinstance(test, AttenuationExperiment)
+    np.testing.assert_allclose(test.readings.tan_delta_error, error, rtol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("given", "name"), [("axial", "Shear modulus (GPa)"), ("shear", "Young modulus (GPa)")]
 )

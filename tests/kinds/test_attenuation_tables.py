@@ -230,3 +230,17 @@ def test_a_median_that_is_not_stated_beside_an_amplitude_is_told(
 ) -> None:
     test = load_attenuation(edit(('"shear"', f'"shear"\namplitude_Pa = 1e5{stated}')))
     assert any("The median stress" in notice for notice in test.notices) == is_told
+
+
+@pytest.mark.parametrize(
+    "stated", ["attenuation_uncertainty = 0.1", 'attenuation_uncertainty_column = "sd"']
+)
+def test_the_error_of_a_loss_angle_is_in_the_unit_of_the_angle(edit: Edit, stated: str) -> None:
+    degrees = np.array([2.0, 30.0])
+    rows = "period,T,Q,G,sd\n" + "".join(
+        f"{10 * k + 1},1200,{angle},50,0.1\n" for k, angle in enumerate(degrees)
+    )
+    form = f'"loss_angle"\nattenuation_unit = "deg"\n{stated}'
+    readings = load_attenuation(edit(('"tan_delta"', form), rows=rows)).readings
+    ends = [np.tan(np.radians(degrees + 0.05 * sign)) for sign in (1, -1)]
+    np.testing.assert_allclose(readings.tan_delta_error, ends[0] - ends[1], rtol=1e-5)

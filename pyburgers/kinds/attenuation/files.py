@@ -84,7 +84,7 @@ class _DataTable(TextFilesTable):
     )
     attenuation_uncertainty_column: Column | None = None
     attenuation_uncertainty: float | None = Field(
-        None, gt=0, description="the standard deviation of every tan delta"
+        None, gt=0, description="the standard deviation of every tan delta, or of every loss_angle"
     )
     limit_column: Column | None = None
     limit: float | None = Field(
@@ -213,7 +213,9 @@ def _columns(path: Path, data: _DataTable, periods: str) -> dict[str, tuple[str,
         "amplitude_column": ("stress_unit", "stress"),
         "attenuation_column": None,
         "loss_modulus_column": ("modulus_unit", "stress"),
-        "attenuation_uncertainty_column": None,
+        "attenuation_uncertainty_column": ("attenuation_unit", "angle")
+        if data.attenuation_form == "loss_angle"
+        else None,
         "limit_column": None,
         "modulus_column": ("modulus_unit", "stress"),
         "storage_modulus_column": ("modulus_unit", "stress"),
@@ -327,13 +329,16 @@ def _readings(
         loss = loss_of(storage, found["loss_modulus_column"], source)
     else:
         loss = tan_delta(found["attenuation_column"])
+    loss_error = every("attenuation_uncertainty", factor("attenuation_unit", "angle"))
+    if data.attenuation_form == "loss_angle":
+        loss_error = loss_error * (1 + loss**2)
     modulus = found.get("modulus_column", np.empty(0))
     error = every("modulus_uncertainty", factor("modulus_unit", "stress"))
     if storage is not None:
         modulus, error = storage * np.hypot(1, loss), error * np.hypot(1, loss)
     return Readings(
         tan_delta=loss,
-        tan_delta_error=every("attenuation_uncertainty"),
+        tan_delta_error=loss_error,
         limit=tan_delta(every("limit")) if has_limit else np.zeros(n_rows),
         modulus=modulus,
         modulus_error=error[: modulus.size],

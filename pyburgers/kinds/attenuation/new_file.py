@@ -43,7 +43,7 @@ attenuation_column = {{attenuation_column}}
 attenuation_form = {{attenuation_form}}  # tan_delta (1/Q is the same), log10_tan_delta, loss_angle
 attenuation_unit = {{attenuation_unit}}
 attenuation_uncertainty_column = {{attenuation_uncertainty_column}}
-#? attenuation_uncertainty = 1e-3  # of tan delta itself
+#? attenuation_uncertainty = 1e-3  # of tan delta, or of the angle
 limit_column = {{limit_column}}
 modulus_column = {{modulus_column}}
 storage_modulus_column = {{storage_modulus_column}}  # |M| follows with tan delta
@@ -90,7 +90,9 @@ class AttenuationFile(NewFile):
         else:
             needless |= {"loss_modulus"} | ({"storage_modulus"} if "modulus" in found else set())
         if attenuation is not None and attenuation.unit is not None:
-            needless.add("attenuation_uncertainty")  # of an angle, not of tan delta
+            error = found.get("attenuation_uncertainty", attenuation)
+            if error.unit != attenuation.unit:
+                needless.add("attenuation_uncertainty")
         if not {"modulus", "storage_modulus"} & found.keys() - needless:
             needless.add("modulus_uncertainty")
         return {name: one for name, one in found.items() if name not in needless}

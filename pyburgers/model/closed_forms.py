@@ -64,8 +64,8 @@ def closed_forms(
 
     `parameters` (SI) and conditions (K, m, 1, Pa) are broadcast to the shape of `grain_size`.
     Without moduli and viscosity they are 1 (SI): the dashpot needs none. `asked` are data beside
-    `NOTHING_ASKED`. Raises `InputError` if a number is not finite, and `SamplingError` if the
-    program stops.
+    `NOTHING_ASKED`. Raises `InputError` if a number is not finite or the Maxwell modulus is not
+    positive at the temperature, and `SamplingError` if the program stops.
     """
     shape = grain_size.shape
     given = {name: np.asarray(values, dtype=np.float64) for name, values in parameters.items()}
@@ -92,6 +92,14 @@ def closed_forms(
     solved, found = program.generate_at(data, "material", points, digits=DIGITS)
     if not solved.all():
         raise SamplingError("The closed form has no value at some draws; check their units (SI).")
+    # It is linear in temperature, without a bound.
+    negative = np.count_nonzero(found["maxwell_modulus"] <= 0)
+    if negative:
+        raise InputError(
+            f"temperature: found {temperature:g} K, where the Maxwell modulus is not positive in "
+            f"{negative} of {len(points)} draws, expected a temperature nearer to the fitted ones, "
+            "or an elastic modulus that is given."
+        )
     return {
         name: np.reshape(found[name][0], (*shape, *variable.dimensions))
         for name, variable in found.variables.items()

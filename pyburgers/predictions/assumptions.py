@@ -176,8 +176,11 @@ def elastic_modulus_sentence(spectrum: xr.Dataset) -> str:
     given = spectrum.attrs["elastic_modulus"]
     if given:
         return f"The elastic modulus is given: {given}."
+    of_the_fit = "The elastic modulus is E_M of the fit."
+    if spectrum.attrs["protocol"] == "attenuation":  # of the material alone
+        return of_the_fit
     return (
-        "The elastic modulus is E_M of the fit. If strain was read off the machine, as in most "
+        f"{of_the_fit} If strain was read off the machine, as in most "
         "tests at constant rate, E_M is mostly the stiffness of the apparatus. Then tan δ at high "
         "frequency is too small; --elastic-modulus-Pa gives a modulus of the material instead."
     )

@@ -29,7 +29,8 @@ class Material:
     """Draws (SI) of a material, shape (n_chains, n_draws), and its state under the stresses.
 
     Chain and draw are their numbers in the fit. Attributes are title, experiment, material,
-    data_kind, microstructure and elastic_modulus, which is empty if it is that of the fit.
+    data_kind, protocol (of the fitted test), microstructure and elastic_modulus, which is empty if
+    it is that of the fit.
     """
 
     parameters: Mapping[str, FloatArray]
@@ -93,9 +94,10 @@ def fitted_material(
             f"elastic_modulus_sd: found {elastic_modulus_sd:g} Pa without elastic_modulus, "
             "expected both or none."
         )
-    laws = variant_of(fit.priors, experiment)
+    laws, tests = variant_of(fit.priors, experiment), (experiment,)
     if isinstance(fit, Fit) and fit.whole is not None:
-        laws = fit.whole.variant  # a table tells nothing of what evolves in the other tests
+        # A table tells nothing of what evolves in the other tests.
+        laws, tests = fit.whole.variant, fit.whole.problem.experiments
     size, fabric = np.full(shape, experiment.initial_grain_size), np.ones(shape)
     if microstructure == "steady_state":
         unknown = [
@@ -116,10 +118,13 @@ def fitted_material(
     size = size if grain_size is None else np.full(shape, grain_size)
     fabric = fabric if fabric_factor is None else np.full(shape, fabric_factor)
     any_strain = np.ones(shape)
+    # Constant in a fit of tables alone, because nothing is seen to evolve there.
+    is_told = any("steady_state_grain_size" not in one.without_effect for one in tests)
     if laws.grain_size == "constant":
-        parameters |= {"steady_state_grain_size": size, "critical_strain_grain_size": any_strain}
         parameters.pop("piezometer_reference_grain_size", None)
-    if laws.fabric == "constant":
+    if laws.grain_size == "constant" and is_told:
+        parameters |= {"steady_state_grain_size": size, "critical_strain_grain_size": any_strain}
+    if laws.fabric == "constant" and is_told:
         parameters |= {"steady_state_fabric_factor": fabric, "critical_strain_fabric": any_strain}
     at = experiment.temperature if temperature is None else temperature
     described = _microstructure_text(microstructure, grain_size, fabric_factor)
@@ -140,6 +145,7 @@ def fitted_material(
             "experiment": experiment.id,
             "material": experiment.material,
             "data_kind": experiment.provenance.kind,
+            "protocol": experiment.protocol,
             "microstructure": described,
             "elastic_modulus": modulus,
         },

@@ -9,6 +9,8 @@ import numpy as np
 import oracle
 import pytest
 import xarray as xr
+from conftest import ICE as ICE_DATA
+from conftest import resolved_priors
 from imposed_stress import GRAIN_SIZE, ICE, TEMPERATURE
 from scipy.integrate import quad, solve_ivp
 from synthetic_fit import make_fit
@@ -16,7 +18,10 @@ from synthetic_fit import make_fit
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.prior_draws import prior_draws
+from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.predictions.assumptions import (
+    elastic_modulus_sentence,
     frozen_limit_texts,
     frozen_sentence,
     hold_fails,
@@ -185,6 +190,14 @@ def test_without_evolution_it_cannot_be_told() -> None:
     assert not likely_fails(found).any()
 
 
+def test_a_table_of_cycles_tells_nothing_of_evolution_or_an_apparatus(programs: None) -> None:
+    table = load_attenuation(ICE_DATA / "attenuation_twin.toml")
+    drawn = prior_draws(table, resolved_priors(table), draws=5, seed=1)
+    spectrum = predict_attenuation(drawn, [1e-3])
+    assert np.isnan(spectrum["critical_strain"]).all()
+    assert elastic_modulus_sentence(spectrum) == "The elastic modulus is E_M of the fit."
+
+
 @pytest.fixture(scope="module")
 def fit(tmp_path_factory: pytest.TempPathFactory) -> Fit:
     return make_fit(tmp_path_factory.mktemp("run"), chains=2, draws=50)
@@ -215,6 +228,7 @@ def test_a_fit_says_where_its_prediction_fails(fit: Fit) -> None:
     sentence = frozen_sentence(spectrum)
     assert "1.5 h" in sentence
     assert "10 % of the smaller critical strain" in sentence
+    assert "stiffness of the apparatus" in elastic_modulus_sentence(spectrum)
     steady = predict_attenuation(fit, microstructure="steady_state")
     assert (steady["frozen_fails"] == 0).all()
     assert "nothing evolves" in frozen_sentence(steady)

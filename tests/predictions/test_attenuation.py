@@ -221,6 +221,9 @@ def test_microstructure_and_temperature_act_through_the_flow_law() -> None:
     softer = spectrum_of(material() | falls)["storage_compliance"]
     other = material() | {"maxwell_modulus": 4e9 * (1 + 1e-3 * (TEMPERATURE - 250.0))}
     np.testing.assert_allclose(softer, spectrum_of(other)["storage_compliance"], rtol=1e-12)
+    # It is linear in temperature, and not for every temperature.
+    with pytest.raises(InputError, match="not positive in 1 of 1 draws"):
+        spectrum_of(material() | {**falls, "modulus_temperature_coefficient": -1.0})
     # Small cycles see the slope of the flow law.
     found = dashpot_fluidity(material(3.7, 1e-28), (Regime(2e6, 2e2),))
     assert found[0] == pytest.approx(1e-28 * 3.7 * 2e6**2.7, rel=1e-7)

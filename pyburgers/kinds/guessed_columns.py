@@ -230,6 +230,10 @@ def _named(table: TextTable) -> dict[str | int, str]:
             quantity = "time"
         if quantity is not None and table.numbers(column):
             found[column] = quantity + "_uncertainty" * bool(ERRORS.search(name))
+    held = {*found.values()}
+    if "temperature" not in held and held & {"period", "frequency"}:
+        # Beside periods a T is no time.
+        found |= {column: "temperature" for column in found if table.described(column) == "T"}
     return found
 
 
@@ -292,6 +296,8 @@ def _with_unit(
         unit = ""
     if unit is None:
         by_numbers, told_by = _unit_of_numbers(kind, numbers[np.isfinite(numbers)])
+        if "modulus" in quantity:
+            by_numbers, told_by = "GPa", BY_NOTHING
         return replace(found, unit=by_numbers, told_by=told_by)
     return replace(found, unit=unit or None, is_foreign=not unit)
 

@@ -183,7 +183,10 @@ def _measured(
     )
     readings = _readings(path, data, found, str(source))
     order_name = "period" if periods == "period_column" else "frequency"
-    check_table(conditions, readings, order, str(source), order_name)
+    advice = ""
+    if "temperature_column" not in found:
+        advice = "; no temperature_column is named, so that all rows have temperature_K"
+    check_table(conditions, readings, order, str(source), order_name, advice)
     is_stated = "median_stress_column" in found or file.attenuation.median_stress_Pa is not None
     if conditions.amplitude.all() and not is_stated:
         notes = (*notes, "The median stress of the cycles is not stated: it is taken as 0.")

@@ -146,6 +146,11 @@ class Elasticity:
         assert self.poisson_ratio is not None
         return 2 * (1 + self.poisson_ratio), 0.0, 3.0
 
+    def axial_modulus(self, modulus: float) -> float:
+        """Return Young's modulus of a modulus (Pa) of the table."""
+        of_spring, less, _ = self.conversion
+        return of_spring / (1 / modulus + less)
+
     @property
     def stress_factor(self) -> float:
         """Axial stress that drives creep as a stress of the table does (von Mises), over it."""
@@ -153,9 +158,17 @@ class Elasticity:
 
 
 def check_table(
-    conditions: CycleConditions, readings: Readings, order: FloatArray, where: str, order_name: str
+    conditions: CycleConditions,
+    readings: Readings,
+    order: FloatArray,
+    where: str,
+    order_name: str,
+    advice: str = "",
 ) -> None:
-    """Check rows of a table; `order` (n_rows,) is what has to increase along each spectrum."""
+    """Check rows of a table; `order` (n_rows,) is what has to increase along each spectrum.
+
+    `advice`: on rows that are there twice.
+    """
     positive: Sequence[tuple[str, FloatArray]] = (
         ("period or frequency", conditions.period),
         ("temperature", conditions.temperature),
@@ -188,7 +201,7 @@ def check_table(
         raise InputError(
             f"{where}: data row {row + 1}: found the {order_name} {order[row]:g} twice at "
             f"{conditions.temperature[row]:g} K, expected each {order_name} once in rows of one "
-            "temperature and stress."
+            f"temperature and stress{advice}."
         )
 
 

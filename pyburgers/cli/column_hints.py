@@ -1,7 +1,7 @@
 """What names of columns say beside what a file reads from them, and columns that it leaves."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -79,7 +79,7 @@ def hints_of_names(look: TextTable, content: Mapping[str, Any]) -> Iterator[str]
                 f"column {one.column!r} is read as the {one.quantity.replace('_', ' ')}, but its "
                 f"name is that of {other}: check it."
             )
-        yield from _hints_of_measures(one, content)
+        yield from _hints_of_measures(one, content, look.numbers(one.column))
 
 
 def _named(look: TextTable, content: Mapping[str, Any]) -> Iterator[_Named]:
@@ -116,7 +116,9 @@ def _other_quantity(one: _Named, content: Mapping[str, Any]) -> str:
     return "" if is_alike or ONE_LETTER.match(one.name) else f"the {str(found).replace('_', ' ')}"
 
 
-def _hints_of_measures(one: _Named, content: Mapping[str, Any]) -> Iterator[str]:
+def _hints_of_measures(
+    one: _Named, content: Mapping[str, Any], numbers: Sequence[float]
+) -> Iterator[str]:
     """Say where a name and a file differ on shear, the measure or the form of a quantity."""
     column, quantity, protocol = one.column, one.quantity, content.get("protocol")
     if protocol == RATES and quantity in ("stress", "strain_rate"):
@@ -138,11 +140,17 @@ def _hints_of_measures(one: _Named, content: Mapping[str, Any]) -> Iterator[str]
             f"{column!r} states {stated}: check it."
         )
     form = content["data"].get("attenuation_form")
-    is_logarithm = quantity == "attenuation" and LOGARITHM.search(one.name)
-    if is_logarithm and not one.is_error and form != "log10_tan_delta":
+    is_attenuation = quantity == "attenuation" and not one.is_error
+    is_logarithm, is_read_so = LOGARITHM.search(one.name), form == "log10_tan_delta"
+    if is_attenuation and is_logarithm and not is_read_so:
         yield (
             f"attenuation_form {form!r} is stated for column {column!r}, whose name says a "
             "logarithm: check it."
+        )
+    if is_attenuation and is_read_so and not is_logarithm and min(numbers, default=0.0) > 0:
+        yield (
+            f"attenuation_form {form!r} is stated for column {column!r}, whose numbers are all "
+            "positive, so that every tan delta is above 1: check it."
         )
     if quantity not in ("stress", "strain") or not {"stages", "segments"} & content.keys():
         return

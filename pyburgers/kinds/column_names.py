@@ -161,7 +161,10 @@ SHEAR = r"(?<![a-z])(?:g\(t\)|tau|gamma)|shear|schub|scher|cisaill|octahedral|τ
 
 def deformation_in(name: str) -> str | None:
     """Return the deformation that the name of a modulus states."""
-    return "shear" if re.search(SHEAR, name) else "axial" if "young" in name else None
+    letter = re.match(r"\|?([eg])(?![a-z])", name)
+    if re.search(SHEAR, name) or (letter and letter[1] == "g"):
+        return "shear"
+    return "axial" if letter or "young" in name else None
 
 
 ALONG_AXIS = frozenset({"stress", "strain", "relaxation_modulus"})

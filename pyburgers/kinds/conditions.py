@@ -15,6 +15,7 @@ from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.model.parameters import ENVIRONMENT, STANDARD_VALUES
 from pyburgers.model.plausible import PlausibleRanges, plausible_ranges
+from pyburgers.model.unlikely_numbers import unlikely_numbers
 
 LIKELY_GRAIN_SIZES = (1e-8, 0.05)
 """Grain sizes (m) outside of which a unit may be wrong."""
@@ -35,12 +36,16 @@ def doubts(experiment: Experiment) -> list[str]:
 
 
 def _of_conditions(experiment: Experiment) -> Iterator[str]:
-    """Say which grain size, temperatures and stresses are unlikely."""
+    """Say which grain size, temperatures, stresses and moduli are unlikely."""
     material = experiment.material
     yield from unlikely_grain_size(np.array([experiment.initial_grain_size]))
     yield from unlikely_temperature(material, *temperature_range(experiment))
     if experiment.n_points:
         yield from unlikely_stress(material, experiment.largest_stress)
+    if isinstance(experiment, AttenuationExperiment) and experiment.readings.modulus.size:
+        largest = experiment.elasticity.axial_modulus(float(experiment.readings.modulus.max()))
+        for sentence in unlikely_numbers(material, {"maxwell_modulus": (largest, largest)}):
+            yield f"the largest modulus, as {sentence}"
 
 
 def unlikely_grain_size(sizes: FloatArray) -> Iterator[str]:

@@ -390,7 +390,13 @@ def test_the_error_of_an_angle_is_read_in_the_unit_of_the_angle(
 
 
 @pytest.mark.parametrize(
-    ("given", "name"), [("axial", "Shear modulus (GPa)"), ("shear", "Young modulus (GPa)")]
+    ("given", "name"),
+    [
+        ("axial", "Shear modulus (GPa)"),
+        ("shear", "Young modulus (GPa)"),
+        ("axial", "G (GPa)"),
+        ("shear", "|E*| (GPa)"),
+    ],
 )
 def test_a_modulus_of_another_deformation_is_told(
     table: Table, capsys: pytest.CaptureFixture[str], given: str, name: str
@@ -399,6 +405,31 @@ def test_a_modulus_of_another_deformation_is_told(
     assert main(["new", str(table(**columns)), *KNOWN, "--deformation", given]) == 0
     other = {"axial": "shear", "shear": "axial"}[given]
     assert f"the name of column {name!r} states {other}: check it" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("columns", "quantity"),
+    [
+        ({"T": 1100.0, "period": 1 / FREQUENCY, "1/Q": 0.02}, "temperature"),
+        ({"T": TIME, "strain": PERCENT, "stress": CURVE}, "time"),
+        ({"T": FREQUENCY, "period": 1 / FREQUENCY, "temp": 1100.0, "1/Q": 0.02}, "time"),
+    ],
+)
+def test_a_t_beside_periods_is_a_temperature(
+    columns: dict[str, Column], quantity: str, table: Table
+) -> None:
+    assert guess_columns(look_at(table(**columns)))[quantity].column == "T"
+
+
+def test_the_unit_of_a_modulus_is_not_guessed_from_its_size(
+    table: Table, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = table(**{"period (s)": 1 / FREQUENCY, "1/Q": 0.02, "G": 60e3})
+    assert main(["new", str(path), *KNOWN]) == 0
+    out = capsys.readouterr().out
+    assert "guessed: modulus: column 'G' in GPa (by nothing; check it)" in out
+    assert "Pa is far from the" in out
+    assert 'deformation = "shear"' in path.with_suffix(".toml").read_text(encoding="utf-8")
 
 
 def test_a_spectrum_without_periods_asks_for_them(

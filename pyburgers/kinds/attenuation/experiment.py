@@ -28,6 +28,9 @@ from pyburgers.model.read_quantities import LOG_MODULUS, LOG_TAN_DELTA
 UNSTATED_STRESS = 1e6
 """Axial stress (Pa) at which the flow rate of a linear dashpot is sampled where none is stated."""
 
+LEAST_BULK_MODULUS = 1e9
+"""Bulk modulus (Pa) of a solid below which its unit may be wrong."""
+
 LARGEST_TAN_DELTA = 3.0
 """tan(delta) beyond which its unit may be wrong."""
 
@@ -223,13 +226,24 @@ class AttenuationExperiment(Experiment):
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Say where tan(delta) is that of no solid."""
+        """Say where tan(delta) and the elastic constants are those of no solid."""
+        found = []
         largest = float(self.readings.tan_delta.max(initial=0.0))
-        if largest <= LARGEST_TAN_DELTA:
-            return ()
-        return (
-            f"a tan delta of {largest:g} is unlikely; check the form and the unit of the column.",
-        )
+        if largest > LARGEST_TAN_DELTA:
+            found.append(
+                f"a tan delta of {largest:g} is unlikely; check the form and the unit of the "
+                "column."
+            )
+        bulk, shear = self.elasticity.bulk_modulus, float(self.readings.modulus.max(initial=0.0))
+        if bulk is not None and bulk < LEAST_BULK_MODULUS:
+            found.append(f"a bulk modulus of {bulk:g} Pa is unlikely; 130 GPa is 130e9.")
+        elif bulk is not None and 3 * bulk < 2 * shear:
+            ratio = (3 * bulk - 2 * shear) / (6 * bulk + 2 * shear)
+            found.append(
+                f"with a bulk modulus of {bulk:g} Pa and a shear modulus of {shear:g} Pa Poisson's "
+                f"ratio is {ratio:.2g}, expected one above 0; check both."
+            )
+        return tuple(found)
 
     @property
     def title(self) -> str:

@@ -12,6 +12,7 @@ from pyburgers.common.cells import DECIMAL_COMMA, ODD_MINUS
 from pyburgers.common.columns import may_be_quoted
 from pyburgers.common.errors import InputError
 from pyburgers.common.text_tables import TextTable, look_at
+from pyburgers.kinds.column_names import unit_in_name
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.new_file import NAMED_SEPARATORS, new_files
 
@@ -109,7 +110,8 @@ def _hints_of_strain(
     largest = float(np.max(np.abs(strain)))
     if unit == "fraction" and largest > 1:
         yield f"{column!r} reaches {largest:g}: is it in percent rather than a fraction?"
-    if unit == "percent" and 0 < largest < 100 * small_strain:
+    is_named = unit_in_name(look.described(column), "strain") == unit
+    if unit == "percent" and not is_named and 0 < largest < 100 * small_strain:
         yield f"{column!r} reaches {largest:g} only: is it a fraction rather than percent?"
 
 

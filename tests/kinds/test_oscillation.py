@@ -267,3 +267,22 @@ class TestFigure:
         assert panels[-1].get_xlabel().endswith("(s)")
         assert all(panel.get_legend() is not None for panel in panels)
         assert background in panels[2].get_title(loc="left")
+
+
+@pytest.mark.parametrize(
+    ("sign", "period", "words"),
+    [
+        (1, None, []),
+        (1, PERIOD, []),
+        (-1, PERIOD, ["apart, as if one of them had the opposite sign"]),
+        (1, 330.0, ["taken as 330 s, but the strain oscillates most with one of about 3"]),
+    ],
+)
+def test_another_period_and_an_opposite_sign_are_told(
+    sign: int, period: float | None, words: list[str]
+) -> None:
+    record = make_record()
+    turned = replace(record, stress=sign * record.stress)
+    notices = prepare(turned, OscillationSettings(period=period), "test").notices
+    assert len(notices) == len(words)
+    assert all(told in notice for told, notice in zip(words, notices, strict=True))

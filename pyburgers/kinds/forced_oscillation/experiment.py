@@ -113,6 +113,7 @@ class OscillationExperiment(Experiment):
     """
 
     protocol: ClassVar[str] = "forced_oscillation"
+    small_strain: ClassVar[float] = 0.0
     points_together: ClassVar[str] = "a record of oscillations is prepared as a whole"
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
         {

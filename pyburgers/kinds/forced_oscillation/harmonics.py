@@ -249,14 +249,26 @@ def choose_degree(
     ).degree
 
 
+def strongest_frequency(
+    time: FloatArray, value: FloatArray, lowest: float, highest: float
+) -> tuple[float, float]:
+    """Return the frequency (Hz) of the highest peak of the periodogram, and its share of variance.
+
+    Both ends in Hz; `value` is without its trend.
+    """
+    spacing = 1.0 / (TRIALS_PER_PEAK * float(time[-1] - time[0]))
+    trials = np.arange(lowest, highest, spacing)
+    power = signal.lombscargle(time, value, 2.0 * math.pi * trials, normalize=True)
+    peak = int(np.argmax(power))
+    return float(trials[peak]), float(power[peak])
+
+
 def estimate_period(time: FloatArray, value: FloatArray, *, uncertainty: FloatArray) -> float:
     """Estimate the period (s): least squares from the highest peak of the periodogram on."""
     length = float(time[-1] - time[0])
     cubic = legendre.Legendre.fit(time, value, CUBIC)
     highest = 0.5 / float(np.median(np.diff(time)))
-    trials = np.arange(1.0 / length, highest, 1.0 / (TRIALS_PER_PEAK * length))
-    power = signal.lombscargle(time, value - cubic(time), 2.0 * math.pi * trials)
-    frequency = float(trials[np.argmax(power)])
+    frequency, _ = strongest_frequency(time, value - cubic(time), 1.0 / length, highest)
     degree = CUBIC
     # The degree can only be judged well near the right period, hence the second round.
     for _ in range(2):

@@ -6,7 +6,7 @@ measured one. Here the sinusoid has its second and third harmonics.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal, TypeVar
 
@@ -21,6 +21,7 @@ from pyburgers.kinds.forced_oscillation.harmonics import (
     choose_degree,
     estimate_period,
     fit_harmonics,
+    strongest_frequency,
 )
 
 Background = Literal["removed", "kept"]
@@ -42,6 +43,12 @@ LEAST_RESIDUAL = 1e-12
 
 MIN_CYCLES = 2
 """Cycles that a record needs: with fewer, trend and oscillation cannot be told apart."""
+
+OFF_PEAK = 0.35
+"""Of the width of a peak of the periodogram: a stated period this far from it is another one."""
+
+OPPOSITE = 2 * math.pi / 3
+"""Lag (rad) beyond which strain and stress differ in sign: no solid lags by more than pi/2."""
 
 T = TypeVar("T")
 
@@ -217,7 +224,10 @@ def prepare(
         uncertainty=used.uncertainty,
         background_rate=slope if kept else np.zeros_like(slope),
         strain_error=_strain_error(strain_fit, stress_fit, kept=kept),
-        notices=_notices(stress.time.size - used.time.size, settings.background),
+        notices=(
+            *_notices(stress.time.size - used.time.size, settings.background),
+            *_doubts(strain, strain_fit, stress_fit),
+        ),
     )
 
 
@@ -375,3 +385,22 @@ def _notices(n_left_out: int, background: Background) -> tuple[str, ...]:
     if background == "removed":
         notices.append(REMOVED_NOTICE)
     return tuple(notices)
+
+
+def _doubts(strain: _Series, strain_fit: HarmonicFit, stress_fit: HarmonicFit) -> Iterator[str]:
+    """Say where the period or a sign is not that of the record."""
+    period, rest = strain_fit.period, strain.value - strain_fit.trend(strain.time)
+    found, share = strongest_frequency(strain.time, rest, 0.5 / period, 2.5 / period)
+    # Noise has no peak that is most of the variance.
+    if share > 0.5 and abs(found - 1 / period) > OFF_PEAK / float(np.ptp(strain.time)):
+        yield (
+            f"The period is taken as {period:g} s, but the strain oscillates most with one of "
+            f"about {1 / found:.3g} s: check 'period_s'."
+        )
+    (of_strain, first_error), (of_stress, second_error) = strain_fit.phase(), stress_fit.phase()
+    lag = abs(math.remainder(of_stress - of_strain, 2 * math.pi))
+    if lag > OPPOSITE + 3 * math.hypot(first_error, second_error):
+        yield (
+            f"Strain and stress oscillate {math.degrees(lag):.0f} degrees apart, as if one of them "
+            "had the opposite sign: check the signs of both."
+        )

@@ -97,6 +97,10 @@ def attenuation(
         lines = _draw_bands(axes, spectrum, flat_draws(spectrum["tan_delta"]), (0.18, 0.3))
         axes.set_yscale("log")
         axes.set_ylabel(ATTENUATION_LABEL)
+        shown = [one["frequency"] for one in (spectrum, comparison) if one is not None]
+        every = np.concatenate([*shown, [] if measured is None else measured.frequency])
+        if np.ptp(every) == 0:  # matplotlib finds no limits around bars at one place
+            axes.set_xlim(0.1 * every[0], 10 * every[0])
         solved = [] if comparison is None else _draw_evolving(axes, comparison)
         areas = [
             Patch(color=BLACK, alpha=0.43, label="50 % of draws"),

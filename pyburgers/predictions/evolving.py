@@ -177,7 +177,8 @@ def solve_imposed_stress(
     missing = [name for name in EVOLUTION if evolving and name not in parameters]
     if missing:
         raise InputError(
-            f"parameters: {missing[0]!r} is missing, expected it where the microstructure evolves."
+            f"parameters: {missing[0]!r} is missing, expected it where the microstructure evolves; "
+            "a fit of tables of attenuation alone has none."
         )
     data = {
         **solver_block(solver),

@@ -28,6 +28,8 @@ from pyburgers.predictions.attenuation_figures import (
     attenuation,
     attenuation_draws,
 )
+from pyburgers.predictions.evolving import evolving_attenuation
+from pyburgers.predictions.material import fitted_material
 from pyburgers.predictions.measured_attenuation import load_measured_attenuation
 from pyburgers.predictions.stress_cycles import Regime
 
@@ -191,6 +193,16 @@ def test_points_are_read_with_and_without_what_is_optional(tmp_path: Path) -> No
     bare = load_measured_attenuation(str(write(tmp_path, "frequency_Hz,tan_delta\n0.01,0.2\n")))
     assert bare.series == ("measured",)
     assert bare.standard_deviation.tolist() == [0.0]
+
+
+def test_bars_at_a_single_frequency_have_room(tmp_path: Path) -> None:
+    fit = make_fit(tmp_path / "run", draws=30)
+    regimes = [Regime(4e6, 1.5e6)]
+    solved = evolving_attenuation(fitted_material(fit), [1e-2], regimes, max_draws=2)
+    figure = attenuation(predict_attenuation(fit, [1e-2], regimes), "title", solved)
+    image(figure, "png")  # a warning would be an error
+    low, high = figure.axes[0].get_xlim()
+    assert low < 1e-2 < high
 
 
 def test_points_are_drawn_over_the_spectrum(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from conftest import ICE
 from scipy import stats
 
@@ -14,11 +15,16 @@ from pyburgers.cli.main import main
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.prediction import Prediction
+from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.experiment import of_kind
+from pyburgers.model.priors import default_priors
 from pyburgers.predictions.designs import (
     Candidate,
     DesignPlan,
+    _beyond,
+    _largest_stress,
     design,
     expected_width,
     places_read,
@@ -194,3 +200,16 @@ def test_a_shipped_plan_is_read(file: str) -> None:
 
 def test_limits_are_read() -> None:
     assert pyburgers.load_design_plan(PLAN).largest_stress == 30e6
+
+
+@pytest.mark.parametrize(("stated", "limited"), [(True, "stress above 0.5 MPa"), (False, "")])
+def test_a_table_without_stated_stresses_exceeds_no_stress(stated: bool, limited: str) -> None:
+    table = load_attenuation(ICE / "attenuation_twin.toml")
+    conditions = table.conditions
+    amplitude = conditions.amplitude if stated else np.zeros(conditions.n_rows)
+    table = replace(table, conditions=replace(conditions, amplitude=amplitude))
+    tree = xr.DataTree.from_dict({"predictions": xr.Dataset()})
+    priors = default_priors("ice", "attenuation")
+    stress = _largest_stress(Prediction(table, priors, tree, "fit", (), ()))
+    plan = DesignPlan(("kelvin_modulus",), {}, largest_stress=0.5e6)
+    assert _beyond(plan, Candidate(table), stress) == limited

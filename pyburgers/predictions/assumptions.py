@@ -177,7 +177,7 @@ def elastic_modulus_sentence(spectrum: xr.Dataset) -> str:
     if given:
         return f"The elastic modulus is given: {given}."
     of_the_fit = "The elastic modulus is E_M of the fit."
-    if spectrum.attrs["protocol"] == "attenuation":  # of the material alone
+    if spectrum.attrs["apparatus"] == "unseen":
         return of_the_fit
     return (
         f"{of_the_fit} If strain was read off the machine, as in most "

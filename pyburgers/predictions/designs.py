@@ -23,7 +23,7 @@ from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import NAME, Table, read_toml
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.prediction import Prediction
-from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
+from pyburgers.kinds.conditions import conditions_of
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.model.parameters import PARAMETER_BY_NAME
@@ -433,9 +433,10 @@ def _log_normal_density(at: FloatArray, drawn: FloatArray) -> FloatArray:
 
 def _largest_stress(prediction: Prediction) -> float:
     """Stress (Pa) exceeded in 5 % of the draws, or that a table of cycles states, if it does."""
-    solved, experiment = prediction.posterior["predictions"].to_dataset(), prediction.experiment
-    if isinstance(experiment, AttenuationExperiment):
-        return experiment.largest_stress if experiment.amplitude_is_stated else np.nan
+    solved = prediction.posterior["predictions"].to_dataset()
+    if "stress" not in solved:
+        stated = conditions_of(prediction.experiment, prediction.posterior)
+        return stated.get("stress", (0.0, np.nan))[1]
     stress = np.abs(all_draws(solved["stress"]))
     return float(np.quantile(stress.max(axis=1), 0.95))
 

@@ -29,8 +29,8 @@ class Material:
     """Draws (SI) of a material, shape (n_chains, n_draws), and its state under the stresses.
 
     Chain and draw are their numbers in the fit. Attributes are title, experiment, material,
-    data_kind, protocol (of the fitted test), microstructure and elastic_modulus, which is empty if
-    it is that of the fit.
+    data_kind, microstructure, elastic_modulus, which is empty if it is that of the fit, and
+    apparatus, which is "unseen" if the fitted test is one of the material alone.
     """
 
     parameters: Mapping[str, FloatArray]
@@ -94,10 +94,10 @@ def fitted_material(
             f"elastic_modulus_sd: found {elastic_modulus_sd:g} Pa without elastic_modulus, "
             "expected both or none."
         )
-    laws, tests = variant_of(fit.priors, experiment), (experiment,)
+    laws, tests = variant_of(fit.priors, experiment), [experiment]
     if isinstance(fit, Fit) and fit.whole is not None:
         # A table tells nothing of what evolves in the other tests.
-        laws, tests = fit.whole.variant, fit.whole.problem.experiments
+        laws, tests = fit.whole.variant, [*fit.whole.problem.experiments]
     size, fabric = np.full(shape, experiment.initial_grain_size), np.ones(shape)
     if microstructure == "steady_state":
         unknown = [
@@ -145,7 +145,7 @@ def fitted_material(
             "experiment": experiment.id,
             "material": experiment.material,
             "data_kind": experiment.provenance.kind,
-            "protocol": experiment.protocol,
+            "apparatus": "unseen" * ("apparatus_compliance" in experiment.without_effect),
             "microstructure": described,
             "elastic_modulus": modulus,
         },

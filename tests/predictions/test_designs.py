@@ -208,7 +208,7 @@ def test_a_table_without_stated_stresses_exceeds_no_stress(stated: bool, limited
     conditions = table.conditions
     amplitude = conditions.amplitude if stated else np.zeros(conditions.n_rows)
     table = replace(table, conditions=replace(conditions, amplitude=amplitude))
-    tree = xr.DataTree.from_dict({"predictions": xr.Dataset()})
+    tree = xr.DataTree.from_dict({"predictions": xr.Dataset(), "posterior": xr.Dataset()})
     priors = default_priors("ice", "attenuation")
     stress = _largest_stress(Prediction(table, priors, tree, "fit", (), ()))
     plan = DesignPlan(("kelvin_modulus",), {}, largest_stress=0.5e6)

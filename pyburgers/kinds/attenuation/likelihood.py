@@ -320,7 +320,7 @@ class AttenuationLikelihood(Likelihood[AttenuationExperiment]):
     def is_read(self, experiment: AttenuationExperiment, at: FloatArray) -> BoolArray:
         """Return which places are in spectra of attenuation, and which in those of moduli."""
         _, _, quantity = experiment.conditions.at(at)
-        return quantity == np.array([[ATTENUATION], [MODULUS]])
+        return np.stack([quantity == ATTENUATION, quantity == MODULUS])
 
     def along(self, experiment: AttenuationExperiment) -> dict[str, tuple[FloatArray, str]]:
         """Return places, periods, temperatures, spectra, and errors where all are stated."""

@@ -73,7 +73,8 @@ def _places(prediction: Prediction, answer: ReadQuantity) -> npt.NDArray[np.bool
     """Where the solution is that of an answer: not where another one has its name, (n,)."""
     likelihood, read = likelihood_of(prediction.experiment), _is_read(prediction)
     others = [one.name == answer.name and one != answer for one in likelihood.read]
-    return ~np.any(read[others], axis=0)
+    places: npt.NDArray[np.bool_] = ~np.any(read[others], axis=0)
+    return places
 
 
 def _is_read(prediction: Prediction) -> npt.NDArray[np.bool_]:

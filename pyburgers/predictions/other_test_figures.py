@@ -11,6 +11,7 @@ from pyburgers.drawing.panels import draw_data, figure_of
 from pyburgers.drawing.style import BLUE, ORANGE, VERMILION
 from pyburgers.fitting.prediction import Prediction
 from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.kind import kind_of
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.model.read_quantities import Quantity, ReadQuantity
 from pyburgers.predictions.other_tests import answers, clock_of, read_quantities, shown_draws
@@ -64,8 +65,15 @@ def _draw(axes: Axes, prediction: Prediction, quantity: ReadQuantity) -> None:
     """Draw bands of a quantity, and data where there are some."""
     experiment = prediction.experiment
     clock, factor = _clock(experiment), quantity.shown.display_factor
-    position = clock_of(prediction, quantity) * clock.display_factor
-    solved, new = (factor * draws for draws in shown_draws(prediction, quantity))
+    places = clock_of(prediction, quantity)
+    # Lines end with a spectrum: the next one begins at its shortest period.
+    period = kind_of(experiment).conditions_at(experiment, places).get("period_s", places)
+    ends = np.flatnonzero(np.diff(period) < 0) + 1
+    position = np.insert(places * clock.display_factor, ends, np.nan)
+    solved, new = (
+        np.insert(factor * draws, ends, np.nan, axis=1)
+        for draws in shown_draws(prediction, quantity)
+    )
     _fill(axes, position, new, 90, ORANGE, 0.35, "90 % of new readings")
     _fill(axes, position, solved, 90, BLUE, 0.25, "90 % of solutions")
     _fill(axes, position, solved, 50, BLUE, 0.45, "50 % of solutions")

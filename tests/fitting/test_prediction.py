@@ -268,6 +268,8 @@ def test_a_table_of_cycles_is_predicted_in_its_own_quantities(programs: None) ->
     panels = prediction_figure(prediction).axes
     assert [axes.get_ylabel() for axes in panels] == ["tan δ (1)", "modulus (GPa)"]
     assert panels[0].get_xlim()[1] < panels[1].get_xlim()[1]
+    breaks = np.isnan(np.asarray(panels[0].get_lines()[0].get_xdata(), dtype=np.float64))
+    assert breaks.sum() == len(table.conditions.first_rows) - 1 > 0
 
 
 def test_an_upper_limit_is_scored_with_the_probability_of_being_below_it(programs: None) -> None:

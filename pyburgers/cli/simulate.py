@@ -4,10 +4,13 @@ import argparse
 import logging
 from pathlib import Path
 
+import numpy as np
+
 from pyburgers.cli.outputs import check_output
 from pyburgers.cli.shared import add_variant_option, writing
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.csv_tables import csv_text
+from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
 from pyburgers.fitting.fit import Fit
@@ -20,6 +23,7 @@ from pyburgers.model.hardening import extension_sentences
 from pyburgers.model.laws import DISLOCATIONS_SWITCH
 from pyburgers.model.unlikely_numbers import unlikely_numbers
 from pyburgers.model.variants import parse_choices
+from pyburgers.posterior.labelled_draws import response_in
 
 logger = logging.getLogger(__name__)
 
@@ -40,7 +44,8 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--draw",
         metavar="N",
-        help="with --from, a draw from 1, counted through all chains, or their mean (default)",
+        help="with --from, a draw from 1, counted through all chains, or mean, that of the "
+        "parameters; default the draw with the most central solution",
     )
     command.add_argument("--test", metavar="ID", help="with --from, test of a joint fit")
     add_variant_option(command)
@@ -63,7 +68,7 @@ def run(options: argparse.Namespace) -> int:
         for sentence in unlikely_numbers(experiment.material, ranges):
             logger.info(f"warning: {sentence}")
     else:
-        parameters, laws = _of_fit(options.run_of, options.test, options.draw or MEAN, experiment)
+        parameters, laws = _of_fit(options.run_of, options.test, options.draw, experiment)
     if parameters["beta"] > 0:
         logger.info(
             "warning: beta is positive; in SI units (Pa, m, s) laboratory flow laws have a "
@@ -94,11 +99,11 @@ def _check_without_run(options: argparse.Namespace) -> None:
 
 
 def _of_fit(
-    path: Path, test: str | None, draw: str, experiment: Experiment
+    path: Path, test: str | None, draw: str | None, experiment: Experiment
 ) -> tuple[dict[str, float], dict[str, str]]:
     """Return the parameters (SI) of a draw of a fit, or their mean, and the laws of the fit.
 
-    Both as far as a test has them.
+    Both as far as a test has them. Without `draw`, the draw is the most central one.
     """
     fit = Fit.load(path)
     one = fit if test is None else fit[test]
@@ -106,6 +111,17 @@ def _of_fit(
     flat = draws.stack(sample=("chain", "draw"))
     if draw == MEAN:
         chosen = flat.mean("sample")
+        logger.info(
+            "note: the mean of the parameters is no draw of the fit, and its solution may lie far "
+            "from those of all draws."
+        )
+    elif draw is None:
+        number = _most_central(one)
+        chosen = flat.isel(sample=number)
+        logger.info(
+            f"note: draw {number + 1} is solved: its solution of the fitted test is nearest to the "
+            "median one. `pyburgers predict` gives the band of all draws."
+        )
     else:
         number = int(draw) if draw.isdecimal() else 0
         if not 1 <= number <= flat.sizes["sample"]:
@@ -118,3 +134,14 @@ def _of_fit(
     for sentence in (*fit.cautions, *notes):
         logger.info(f"note: {sentence}")
     return found, laws_of_grains(fit.variant)
+
+
+def _most_central(fit: Fit) -> int:
+    """Return the draw, from 0 through all chains, whose solution is nearest to the median one.
+
+    Means of parameters along a curved ridge lie off it. Readings count in units of their spread.
+    """
+    solved = all_draws(response_in(fit.posterior, "model_response")).astype(np.float64)
+    spread = np.nanstd(solved, axis=0)
+    away = (solved - np.nanmedian(solved, axis=0))[:, spread > 0] / spread[spread > 0]
+    return int(np.nanargmin(np.sum(away**2, axis=1)))

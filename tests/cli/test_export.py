@@ -139,15 +139,25 @@ def test_what_does_not_correlate_has_no_sign(small_fit: Fit) -> None:
     assert "-0.00" not in text
 
 
-def test_the_solution_of_a_draw_and_of_the_mean(small_fit: Fit, tmp_path: Path) -> None:
+def test_the_solution_of_a_draw_and_of_the_mean(
+    small_fit: Fit, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    solved = small_fit.posterior["model_response"].to_dataset().stack(sample=("chain", "draw"))
+    (response,) = solved.data_vars.values()
+    away = (response - response.median("sample")) / response.std("sample")
+    central = int((away**2).sum("point").to_numpy().argmin())
     out, run = tmp_path / "curve.csv", str(small_fit.directory.path)
     arguments = ["simulate", str(ICE / "PIL40.toml"), "--from", run, "--out", str(out)]
     draws = small_fit.posterior["posterior"].to_dataset()[list(small_fit.priors.priors)]
     for options, values in (
-        ((), draws.mean()),
+        ((), draws.stack(sample=("chain", "draw")).isel(sample=central)),
+        (("--draw", "mean"), draws.mean()),
         (("--draw", "102"), draws.isel(chain=1, draw=1)),
     ):
         assert main([*arguments, *options]) == 0
+        assert (f"note: draw {central + 1} is solved" in caplog.text) == (not options)
+        assert ("no draw of the fit" in caplog.text) == ("mean" in options)
+        caplog.clear()
         known = {str(name): float(one) for name, one in values.data_vars.items()}
         expected = simulate(load_experiment(ICE / "PIL40.toml"), known)
         np.testing.assert_allclose(pd.read_csv(out)["stress_Pa"], expected["stress_Pa"], rtol=1e-9)

@@ -38,7 +38,8 @@ from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.together import default_priors_for, pooling_for
 from pyburgers.model.parameters import PARAMETER_BY_NAME
-from pyburgers.predictions.designs import Candidate, design, load_design_plan, places_read
+from pyburgers.predictions.design_plans import Candidate, load_design_plan
+from pyburgers.predictions.designs import design, places_read
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sbc.data_sets import SHORT_RUN, not_converged
 

@@ -85,11 +85,11 @@ from .predictions.closed_forms import flow_rate as flow_rate
 from .predictions.collection import FittedRock as FittedRock
 from .predictions.collection import collection as collection
 from .predictions.collection import collection_names as collection_names
-from .predictions.designs import Candidate as Candidate
+from .predictions.design_plans import Candidate as Candidate
+from .predictions.design_plans import DesignPlan as DesignPlan
+from .predictions.design_plans import load_design_plan as load_design_plan
 from .predictions.designs import Design as Design
-from .predictions.designs import DesignPlan as DesignPlan
 from .predictions.designs import design as design
-from .predictions.designs import load_design_plan as load_design_plan
 from .predictions.exports import export as export
 from .predictions.measured_attenuation import MeasuredAttenuation as MeasuredAttenuation
 from .predictions.measured_attenuation import load_measured_attenuation as load_measured_attenuation

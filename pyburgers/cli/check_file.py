@@ -45,7 +45,7 @@ STAND_INS: Mapping[str, Any] = {
 READERS_BY_KEY: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
         "mechanisms": ("pyburgers.flow_law_tables.laws", "load_rate_law"),
-        "candidates": ("pyburgers.predictions.designs", "load_design_plan"),
+        "candidates": ("pyburgers.predictions.design_plans", "load_design_plan"),
     }
 )
 """Module and function that read a file with a key that no other kind of file has."""

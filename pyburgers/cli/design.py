@@ -12,7 +12,8 @@ from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
 from pyburgers.fitting.fit import Fit
-from pyburgers.predictions.designs import design, load_design_plan
+from pyburgers.predictions.design_plans import load_design_plan
+from pyburgers.predictions.designs import design
 
 
 def add_options(command: argparse.ArgumentParser) -> None:

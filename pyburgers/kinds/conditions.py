@@ -9,6 +9,7 @@ import xarray as xr
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.units import UNITS, number
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import kind_of
 from pyburgers.kinds.likelihood import likelihood_of
@@ -40,7 +41,8 @@ def _of_conditions(experiment: Experiment) -> Iterator[str]:
     material = experiment.material
     yield from unlikely_grain_size(np.array([experiment.initial_grain_size]))
     yield from unlikely_temperature(material, *temperature_range(experiment))
-    if experiment.n_points:
+    imposed = isinstance(experiment, HistoryExperiment) and experiment.imposed_stresses.size
+    if experiment.n_points or imposed:
         yield from unlikely_stress(material, experiment.largest_stress)
     if isinstance(experiment, AttenuationExperiment) and experiment.readings.modulus.size:
         largest = experiment.elasticity.axial_modulus(float(experiment.readings.modulus.max()))
@@ -261,6 +263,16 @@ def temperature_range(experiment: Experiment) -> tuple[float, float]:
     """Return the lowest and the highest temperature (K) of a test."""
     temperatures = experiment.temperatures
     return float(temperatures.min()), float(temperatures.max())
+
+
+def hours_of(experiment: Experiment) -> float:
+    """Return how long a test lasts (h), to four digits; 0 of a table, which does not say."""
+    if isinstance(experiment, AttenuationExperiment):
+        return 0.0
+    ends = np.array(experiment.span)
+    if isinstance(experiment, ConstantRateExperiment):
+        ends = experiment.time_at(ends)
+    return float(f"{np.ptp(ends) / UNITS['time']['h']:.4g}")
 
 
 def _range(low: float, high: float, factor: float, *, from_zero: bool = False) -> str:

@@ -7,27 +7,23 @@ distribution. Estimators are made from some draws and judged on others.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Annotated
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from pydantic import Field
 from scipy import linalg
 
 from pyburgers.common.array_types import IntArray
 from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.errors import InputError
-from pyburgers.common.paths import given_path
-from pyburgers.common.toml_files import NAME, Table, read_toml
+from pyburgers.comparison.same_data import check_same_data
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.prediction import Prediction
-from pyburgers.kinds.conditions import conditions_of
-from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import load_experiment
-from pyburgers.model.parameters import PARAMETER_BY_NAME
+from pyburgers.kinds.conditions import conditions_of, doubts, hours_of
+from pyburgers.kinds.kind import kind_of
+from pyburgers.predictions.design_plans import UNCERTAINTIES, Candidate, DesignPlan
 from pyburgers.predictions.other_tests import answers, draws_of
+from pyburgers.sampling.options import LIMITS
 
 FOLDS = 10
 """Parts of the draws; each is judged by what the others say."""
@@ -38,6 +34,9 @@ MOST_FEATURES = 12
 LEAST_SIGNAL = 0.01
 """Variance, in that of the noise, below which a combination of readings tells nothing."""
 
+ROUNDED_HOURS = 0.9
+"""Share of the length of a test from which on hours that a plan states are rounded ones."""
+
 LEAST_DRAWS = 200
 """Draws below which a design cannot be judged."""
 
@@ -45,86 +44,6 @@ SAME_SAMPLE = (
     "These widths assume that the new sample has the parameters of the fitted one; samples differ, "
     "so that a laboratory will find larger ones."
 )
-
-READINGS = 40
-"""Readings of a candidate by default, evenly spaced along its clock."""
-
-
-class _CandidateTable(Table):
-    file: str = Field(description="an experiment file; it may be without [data]")
-    readings: int = Field(READINGS, ge=1, le=200, description="how many readings, 1 to 200")
-    hours: float | None = Field(None, gt=0, description="cost of the test in hours")
-    stress_uncertainty_MPa: float | None = Field(  # noqa: N815 - keys with units
-        None, gt=0, description="standard deviation of a new reading of stress"
-    )
-    strain_uncertainty: float | None = Field(
-        None, gt=0, description="standard deviation of a new reading of strain, a fraction"
-    )
-
-
-class _LimitTable(Table):
-    stress_MPa: float | None = Field(None, gt=0, description="largest stress of the apparatus")  # noqa: N815 - keys with units
-    hours: float | None = Field(None, gt=0, description="hours that there are for one test")
-
-
-class _PlanFile(Table):
-    about: list[str] = Field(min_length=1, description="a list of parameters to be narrowed")
-    candidates: dict[Annotated[str, Field(pattern=NAME)], _CandidateTable] = Field(
-        min_length=1, description="a table of tables: each candidate by its name"
-    )
-    limits: _LimitTable | None = Field(None, description="limits of the apparatus")
-
-
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """A test that may be done.
-
-    Attributes
-    ----------
-    experiment : Experiment
-        The test; its data, if there are any, are not used.
-    n_readings : int
-        Number of readings, evenly spaced along its clock.
-    hours : float, optional
-        Cost of the test.
-
-    Examples
-    --------
-    >>> pyburgers.Candidate(test, hours=2.0).n_readings
-    40
-    """
-
-    experiment: Experiment
-    n_readings: int = READINGS
-    hours: float | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class DesignPlan:
-    """Tests that may be done, and the parameters that they are to narrow.
-
-    Attributes
-    ----------
-    about : tuple of str
-        Parameters.
-    candidates : mapping of str to Candidate
-        By name.
-    largest_stress : float, optional
-        Of the apparatus, Pa.
-    most_hours : float, optional
-        For one test.
-
-    Examples
-    --------
-    >>> plan = pyburgers.DesignPlan(("maxwell_modulus",), {"again": pyburgers.Candidate(test)})
-    >>> plan.largest_stress is None
-    True
-    """
-
-    about: tuple[str, ...]
-    candidates: Mapping[str, Candidate]
-    largest_stress: float | None = None
-    most_hours: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,62 +73,6 @@ class Design:
     table: pd.DataFrame
     together: pd.DataFrame
     cautions: tuple[str, ...]
-
-
-def load_design_plan(path: str | Path) -> DesignPlan:
-    """Read a plan of candidate tests.
-
-    Parameters
-    ----------
-    path : path
-        TOML file; files of candidates are found from its folder.
-
-    Returns
-    -------
-    DesignPlan
-
-    Raises
-    ------
-    InputError
-        If the plan or the file of a candidate is wrong.
-
-    Examples
-    --------
-    >>> plan = pyburgers.load_design_plan(data / "designs" / "ice.toml")
-    >>> list(plan.candidates)[:2]
-    ['again', 'slower']
-    """
-    path = given_path(path)
-    file = read_toml(path, _PlanFile)
-    if unknown := [name for name in file.about if name not in PARAMETER_BY_NAME]:
-        raise InputError(
-            f"{path}: about: found {unknown[0]!r}, expected parameters such as "
-            "'stress_exponent' or 'kelvin_modulus'."
-        )
-    limits = file.limits
-    stress = limits.stress_MPa if limits else None
-    return DesignPlan(
-        tuple(file.about),
-        {name: _candidate(path, name, one) for name, one in file.candidates.items()},
-        None if stress is None else 1e6 * stress,
-        limits.hours if limits else None,
-    )
-
-
-def _candidate(path: Path, name: str, table: _CandidateTable) -> Candidate:
-    """Load the test of a candidate, with the uncertainties that the plan states."""
-    experiment = load_experiment(path.parent / table.file)
-    for key, unit in (("stress_uncertainty_MPa", 1e6), ("strain_uncertainty", 1.0)):
-        stated, field = getattr(table, key), key.removesuffix("_MPa")
-        if stated is None:
-            continue
-        if not hasattr(experiment, field):
-            raise InputError(
-                f"{path}: candidates.{name}: found {key}, expected none: {experiment.id} "
-                f"({experiment.protocol}) has no such readings."
-            )
-        experiment = replace(experiment, **{field: unit * stated})
-    return Candidate(experiment, table.readings, table.hours)
 
 
 def design(
@@ -245,8 +108,8 @@ def design(
     Raises
     ------
     InputError
-        If a parameter is fixed or not shared by the tests, draws are too few, or new readings
-        have no noise.
+        If a parameter is fixed or not shared by the tests, draws are too few, new readings have no
+        noise, or `against` is the same fit or one of other data.
 
     Examples
     --------
@@ -258,6 +121,11 @@ def design(
     if not plan.candidates:
         raise InputError("candidates: found none, expected at least one, as pyburgers.Candidate.")
     _check(fit, plan.about, draws)
+    most = LIMITS["seed"][1] - 2 * len(plan.candidates)
+    if not 0 <= seed <= most:
+        raise InputError(f"seed is {seed}, expected a number from 0 to {most} (option --seed).")
+    if against is not None:
+        _check_other_law(fit, against)
     # Each candidate has noise of its own: with one seed, differences between tests would have none.
     seeds = dict(zip(plan.candidates, range(seed, seed + len(plan.candidates)), strict=True))
     predictions = {
@@ -294,7 +162,7 @@ def design(
             rows[name]["told_apart"] = share_told_apart(told, len(noisy))
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("candidate")
     within = [name for name, row in rows.items() if not row["beyond_limits"]]
-    cautions = _cautions(fit, predictions)
+    cautions = [*_cautions_of_plan(plan, predictions), *_cautions(fit, predictions)]
     if against is not None:
         run = against.directory.path.name
         of_other = _cautions(against, others)
@@ -304,6 +172,38 @@ def design(
         _one_after_the_other(truths, features, within, choose),
         (*cautions, SAME_SAMPLE),
     )
+
+
+def _check_other_law(fit: Fit, against: Fit) -> None:
+    """Refuse a fit from which the other cannot be told apart by its law alone."""
+    first, second = (one.directory.path for one in (fit, against))
+    if first.resolve() == second.resolve():
+        raise InputError(
+            f"--against {second}: found the run itself, expected a fit of the same data with "
+            "another law."
+        )
+    check_same_data({str(first): fit, str(second): against})
+
+
+def _cautions_of_plan(plan: DesignPlan, predictions: Mapping[str, Prediction]) -> list[str]:
+    """Return doubts about tests and about what the plan states of them."""
+    found = list[str]()
+    for name, candidate in plan.candidates.items():
+        test, drawn = candidate.experiment, predictions[name].posterior["posterior"].to_dataset()
+        found += (f"{name}: {one}" for one in doubts(kind_of(test).without_data(test)))
+        for key in UNCERTAINTIES:
+            noise = f"{key.partition('_')[0]}_noise"
+            stated = test.noises.get(noise)
+            if stated and not np.allclose(drawn[noise], stated):
+                found.append(
+                    f"{name}: {key} is not used, because new readings have the noise of the fit."
+                )
+        lasts = hours_of(test)
+        if candidate.hours is not None and candidate.hours < ROUNDED_HOURS * lasts:
+            found.append(
+                f"{name}: hours is {candidate.hours:.3g}, but the test lasts {lasts:.3g} h."
+            )
+    return found
 
 
 def _cautions(fit: Fit, predictions: Mapping[str, Prediction]) -> list[str]:
@@ -445,7 +345,10 @@ def _beyond(plan: DesignPlan, candidate: Candidate, stress: float) -> str:
     """Say which limit of the apparatus a candidate exceeds; nothing if none."""
     if plan.largest_stress is not None and stress > plan.largest_stress:
         return f"stress above {1e-6 * plan.largest_stress:.3g} MPa"
-    if plan.most_hours is not None and (candidate.hours or 0) > plan.most_hours:
+    if (
+        plan.most_hours is not None
+        and max(candidate.hours or 0, hours_of(candidate.experiment)) > plan.most_hours
+    ):
         return f"longer than {plan.most_hours:.3g} h"
     return ""
 
@@ -456,15 +359,24 @@ def _one_after_the_other(
     within: Sequence[str],
     choose: int,
 ) -> pd.DataFrame:
-    """Choose candidates: each time the least mean of log widths, together with those chosen."""
+    """Choose candidates: each time the least mean of log widths, together with those chosen.
+
+    No width exceeds the one before: an estimator may leave out the readings of a further test.
+    """
     chosen, rows = list[str](), []
+    before = dict.fromkeys((f"{name}_width" for name in truths), 1.0)
     while len(chosen) < min(choose, len(within)):
-        found = {
+        together = {
             name: _widths(truths, np.hstack([features[one] for one in (*chosen, name)]))
             for name in within
             if name not in chosen
         }
+        found = {
+            name: {key: min(width, before[key]) for key, width in widths.items()}
+            for name, widths in together.items()
+        }
         best = min(found, key=lambda name: float(np.mean(np.log([*found[name].values()]))))
         chosen.append(best)
+        before = found[best]
         rows.append({"candidate": best, **found[best]})
     return pd.DataFrame(rows)

@@ -38,7 +38,7 @@ from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.priors import default_priors, load_priors
-from pyburgers.predictions.designs import load_design_plan
+from pyburgers.predictions.design_plans import load_design_plan
 from pyburgers.predictions.measured_attenuation import load_measured_attenuation
 from pyburgers.sampling.manifest import FitManifest, missing_chains, recorded_modes
 from pyburgers.sampling.options import SamplerOptions

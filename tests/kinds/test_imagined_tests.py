@@ -16,6 +16,7 @@ from same_contents import assert_equal
 from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.files import load_attenuation
+from pyburgers.kinds.conditions import doubts
 from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forced_oscillation.likelihood import START_MARGIN
 from pyburgers.kinds.forward import simulate, with_laws
@@ -198,6 +199,19 @@ def test_simulate_takes_a_variant(tmp_path: Path, parameters: dict[str, float]) 
     assert found["grain_size_m"].to_numpy() == pytest.approx(10e-6)
     expected = simulated(test, {**parameters, "critical_strain_grain_size": 1e9}, tmp_path)
     np.testing.assert_allclose(found["stress_Pa"], expected["stress_Pa"], rtol=1e-6)
+
+
+@pytest.mark.parametrize(("stress", "doubted"), [(3.0, 1), (8e6, 0), (3e12, 1)])
+def test_stresses_of_an_imagined_test_are_doubted_where_a_unit_may_be_wrong(
+    stress: float, doubted: int
+) -> None:
+    test = history_twin("creep", 4)
+    none = np.empty(0)
+    stages = (replace(test.stages[0], stress=stress),)
+    imagined = replace(
+        test, stages=stages, time=none, reading_stage=none.astype(np.int64), reading=none
+    )
+    assert len([one for one in doubts(imagined) if "check its unit" in one]) == doubted
 
 
 def test_a_law_whose_parameter_is_not_given_is_refused(parameters: dict[str, float]) -> None:

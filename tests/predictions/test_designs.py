@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from conftest import ICE
+from conftest import ICE, copy_of
 from scipy import stats
 
 import pyburgers
@@ -17,14 +17,16 @@ from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.prediction import Prediction
 from pyburgers.kinds.attenuation.files import load_attenuation
+from pyburgers.kinds.conditions import hours_of
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.model.priors import default_priors
+from pyburgers.predictions.design_plans import Candidate, DesignPlan
 from pyburgers.predictions.designs import (
-    Candidate,
-    DesignPlan,
+    ROUNDED_HOURS,
     _beyond,
     _largest_stress,
+    _one_after_the_other,
     design,
     expected_width,
     places_read,
@@ -102,12 +104,12 @@ def test_candidates_of_a_fit(small_fit: Fit) -> None:
     assert any("temperature 245 K" in caution for caution in found.cautions)
 
 
-def test_a_law_is_not_told_from_itself(small_fit: Fit) -> None:
-    found = design(small_fit, plan_for(small_fit), against=small_fit, draws=200)
+def test_a_law_is_not_told_from_itself(small_fit: Fit, tmp_path: Path) -> None:
+    again = copy_of(small_fit, tmp_path / "again")
+    found = design(small_fit, plan_for(small_fit), against=again, draws=200)
     assert found.table["told_apart"].to_numpy() == pytest.approx(0.5, abs=0.12)
     assert len({*found.cautions}) == len(found.cautions)
-    run = small_fit.directory.path.name
-    assert not any(caution.startswith(f"{run}: ") for caution in found.cautions)
+    assert not any(caution.startswith("again: ") for caution in found.cautions)
 
 
 def test_doubts_about_the_fit_of_the_other_law_are_said(long_fit: Fit, small_fit: Fit) -> None:
@@ -124,6 +126,39 @@ def test_designs_that_cannot_be_judged_are_refused(small_fit: Fit, separate_join
         design(separate_joint, plan)
     with pytest.raises(InputError, match="found 20, expected at least 200"):
         design(small_fit, plan, draws=20)
+    for seed in (-1, 2**31 - 6):
+        with pytest.raises(InputError, match=rf"seed is {seed}, expected .* to 2147483641"):
+            design(small_fit, plan, seed=seed)
+
+
+def test_laws_are_told_apart_by_fits_of_the_same_data(small_fit: Fit, other_fit: Fit) -> None:
+    for against, said in ((small_fit, "found the run itself"), (other_fit, "of other data than")):
+        with pytest.raises(InputError, match=said):
+            design(small_fit, plan_for(small_fit), against=against, draws=200)
+
+
+def test_a_plan_is_doubted_where_it_does_not_go_with_its_tests(small_fit: Fit) -> None:
+    plan = plan_for(small_fit)
+    test = plan.candidates["again"].experiment
+    lasts = hours_of(test)
+    again = Candidate(replace(test, stress_uncertainty=5e6), 9, hours=lasts / 2)
+    plan = replace(plan, candidates={"again": again}, most_hours=0.9 * lasts)
+    found = design(small_fit, plan, draws=200)
+    assert found.table.loc["again", "beyond_limits"] == f"longer than {0.9 * lasts:.3g} h"
+    assert found.cautions[:2] == (
+        "again: stress_uncertainty_MPa is not used, because new readings have the noise of the "
+        "fit.",
+        f"again: hours is {lasts / 2:.3g}, but the test lasts {lasts:.3g} h.",
+    )
+
+
+def test_a_further_test_widens_nothing() -> None:
+    rng = np.random.default_rng(1)
+    truth = {"beta": rng.normal(size=200)}
+    tells = truth["beta"][:, np.newaxis] + rng.normal(size=(200, 1))
+    features = {"tells": tells, "noise": rng.normal(size=(200, 12))}
+    alone, both = _one_after_the_other(truth, features, [*features], 2)["beta_width"]
+    assert both <= alone
 
 
 def test_a_single_reading_is_the_last() -> None:
@@ -186,6 +221,13 @@ def test_a_quantity_that_the_fit_has_not_read_needs_an_uncertainty_in_the_plan(
         for stated in (1e-6, 1e-2)
     ]
     assert widths[0] < 0.5 < 0.9 < widths[1]
+    weak = CREEP.replace("8e6", "8")
+    (tmp_path / "weak.toml").write_text(weak, encoding="utf-8")
+    found = design(small_fit, plan("strain_uncertainty = 1e-6", tmp_path / "weak.toml"), draws=200)
+    assert found.cautions[0] == (
+        "new: creep: a largest stress of 8 Pa is unlikely; check its unit."
+    )
+    assert not any("not used" in caution for caution in found.cautions)
     with pytest.raises(
         InputError, match=r"candidates.new: found strain_uncertainty, expected none"
     ):
@@ -196,6 +238,14 @@ def test_a_quantity_that_the_fit_has_not_read_needs_an_uncertainty_in_the_plan(
 def test_a_shipped_plan_is_read(file: str) -> None:
     plan = pyburgers.load_design_plan(PLAN.with_stem(file))
     assert len(plan.candidates) >= 6
+
+
+@pytest.mark.parametrize("file", ["ice", "olivine", "dunite"])
+def test_stated_hours_of_shipped_plans_are_no_shorter_than_the_tests(file: str) -> None:
+    for one in pyburgers.load_design_plan(PLAN.with_stem(file)).candidates.values():
+        lasts = hours_of(one.experiment)
+        assert one.hours is not None
+        assert 0 < ROUNDED_HOURS * lasts <= one.hours
 
 
 def test_limits_are_read() -> None:

@@ -207,7 +207,7 @@ def test_stresses_of_an_imagined_test_are_doubted_where_a_unit_may_be_wrong(
 ) -> None:
     test = history_twin("creep", 4)
     none = np.empty(0)
-    stages = (replace(test.stages[0], stress=stress),)
+    stages = (replace(test.stages[0], value=stress),)
     imagined = replace(
         test, stages=stages, time=none, reading_stage=none.astype(np.int64), reading=none
     )

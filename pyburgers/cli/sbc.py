@@ -137,16 +137,12 @@ def run(options: argparse.Namespace) -> int:
 def _require_nothing_to_fit(options: argparse.Namespace) -> None:
     """Refuse what would say which fits to make where none is made."""
     require_no_worker_options(options, f"{RESULTS_OF}, which fits nothing")
-    given = {
-        "TEMPLATE.toml": options.experiments,
-        **{
-            f"--{name.replace('_', '-')}": getattr(options, name)
-            for name in ("pool", "variant", "priors", "stress_range", "strain_range")
-        },
-    }
-    for name, value in given.items():
-        if value:
-            raise InputError(f"{name}: expected none beside {RESULTS_OF}, which fits nothing.")
+    command = argparse.ArgumentParser()  # of which each option has its default
+    add_options(command)
+    for name, default in vars(command.parse_args([])).items():
+        if name not in ("results_of", "out") and getattr(options, name) != default:
+            option = "TEMPLATE.toml" if name == "experiments" else f"--{name.replace('_', '-')}"
+            raise InputError(f"{option}: expected none beside {RESULTS_OF}, which fits nothing.")
 
 
 def _in_si(given: Sequence[float] | None, unit: float) -> Range | None:

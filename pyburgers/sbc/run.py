@@ -23,6 +23,7 @@ from pyburgers.common.errors import InputError, SystemFailureError
 from pyburgers.common.locks import process_lock
 from pyburgers.common.tasks import ALL_HERE, Workers, run_tasks
 from pyburgers.common.toml_files import Table, read_json_table
+from pyburgers.common.units import UNITS
 from pyburgers.fitting.problem_run import (
     input_texts,
     problem_record,
@@ -79,15 +80,15 @@ class CalibrationPlan(DataSetPlan):
         ):
             if not least <= value <= most:
                 raise InputError(f"{name} is {value}, expected a number from {least} to {most}.")
-        for name, limits, unit in (
-            ("stress_range", self.stress_range, " Pa"),
-            ("strain_range", self.strain_range, ""),
+        for name, limits, factor, unit in (
+            ("stress_range", self.stress_range, UNITS["stress"]["MPa"], "MPa"),
+            ("strain_range", self.strain_range, UNITS["strain"]["percent"], "%"),
         ):
             low, high = limits or (0.0, math.inf)
             if not 0 <= low < high:
                 raise InputError(
-                    f"{name} is {low:g} to {high:g}{unit}, expected two numbers of which the "
-                    "second is larger."
+                    f"{name} is {low / factor:g} to {high / factor:g} {unit}, expected two "
+                    "numbers, not negative, of which the second is larger."
                 )
 
     @property

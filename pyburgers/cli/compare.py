@@ -35,6 +35,7 @@ from pyburgers.comparison.same_data import origins
 from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit
 from pyburgers.page.names import names_of_runs
+from pyburgers.sampling.run_directory import RunDirectory
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -73,6 +74,10 @@ def run(options: argparse.Namespace) -> int:
         )
     if not by_test:
         require_no_worker_options(options, "--leave-out points, which hands no fits out")
+    if RunDirectory(options.out).manifest_file.exists():
+        raise InputError(
+            f"--out {options.out}: holds the manifest.json of a run, expected another folder."
+        )
     directories: list[Path] = options.directories
     fits = {
         name: Fit.load(directory)

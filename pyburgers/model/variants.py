@@ -447,7 +447,7 @@ _CHANGES: Mapping[str, Callable[[PriorSet, Test, str], PriorSet]] = MappingProxy
 def _largest_stress(experiment: Test) -> float:
     if experiment.n_points == 0:
         raise InputError(
-            f"{experiment.id}: the experiment has no data, expected some because the variant is "
-            "set up at the largest stress."
+            f"{experiment.id}: the experiment has no data, at whose largest stress a new law is "
+            "set up, expected some, or values of the law's own parameters among the given ones."
         )
     return experiment.largest_stress

@@ -108,8 +108,8 @@ def design(
     Raises
     ------
     InputError
-        If a parameter is fixed or not shared by the tests, draws are too few, new readings have no
-        noise, or `against` is the same fit or one of other data.
+        If a parameter is fixed or not shared by the tests, draws are too few, or new readings
+        have no noise. Likewise if `against` is the same fit or one of other data.
 
     Examples
     --------

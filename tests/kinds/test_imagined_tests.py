@@ -9,6 +9,7 @@ import numpy as np
 import oracle
 import pandas as pd
 import pytest
+from conftest import ICE
 from history_twins import BACKSTRESS, THIRD, TRUTH, history_twin
 from refusals import written
 from same_contents import assert_equal
@@ -218,6 +219,17 @@ def test_a_law_whose_parameter_is_not_given_is_refused(parameters: dict[str, flo
     twin = load_experiment(TWIN)
     with pytest.raises(InputError, match=r"kelvin=power_law: .* kelvin_stress_exponent"):
         with_laws(twin, parameters, {"kelvin": "power_law"})
+
+
+@pytest.mark.parametrize(
+    ("part", "law"), [("kelvin", "power_law"), ("third_mechanism", "power_law")]
+)
+def test_a_law_whose_parameter_is_not_given_to_an_imagined_test_is_refused(
+    part: str, law: str
+) -> None:
+    imagined = load_experiment(ICE.parent / "designs" / "dunite_creep.toml")
+    with pytest.raises(InputError, match=r"or values of the law's own parameters among"):
+        with_laws(imagined, TRUTH, {part: law})
 
 
 @pytest.mark.parametrize(

@@ -139,7 +139,7 @@ def test_laws_are_told_apart_by_fits_of_the_same_data(small_fit: Fit, other_fit:
 
 def test_a_plan_is_doubted_where_it_does_not_go_with_its_tests(small_fit: Fit) -> None:
     plan = plan_for(small_fit)
-    test = plan.candidates["again"].experiment
+    test = of_kind(plan.candidates["again"].experiment, ConstantRateExperiment)
     lasts = hours_of(test)
     again = Candidate(replace(test, stress_uncertainty=5e6), 9, hours=lasts / 2)
     plan = replace(plan, candidates={"again": again}, most_hours=0.9 * lasts)

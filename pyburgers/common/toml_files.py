@@ -181,7 +181,9 @@ def _known(unit: str, units: Mapping[str, T], quantity: str, where: str) -> T:
 
 
 def write_toml(path: Path, table: Mapping[str, Any]) -> None:
-    """Write a file of `toml_text`."""
+    """Write a file of `toml_text`; raise InputError if there is no folder for it."""
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: found no folder {path.parent}, expected that of the file.")
     write_text(path, toml_text(table))
 
 

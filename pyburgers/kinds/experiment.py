@@ -356,13 +356,7 @@ class Experiment(ABC):
         return MappingProxyType({})
 
     def without_part(self, name: str) -> Self:
-        """Return the test without one of its `parts`.
-
-        Raises
-        ------
-        InputError
-            If it has no such part.
-        """
+        """Return the test without one of its `parts`; raise InputError if it has no such part."""
         raise InputError(f"{self.id}: has no part {name!r}, {nearest(name, self.parts)}")
 
     @abstractmethod
@@ -431,10 +425,7 @@ class Experiment(ABC):
         >>> pyburgers.load_experiment("mine.toml").n_points == test.n_points
         True
         """
-        path = given_path(path)
-        if not path.parent.is_dir():
-            raise InputError(f"{path}: found no folder {path.parent}, expected that of the file.")
-        write_toml(path, self.tables())
+        write_toml(given_path(path), self.tables())
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the readings of the test.
@@ -461,8 +452,8 @@ class Experiment(ABC):
         grains = f"{self.initial_grain_size * 1e6:.4g} um"
         head = f"{self.material}, {self.temperature_text}, {grains}, {readings}"
         doubts = import_module("pyburgers.kinds.conditions").doubts(self)
-        own = (sentence.removeprefix(f"{self.id}: ") for sentence in doubts)
-        notes = (f"note: {sentence}" for sentence in (*self.notices, *own))
+        told = (*self.notices, *(one.removeprefix(f"{self.id}: ") for one in doubts))
+        notes = (f"note: {sentence}" for sentence in told)
         return "\n".join([f"<test {self.id} ({self.protocol}): {head}>", *notes])
 
 

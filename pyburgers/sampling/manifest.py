@@ -1,10 +1,12 @@
 """What the manifest of a run holds, checked on reading: users may have touched it."""
 
+import json
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import ConfigDict, Field
 
+from pyburgers.common.atomic_files import sha256_of_json
 from pyburgers.common.toml_files import Table
 from pyburgers.sampling.options import options_table
 
@@ -181,3 +183,10 @@ def _stopped(chain: int) -> ChainFailure:
         reason=f"Chain {chain} has not run to its end because the run was stopped; run the same "
         "command again: it runs only the missing chains.",
     )
+
+
+def sealed(manifest: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a manifest with its format, and its seal: the hash of all else as it is read back."""
+    content = {**manifest, FORMAT: SEALED_FORMAT}
+    content.pop(SEAL, None)
+    return {**content, SEAL: sha256_of_json(json.loads(json.dumps(content)))}

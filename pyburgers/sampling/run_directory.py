@@ -7,7 +7,6 @@ that a run notes, and the seal of its manifest, tell what was changed since by h
 not what a forger changed who mends every hash.
 """
 
-import json
 import re
 import shutil
 import uuid
@@ -23,14 +22,13 @@ from pyburgers.common.atomic_files import (
     flush_to_disk,
     is_unfinished,
     sha256_of_file,
-    sha256_of_json,
     write_json,
 )
 from pyburgers.common.errors import InputError, StructureError
 from pyburgers.common.locks import process_lock
 from pyburgers.common.scratch import scratch_folder
 from pyburgers.common.toml_files import TableT, checked, read_json, read_json_table
-from pyburgers.sampling.manifest import FORMAT, SEAL, SEALED_FORMAT, ChainRecord, RecordedHashes
+from pyburgers.sampling.manifest import FORMAT, SEAL, ChainRecord, RecordedHashes, sealed
 
 PATIENCE = 120.0
 """How long a process that shares a directory waits for the others (s)."""
@@ -445,10 +443,3 @@ class RunDirectory:
 def _hash_of_file(file: Path, hash_of: Callable[[Path], str]) -> str | None:
     """Return the hash of a file, None where there is none."""
     return hash_of(file) if file.is_file() else None
-
-
-def sealed(manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a manifest with its format, and its seal: the hash of all else as it is read back."""
-    content = {**manifest, FORMAT: SEALED_FORMAT}
-    content.pop(SEAL, None)
-    return {**content, SEAL: sha256_of_json(json.loads(json.dumps(content)))}

@@ -40,9 +40,9 @@ from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.priors import default_priors, load_priors
 from pyburgers.predictions.design_plans import load_design_plan
 from pyburgers.predictions.measured_attenuation import load_measured_attenuation
-from pyburgers.sampling.manifest import FitManifest, missing_chains, recorded_modes
+from pyburgers.sampling.manifest import FitManifest, missing_chains, recorded_modes, sealed
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.run_directory import RunDirectory, sealed
+from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sbc.replication import read_replication_table
 
 DATA = Path(__file__).parents[2] / "data"

@@ -235,7 +235,7 @@ def test_a_part_of_a_joint_fit_has_no_marginal_likelihood(shared: Fit, creep: Ra
         with pytest.raises(InputError, match=r"says of other, expected the whole joint fit\.$"):
             refused(shared["other"])
     with pytest.raises(InputError, match=r"^fit: found RateFit, expected a fit, as of"):
-        log_marginal_likelihood(creep)  # type: ignore[arg-type]
+        log_marginal_likelihood(creep)  # type: ignore[arg-type]  # as untyped scripts may
 
 
 @pytest.mark.slow

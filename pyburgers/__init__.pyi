@@ -81,7 +81,6 @@ from .page.posterior_figures import page_figure as page_figure
 from .page.rate_section import rate_section as rate_section
 from .predictions.attenuation import attenuation_spectrum as attenuation_spectrum
 from .predictions.attenuation import predict_attenuation as predict_attenuation
-from .predictions.closed_forms import flow_rate as flow_rate
 from .predictions.collection import FittedRock as FittedRock
 from .predictions.collection import collection as collection
 from .predictions.collection import collection_names as collection_names
@@ -98,6 +97,7 @@ from .predictions.other_tests import score_sentence as score_sentence
 from .predictions.other_tests import score_table as score_table
 from .predictions.other_tests import surprise_sentence as surprise_sentence
 from .predictions.stress_cycles import Regime as Regime
+from .predictions.stress_cycles import flow_rate as flow_rate
 from .sampling.options import SamplerOptions as SamplerOptions
 
 __all__: list[str]

@@ -21,7 +21,7 @@ import xarray as xr
 from scipy.optimize import bisect
 
 from pyburgers.checks.fit_checks import CheckedDraws, Finding, Outcome
-from pyburgers.checks.refits import refitted_means, refitted_residuals, scale_of
+from pyburgers.checks.refits import Tail, refitted_means, refitted_residuals, scale_of
 from pyburgers.checks.residual_numbers import (
     TINY,
     autocorrelation,
@@ -32,7 +32,6 @@ from pyburgers.checks.residual_numbers import (
     segment_parts,
     signed_ranks,
 )
-from pyburgers.checks.tails import Tail
 from pyburgers.common.array_types import IntArray
 from pyburgers.common.draws import TAIL, FloatArray, all_draws
 from pyburgers.common.units import span_text

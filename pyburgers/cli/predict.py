@@ -22,11 +22,12 @@ from pyburgers.predictions.assumptions import (
 )
 from pyburgers.predictions.attenuation import (
     DEFAULT_FREQUENCIES,
+    overview_table,
     predict_attenuation,
+    quantile_table,
     save_spectrum,
 )
 from pyburgers.predictions.attenuation_figures import attenuation
-from pyburgers.predictions.attenuation_tables import overview_table, quantile_table
 from pyburgers.predictions.evolving import (
     EVOLVING_FREQUENCIES,
     evolving_attenuation,

@@ -40,13 +40,13 @@ from pyburgers.model.priors import PriorSet, load_priors, note_other_material
 from pyburgers.model.unlikely_numbers import unlikely_priors
 from pyburgers.model.variants import ModelVariant
 from pyburgers.posterior.build import build_posterior
+from pyburgers.posterior.groups import load_posterior
 from pyburgers.posterior.labelled_draws import (
     draws_table,
     groups_of_tests,
     own_name,
     summary_table,
 )
-from pyburgers.posterior.posterior_file import load_posterior
 from pyburgers.sampling.manifest import FitManifest
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run import require_extendable

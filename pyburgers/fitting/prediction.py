@@ -1,6 +1,9 @@
-"""What draws of a fit say of another test: its response, solved for every draw."""
+"""What draws of a fit say of another test: its response, solved for every draw.
 
-from collections.abc import Mapping
+The discrepancy of a law in a test that was not fitted is the same share of the response.
+"""
+
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from numbers import Integral
 
@@ -10,9 +13,8 @@ import xarray as xr
 
 from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.cmdstan.program import load_program
-from pyburgers.common.draws import FloatArray
+from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.errors import InputError, SamplingError, require_type
-from pyburgers.fitting.carried_discrepancy import carry_discrepancy, discrepancy_sentences
 from pyburgers.fitting.new_test import (
     Source,
     add_condition_errors,
@@ -27,15 +29,117 @@ from pyburgers.fitting.new_test import (
 from pyburgers.kinds.conditions import beyond_sentences, conditions_of, longer_than_cycles
 from pyburgers.kinds.experiment import A_TEST, Experiment
 from pyburgers.kinds.likelihood import likelihood_of
-from pyburgers.kinds.problem import one_test
-from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.problem import Problem, one_test
+from pyburgers.kinds.program_data import program_data, solve
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER
 from pyburgers.model.hardening import extension_sentences
 from pyburgers.model.laws import DISLOCATIONS_SWITCH
-from pyburgers.model.parameters import PROGRAM_PARAMETERS
+from pyburgers.model.parameters import PROGRAM_PARAMETERS, STANDARD_VALUES
 from pyburgers.model.priors import PriorSet
+from pyburgers.model.read_quantities import BY_NOISE
 from pyburgers.posterior.groups import drawn_at_points, grid_group, groups_at_points
 from pyburgers.posterior.labelled_draws import label_draws
+
+NONE_HERE = " have none here, and their bands are too narrow."
+
+
+def carry_discrepancy(
+    values: Mapping[str, FloatArray], fitted: Problem, experiment: Experiment
+) -> tuple[dict[str, FloatArray], list[str]]:
+    """Return values with the discrepancy of a new test over its reading errors, and notes.
+
+    A discrepancy stays the same share of the response, and correlates over the same share of the
+    test. It is carried over only to quantities that the fit reads, because the misfit of another
+    one depends on the law. It is a multiple of all noises, so others must have none. `values`
+    (n_draws,): parameters by name (SI), the discrepancy as `draw_values` has it.
+    """
+    found = dict(values)
+    if not values.get("discrepancy", np.zeros(1)).any():
+        return found, []
+    likelihood, first = likelihood_of(experiment), fitted.experiments[0]
+    here, there = experiment.residual_correlation, first.residual_correlation
+    known = _known_noises(fitted)
+    unknown = [name for name in experiment.noises if name not in known]
+    takes_one = "discrepancy" in experiment.laws.get("residuals", ("discrepancy",))
+    alone = (
+        "The fit knows the discrepancy of its law in readings of "
+        f"{_names_of(known)} alone: new readings"
+    )
+    stays_apart = len(unknown) < len(experiment.noises) and all(
+        experiment.noises[name] is None for name in unknown
+    )
+    if not (takes_one and stays_apart):
+        found |= {
+            name: np.full_like(values["discrepancy"], STANDARD_VALUES[name])
+            for name in ("discrepancy", here)
+        }
+        why = (
+            alone
+            if takes_one
+            else f"Tests of the protocol {experiment.protocol} take no discrepancy of the law: "
+            "new readings"
+        )
+        return found, [f"{why}{NONE_HERE}"]
+    at = np.unique(experiment.position) if experiment.n_points else likelihood.grid(experiment)
+    mean = {name: float(own.mean()) for name, own in values.items()}
+    solution = solve(experiment, {**mean, "discrepancy": 0.0}, at, solver=REFERENCE_SOLVER)
+    squares = [
+        (solution[f"grid_{one.name}"][places] / values[one.noise][:, np.newaxis]) ** 2
+        for one, places in zip(likelihood.read, likelihood.is_read(experiment, at), strict=True)
+        if places.any() and one.noise in known
+    ]
+    found["discrepancy"] = values["discrepancy"] * np.sqrt(
+        np.mean(np.concatenate(squares, axis=1), axis=1)
+    )
+    if here != there:
+        spans = [one.span[1] - one.span[0] for one in (experiment, first)]
+        found[here] = values[there] * (spans[0] / spans[1])
+        found[there] = np.full_like(values[there], STANDARD_VALUES[there])
+    return found, [f"{alone} of {_names_of(unknown)}{NONE_HERE}"] if unknown else []
+
+
+def _known_noises(fitted: Problem) -> set[str]:
+    """Return the noises of what a fit reads."""
+    return {name for test in fitted.experiments for name in test.noises}
+
+
+def _names_of(noises: Collection[str]) -> str:
+    return " and ".join(sorted(BY_NOISE[name].name for name in noises))
+
+
+def discrepancy_sentences(
+    experiment: Experiment,
+    values: Mapping[str, FloatArray],
+    fitted: Problem,
+    predictions: xr.Dataset,
+) -> list[str]:
+    """Say how much of the variance of new readings the discrepancy makes, for each quantity read.
+
+    `values` (n_draws,): parameters by name (SI), those of the draws with a solution.
+    """
+    discrepancy = values.get("discrepancy", np.zeros(1))
+    if not discrepancy.any():
+        return []
+    likelihood, known = likelihood_of(experiment), _known_noises(fitted)
+    at = predictions[likelihood.clock.name].to_numpy()
+    said = []
+    for one, places in zip(likelihood.read, likelihood.is_read(experiment, at), strict=True):
+        if places.any() and one.noise in known:
+            solved = all_draws(predictions[one.name]).astype(np.float64)[:, places]
+            noise = values[one.noise]
+            parts = np.array(
+                [np.mean((discrepancy * noise) ** 2), solved.var(axis=0).mean(), np.mean(noise**2)]
+            )
+            shares = 100 * parts / parts.sum()
+            size, whole = np.sqrt([parts[0], np.mean(solved**2)])
+            said.append(
+                f"The discrepancy of the law is carried over as a share of the {one.name}, "
+                f"{100 * size / whole:.2g} %: {size * one.display_factor:.3g} {one.display_unit}. "
+                f"It makes {shares[0]:.0f} % of the variance of new readings along the test, "
+                f"parameters make {shares[1]:.0f} %, reading errors {shares[2]:.0f} %; bands of "
+                "the solution hold parameters alone."
+            )
+    return said
 
 
 @dataclass(frozen=True, eq=False, repr=False)

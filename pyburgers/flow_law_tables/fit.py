@@ -29,8 +29,8 @@ from pyburgers.flow_law_tables.table_files import load_rate_table
 from pyburgers.flow_law_tables.tables import RateTable
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.model.priors import FLOW_LAW
+from pyburgers.posterior.groups import load_posterior
 from pyburgers.posterior.labelled_draws import own_name, summary_table
-from pyburgers.posterior.posterior_file import load_posterior
 from pyburgers.sampling.manifest import RunManifest
 from pyburgers.sampling.run_directory import RunDirectory
 

@@ -13,8 +13,7 @@ from pyburgers.predictions.assumptions import (
     frozen_sentence,
     pale_sentence,
 )
-from pyburgers.predictions.attenuation import predict_attenuation
-from pyburgers.predictions.attenuation_tables import overview_table, quantile_table
+from pyburgers.predictions.attenuation import overview_table, predict_attenuation, quantile_table
 from pyburgers.predictions.evolving import (
     evolving_attenuation,
     evolving_overview,

@@ -17,7 +17,6 @@ from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.errors import InputError, require_type
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import read_json
-from pyburgers.drawing.inline_svg import dark_colours
 from pyburgers.drawing.page_parts import PageSection
 from pyburgers.drawing.view import view_of
 from pyburgers.fitting.fit import Fit
@@ -30,9 +29,15 @@ from pyburgers.page import tables
 from pyburgers.page.comparison_sections import comparison_sections
 from pyburgers.page.fit_sections import SameData, Section, by_data, write_section
 from pyburgers.page.glossary import with_definitions
-from pyburgers.page.illustrations import Illustration, Picture, illustrate, write_figures
+from pyburgers.page.illustrations import (
+    Illustration,
+    Picture,
+    dark_colours,
+    illustrate,
+    write_figures,
+)
 from pyburgers.page.joint_section import joint_sections
-from pyburgers.page.methods import bibtex
+from pyburgers.page.methods import REPORT_KIND, bibtex, report_manifest, runs_table
 from pyburgers.page.names import file_key, in_words, joint_key, page_keys, page_names
 from pyburgers.page.overview import (
     ANSWER_COLUMNS,
@@ -46,7 +51,6 @@ from pyburgers.page.overview import (
     remedies,
 )
 from pyburgers.page.rate_section import rate_section
-from pyburgers.page.run_records import REPORT_KIND, report_manifest, runs_table
 
 logger = logging.getLogger(__name__)
 

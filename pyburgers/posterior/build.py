@@ -27,6 +27,7 @@ from pyburgers.posterior.groups import (
     drawn_at_points,
     grid_group,
     groups_at_points,
+    keep_posterior,
     microstructure_group,
     microstructure_of_test,
     point_groups,
@@ -39,7 +40,6 @@ from pyburgers.posterior.labelled_draws import (
     own_name,
     sample_stats,
 )
-from pyburgers.posterior.posterior_file import keep_posterior
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)

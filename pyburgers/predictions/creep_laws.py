@@ -24,9 +24,8 @@ from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
 from pyburgers.model.environment import environment_law
 from pyburgers.model.laws import DASHPOT_LAWS
 from pyburgers.model.priors import FLOW_LAW
-from pyburgers.predictions.closed_forms import flow_rate
 from pyburgers.predictions.material import Material, fitted_material
-from pyburgers.predictions.stress_cycles import Regime, check_state
+from pyburgers.predictions.stress_cycles import Regime, check_state, flow_rate
 
 RATE_INVARIANT = float(np.sqrt(3)) / 2
 """Second invariant of the rate of axial compression, over that rate."""

@@ -30,7 +30,6 @@ from pyburgers.kinds.stan_data import SolverOptions, solver_block
 from pyburgers.model.closed_forms import closed_forms, parameter_columns, require_standard
 from pyburgers.model.laws import SPECTRUM_SWITCHES
 from pyburgers.predictions.attenuation import attenuation_spectrum, condition_columns, flat_draws
-from pyburgers.predictions.closed_forms import cycles_data
 from pyburgers.predictions.material import Material
 from pyburgers.predictions.stress_cycles import (
     EVOLUTION,
@@ -40,6 +39,7 @@ from pyburgers.predictions.stress_cycles import (
     Regime,
     checked_frequencies,
     checked_hold_time,
+    cycles_data,
 )
 
 EVOLVING_FREQUENCIES = (1e-4, 1e-3, 1e-2)

@@ -20,12 +20,13 @@ from pyburgers.flow_law_tables.laws import ENHANCEMENTS
 from pyburgers.kinds.conditions import ENVIRONMENT_WORDS, Ranges, doubtful_conditions
 from pyburgers.model.display import shown_quantity
 from pyburgers.model.priors import FLOW_LAW
-from pyburgers.predictions.compliance_formats import (
+from pyburgers.predictions.code_formats import (
     COMPLIANCE_FORMATS,
+    CREEP_FORMATS,
     ComplianceFormat,
+    CreepFormat,
     shear_compliances,
 )
-from pyburgers.predictions.creep_formats import CREEP_FORMATS, CreepFormat
 from pyburgers.predictions.creep_laws import Stated, creep_laws, rate_factors
 from pyburgers.predictions.exported import (
     LOG_FACTOR,

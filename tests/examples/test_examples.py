@@ -17,8 +17,7 @@ from matplotlib import pyplot as plt
 
 import pyburgers
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.predictions.attenuation import predict_attenuation
-from pyburgers.predictions.attenuation_tables import quantile_table
+from pyburgers.predictions.attenuation import predict_attenuation, quantile_table
 from pyburgers.predictions.stress_cycles import Regime
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

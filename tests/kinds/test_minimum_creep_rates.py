@@ -10,7 +10,7 @@ import xarray as xr
 from conftest import DUNITE
 from history_twins import history_twin
 
-from pyburgers.drawing.views.minimum_rates import minimum_rate_table, minimum_rates
+from pyburgers.drawing.views.creep import minimum_rate_table, minimum_rates
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment, creep_intervals
 from pyburgers.kinds.loading_history.files import load_loading_history
 from pyburgers.kinds.loading_history.likelihood import LIKELIHOOD

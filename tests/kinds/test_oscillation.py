@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pytest
 
 from pyburgers.common.errors import InputError
-from pyburgers.drawing.views.oscillation_preparation import preparation
+from pyburgers.drawing.views.forced_oscillation import preparation
 from pyburgers.kinds.forced_oscillation.preparation import (
     Background,
     OscillationRecord,

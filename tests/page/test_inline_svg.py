@@ -11,9 +11,9 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread as read_png
 
-from pyburgers.drawing.inline_svg import InlineSvg, dark_colours, inline_svg
 from pyburgers.drawing.style import BLUE, image
 from pyburgers.page import page
+from pyburgers.page.illustrations import InlineSvg, dark_colours, inline_svg
 
 CSS = Path(page.__file__).parent.parent / "templates" / "report.css"
 

@@ -12,7 +12,7 @@ from history_twins import TRUTH, history_twin
 from matplotlib.container import ErrorbarContainer
 
 from pyburgers.drawing.view import views
-from pyburgers.drawing.views.isochronous import isochronous, isochronous_figure
+from pyburgers.drawing.views.creep import isochronous, isochronous_figure
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.kinds.kind import FittedTest

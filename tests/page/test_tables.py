@@ -15,7 +15,7 @@ from pyburgers.model.prior_families import Prior
 from pyburgers.model.variants import with_variant
 from pyburgers.page import tables
 from pyburgers.page.glossary import with_definitions
-from pyburgers.page.run_records import runs_table
+from pyburgers.page.methods import runs_table
 
 
 @pytest.fixture(scope="module")

@@ -17,12 +17,12 @@ from synthetic_fit import make_fit
 from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.cmdstan.program import Program, Unsolved
 from pyburgers.posterior.build import driving_errors, reference_solution
+from pyburgers.posterior.groups import keep_posterior, load_posterior
 from pyburgers.posterior.labelled_draws import (
     pareto_k,
     relative_efficiency,
     smooth_weights,
 )
-from pyburgers.posterior.posterior_file import keep_posterior, load_posterior
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -122,7 +122,7 @@ KEEPING = """
 import resource, sys
 from pathlib import Path
 from synthetic_fit import make_fit
-from pyburgers.posterior.posterior_file import keep_posterior
+from pyburgers.posterior.groups import keep_posterior
 
 fit = make_fit(Path(sys.argv[1]), draws=50)
 groups = {name: group.to_dataset() for name, group in fit.posterior.children.items()}

@@ -29,8 +29,12 @@ from pyburgers.predictions.assumptions import (
     pale_sentence,
     probability,
 )
-from pyburgers.predictions.attenuation import attenuation_spectrum, predict_attenuation
-from pyburgers.predictions.attenuation_tables import overview_table, quantile_table
+from pyburgers.predictions.attenuation import (
+    attenuation_spectrum,
+    overview_table,
+    predict_attenuation,
+    quantile_table,
+)
 from pyburgers.predictions.stress_cycles import EVOLUTION, PAPER_REGIMES, Regime
 
 PIEZOMETER = {

@@ -21,15 +21,16 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.predictions.attenuation import (
     DEFAULT_FREQUENCIES,
     attenuation_spectrum,
+    overview_table,
     predict_attenuation,
+    quantile_table,
     save_spectrum,
 )
-from pyburgers.predictions.attenuation_tables import overview_table, quantile_table
-from pyburgers.predictions.closed_forms import flow_rate
 from pyburgers.predictions.stress_cycles import (
     PAPER_REGIMES,
     PARAMETER_NAMES,
     Regime,
+    flow_rate,
     regimes_named,
 )
 

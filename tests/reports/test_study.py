@@ -59,8 +59,7 @@ from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.problem import Problem
 from pyburgers.page.page import write_report
-from pyburgers.predictions.attenuation import predict_attenuation
-from pyburgers.predictions.attenuation_tables import quantile_table
+from pyburgers.predictions.attenuation import predict_attenuation, quantile_table
 from pyburgers.predictions.evolving import evolving_attenuation
 from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
 from pyburgers.predictions.stress_cycles import PAPER_REGIMES

@@ -11,8 +11,6 @@ from matplotlib.figure import Figure
 
 from pyburgers.common.array_types import IntArray
 from pyburgers.common.draws import FloatArray
-from pyburgers.drawing.fitted import curve_of, positions, predicted, reading_errors
-from pyburgers.drawing.fitted import residuals as residuals_of
 from pyburgers.drawing.page_parts import PageTable, recipe, text_table
 from pyburgers.drawing.panels import (
     HALF_WIDTH,
@@ -24,7 +22,8 @@ from pyburgers.drawing.panels import (
     figure_of,
 )
 from pyburgers.drawing.style import BLACK, BLUE, VERMILION
-from pyburgers.drawing.view import View
+from pyburgers.drawing.view import View, curve_of, positions, predicted, reading_errors
+from pyburgers.drawing.view import residuals as residuals_of
 from pyburgers.drawing.views.relaxation_spectrum import is_endless, relaxation_spectrum
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment, range_text
 from pyburgers.kinds.attenuation.table import ATTENUATION, MODULUS

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from pyburgers.drawing.fitted import curve_of, positions
 from pyburgers.drawing.page_parts import recipe
 from pyburgers.drawing.panels import (
     STRAIN_LABEL,
@@ -15,7 +14,7 @@ from pyburgers.drawing.panels import (
     curve_result,
     curve_with_residuals,
 )
-from pyburgers.drawing.view import View, marks_text
+from pyburgers.drawing.view import View, curve_of, marks_text, positions
 from pyburgers.drawing.views.softening import (
     Along,
     evolves,

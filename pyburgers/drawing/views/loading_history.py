@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pyburgers.common.draws import FloatArray, central_band
-from pyburgers.drawing.fitted import curve_of, positions, predicted
 from pyburgers.drawing.page_parts import recipe
 from pyburgers.drawing.panels import (
     LINES_AND_AREAS,
@@ -28,9 +27,8 @@ from pyburgers.drawing.panels import (
     legend_above,
 )
 from pyburgers.drawing.style import BLUE, GREY, ORANGE, PURPLE, VERMILION
-from pyburgers.drawing.view import View
-from pyburgers.drawing.views.isochronous import isochronous_figure
-from pyburgers.drawing.views.minimum_rates import minimum_rate_table
+from pyburgers.drawing.view import View, curve_of, positions, predicted
+from pyburgers.drawing.views.creep import isochronous_figure, minimum_rate_table
 from pyburgers.drawing.views.softening import (
     Along,
     evolves,

@@ -10,9 +10,9 @@ from markupsafe import Markup
 
 from pyburgers.common.draws import FloatArray, all_draws, central_band
 from pyburgers.common.units import rounded
-from pyburgers.drawing.fitted import predicted
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.drawing.panels import band_text
+from pyburgers.drawing.view import predicted
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.forced_oscillation.harmonics import fundamentals

@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 
 from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.units import with_error
-from pyburgers.drawing.fitted import predicted
 from pyburgers.drawing.panels import (
     LINES_AND_AREAS,
     band_text,
@@ -19,6 +18,7 @@ from pyburgers.drawing.panels import (
     figure_of,
 )
 from pyburgers.drawing.style import BLACK, BLUE, GREEN, SKY_BLUE, VERMILION
+from pyburgers.drawing.view import predicted
 from pyburgers.kinds.experiment import Experiment, MeasuredMicrostructure
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT

@@ -44,13 +44,15 @@ LEAST_LENGTHENING = 0.5
 """Share of the draws of a chain by which it is lengthened at least."""
 
 
-def sample_until_good(sample: Callable[[int | None], FitT], options: SamplerOptions) -> FitT:
+def sample_until_good(
+    sample: Callable[[int | None], FitT], options: SamplerOptions, more_draws: int | None
+) -> FitT:
     """Sample until more of the same would not help, or would take too long; return the last fit.
 
     `sample` runs the chains that the run directory lacks, adds draws to each chain if it is given
-    a number, and loads the fit.
+    a number, first `more_draws`, and loads the fit.
     """
-    result = sample(None)
+    result = sample(more_draws)
     while True:
         if put_aside_where_few_diverged(result):
             result = sample(None)

@@ -475,10 +475,8 @@ def fit_problem(
 
     settings = options or SamplerOptions()
     require_type("options", settings, SamplerOptions, "options, as of pyburgers.SamplerOptions")
-    asked = more_draws
 
     def sample(more: int | None) -> Fit:
-        nonlocal asked
         while True:
             run_chains(
                 problem,
@@ -487,14 +485,14 @@ def fit_problem(
                 solver=solver or problem.likelihood.solver,
                 use_likelihood=use_likelihood,
                 command=command,
-                more_draws=more or asked,
+                more_draws=more,
                 overwrite=overwrite,
             )
-            more = asked = None  # chains that are run again get the same number
+            more = None  # chains that are run again get the same number
             result = Fit.load(run.path)
             if not put_aside_where_tolerance_matters(result):
                 return result
 
-    result = sample_until_good(sample, settings)
+    result = sample_until_good(sample, settings, more_draws)
     write_tables(result)
     return replace(result, manifest=run.read_manifest())

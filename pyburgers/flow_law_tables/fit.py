@@ -21,7 +21,12 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit, data_words
 from pyburgers.flow_law_tables.description import LEAST_VALUES, MAY_BE_FEW, RATE_CHECKS
 from pyburgers.flow_law_tables.laws import RateLaw, load_rate_law
-from pyburgers.flow_law_tables.mechanism_maps import MechanismMap, local_power_law, mechanism_map
+from pyburgers.flow_law_tables.mechanism_maps import (
+    NEAR_KELVIN,
+    MechanismMap,
+    solve_under,
+    within_factor,
+)
 from pyburgers.flow_law_tables.posterior import build_posterior
 from pyburgers.flow_law_tables.program_data import law_for
 from pyburgers.flow_law_tables.softening import SofteningPrior
@@ -144,8 +149,16 @@ class RateFit(SampledFit):
         """
         given = (np.asarray(one, dtype=np.float64) for one in (temperature, stress, grain_size))
         warmth, load, size = (np.atleast_1d(one) for one in np.broadcast_arrays(*given))
-        return local_power_law(
-            self.law, self.posterior, self.used, warmth, load, size, environment=environment
+        at = {"temperature": warmth, "stress": load, "grain_size": size}
+        found = solve_under(
+            self.law, self.posterior, self.used, environment, **at, keeps_draws=True
+        )
+        return xr.Dataset(
+            {
+                "log_strain_rate": (("draw", "condition"), found["log_rate"]),
+                "stress_exponent": (("draw", "condition"), found["stress_exponent"]),
+            },
+            {name: ("condition", values) for name, values in at.items()},
         )
 
     def mechanism_map(
@@ -187,14 +200,51 @@ class RateFit(SampledFit):
         >>> found.probability.shape[1]
         2
         """
-        return mechanism_map(
+        used = self.used
+        if temperature is None:
+            low, high = used.temperature.min() - 30.0, used.temperature.max()
+            temperature = np.linspace(low, high, 45) if np.ndim(grain_size or 0) == 0 else high
+        if stress is None:
+            stress = np.geomspace(used.stress.min() / 100.0, used.stress.max(), 45)
+        if grain_size is None:
+            mean = used.mean_conditions.grain_size
+            grain_size = self.law.reference.grain_size if np.isnan(mean) else mean
+        warmth, size, load = (
+            np.atleast_1d(np.asarray(one, dtype=np.float64))
+            for one in (temperature, grain_size, stress)
+        )
+        if warmth.size > 1 and size.size > 1:
+            raise InputError(
+                "temperature and grain_size: found arrays of both, expected one number."
+            )
+        shape = (load.size, max(warmth.size, size.size))
+        every_warmth, every_size, every_load = (
+            np.broadcast_to(one, shape).ravel() for one in (warmth, size, load[:, np.newaxis])
+        )
+        found = solve_under(
             self.law,
             self.posterior,
-            self.used,
-            temperature=temperature,
-            stress=stress,
-            grain_size=grain_size,
-            environment=environment,
+            used,
+            environment,
+            temperature=every_warmth,
+            stress=every_load,
+            grain_size=every_size,
+            keeps_draws=False,
+        )
+        near = (
+            (np.abs(every_warmth[:, np.newaxis] - used.temperature) <= NEAR_KELVIN)
+            & within_factor(every_load, used.stress)
+            & (within_factor(every_size, used.grain_size) | np.isnan(used.grain_size))
+        )
+        return MechanismMap(
+            temperature=warmth,
+            grain_size=size,
+            stress=load,
+            mechanisms=tuple(one.name for one in self.law.mechanisms),
+            probability=found["probability"].reshape(*shape, -1),
+            log_rate=found["mean_log_rate"].reshape(shape),
+            log_rate_sd=found["sd_log_rate"].reshape(shape),
+            is_supported=near.any(axis=1).reshape(shape),
         )
 
     def si_summary(self) -> pd.DataFrame:

@@ -142,10 +142,8 @@ def fit_rates(
                 "replace it."
             )
         run.clear(identity)
-    asked = more_draws
 
     def sample(more: int | None) -> RateFit:
-        nonlocal asked
         with run.claimed(identity):
             save_rate_table(data, run.inputs)
             save_rate_law(law, run.inputs / LAW_FILE)
@@ -173,12 +171,11 @@ def fit_rates(
                 run,
                 options,
                 lambda chain: start_of_chain(stan_data, options.seed, chain),
-                more_draws=more or asked,
+                more_draws=more,
             )
-        asked = None  # chains that continue for another reason get no more
         return RateFit.load(run.path)
 
-    result = sample_until_good(sample, options)
+    result = sample_until_good(sample, options, more_draws)
     if softening is not None and not law.fixed_flow_law:
         flow_law_prior(result).save(run.path / FLOW_LAW_PRIOR_FILE)
         run.note_hash(run.path / FLOW_LAW_PRIOR_FILE)

@@ -106,99 +106,23 @@ class MechanismMap:
         return self.grain_size.size > 1
 
 
-def mechanism_map(
+def solve_under(
     law: RateLaw,
     posterior: xr.DataTree,
     used: RateTable,
-    *,
-    temperature: FloatArray | float | None = None,
-    stress: FloatArray | None = None,
-    grain_size: FloatArray | float | None = None,
-    environment: Mapping[str, npt.ArrayLike] = MappingProxyType({}),
-) -> MechanismMap:
-    """Count in which draws of `posterior` each mechanism leads (`RateFit.mechanism_map`)."""
-    if temperature is None:
-        low, high = used.temperature.min() - 30.0, used.temperature.max()
-        temperature = np.linspace(low, high, 45) if np.ndim(grain_size or 0) == 0 else high
-    if stress is None:
-        stress = np.geomspace(used.stress.min() / 100.0, used.stress.max(), 45)
-    if grain_size is None:
-        mean = used.mean_conditions.grain_size
-        grain_size = law.reference.grain_size if np.isnan(mean) else mean
-    warmth, size, load = (
-        np.atleast_1d(np.asarray(one, dtype=np.float64))
-        for one in (temperature, grain_size, stress)
-    )
-    if warmth.size > 1 and size.size > 1:
-        raise InputError("temperature and grain_size: found arrays of both, expected one number.")
-    shape = (load.size, max(warmth.size, size.size))
-    every_load = np.broadcast_to(load[:, np.newaxis], shape).ravel()
-    every_warmth, every_size = (np.broadcast_to(one, shape).ravel() for one in (warmth, size))
-    found = _evaluated(
-        law,
-        posterior,
-        every_load,
-        every_size,
-        every_warmth,
-        _environment_at(used, every_load.shape, environment),
-        keeps_draws=False,
-    )
-    near = (
-        (np.abs(every_warmth[:, np.newaxis] - used.temperature) <= NEAR_KELVIN)
-        & _within_factor(every_load, used.stress)
-        & (_within_factor(every_size, used.grain_size) | np.isnan(used.grain_size))
-    )
-    return MechanismMap(
-        temperature=warmth,
-        grain_size=size,
-        stress=load,
-        mechanisms=tuple(one.name for one in law.mechanisms),
-        probability=found["probability"].reshape(*shape, -1),
-        log_rate=found["mean_log_rate"].reshape(shape),
-        log_rate_sd=found["sd_log_rate"].reshape(shape),
-        is_supported=near.any(axis=1).reshape(shape),
-    )
-
-
-def local_power_law(
-    law: RateLaw,
-    posterior: xr.DataTree,
-    used: RateTable,
-    temperature: FloatArray,
-    stress: FloatArray,
-    grain_size: FloatArray,
-    *,
     environment: Mapping[str, npt.ArrayLike],
-) -> xr.Dataset:
-    """Solve a law for each draw under conditions (K, Pa, m), each (n,), see `RateFit.rates_at`."""
-    there = _environment_at(used, stress.shape, environment)
-    found = _evaluated(law, posterior, stress, grain_size, temperature, there, keeps_draws=True)
-    at = {"temperature": temperature, "stress": stress, "grain_size": grain_size}
-    return xr.Dataset(
-        {
-            "log_strain_rate": (("draw", "condition"), found["log_rate"]),
-            "stress_exponent": (("draw", "condition"), found["stress_exponent"]),
-        },
-        {name: ("condition", values) for name, values in at.items()},
-    )
-
-
-def _evaluated(
-    law: RateLaw,
-    posterior: xr.DataTree,
+    *,
+    temperature: FloatArray,
     stress: FloatArray,
     grain_size: FloatArray,
-    temperature: FloatArray,
-    environment: Mapping[str, FloatArray],
-    *,
     keeps_draws: bool,
 ) -> Mapping[str, FloatArray]:
-    """Run `stan/mechanism_map.stan` for conditions (Pa, m, K), each (n,)."""
-    for name, values in (
-        ("temperature", temperature),
-        ("grain_size", grain_size),
-        ("stress", stress),
-    ):
+    """Run `stan/mechanism_map.stan` for conditions (K, Pa, m), each (n,).
+
+    Of an environment (SI) that is not given the mean of the tests is taken.
+    """
+    conditions = {"temperature": temperature, "grain_size": grain_size, "stress": stress}
+    for name, values in conditions.items():
         if values.ndim != 1 or not values.size:
             raise InputError(
                 f"{name}: found an array of shape {values.shape}, expected a number or some in a "
@@ -206,7 +130,7 @@ def _evaluated(
             )
         if not (np.isfinite(values) & (values > 0)).all():
             raise InputError(f"{name}: found {values.min():g}, expected numbers above 0.")
-    there = environment_of(law, **environment)
+    there = environment_of(law, **_environment_at(used, stress.shape, environment))
     drawn = evenly_spaced(all_draws(posterior["predictions"].to_dataset()["law"]), DRAWS)
     return load_program(stan_directory() / "mechanism_map.stan").evaluate(
         {
@@ -219,9 +143,7 @@ def _evaluated(
             "reference_grain_size": law.reference.grain_size,
             "reference_temperature": law.reference.temperature,
             "n_conditions": stress.size,
-            "stress": stress.tolist(),
-            "grain_size": grain_size.tolist(),
-            "temperature": temperature.tolist(),
+            **{name: values.tolist() for name, values in conditions.items()},
             "n_environment": there.shape[1],
             "environment": there.tolist(),
             "keeps_draws": int(keeps_draws),
@@ -243,7 +165,7 @@ def _environment_at(
     return found
 
 
-def _within_factor(values: FloatArray, of_tests: FloatArray) -> BoolArray:
+def within_factor(values: FloatArray, of_tests: FloatArray) -> BoolArray:
     """Whether values (n,) lie within `NEAR_FACTOR` of those of tests (k,), shape (n, k)."""
     distance = np.abs(np.log(values[:, np.newaxis] / of_tests))
     return np.asarray(distance <= np.log(NEAR_FACTOR))

@@ -13,7 +13,6 @@ import xarray as xr
 
 from pyburgers.common.array_types import BoolArray
 from pyburgers.common.draws import FloatArray
-from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, number
 from pyburgers.predictions.stress_cycles import EVOLUTION
 
@@ -62,25 +61,11 @@ def _relative(critical: FloatArray, start: FloatArray, final: FloatArray) -> Flo
     return values
 
 
-def checked_share(share: float) -> float:
-    """Return a share of the critical strain; raise `InputError` if it is not positive."""
-    if not (np.isfinite(share) and share > 0):
-        raise InputError(f"critical_share: found {share:g}, expected a positive number.")
-    return float(share)
+def strain_fails(spectrum: xr.Dataset, strain: str) -> xr.DataArray:
+    """Whether ``hold_strain`` or ``cycle_strain`` is too large, draw by draw.
 
-
-def hold_fails(spectrum: xr.Dataset) -> xr.DataArray:
-    """Whether the strain of the hold is too large, draw by draw: dimensions of draws, regime."""
-    return _exceeds(spectrum, "hold_strain")
-
-
-def cycle_fails(spectrum: xr.Dataset) -> xr.DataArray:
-    """Whether that of one cycle is, draw by draw: dimensions of draws, regime, frequency."""
-    return _exceeds(spectrum, "cycle_strain")
-
-
-def _exceeds(spectrum: xr.Dataset, strain: str) -> xr.DataArray:
-    """1 where a strain is more than the share of the critical one, else 0; NaN if unknown."""
+    1 where it is more than the share of the critical strain, else 0; NaN if unknown.
+    """
     critical = spectrum["critical_strain"]
     fails = spectrum[strain] > float(spectrum["critical_share"]) * critical
     return fails.astype(np.float64).where(critical.notnull())
@@ -103,8 +88,8 @@ def frozen_limit_texts(spectrum: xr.Dataset) -> list[str]:
     """Say by regime in which share of draws the hold fails, and up to which cycles most do."""
     ordered = spectrum.sortby("frequency")
     frequency = ordered["frequency"].to_numpy()
-    by_hold = probability(hold_fails(ordered))
-    by_cycle = probability(cycle_fails(ordered))
+    by_hold = probability(strain_fails(ordered, "hold_strain"))
+    by_cycle = probability(strain_fails(ordered, "cycle_strain"))
     texts = []
     for share, of_cycles in zip(by_hold, by_cycle, strict=True):
         if np.isnan(share):

@@ -41,12 +41,10 @@ from pyburgers.model.display import STRESS_UNIT
 from pyburgers.model.laws import NONLINEAR_KELVIN_PARAMETERS
 from pyburgers.predictions.assumptions import (
     CRITICAL_SHARE,
-    checked_share,
     critical_strain,
-    cycle_fails,
     frozen_limit_texts,
-    hold_fails,
     probability,
+    strain_fails,
 )
 from pyburgers.predictions.material import Material, fitted_material
 from pyburgers.predictions.stress_cycles import (
@@ -56,8 +54,8 @@ from pyburgers.predictions.stress_cycles import (
     Regime,
     asked_conditions,
     checked_frequencies,
-    checked_hold_time,
     checked_inputs,
+    checked_number,
     cycles_data,
 )
 
@@ -141,7 +139,7 @@ def attenuation_spectrum(
         raise InputError("regimes: found none, expected at least one, as pyburgers.Regime.")
     draws, size, fabric = checked_inputs(parameters, temperature, grain_size, fabric_factor)
     frequency = checked_frequencies(frequencies)
-    hold_time = checked_hold_time(hold_time)
+    hold_time = checked_number("hold_time", hold_time, " of s")
     require_standard(
         parameters,
         NONLINEAR_KELVIN_PARAMETERS,
@@ -180,7 +178,7 @@ def attenuation_spectrum(
             "amplitude": ("regime", [r.amplitude for r in regimes], {"units": "Pa"}),
             "temperature": ((), float(temperature), {"units": "K"}),
             "hold_time": ((), hold_time, {"units": "s"}),
-            "critical_share": ((), checked_share(critical_share), number_of_one),
+            "critical_share": ((), checked_number("critical_share", critical_share), number_of_one),
         },
     )
     if not with_strains:
@@ -194,8 +192,8 @@ def attenuation_spectrum(
         cycle_strain=(dimensions, found["cycle_strain"], number_of_one),
         critical_strain=(regime_dimensions, critical, number_of_one),
     )
-    fails = (cycle_fails(spectrum) + hold_fails(spectrum)).clip(max=1.0)
-    return spectrum.assign(frozen_fails=fails.transpose(*dimensions))
+    fails = strain_fails(spectrum, "cycle_strain") + strain_fails(spectrum, "hold_strain")
+    return spectrum.assign(frozen_fails=fails.clip(max=1.0).transpose(*dimensions))
 
 
 def predict_attenuation(
@@ -374,26 +372,23 @@ def quantile_table(spectrum: xr.Dataset) -> pd.DataFrame:
     tan_delta = flat_draws(spectrum["tan_delta"])
     n_frequencies = tan_delta.shape[2]
     by_quantile = np.quantile(tan_delta, np.array(QUANTILES) / 100, axis=0)
+    strains = spectrum[["hold_strain", "cycle_strain"]]
+    medians = strains.median({*strains.dims} - {"regime", "frequency"}).transpose("regime", ...)
     return pd.DataFrame(
         {
             **condition_columns(spectrum),
             "mean": tan_delta.mean(axis=0).ravel(),
             "sd": tan_delta.std(axis=0).ravel(),
             **{f"q{q}": values.ravel() for q, values in zip(QUANTILES, by_quantile, strict=True)},
-            "hold_strain": np.repeat(_medians(spectrum["hold_strain"]), n_frequencies),
-            "cycle_strain": _medians(spectrum["cycle_strain"]).ravel(),
-            "p_hold_fails": np.repeat(probability(hold_fails(spectrum)), n_frequencies),
-            "p_cycle_fails": probability(cycle_fails(spectrum)).ravel(),
+            "hold_strain": np.repeat(medians["hold_strain"].to_numpy(), n_frequencies),
+            "cycle_strain": medians["cycle_strain"].to_numpy().ravel(),
+            "p_hold_fails": np.repeat(
+                probability(strain_fails(spectrum, "hold_strain")), n_frequencies
+            ),
+            "p_cycle_fails": probability(strain_fails(spectrum, "cycle_strain")).ravel(),
             "p_frozen_fails": probability(spectrum["frozen_fails"]).ravel(),
         }
     )
-
-
-def _medians(strain: xr.DataArray) -> FloatArray:
-    """Medians over the draws, shape (n_regimes,) or (n_regimes, n_frequencies)."""
-    draws = [name for name in strain.dims if name not in ("regime", "frequency")]
-    values: FloatArray = strain.median(draws).transpose("regime", ...).to_numpy()
-    return values
 
 
 def overview_table(spectrum: xr.Dataset) -> pd.DataFrame:

@@ -38,7 +38,7 @@ from pyburgers.predictions.stress_cycles import (
     PAPER_REGIMES,
     Regime,
     checked_frequencies,
-    checked_hold_time,
+    checked_number,
     cycles_data,
 )
 
@@ -79,7 +79,10 @@ def evolving_attenuation(
     `InputError` if a number is out of range, or the Kelvin part not one linear element, and
     `SamplingError` if the solver finds no solution.
     """
-    frequency, hold = checked_frequencies(frequencies), checked_hold_time(hold_time)
+    frequency, hold = (
+        checked_frequencies(frequencies),
+        checked_number("hold_time", hold_time, " of s"),
+    )
     for name, given, least in (("cycles", cycles, 2), ("max_draws", max_draws, 1)):
         if given < least:
             raise InputError(f"{name}: found {given}, expected at least {least}.")

@@ -205,10 +205,12 @@ def check_state(
     temperature: npt.ArrayLike, grain_size: npt.ArrayLike, fabric_factor: npt.ArrayLike
 ) -> None:
     """Refuse temperatures (K), grain sizes (m) or fabric factors that no material has."""
-    _check_positive("temperature", "of K", np.asarray(temperature, dtype=np.float64))
+    _check_positive("temperature", " of K", np.asarray(temperature, dtype=np.float64))
     sizes = np.asarray(grain_size, dtype=np.float64)
-    _check_positive("grain_size", "of m", sizes)
-    _check_positive("fabric_factor", "(1 = isotropic)", np.asarray(fabric_factor, dtype=np.float64))
+    _check_positive("grain_size", " of m", sizes)
+    _check_positive(
+        "fabric_factor", " (1 = isotropic)", np.asarray(fabric_factor, dtype=np.float64)
+    )
     if (sizes >= 1).any():
         raise InputError(
             f"grain_size: found {sizes.max():g} m, expected metres below 1; 230 um is 230e-6."
@@ -218,7 +220,7 @@ def check_state(
 def _check_positive(name: str, unit: str, values: FloatArray) -> None:
     wrong = values[~(np.isfinite(values) & (values > 0))]
     if wrong.size:
-        raise InputError(f"{name}: found {wrong.flat[0]:g}, expected a positive number {unit}.")
+        raise InputError(f"{name}: found {wrong.flat[0]:g}, expected a positive number{unit}.")
 
 
 def checked_frequencies(frequencies: Sequence[float] | FloatArray) -> FloatArray:
@@ -229,14 +231,14 @@ def checked_frequencies(frequencies: Sequence[float] | FloatArray) -> FloatArray
             f"frequencies: found an array of shape {frequency.shape}, expected a list of "
             "frequencies in Hz."
         )
-    _check_positive("frequencies", "of Hz", frequency)
+    _check_positive("frequencies", " of Hz", frequency)
     return frequency
 
 
-def checked_hold_time(hold_time: float) -> float:
-    """Return the length of the hold (s); raise `InputError` if it is not positive and finite."""
-    _check_positive("hold_time", "of s", np.asarray(hold_time, dtype=np.float64))
-    return float(hold_time)
+def checked_number(name: str, value: float, unit: str = "") -> float:
+    """Return a number such as a length of the hold; raise `InputError` if it is not positive."""
+    _check_positive(name, unit, np.asarray(value, dtype=np.float64))
+    return float(value)
 
 
 CYCLE_NODES = 64

@@ -24,10 +24,10 @@ from pyburgers.predictions.assumptions import (
     elastic_modulus_sentence,
     frozen_limit_texts,
     frozen_sentence,
-    hold_fails,
     likely_fails,
     pale_sentence,
     probability,
+    strain_fails,
 )
 from pyburgers.predictions.attenuation import (
     attenuation_spectrum,
@@ -125,7 +125,7 @@ def test_tables_say_what_fails_and_from_which_frequency_on() -> None:
     strains = spectrum_of()["cycle_strain"].to_numpy()
     limits = [np.array(FREQUENCIES)[strain > 0.1 * 0.07].max() for strain in strains]
     assert (np.diff(limits) > 0).all()
-    holds = probability(hold_fails(spectrum_of()))
+    holds = probability(strain_fails(spectrum_of(), "hold_strain"))
     assert holds.tolist() == [0, 0, 0, 1]
     texts = frozen_limit_texts(spectrum_of())
     shuffled = spectrum_of(frequencies=tuple(np.roll(FREQUENCIES, 20).tolist()))

@@ -18,19 +18,18 @@ from pyburgers.comparison.by_tests import (
     compare_by_test,
     fit_without_tests,
 )
-from pyburgers.comparison.conclusions import pairs_by_test, sentences, sentences_by_test
-from pyburgers.comparison.figures import left_out_tests, pointwise_differences
-from pyburgers.comparison.neighbours import MOVED, parameter_shifts
-from pyburgers.comparison.pairs import Pair
-from pyburgers.comparison.results import (
-    Comparison,
-    ComparisonByTest,
-    LogIntegral,
+from pyburgers.comparison.conclusions import (
     comparison_table,
+    pairs_by_test,
     pointwise_table,
+    sentences,
+    sentences_by_test,
     table_of_fits,
     table_of_tests,
 )
+from pyburgers.comparison.figures import left_out_tests, pointwise_differences
+from pyburgers.comparison.neighbours import MOVED, parameter_shifts
+from pyburgers.comparison.results import Comparison, ComparisonByTest, LogIntegral, Pair
 from pyburgers.comparison.same_data import origins
 from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit

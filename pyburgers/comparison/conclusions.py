@@ -1,25 +1,28 @@
-"""What comparisons come to: every two fits, and sentences about them."""
+"""What comparisons come to: every two fits, sentences about them, and tables."""
 
 import itertools
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
+import pandas as pd
 
 from pyburgers.checks.fit_checks import PARETO_K_LIMIT
 from pyburgers.common.array_types import BoolArray
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.units import count_points
-from pyburgers.comparison.pairs import (
-    LEAST_UNITS,
-    Pair,
-    doubt_about,
-    weight_sentence,
-)
 from pyburgers.comparison.results import (
     LARGEST_ERROR,
+    LEAST_UNITS,
     Comparison,
     ComparisonByTest,
+    Pair,
     difference_by_test,
+    doubt_about,
+    has_several_tests,
+    standard_error,
+    weight_sentence,
 )
 
 
@@ -105,3 +108,89 @@ def _numbered(flags: BoolArray) -> str:
     """Say how many points, and which, numbered from 1."""
     numbers = ", ".join(str(k + 1) for k in np.flatnonzero(flags))
     return f"{count_points(int(flags.sum()))} (number {numbers})"
+
+
+def comparison_table(comparison: Comparison) -> pd.DataFrame:
+    """Return the numbers of a comparison, a row for each fit, the best first.
+
+    Columns are variant, elpd, se, difference (to the best), difference_se, weight, n_effective,
+    high_k (points with a Pareto k above 0.7), left_out (of these, left out in earnest).
+    """
+    best = next(iter(comparison.results.values()))
+    rows = {}
+    for (name, result), weight in zip(comparison.results.items(), comparison.weights, strict=True):
+        pointwise = result.elpd - best.elpd
+        rows[name] = {
+            "variant": comparison.variants[name],
+            "elpd": result.total,
+            "se": standard_error(result.elpd),
+            "difference": float(pointwise.sum()),
+            "difference_se": standard_error(pointwise),
+            "weight": float(weight),
+            "n_effective": result.n_effective,
+            "high_k": int(np.sum(result.pareto_k > PARETO_K_LIMIT)),
+            "left_out": int(result.exact.sum()),
+        }
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("fit")
+
+
+def pointwise_table(comparison: Comparison) -> pd.DataFrame:
+    """Return every point's numbers, a row for each point, numbered from 1.
+
+    Columns are test (of joint fits only), strain or time_s, and for each fit ``NAME elpd``,
+    ``NAME pareto_k`` and ``NAME left_out``.
+    """
+    columns: dict[str, npt.NDArray[Any]] = {}
+    if has_several_tests(comparison):
+        columns["test"] = comparison.position["test"].to_numpy()
+    columns[comparison.clock.column] = comparison.position.to_numpy()
+    for name, result in comparison.results.items():
+        columns |= {
+            f"{name} elpd": result.elpd,
+            f"{name} pareto_k": result.pareto_k,
+            f"{name} left_out": result.exact,
+        }
+    table = pd.DataFrame(columns)
+    table.index = pd.RangeIndex(1, len(table) + 1, name="point")
+    return table
+
+
+def table_of_fits(comparison: ComparisonByTest) -> pd.DataFrame:
+    """Return the numbers of a comparison by test, a row for each fit, the best first.
+
+    Columns are variant, elpd (sum over the tests left out), monte_carlo_error, per_point,
+    difference (to the best), difference_se (over the tests), difference_monte_carlo_error,
+    weight.
+    """
+    best = next(iter(comparison.results.values()))
+    rows = {}
+    for (name, result), weight in zip(comparison.results.items(), comparison.weights, strict=True):
+        difference, over_tests, monte_carlo = difference_by_test(result, best)
+        rows[name] = {
+            "variant": comparison.variants[name],
+            "elpd": result.total,
+            "monte_carlo_error": result.total_error,
+            "per_point": result.total / int(result.n_points.sum()),
+            "difference": difference,
+            "difference_se": over_tests,
+            "difference_monte_carlo_error": monte_carlo,
+            "weight": float(weight),
+        }
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("fit")
+
+
+def table_of_tests(comparison: ComparisonByTest) -> pd.DataFrame:
+    """Return the log density of every left-out test under every fit, a row for each test.
+
+    Columns are points, and for each fit ``NAME elpd``, ``NAME monte_carlo_error``, ``NAME
+    per_point``.
+    """
+    first = next(iter(comparison.results.values()))
+    columns: dict[str, npt.NDArray[Any]] = {"points": first.n_points}
+    for name, result in comparison.results.items():
+        columns |= {
+            f"{name} elpd": result.elpd,
+            f"{name} monte_carlo_error": result.error,
+            f"{name} per_point": result.elpd / result.n_points,
+        }
+    return pd.DataFrame(columns, index=pd.Index(first.tests, name="test"))

@@ -1,30 +1,103 @@
-"""What comparisons found, and its tables."""
+"""What comparisons found, and which of two fits predicts better: better, alike or cannot tell."""
 
 import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from types import MappingProxyType
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
-import numpy.typing as npt
-import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import PARETO_K_LIMIT
 from pyburgers.common.array_types import BoolArray, IntArray
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.units import count_points
-from pyburgers.comparison.pairs import (
-    CLEAR,
-    LEAST_UNITS,
-    NO_DIFFERENCE,
-    Pair,
-    PairOutcome,
-    doubt_about,
-)
 from pyburgers.model.read_quantities import Quantity
+
+NO_DIFFERENCE = 4.0
+"""Difference of elpd below which fits predict alike (Sivula et al. 2020, arXiv:2008.10296)."""
+
+CLEAR = 2.0
+"""Standard errors that a difference may be off."""
+
+LEAST_UNITS = 3
+"""Points, or tests, of which a standard error says something."""
+
+
+class PairOutcome(StrEnum):
+    """What a comparison of two fits comes to."""
+
+    BETTER = "better"
+    ALIKE = "alike"
+    CANNOT_TELL = "cannot tell"
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two fits, the higher elpd first; a doubt says after "because" why numbers do not decide."""
+
+    better: str
+    worse: str
+    difference: float
+    error: float
+    doubt: str = ""
+
+    @property
+    def outcome(self) -> PairOutcome:
+        """Better beyond `NO_DIFFERENCE` and `CLEAR` errors; alike if both together stay below."""
+        if self.doubt or not math.isfinite(self.error):
+            return PairOutcome.CANNOT_TELL
+        if self.difference >= max(NO_DIFFERENCE, CLEAR * self.error):
+            return PairOutcome.BETTER
+        if abs(self.difference) + CLEAR * self.error < NO_DIFFERENCE:
+            return PairOutcome.ALIKE
+        return PairOutcome.CANNOT_TELL
+
+    def sentence(self, what: str = "these data") -> str:
+        """Say it, of predictions of `what`."""
+        error = (
+            f"standard error {self.error:.1f}" if math.isfinite(self.error) else "no standard error"
+        )
+        numbers = f"difference of elpd {self.difference:.1f}, {error}"
+        because = f", because {self.doubt}" if self.doubt else ""
+        match self.outcome:
+            case PairOutcome.BETTER:
+                said = f"{self.better} predicts {what} clearly better than {self.worse}"
+            case PairOutcome.ALIKE:
+                said = f"{self.better} and {self.worse} predict {what} alike"
+            case PairOutcome.CANNOT_TELL:
+                said = f"Cannot tell which of {self.better} and {self.worse} predicts {what} better"
+        return f"{said} ({numbers}){because}."
+
+
+def doubt_about(units: str, n_units: int, unreliable: Sequence[str]) -> str:
+    """Say as `Pair.doubt` that units, such as "2 tests", are few or fits unreliable."""
+    reasons = []
+    if n_units < LEAST_UNITS:
+        reasons.append(f"a standard error over {units} says nothing")
+    if unreliable:
+        reasons.append(f"the elpd of {' and '.join(unreliable)} may be far off")
+    return " and ".join(reasons)
+
+
+def weight_sentence(
+    best: str, other: str, weights: tuple[float, float], gains: FloatArray, *, unit: str
+) -> str | None:
+    """Say why a fit of lower elpd weighs more, given its gains (n,); None if it does not."""
+    if weights[1] <= weights[0]:
+        return None
+    won = gains > 0
+    return (
+        f"{other} has the larger weight ({weights[1]:.2f} against {weights[0]:.2f}) although its "
+        f"elpd is lower: it predicts {int(won.sum())} of {gains.size} {unit} better than {best}, "
+        f"by {gains[won].sum():.1f} together, and loses {-gains[~won].sum():.1f} at the others, "
+        f"{-gains.min():.1f} of it at one. A mixture escapes such losses with a small share of "
+        f"{best}; a weight is a share in it, not the probability of a fit."
+    )
+
 
 LARGEST_ERROR = 1.0
 """Monte Carlo error of the log density of a test from which it is flagged."""
@@ -308,89 +381,3 @@ def standard_error(pointwise: FloatArray) -> float:
     if pointwise.size < 2:
         return math.nan
     return float(np.sqrt(pointwise.size) * np.std(pointwise, ddof=1))
-
-
-def comparison_table(comparison: Comparison) -> pd.DataFrame:
-    """Return the numbers of a comparison, a row for each fit, the best first.
-
-    Columns are variant, elpd, se, difference (to the best), difference_se, weight, n_effective,
-    high_k (points with a Pareto k above 0.7), left_out (of these, left out in earnest).
-    """
-    best = next(iter(comparison.results.values()))
-    rows = {}
-    for (name, result), weight in zip(comparison.results.items(), comparison.weights, strict=True):
-        pointwise = result.elpd - best.elpd
-        rows[name] = {
-            "variant": comparison.variants[name],
-            "elpd": result.total,
-            "se": standard_error(result.elpd),
-            "difference": float(pointwise.sum()),
-            "difference_se": standard_error(pointwise),
-            "weight": float(weight),
-            "n_effective": result.n_effective,
-            "high_k": int(np.sum(result.pareto_k > PARETO_K_LIMIT)),
-            "left_out": int(result.exact.sum()),
-        }
-    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("fit")
-
-
-def pointwise_table(comparison: Comparison) -> pd.DataFrame:
-    """Return every point's numbers, a row for each point, numbered from 1.
-
-    Columns are test (of joint fits only), strain or time_s, and for each fit ``NAME elpd``,
-    ``NAME pareto_k`` and ``NAME left_out``.
-    """
-    columns: dict[str, npt.NDArray[Any]] = {}
-    if has_several_tests(comparison):
-        columns["test"] = comparison.position["test"].to_numpy()
-    columns[comparison.clock.column] = comparison.position.to_numpy()
-    for name, result in comparison.results.items():
-        columns |= {
-            f"{name} elpd": result.elpd,
-            f"{name} pareto_k": result.pareto_k,
-            f"{name} left_out": result.exact,
-        }
-    table = pd.DataFrame(columns)
-    table.index = pd.RangeIndex(1, len(table) + 1, name="point")
-    return table
-
-
-def table_of_fits(comparison: ComparisonByTest) -> pd.DataFrame:
-    """Return the numbers of a comparison by test, a row for each fit, the best first.
-
-    Columns are variant, elpd (sum over the tests left out), monte_carlo_error, per_point,
-    difference (to the best), difference_se (over the tests), difference_monte_carlo_error,
-    weight.
-    """
-    best = next(iter(comparison.results.values()))
-    rows = {}
-    for (name, result), weight in zip(comparison.results.items(), comparison.weights, strict=True):
-        difference, over_tests, monte_carlo = difference_by_test(result, best)
-        rows[name] = {
-            "variant": comparison.variants[name],
-            "elpd": result.total,
-            "monte_carlo_error": result.total_error,
-            "per_point": result.total / int(result.n_points.sum()),
-            "difference": difference,
-            "difference_se": over_tests,
-            "difference_monte_carlo_error": monte_carlo,
-            "weight": float(weight),
-        }
-    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("fit")
-
-
-def table_of_tests(comparison: ComparisonByTest) -> pd.DataFrame:
-    """Return the log density of every left-out test under every fit, a row for each test.
-
-    Columns are points, and for each fit ``NAME elpd``, ``NAME monte_carlo_error``, ``NAME
-    per_point``.
-    """
-    first = next(iter(comparison.results.values()))
-    columns: dict[str, npt.NDArray[Any]] = {"points": first.n_points}
-    for name, result in comparison.results.items():
-        columns |= {
-            f"{name} elpd": result.elpd,
-            f"{name} monte_carlo_error": result.error,
-            f"{name} per_point": result.elpd / result.n_points,
-        }
-    return pd.DataFrame(columns, index=pd.Index(first.tests, name="test"))

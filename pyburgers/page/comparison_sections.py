@@ -17,21 +17,20 @@ from pyburgers.common.paths import shown
 from pyburgers.common.units import count_points, with_error
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import compare_kept_by_test
-from pyburgers.comparison.conclusions import sentences, sentences_by_test
+from pyburgers.comparison.conclusions import (
+    comparison_table,
+    sentences,
+    sentences_by_test,
+    table_of_fits,
+    table_of_tests,
+)
 from pyburgers.comparison.figures import (
     COMPARISON_CAPTION,
     LEFT_OUT_CAPTION,
     left_out_tests,
     pointwise_differences,
 )
-from pyburgers.comparison.results import (
-    BY_TEST_TEXT,
-    COMPARISON_TEXT,
-    Comparison,
-    comparison_table,
-    table_of_fits,
-    table_of_tests,
-)
+from pyburgers.comparison.results import BY_TEST_TEXT, COMPARISON_TEXT, Comparison
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable, text_table
 from pyburgers.drawing.panels import figure_of

@@ -18,10 +18,9 @@ from pyburgers.cli.compare import save_comparison
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare, leave_one_out, leave_out_exactly
-from pyburgers.comparison.conclusions import sentences
+from pyburgers.comparison.conclusions import comparison_table, sentences
 from pyburgers.comparison.figures import pointwise_differences
-from pyburgers.comparison.pairs import Pair, PairOutcome
-from pyburgers.comparison.results import Comparison, LeaveOneOut, comparison_table, standard_error
+from pyburgers.comparison.results import Comparison, LeaveOneOut, Pair, PairOutcome, standard_error
 from pyburgers.comparison.same_data import data_hash, stacking_weights
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit, fit

@@ -21,18 +21,15 @@ from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import compare_by_test, compare_kept_by_test
-from pyburgers.comparison.conclusions import sentences_by_test
-from pyburgers.comparison.figures import left_out_tests, pointwise_differences
-from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
-from pyburgers.comparison.results import (
-    ComparisonByTest,
-    LeaveOneOut,
-    LeaveOneTestOut,
-    LogIntegral,
+from pyburgers.comparison.conclusions import (
     pointwise_table,
+    sentences_by_test,
     table_of_fits,
     table_of_tests,
 )
+from pyburgers.comparison.figures import left_out_tests, pointwise_differences
+from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
+from pyburgers.comparison.results import ComparisonByTest, LeaveOneOut, LeaveOneTestOut, LogIntegral
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.flow_law_tables.fit import RateFit

@@ -17,7 +17,7 @@ from pyburgers.checks.description import check_coverage
 from pyburgers.checks.fit_checks import CheckedDraws
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare, leave_one_out, leave_out_exactly
-from pyburgers.comparison.results import comparison_table
+from pyburgers.comparison.conclusions import comparison_table
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.kinds.constant_rate.files import load_constant_rate

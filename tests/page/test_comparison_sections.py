@@ -13,8 +13,7 @@ from synthetic_fit import make_fit, with_problem
 from pyburgers.cli.main import main
 from pyburgers.common.draws import all_draws
 from pyburgers.comparison.by_points import compare
-from pyburgers.comparison.conclusions import sentences
-from pyburgers.comparison.results import comparison_table
+from pyburgers.comparison.conclusions import comparison_table, sentences
 from pyburgers.drawing.page_parts import PageSection
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import RateFit

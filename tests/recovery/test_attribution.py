@@ -26,9 +26,8 @@ from conftest import ICE
 from independent_table import TRUTHS
 
 from pyburgers.comparison.by_points import compare
-from pyburgers.comparison.conclusions import sentences
-from pyburgers.comparison.pairs import Pair, PairOutcome
-from pyburgers.comparison.results import comparison_table
+from pyburgers.comparison.conclusions import comparison_table, sentences
+from pyburgers.comparison.results import Pair, PairOutcome
 from pyburgers.fitting.fit import fit
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment

@@ -23,8 +23,7 @@ import pandas as pd
 
 import pyburgers
 from pyburgers.checks.fit_checks import CheckedDraws, CheckKind, Outcome, run_checks
-from pyburgers.checks.registry import CHECKS
-from pyburgers.checks.verdicts import verdicts
+from pyburgers.checks.verdicts import CHECKS, verdicts
 from pyburgers.common.csv_tables import write_columns
 from pyburgers.common.errors import SamplingError
 from pyburgers.kinds.forward import simulate

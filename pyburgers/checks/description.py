@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import pandas as pd
 
-from pyburgers.checks.advice import remedy
+from pyburgers.checks.advice import against_reading_errors, discrepancy_text, remedy
 from pyburgers.checks.discrepancies import (
     AUTOCORRELATION,
     ENOUGH,
@@ -34,7 +34,6 @@ from pyburgers.checks.fit_checks import (
     Outcome,
     check,
 )
-from pyburgers.checks.law_discrepancy import against_reading_errors, discrepancy_text
 from pyburgers.checks.residual_numbers import (
     longest_run,
     offsets,

@@ -1,7 +1,7 @@
 """What a check is, and the checks of chains and solver.
 
 A new one is a function with a name and a kind in a module of this folder, where
-`pyburgers.checks.registry` finds it.
+`pyburgers.checks.verdicts` finds it.
 """
 
 from collections.abc import Callable, Sequence
@@ -84,22 +84,23 @@ class Check:
 
     def __call__(self, draws: CheckedDraws) -> "CheckResult":
         """Look at draws."""
+        return CheckResult(**vars(self._doubt(draws) or self.find(draws)), check=self)
+
+    def _doubt(self, draws: CheckedDraws) -> Finding | None:
+        """Return why draws or readings cannot be looked at, None where they can."""
         n_draws = draws.posterior["sample_stats"]["diverging"].size
         if n_draws < self.least_draws:
-            found = _too_few("draws", n_draws, self.least_draws, "raise --draws", unusable=True)
-            return CheckResult(**vars(found), check=self)
+            return _too_few("draws", n_draws, self.least_draws, "raise --draws", unusable=True)
         if self.least_readings > 0:
             groups = groups_of_tests(draws.posterior).values()
             most = max(group["observed_data"].sizes["point"] for group in groups)
             if most < self.least_readings:
-                few = _too_few("readings", most, self.least_readings, "add readings")
-                return CheckResult(**vars(few), check=self)
+                return _too_few("readings", most, self.least_readings, "add readings")
         if self.kind is CheckKind.DESCRIPTION and (unsolved := _n_unsolved(draws.posterior)):
             meaning = f"{unsolved} of {n_draws} draws have no solution {_UNSOLVED}"
             table = pd.DataFrame({"unsolved_draws": [unsolved]})
-            found = Finding(Outcome.CANNOT_TELL, table, meaning, _TIGHTER)
-            return CheckResult(**vars(found), check=self)
-        return CheckResult(**vars(self.find(draws)), check=self)
+            return Finding(Outcome.CANNOT_TELL, table, meaning, _TIGHTER)
+        return None
 
 
 @dataclass(frozen=True, eq=False)

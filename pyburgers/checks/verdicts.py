@@ -1,11 +1,17 @@
-"""The two verdicts on a fit: was the posterior sampled well, does the model describe the data."""
+"""All checks of a fit of curves, and two verdicts: was it sampled well, does it describe the data.
+
+The checks are those that the modules of this folder have, the sampling first.
+"""
 
 import json
+import pkgutil
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
-from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
+from pyburgers import checks
+from pyburgers.checks.fit_checks import Check, CheckKind, CheckResult, Outcome
 
 
 @dataclass(frozen=True)
@@ -92,3 +98,18 @@ def _reasons(results: Sequence[CheckResult]) -> str:
         sentence = sentence[0].lower() + sentence[1:]
     more = f" Also: {', '.join(other.name for other in others)}." if others else ""
     return sentence + more
+
+
+CHECKS: tuple[Check, ...] = tuple(
+    sorted(
+        {
+            found: None
+            for module in pkgutil.iter_modules(checks.__path__, f"{checks.__name__}.")
+            if module.name != __name__
+            for found in vars(import_module(module.name)).values()
+            if isinstance(found, Check)
+        },
+        key=lambda found: list(CheckKind).index(found.kind),
+    )
+)
+"""Console, page and exit code follow: a check is told as soon as it is in the folder."""

@@ -5,7 +5,7 @@ import logging
 from pathlib import Path
 
 from pyburgers.cli.terminal import print_checks, print_lines
-from pyburgers.comparison.neighbours import what_a_yes_leaves_open
+from pyburgers.comparison.conclusions import what_a_yes_leaves_open
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import renew_tables
 from pyburgers.flow_law_tables.fit import fit_of_run

@@ -19,8 +19,10 @@ from pyburgers.comparison.by_tests import (
     fit_without_tests,
 )
 from pyburgers.comparison.conclusions import (
+    MOVED,
     comparison_table,
     pairs_by_test,
+    parameter_shifts,
     pointwise_table,
     sentences,
     sentences_by_test,
@@ -28,7 +30,6 @@ from pyburgers.comparison.conclusions import (
     table_of_tests,
 )
 from pyburgers.comparison.figures import left_out_tests, pointwise_differences
-from pyburgers.comparison.neighbours import MOVED, parameter_shifts
 from pyburgers.comparison.results import Comparison, ComparisonByTest, LogIntegral, Pair
 from pyburgers.comparison.same_data import origins
 from pyburgers.drawing.style import write_images

@@ -16,7 +16,7 @@ from pyburgers.cli.shared import (
 from pyburgers.cli.terminal import print_checks, print_lines, print_table
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
-from pyburgers.comparison.neighbours import what_a_yes_leaves_open
+from pyburgers.comparison.conclusions import what_a_yes_leaves_open
 from pyburgers.fitting.fit import fit
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import load_experiment

@@ -26,8 +26,7 @@ from pyburgers.checks.fit_checks import (
 )
 from pyburgers.checks.prior_influence import Influence
 from pyburgers.checks.prior_sentences import conflict_sentence, decision_columns, decision_sentences
-from pyburgers.checks.registry import CHECKS
-from pyburgers.checks.verdicts import Verdict, verdicts, verdicts_record
+from pyburgers.checks.verdicts import CHECKS, Verdict, verdicts, verdicts_record
 from pyburgers.common.atomic_files import json_text, write_text
 from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.draws import FloatArray
@@ -260,7 +259,7 @@ class SampledFit(ABC):
         shutil.copytree(self.directory.path, path, ignore=shutil.ignore_patterns(".*"))
 
     def asked_checks(self) -> Sequence[Check]:
-        """Return the checks that are made (`pyburgers.checks.registry.CHECKS`).
+        """Return the checks that are made (`pyburgers.checks.verdicts.CHECKS`).
 
         Draws of the prior alone describe no data, so they are checked for their sampling.
 

@@ -7,12 +7,12 @@ from typing import Any
 
 import pandas as pd
 
-from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
+from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.checks.prior_influence import Origin
 from pyburgers.checks.prior_sentences import READ_OFF, influence_numbers
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.csv_tables import csv_text
-from pyburgers.comparison.neighbours import shift_sentences, what_a_yes_leaves_open
+from pyburgers.comparison.conclusions import shift_sentences, what_a_yes_leaves_open
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.drawing.view import view_of
@@ -109,16 +109,6 @@ class Section:
     def left_open(self) -> tuple[str, ...]:
         """What the yes of the fit does not exclude, and commands."""
         return what_a_yes_leaves_open(self.fit)
-
-    @property
-    def intervals(self) -> pd.DataFrame:
-        """Mean, sd and interval of each parameter beside its prior."""
-        return self.parameters.drop(columns=tables.VALUE)
-
-    @property
-    def passed(self) -> list[CheckResult]:
-        """Checks that passed."""
-        return [one for one in self.entry.checks if one.passed]
 
 
 def write_section(key: str, name: str, fit: Fit, out: Path) -> Section:

@@ -94,23 +94,14 @@ def answers(entries: Sequence[Entry]) -> tuple[Answer, ...]:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Remedy:
-    """What to do about a check that `entries` did not pass."""
-
-    check: str
-    text: str
-    entries: tuple[Entry, ...]
-
-
-def remedies(entries: Sequence[Entry]) -> tuple[Remedy, ...]:
-    """Gather what to do, each remedy once, for all fits of a page."""
+def remedies(entries: Sequence[Entry]) -> dict[tuple[str, str], list[Entry]]:
+    """Gather by check and what to do the fits that did not pass it, for all fits of a page."""
     found: dict[tuple[str, str], list[Entry]] = {}
     for entry in entries:
         for one in entry.checks:
             if one.remedy and not one.passed:
                 found.setdefault((one.name, one.remedy), []).append(entry)
-    return tuple(Remedy(*said, tuple(concerned)) for said, concerned in found.items())
+    return found
 
 
 def entry_of(

@@ -214,14 +214,13 @@ def _si_unit(name: str) -> str:
 def as_json(one: Exported, kept: Sequence[int] = ()) -> str:
     """Return a JSON object; with kept draws, their values in the order of the names."""
     content: dict[str, Any] = {
-        "test": one.test,
-        "material": one.material,
-        "variant": one.variant,
-        "run": one.run,
-        "draws_of": one.draws_of,
-        "conditions": one.conditions,
-        "sampled_well": one.sampled_well,
-        "describes_data": one.describes_data,
+        **{
+            name: getattr(one, name)
+            for name in (
+                *("test", "material", "variant", "run", "draws_of", "conditions"),
+                *("sampled_well", "describes_data"),
+            )
+        },
         "draws": one.n_draws,
         **one.laws,
         "variables": dict(VARIABLES),

@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from pyburgers.checks import registry
+from pyburgers.checks import verdicts
 from pyburgers.checks.fit_checks import (
     CheckKind,
     check_divergences,
@@ -54,7 +54,7 @@ RHAT_LIMIT = 1.05
 
 CHECKS = tuple(
     one
-    for one in registry.CHECKS
+    for one in verdicts.CHECKS
     if one.kind is CheckKind.SAMPLING and one not in (check_rhat, check_effective_sample_size)
 )
 """Checks of a fit that short chains can pass."""

@@ -32,7 +32,6 @@ from pyburgers.checks.discrepancies import (
     family_probability,
 )
 from pyburgers.checks.fit_checks import CheckedDraws, CheckKind, CheckResult, Outcome, run_checks
-from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.residual_numbers import (
     autocorrelation,
     longest_run,
@@ -40,7 +39,7 @@ from pyburgers.checks.residual_numbers import (
     segment_parts,
     signed_ranks,
 )
-from pyburgers.checks.verdicts import verdicts, verdicts_record
+from pyburgers.checks.verdicts import CHECKS, verdicts, verdicts_record
 from pyburgers.posterior.labelled_draws import CORRELATED
 
 FloatArray = npt.NDArray[np.float64]

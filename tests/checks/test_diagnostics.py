@@ -34,8 +34,7 @@ from pyburgers.checks.fit_checks import (
     run_checks,
 )
 from pyburgers.checks.modes import check_other_modes
-from pyburgers.checks.registry import CHECKS
-from pyburgers.checks.verdicts import verdicts
+from pyburgers.checks.verdicts import CHECKS, verdicts
 from pyburgers.common.array_types import FloatArray
 from pyburgers.posterior.labelled_draws import DRIVING_ERRORS, convergence_table, free_parameters
 from pyburgers.sampling.manifest import ChainFailure, OtherMode

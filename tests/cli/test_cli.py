@@ -16,7 +16,7 @@ from conftest import ICE, Problem
 from small_inputs import CURVE, EXPERIMENT, PRIORS
 
 import pyburgers
-from pyburgers.checks.registry import CHECKS
+from pyburgers.checks.verdicts import CHECKS
 from pyburgers.cli.main import COMMANDS, main
 from pyburgers.cli.shared import command_line
 from pyburgers.cmdstan.installation import PYPI_VERSION

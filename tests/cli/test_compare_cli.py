@@ -11,7 +11,7 @@ from conftest import copy_of
 from refusals import assert_refused
 
 from pyburgers.cli.main import main
-from pyburgers.comparison.neighbours import parameter_shifts
+from pyburgers.comparison.conclusions import parameter_shifts
 from pyburgers.fitting.fit import Fit
 
 pytestmark = pytest.mark.usefixtures("in_this_process")

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from conftest import Problem
 
-from pyburgers.checks.registry import CHECKS
+from pyburgers.checks.verdicts import CHECKS
 from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.kind import save_experiment

@@ -11,7 +11,7 @@ from synthetic_fit import make_fit, with_problem
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.checks.verdicts import Verdict
-from pyburgers.comparison.neighbours import (
+from pyburgers.comparison.conclusions import (
     parameter_shifts,
     shift_sentences,
     what_a_yes_leaves_open,

@@ -86,26 +86,15 @@ def response_table(fit: FittedTest) -> pd.DataFrame:
     Index quantity (amplitude, lag), SI units; columns unit, observed, standard_error, median, q5,
     q95 (of replicated data) and inside: whether the observed value lies between the two.
     """
-    observed, replicated = (
-        observed_response(of_kind(fit.experiment, OscillationExperiment)),
-        replicated_response(fit),
-    )
-    rows = {
-        "amplitude": (
-            "Pa",
-            observed.amplitude,
-            observed.amplitude_standard_error,
-            replicated.amplitude,
-        ),
-        "lag": ("rad", observed.lag, observed.lag_standard_error, replicated.lag),
-    }
-    table = {}
-    for name, (unit, value, error, draws) in rows.items():
-        low, median, high = central_band(draws)
+    observed = observed_response(of_kind(fit.experiment, OscillationExperiment))
+    replicated, table = replicated_response(fit), {}
+    for name, unit in (("amplitude", "Pa"), ("lag", "rad")):
+        value = getattr(observed, name)
+        low, median, high = central_band(getattr(replicated, name))
         table[name] = {
             "unit": unit,
             "observed": value,
-            "standard_error": error,
+            "standard_error": getattr(observed, f"{name}_standard_error"),
             "median": median,
             "q5": low,
             "q95": high,

@@ -252,7 +252,17 @@ def toolchain(cmdstan: Path) -> Toolchain:
 def compile_flags(cmdstan: Path) -> tuple[str, ...]:
     """Return the settings of `Toolchain.compile_flags`."""
     chosen = [name for name in _COMPILER_VARIABLES if os.environ.get(name)]
-    return (*(f"{name}={os.environ[name]}" for name in chosen), *_make_settings(cmdstan))
+    files = (cmdstan / "make" / "local", home_folder() / ".config" / "stan" / "make.local")
+    lines = (
+        line.strip()
+        for file in files
+        if file.is_file()
+        for line in file.read_text(encoding="utf-8", errors="replace").splitlines()
+    )
+    return (
+        *(f"{name}={os.environ[name]}" for name in chosen),
+        *(line for line in lines if line and not line.startswith("#")),
+    )
 
 
 def folder_for_make() -> Path:
@@ -319,15 +329,3 @@ def _tool_version(command: list[str], role: str) -> str:
             f"with code {answer.returncode}; {HOW_TO_GET_TOOLS}.\n{last_lines(answer.stdout)}"
         )
     return answer.stdout.strip().splitlines()[0]
-
-
-def _make_settings(cmdstan: Path) -> list[str]:
-    """Return the user's settings for CmdStan's make, without comments."""
-    files = (cmdstan / "make" / "local", home_folder() / ".config" / "stan" / "make.local")
-    lines = (
-        line.strip()
-        for file in files
-        if file.is_file()
-        for line in file.read_text(encoding="utf-8", errors="replace").splitlines()
-    )
-    return [line for line in lines if line and not line.startswith("#")]

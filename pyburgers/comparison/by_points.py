@@ -155,7 +155,13 @@ def leave_out_exactly(
             f"{one.experiment.id}: Pareto k of point {point + 1} is {result.pareto_k[point]:.2f}; "
             "fitting again without it."
         )
-        again = _without_point(one, point, folder / f"point_{point + 1}")
+        again = fit_problem(
+            problem_of([one.experiment.without_point(point)], one.priors),
+            out=folder / f"point_{point + 1}",
+            options=recorded_options(one.manifest["sampler"]),
+            solver=SolverOptions(**one.manifest["solver"]),
+            command=f"pyburgers compare (point {point + 1} left out)",
+        )
         log_lik = _log_likelihood_of(again, one.experiment)[:, point]
         elpd[point] = logsumexp(log_lik) - np.log(log_lik.size)
         exact[point] = True
@@ -165,19 +171,6 @@ def leave_out_exactly(
             "the density of that point may be far off",
         )
     return replace(result, elpd=elpd, exact=exact, doubts=doubts)
-
-
-def _without_point(one: Fit, point: int, out: Path) -> Fit:
-    """Repeat a fit without one of its points."""
-    solver = one.manifest["solver"]
-    left = one.experiment.without_point(point)
-    return fit_problem(
-        problem_of([left], one.priors),
-        out=out,
-        options=recorded_options(one.manifest["sampler"]),
-        solver=SolverOptions(**solver),
-        command=f"pyburgers compare (point {point + 1} left out)",
-    )
 
 
 def _positions(tests: Sequence[Fit]) -> xr.DataArray:

@@ -78,23 +78,17 @@ def fit_without_tests(joints: Mapping[str, Fit], *, workers: Workers, command: s
     check_same_data(joints)
     run_fits(
         {
-            folder: _without(joint, test)
+            folder: Task(
+                joint.problem.without(test),
+                recorded_options(joint.manifest["sampler"]),
+                SolverOptions(**joint.manifest["solver"]),
+                remark=f"({test} left out)",
+            )
             for joint in joints.values()
             for test, folder in _folders_without(joint).items()
         },
         workers=workers,
         command=command,
-    )
-
-
-def _without(joint: Fit, test: str) -> Task:
-    """Fit of all tests but one."""
-    solver = joint.manifest["solver"]
-    return Task(
-        joint.problem.without(test),
-        recorded_options(joint.manifest["sampler"]),
-        SolverOptions(**solver),
-        remark=f"({test} left out)",
     )
 
 

@@ -47,9 +47,7 @@ def pooling_table(joint: Fit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
                 continue
             mean, sd = _moments(fit, quantity)
             decided = decision_columns(influences.get(name, {}).get(quantity))
-            other, alone_mean, alone_sd = alone[name], np.nan, np.nan
-            if other is not None:
-                alone_mean, alone_sd = _moments(other, quantity)
+            alone_mean, alone_sd = _moments(alone[name], quantity)
             if alone_sd == 0:  # taken as known there
                 alone_mean, alone_sd = np.nan, np.nan
             rows.append(
@@ -75,7 +73,10 @@ def sd_ratios(table: pd.DataFrame) -> pd.Series:
     return ratios
 
 
-def _moments(fit: Fit, quantity: str) -> tuple[float, float]:
+def _moments(fit: Fit | None, quantity: str) -> tuple[float, float]:
+    """Return mean and standard deviation of draws (SI), NaN of no fit."""
+    if fit is None:
+        return np.nan, np.nan
     draws = fit.posterior["posterior"][quantity]
     return float(draws.mean()), float(draws.std(ddof=1))
 

@@ -16,7 +16,6 @@ from pyburgers.drawing.panels import (
 )
 from pyburgers.drawing.view import View, curve_of, marks_text, positions
 from pyburgers.drawing.views.softening import (
-    Along,
     evolves,
     microstructure_facts,
     softened_text,
@@ -91,12 +90,10 @@ def softening(fit: FittedTest) -> Figure:
     experiment = of_kind(fit.experiment, ConstantRateExperiment)
     return softening_along(
         fit,
-        Along(
-            position=positions(fit) * STRAIN_FACTOR,
-            measured=strains_of(experiment.microstructure) * STRAIN_FACTOR,
-            label=STRAIN_LABEL,
-            end=experiment.final_strain * STRAIN_FACTOR,
-        ),
+        positions(fit) * STRAIN_FACTOR,
+        measured=strains_of(experiment.microstructure) * STRAIN_FACTOR,
+        label=STRAIN_LABEL,
+        end=experiment.final_strain * STRAIN_FACTOR,
     )
 
 

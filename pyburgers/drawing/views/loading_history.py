@@ -30,7 +30,6 @@ from pyburgers.drawing.style import BLUE, GREY, ORANGE, PURPLE, VERMILION
 from pyburgers.drawing.view import View, curve_of, positions, predicted
 from pyburgers.drawing.views.creep import isochronous_figure, minimum_rate_table
 from pyburgers.drawing.views.softening import (
-    Along,
     evolves,
     microstructure_facts,
     softened_text,
@@ -290,12 +289,10 @@ def softening(fit: FittedTest) -> Figure:
     )
     return softening_along(
         fit,
-        Along(
-            position=time / seconds,
-            measured=measured / seconds,
-            label=f"time ({unit})",
-            end=experiment.end_time / seconds,
-        ),
+        time / seconds,
+        measured=measured / seconds,
+        label=f"time ({unit})",
+        end=experiment.end_time / seconds,
     )
 
 

@@ -1,7 +1,6 @@
 """What a page shows of the microstructure of a test: measured, and how it softens the material."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
@@ -27,16 +26,6 @@ from pyburgers.model.variants import variant_of
 
 SHARES = (-1.0, 2.0)
 """Shares of grain size in the softening, the least and the largest, up to which an axis may go."""
-
-
-@dataclass(frozen=True, eq=False)
-class Along:
-    """The horizontal axis of the figure, in the unit that is shown."""
-
-    position: FloatArray  # of the predictions, shape (n_grid,)
-    measured: FloatArray  # where the microstructure was measured, shape (n_sections,)
-    label: str
-    end: float  # of the test
 
 
 def microstructure_facts(
@@ -77,8 +66,14 @@ def softening_caption(end: str) -> str:
     )
 
 
-def softening_along(fit: FittedTest, along: Along) -> Figure:
-    """Draw how grain size and fabric soften the material along a test."""
+def softening_along(
+    fit: FittedTest, position: FloatArray, *, measured: FloatArray, label: str, end: float
+) -> Figure:
+    """Draw how grain size and fabric soften the material along a test, in the unit of a label.
+
+    The predictions are at a `position`, (n_grid,), the microstructure was `measured` at some,
+    (n_sections,), and the test ends at `end`.
+    """
     experiment = fit.experiment
     by_grains, by_fabric = (
         predicted(fit, name) for name in ("grain_size_softening", "fabric_softening")
@@ -87,7 +82,7 @@ def softening_along(fit: FittedTest, along: Along) -> Figure:
         grains, fabric, strength, share = figure.subplots(2, 2).flat
         draw_band_panel(
             grains,
-            along.position,
+            position,
             [(predicted(fit, "grain_size") * LENGTH_FACTOR, BLUE, "mean grain size")],
             heading="(a) grain size",
             label=f"grain size ({LENGTH_UNIT})",
@@ -95,14 +90,14 @@ def softening_along(fit: FittedTest, along: Along) -> Figure:
         )
         draw_band_panel(
             fabric,
-            along.position,
+            position,
             [(predicted(fit, "fabric_factor"), GREEN, "fabric factor")],
             heading="(b) fabric",
             label="fabric factor $F$ (–)",
         )
         draw_band_panel(
             strength,
-            along.position,
+            position,
             [
                 (by_grains, BLUE, "grain size alone"),
                 (by_fabric, GREEN, "fabric alone"),
@@ -111,10 +106,10 @@ def softening_along(fit: FittedTest, along: Along) -> Figure:
             heading="(c) strength factors",
             label="flow stress / undeformed (–)",
         )
-        _draw_measured(grains, fabric, experiment, along.measured)
+        _draw_measured(grains, fabric, experiment, measured)
         for axes, least_top in ((grains, 0.0), (fabric, 1.05), (strength, 1.05)):
             axes.set_ylim(0.0, max(axes.get_ylim()[1], least_top))
-            axes.set(xlabel=along.label, xlim=(0.0, along.end))
+            axes.set(xlabel=label, xlim=(0.0, end))
         _draw_share(share, softening_shares(fit.posterior["predictions"].to_dataset()))
     return figure
 

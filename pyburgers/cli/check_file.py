@@ -127,7 +127,7 @@ def _reader(content: Mapping[str, Any]) -> Callable[[Path], object]:
         return load_priors
     if _is_plan(content):
         read_plan: Callable[[Path], object] = import_module(
-            "pyburgers.fitting.campaign"
+            "pyburgers.fitting.side_by_side"
         ).load_campaign
         return read_plan
     # The reader of rates tells how a table of peak stresses is written.

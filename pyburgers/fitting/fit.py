@@ -16,12 +16,15 @@ from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, nearest, require_type
 from pyburgers.common.messages import messages_where_watched
 from pyburgers.common.paths import given_path
-from pyburgers.fitting.continuation import put_aside_where_tolerance_matters, sample_until_good
 from pyburgers.fitting.new_test import Source
 from pyburgers.fitting.plots import FitPlots
 from pyburgers.fitting.prediction import Prediction, predict_test
 from pyburgers.fitting.prior_draws import prior_groups
-from pyburgers.fitting.problem_run import run_chains
+from pyburgers.fitting.problem_run import (
+    put_aside_where_tolerance_matters,
+    run_chains,
+    sample_until_good,
+)
 from pyburgers.fitting.sampled_fit import (
     SampledFit,
     data_words,

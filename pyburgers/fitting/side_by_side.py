@@ -1,24 +1,41 @@
-"""Many fits: each a task that one process does, on this machine or another, in its own folder."""
+"""Many fits, each in its own folder by one process on any machine; campaigns of a plan.
+
+A campaign has a fit of every combination of tests, laws, priors and seeds. Its folder holds
+``runs/NAME/``, the run directory of each fit, ``status.csv`` and ``report/``. The status of a fit
+is read from its run directory alone. So any number of processes, on any machines, can work on the
+same campaign.
+"""
 
 import logging
 import os
 import sys
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
-from pyburgers.common.errors import PyburgersError
+import pandas as pd
+from pydantic import Field
+
+from pyburgers.checks.fit_checks import CheckKind
+from pyburgers.common.errors import InputError, PyburgersError
 from pyburgers.common.messages import messages_to
 from pyburgers.common.paths import given_path
 from pyburgers.common.processes import cores
 from pyburgers.common.tasks import ALL_HERE, Workers, run_tasks
+from pyburgers.common.toml_files import NAME, Table, read_json, read_toml
 from pyburgers.fitting.fit import Fit, fit_problem
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.problem import Problem, problem_of
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.problem import Problem, of_one_program, problem_of
 from pyburgers.kinds.stan_data import SolverOptions
-from pyburgers.kinds.together import pooling_for
-from pyburgers.model.priors import PriorSet
-from pyburgers.sampling.options import SamplerOptions
+from pyburgers.kinds.together import pooling_for, priors_for
+from pyburgers.model.priors import PriorSet, note_other_material
+from pyburgers.model.variants import with_variant
+from pyburgers.sampling.manifest import COMPLETE
+from pyburgers.sampling.options import SamplerOptions, options_table
+from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
 
@@ -202,3 +219,183 @@ def _do(name: str, task: Task, out: Path, command: str, keep_going: bool) -> Pyb
                 raise
             return error
     return None
+
+
+SHIPPED = "default"
+"""Stands in a plan for the priors that come with the package."""
+
+NOT_BEGUN, DAMAGED = "not begun", "damaged"
+"""Status of runs that have no manifest, or cannot be read."""
+
+LONGEST_NAME = 200
+"""Letters of the name of a run, which is that of a folder."""
+
+Name = Annotated[str, Field(pattern=NAME)]
+
+
+if TYPE_CHECKING:
+    SamplerTable = Table
+else:
+    SamplerTable = options_table(settled=False, without={"seed", "parallel_chains"})
+
+
+class _PlanFile(Table):
+    id: Name = Field(description="a name of letters, digits, '_', '.' and '-'")
+    tests: dict[Name, Annotated[list[str], Field(min_length=1)]] = Field(
+        min_length=1,
+        description="a table that gives each test, or several to be fitted together, a name and a "
+        "list of files",
+    )
+    variants: dict[Name, dict[str, str]] = Field(
+        {"standard": {}},
+        min_length=1,
+        description="a table of tables: each variant by its name, with a law by part",
+    )
+    priors: dict[Name, str] = Field(
+        {SHIPPED: SHIPPED}, min_length=1, description="a table of prior files by name"
+    )
+    pool: dict[str, str] = Field({}, description="how joint fits pool parameters")
+    seeds: list[int] = Field([1], min_length=1, description="a list of whole numbers")
+    sampler: SamplerTable = Field(SamplerTable(), description="settings of the sampler")
+
+
+@dataclass(frozen=True)
+class Combination:
+    """Test, laws, priors and seed of one fit, by the names in the plan."""
+
+    test: str
+    variant: str
+    priors: str
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """Name of the run."""
+        return f"{self.test}-{self.variant}-{self.priors}-seed{self.seed}"
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """Every fit of a plan by its combination, tests outermost and seeds innermost."""
+
+    id: str
+    tasks: Mapping[Combination, Task]
+
+
+def load_campaign(path: Path) -> Campaign:
+    """Read a plan and everything that it names; nothing is fitted.
+
+    Raises InputError if a file is wrong, or a combination cannot be fitted.
+    """
+    plan = read_toml(path, _PlanFile)
+    settings = plan.sampler.model_dump(exclude_unset=True)
+    tasks = {}
+    for test, files in plan.tests.items():
+        experiments = of_one_program([load_experiment(path.parent / file) for file in files])
+        for variant, laws in plan.variants.items():
+            for name, file in plan.priors.items():
+                source = None if file == SHIPPED else path.parent / file
+                given = priors_for(experiments, source, laws)
+                note_other_material(given, experiments[0].material)
+                pool = plan.pool if len(experiments) > 1 else None
+                for seed in plan.seeds:
+                    one = Combination(test, variant, name, seed)
+                    try:
+                        priors = with_variant(given, experiments[0], laws)
+                        options = SamplerOptions(seed=seed, **settings)
+                        tasks[one] = task_of(experiments, priors, options, pool)
+                    except InputError as error:
+                        raise InputError(f"{path}: {one.name}: {error}") from error
+    _check_names(path, [one.name for one in tasks])
+    return Campaign(plan.id, tasks)
+
+
+def _check_names(path: Path, names: list[str]) -> None:
+    """Check that the names of runs can be those of different folders."""
+    (most_common, number) = Counter(names).most_common(1)[0]
+    if number > 1:
+        raise InputError(
+            f"{path}: {number} fits would have the name {most_common}, expected other names."
+        )
+    if len(longest := max(names, key=len)) > LONGEST_NAME:
+        raise InputError(
+            f"{path}: the name {longest} of a fit has {len(longest)} letters, expected at most "
+            f"{LONGEST_NAME}: shorten the names in the plan."
+        )
+
+
+def run_campaign(
+    campaign: Campaign, out: Path, *, workers: Workers = ALL_HERE, command: str
+) -> dict[str, PyburgersError]:
+    """Do the fits of a campaign in a folder, or a part of them; begun fits are continued.
+
+    Returns the fits that could not be done, by the names of their runs, and why. Raises
+    SystemFailureError if the system killed a process.
+    """
+    tasks = {run_folder(out, one): task for one, task in campaign.tasks.items()}
+    failed = run_fits(tasks, workers=workers, command=command, keep_going=True)
+    return {folder.name: error for folder, error in failed.items()}
+
+
+def status_table(campaign: Campaign, out: Path) -> pd.DataFrame:
+    """Return how far each fit of a campaign is, by the name of its run, from its run directory.
+
+    Verdicts (yes, no, cannot tell) are empty before a fit is complete. `chains` counts the finished
+    chains of `of_chains`; `chain_seconds` is their wall time (s).
+    """
+    rows = {
+        one.name: _status(run_folder(out, one), one, task) for one, task in campaign.tasks.items()
+    }
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("run")
+
+
+def _status(folder: Path, one: Combination, task: Task) -> dict[str, Any]:
+    """Return the row of a fit."""
+    run = RunDirectory(folder)
+    status, chains, verdicts = NOT_BEGUN, dict[str, Any](), dict[str, Any]()
+    try:
+        if run.manifest_file.is_file():
+            status = run.read_manifest().get("status", NOT_BEGUN)
+        chains = run.chain_records()
+        if status == COMPLETE and run.checks_file.is_file():
+            verdicts = read_json(run.checks_file).get("verdicts", {})
+    except (InputError, OSError) as error:
+        logger.info(f"{one.name} is damaged: {error}")
+        status = DAMAGED
+    return {
+        "test": one.test,
+        "variant": one.variant,
+        "priors": one.priors,
+        "seed": one.seed,
+        "status": status,
+        "chains": len(chains),
+        "of_chains": task.options.chains,
+        **{
+            column: verdicts.get(kind.name.lower(), {}).get("outcome", "")
+            for column, kind in (
+                ("sampled_well", CheckKind.SAMPLING),
+                ("describes_data", CheckKind.DESCRIPTION),
+            )
+        },
+        "chain_seconds": round(sum(record["wall_seconds"] for record in chains.values()), 1),
+    }
+
+
+def shown_status_table(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table of `status_table` as text, for the terminal and the page."""
+    chains = table["chains"].astype(str) + " of " + table["of_chains"].astype(str)
+    return pd.DataFrame(
+        {
+            "run": table.index,
+            "status": table["status"],
+            "chains": chains,
+            "sampled well?": table["sampled_well"],
+            "describes the data?": table["describes_data"],
+            "chains took (s)": table["chain_seconds"].map("{:.0f}".format),
+        }
+    )
+
+
+def run_folder(out: Path, one: Combination) -> Path:
+    """Return the run directory of a fit."""
+    return out / "runs" / one.name

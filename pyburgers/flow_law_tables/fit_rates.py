@@ -15,7 +15,7 @@ from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError, require_type
 from pyburgers.common.paths import given_path
-from pyburgers.fitting.continuation import sample_until_good
+from pyburgers.fitting.problem_run import sample_until_good
 from pyburgers.fitting.sampled_fit import write_tables
 from pyburgers.flow_law_tables.fit import LAW_FILE, SOFTENING_FILE, RateFit, is_rate_run
 from pyburgers.flow_law_tables.hand_over import flow_law_prior

@@ -9,7 +9,8 @@ import pandas as pd
 
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.page_parts import PageSection, PageTable
-from pyburgers.fitting.campaign import (
+from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.side_by_side import (
     DAMAGED,
     Campaign,
     Combination,
@@ -17,7 +18,6 @@ from pyburgers.fitting.campaign import (
     shown_status_table,
     status_table,
 )
-from pyburgers.fitting.fit import Fit
 from pyburgers.sampling.manifest import COMPLETE
 
 logger = logging.getLogger(__name__)

@@ -25,7 +25,7 @@ from pyburgers.predictions.assumptions import (
     frozen_sentence,
 )
 from pyburgers.predictions.attenuation import DEFAULT_FREQUENCIES, material_spectrum
-from pyburgers.predictions.creep_laws import MPA, YEAR, CreepLaw, Stated, stated_material
+from pyburgers.predictions.stated_laws import MPA, YEAR, CreepLaw, Stated, stated_material
 from pyburgers.predictions.stress_cycles import Regime
 
 Factors = Mapping[float, float]

@@ -27,7 +27,6 @@ from pyburgers.predictions.code_formats import (
     CreepFormat,
     shear_compliances,
 )
-from pyburgers.predictions.creep_laws import Stated, creep_laws, rate_factors
 from pyburgers.predictions.exported import (
     LOG_FACTOR,
     Exported,
@@ -37,7 +36,7 @@ from pyburgers.predictions.exported import (
     exported,
     fitted_ranges,
 )
-from pyburgers.predictions.stated_laws import is_logarithm
+from pyburgers.predictions.stated_laws import Stated, creep_laws, is_logarithm, rate_factors
 from pyburgers.predictions.stress_cycles import Regime, asked_conditions
 
 AnyFit = Fit | RateFit

@@ -1,10 +1,30 @@
-"""Laws of a fit as expressions in the names of its parameters, which exports state."""
+"""Laws of a fit: expressions in the names of its parameters, and creep laws for flow codes.
+
+Exports state the expressions. Flow codes take one state of the material and second invariants, SI.
+Axial compression by σ at a rate ε̇ has the second invariants τ = √(s:s/2) = σ/√3 and
+ε̇_II = √(ε̇:ε̇/2) = (√3/2) ε̇. Hence ε̇ = A σ^n d^-p exp(-Q/(R T)) is
+ε̇_II = [3^((n+1)/2)/2] A τ^n d^-p exp(-Q/(R T)).
+"""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple, dataclass, replace
+from numbers import Real
 
+import numpy as np
+
+from pyburgers.common.array_types import FloatArray
+from pyburgers.common.draws import all_draws
+from pyburgers.common.errors import InputError, require_type
+from pyburgers.common.units import UNITS, number
+from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.sampled_fit import SampledFit
+from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.flow_law_tables.laws import Mechanism, RateLaw
+from pyburgers.kinds.attenuation.table import Elasticity
 from pyburgers.kinds.experiment import Experiment
+from pyburgers.model.arrhenius import GAS_CONSTANT
+from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
 from pyburgers.model.environment import environment_law
 from pyburgers.model.laws import (
     DASHPOT_LAWS,
@@ -16,9 +36,11 @@ from pyburgers.model.laws import (
 )
 from pyburgers.model.parameters import STANDARD_VALUES
 from pyburgers.model.prior_families import Prior, is_fixed_at
-from pyburgers.model.priors import PriorSet
+from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import ModelVariant, variant_of
 from pyburgers.posterior.labelled_draws import own_name
+from pyburgers.predictions.material import Material, fitted_material
+from pyburgers.predictions.stress_cycles import Regime, check_state, flow_rate
 
 LOGARITHM = "ln_"
 """What names of logarithms of quantities begin with, in SI units."""
@@ -147,3 +169,208 @@ def _mechanism_law(law: RateLaw, one: Mechanism) -> str:
     for name in one.parameters:
         text = text.replace(name, own_name(name, one.name))
     return text + environment_law(law.priors.priors, of=f"[{one.name}]")
+
+
+RATE_INVARIANT = float(np.sqrt(3)) / 2
+"""Second invariant of the rate of axial compression, over that rate."""
+
+STRESS_FACTOR = Elasticity("shear").stress_factor
+"""Stress of axial compression over its second invariant."""
+
+LARGEST_EXPONENT = 700.0
+"""Largest |ln A| of a prefactor that all codes can hold as a double number."""
+
+MPA, YEAR = UNITS["stress"]["MPa"], 365.25 * UNITS["time"]["h"] * 24
+"""Units of ice-sheet codes in SI units; the year is the Julian one."""
+
+
+@dataclass(frozen=True)
+class Stated:
+    """Choices beside the fit, in SI units; `pyburgers.export` describes them."""
+
+    microstructure: str | None = None
+    grain_size: float | None = None
+    fabric_factor: float | None = None
+    temperatures: Sequence[float] = ()
+    frequencies: Sequence[float] = ()
+    regime: Regime | None = None
+    poisson_ratio: float | None = None
+    elastic_modulus: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse numbers out of range."""
+        for name in ("grain_size", "fabric_factor", "poisson_ratio", "elastic_modulus"):
+            value = getattr(self, name)
+            if value is not None:
+                require_type(name, value, Real, "a number")
+        none: Sequence[float] = ()
+        check_state(
+            self.temperatures,
+            none if self.grain_size is None else self.grain_size,
+            none if self.fabric_factor is None else self.fabric_factor,
+        )
+        if self.poisson_ratio is not None and not -1 < self.poisson_ratio < 0.5:
+            raise InputError(
+                f"poisson_ratio: found {self.poisson_ratio:g}, expected a number from -1 to 0.5."
+            )
+
+
+@dataclass(frozen=True)
+class CreepLaw:
+    """Power law ε̇ = exp(log_factor) σ^n d^-p exp(-Q/(R T)) in axial compression, d (m) and F."""
+
+    log_factor: float
+    stress_exponent: float
+    grain_size_exponent: float
+    activation_energy: float
+    grain_size: float
+    fabric_factor: float
+
+    @property
+    def prefactor(self) -> float:
+        """A of second invariants, Pa^-n m^p s^-1; raises `InputError` if no double number is it."""
+        log_prefactor = (
+            self.log_factor + self.stress_exponent * np.log(STRESS_FACTOR) + np.log(RATE_INVARIANT)
+        )
+        if abs(log_prefactor) > LARGEST_EXPONENT:
+            raise InputError(
+                f"prefactor: found exp({log_prefactor:.4g}), expected at most "
+                f"exp(±{LARGEST_EXPONENT:g}), which a double number holds; use --format json."
+            )
+        return float(np.exp(log_prefactor))
+
+    def at_its_grain_size(self) -> "CreepLaw":
+        """Return the same law with the effect of its grain size in the prefactor, p = 0."""
+        factor = self.log_factor - self.grain_size_exponent * np.log(self.grain_size)
+        return replace(self, log_factor=float(factor), grain_size_exponent=0.0)
+
+    def with_gas_constant(self, gas_constant: float) -> "CreepLaw":
+        """Return the law that has the same rates with another R (J/(mol K))."""
+        return replace(
+            self, activation_energy=self.activation_energy * (gas_constant / GAS_CONSTANT)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class CreepLaws:
+    """Creep laws of all draws: fields of `CreepLaw` (n_draws,), and in words their state."""
+
+    columns: Mapping[str, FloatArray]
+    state: str
+
+    @property
+    def mean(self) -> CreepLaw:
+        """The law whose ln(rate) is everywhere the posterior mean of ln(rate)."""
+        sizes, exponents = self.columns["grain_size"], self.columns["grain_size_exponent"]
+        means = {name: float(one.mean()) for name, one in self.columns.items()}
+        weights = exponents if exponents.sum() else np.ones(exponents.size)
+        means["grain_size"] = float(
+            np.exp(np.average(np.log(sizes), weights=weights)) if np.ptp(sizes) else sizes[0]
+        )
+        return CreepLaw(**means)
+
+    def draw(self, k: int) -> CreepLaw:
+        """Return the law of a draw, counted from 0 along all chains."""
+        return CreepLaw(**{name: float(one[k]) for name, one in self.columns.items()})
+
+
+def rate_factors(laws: Sequence[CreepLaw], temperatures: Sequence[float]) -> FloatArray:
+    """Return A exp(-Q/(R T)) d^-p of second invariants (MPa^-n a^-1), (n_laws, n_temperatures)."""
+    rows = np.array([*map(astuple, laws)])
+    log_factor, exponent, grain_size_exponent, energy, size, _ = rows.T
+    parameters = {
+        "stress_exponent": exponent,
+        "grain_size_exponent": grain_size_exponent,
+        "activation_enthalpy": energy,
+        "beta": log_factor / energy,
+    }
+    rates = [
+        flow_rate(parameters, STRESS_FACTOR * MPA, temperature=one, grain_size=size)
+        for one in temperatures
+    ]
+    return np.asarray(np.stack(rates, axis=-1) * RATE_INVARIANT * YEAR)
+
+
+def creep_laws(fit: SampledFit, stated: Stated, code: str) -> CreepLaws:
+    """Return the creep laws of all draws in a stated state, if the dashpot is a power law."""
+    if isinstance(fit, RateFit):
+        if not fit.law.is_power_law:
+            raise InputError(
+                f"{code}: cannot express {fit.law.priors.title!r}, expected a power law; use "
+                "--format json."
+            )
+        draws = fit.power_law()
+        if stated.grain_size is None or stated.microstructure == "steady_state":
+            raise InputError(
+                f"{code}: found no grain size of undeformed material, expected --grain-size-um "
+                "because the law of a table holds for that."
+            )
+        fabric = np.full_like(draws["beta"], stated.fabric_factor or 1.0)
+        grain_size = np.full_like(draws["beta"], stated.grain_size)
+        least = " at their least rates" if fit.law.enhancements else ""
+        whose = f"of the tests{least}" if fit.softening is None else "undeformed"
+        state = f"{whose}, grain size {number(stated.grain_size * LENGTH_FACTOR)} {LENGTH_UNIT}"
+    else:
+        assert isinstance(fit, Fit)
+        if fit.variant.hardening != "none":
+            raise InputError(
+                f"{code}: cannot express the backstress of the fit, which changes with time, "
+                "expected a dashpot without one; fit with --variant hardening=none, or use "
+                "--format json."
+            )
+        if fit.variant.second_mechanism != "none":
+            raise InputError(
+                f"{code}: cannot express several mechanisms of the dashpot, expected a power "
+                "law; fit with one mechanism, or use --format json."
+            )
+        if DASHPOT_LAWS[fit.variant.maxwell].own_stress:
+            raise InputError(
+                f"{code}: cannot express the dashpot {fit.variant.maxwell!r} of the fit, expected "
+                "a power law; fit with --variant maxwell=power_law, or use --format json."
+            )
+        if environment_law(fit.priors.priors):
+            raise InputError(
+                f"{code}: cannot express a flow law that depends on pressure, water or melt, "
+                "expected one that does not; use --format json."
+            )
+        found = fit.posterior["posterior"].to_dataset()
+        draws = {name: all_draws(found[name]) for name in FLOW_LAW}
+        material = stated_material(fit, stated, code)
+        grain_size, fabric = material.grain_size.ravel(), material.fabric_factor.ravel()
+        state = material.attributes["microstructure"]
+    columns = {
+        "log_factor": draws["beta"] * draws["activation_enthalpy"]
+        - draws["stress_exponent"] * np.log(fabric),
+        "stress_exponent": draws["stress_exponent"],
+        "grain_size_exponent": draws["grain_size_exponent"],
+        "activation_energy": draws["activation_enthalpy"],
+        "grain_size": grain_size,
+        "fabric_factor": fabric,
+    }
+    return CreepLaws(columns, state)
+
+
+def stated_material(fit: Fit, stated: Stated, code: str) -> Material:
+    """Return the material in its state, which has to be stated if its microstructure evolves."""
+    variant, chosen = (fit.whole or fit).variant, stated.microstructure
+    open_grains = variant.grain_size != "constant" and stated.grain_size is None
+    open_fabric = variant.fabric != "constant" and stated.fabric_factor is None
+    if chosen is None and (open_grains or open_fabric):
+        evolving = " and ".join(["grain size"] * open_grains + ["fabric"] * open_fabric)
+        raise InputError(
+            f"{code}: cannot express the evolving {evolving} of the fit, expected one state: "
+            "--microstructure initial or steady-state, or --grain-size-um and --fabric-factor."
+        )
+    if chosen == "steady_state" and open_grains and variant.grain_size == "piezometric":
+        raise InputError(
+            f"{code}: cannot express a grain size that follows the stress (piezometer), expected "
+            "--grain-size-um for the steady state."
+        )
+    return fitted_material(
+        fit,
+        microstructure=chosen or "initial",
+        temperature=stated.temperatures[0] if stated.temperatures else None,
+        grain_size=stated.grain_size,
+        fabric_factor=stated.fabric_factor,
+        elastic_modulus=stated.elastic_modulus,
+    )

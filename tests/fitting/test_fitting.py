@@ -226,7 +226,7 @@ def test_draws_without_solution_at_the_reference_tolerance_do_not_end_the_fit(
 ) -> None:
     impossible = SolverOptions(tolerance=1e-10, max_num_steps=5, method="bdf")
     monkeypatch.setattr("pyburgers.posterior.build.REFERENCE_SOLVER", impossible)
-    monkeypatch.setattr("pyburgers.fitting.continuation.MAX_REFITS", 0)
+    monkeypatch.setattr("pyburgers.fitting.problem_run.MAX_REFITS", 0)
     options = replace(SMALL_RUN, warmup=50, draws=5)
     result = fitted(small_problem, tmp_path / "run", options)
     check = next(check for check in result.checks() if check.name == "solver")

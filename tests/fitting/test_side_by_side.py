@@ -86,7 +86,7 @@ def test_a_fit_goes_on_until_its_draws_are_enough(
     tmp_path: Path,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    caplog.set_level(logging.INFO, "pyburgers.fitting.continuation")
+    caplog.set_level(logging.INFO, "pyburgers.fitting.problem_run")
     # 160 draws in all can be judged, and can never be 400 independent ones.
     options = replace(tasks["first"].options, chains=2, draws=80)
 

@@ -39,14 +39,14 @@ def all_draws(run: RunDirectory) -> FloatArray:
 def as_often_as_it_takes() -> Iterator[None]:
     """Whether two halvings are enough is chance, and another one on another machine."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pyburgers.fitting.continuation.MAX_SHORTENED", 8)
+        patch.setattr("pyburgers.fitting.problem_run.MAX_SHORTENED", 8)
         yield
 
 
 @pytest.fixture(scope="module")
 def mended(small_problem: Problem, tmp_path_factory: pytest.TempPathFactory) -> Fit:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pyburgers.fitting.continuation.MAX_DIVERGENT_SHARE", 1.0)
+        patch.setattr("pyburgers.fitting.problem_run.MAX_DIVERGENT_SHARE", 1.0)
         return again(small_problem, tmp_path_factory.mktemp("mended") / "run")
 
 
@@ -108,7 +108,7 @@ def test_chains_put_aside_by_a_process_that_was_killed_are_sampled_as_before(
     mended: Fit, small_problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Between moving the chains and noting it, nothing says that they go on."""
-    monkeypatch.setattr("pyburgers.fitting.continuation.MAX_DIVERGENT_SHARE", 1.0)
+    monkeypatch.setattr("pyburgers.fitting.problem_run.MAX_DIVERGENT_SHARE", 1.0)
     mended.save(tmp_path / "run")
     run = RunDirectory(tmp_path / "run")
     shutil.rmtree(run.path / "chains")
@@ -150,8 +150,8 @@ def test_chains_do_not_go_on_from_what_is_gone_or_has_changed(
 def test_steps_are_not_shortened_without_end(
     small_problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pyburgers.fitting.continuation.MAX_DIVERGENT_SHARE", 1.0)
-    monkeypatch.setattr("pyburgers.fitting.continuation.MAX_SHORTENED", 1)
+    monkeypatch.setattr("pyburgers.fitting.problem_run.MAX_DIVERGENT_SHARE", 1.0)
+    monkeypatch.setattr("pyburgers.fitting.problem_run.MAX_SHORTENED", 1)
     result = again(small_problem, tmp_path / "run")
     assert len(result.manifest["shortened"]) == 1
     # Many divergences are no matter of the step.
@@ -175,7 +175,7 @@ def test_a_step_that_was_short_already_is_shortened_too(mended: Fit, tmp_path: P
 def test_a_fit_of_rates_goes_on_too(
     creep: RateFit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pyburgers.fitting.continuation.MAX_DIVERGENT_SHARE", 1.0)
+    monkeypatch.setattr("pyburgers.fitting.problem_run.MAX_DIVERGENT_SHARE", 1.0)
     options = replace(TABLE_RUN, warmup=100, draws=100, adapt_delta=0.05)
     fit = fit_rates(creep.data, out=tmp_path, options=options)
     assert fit.manifest["shortened"]

@@ -30,8 +30,8 @@ from .fitting.side_by_side import fit_side_by_side as fit_side_by_side
 from .fitting.side_by_side import task_of as task_of
 from .flow_law_tables.fit import RateFit as RateFit
 from .flow_law_tables.fit_rates import fit_rates as fit_rates
-from .flow_law_tables.hand_over import flow_law_prior as flow_law_prior
-from .flow_law_tables.hand_over import mechanism_priors as mechanism_priors
+from .flow_law_tables.fit_rates import flow_law_prior as flow_law_prior
+from .flow_law_tables.fit_rates import mechanism_priors as mechanism_priors
 from .flow_law_tables.laws import RateLaw as RateLaw
 from .flow_law_tables.laws import load_rate_law as load_rate_law
 from .flow_law_tables.laws import rate_law as rate_law

@@ -34,12 +34,7 @@ from pyburgers.checks.fit_checks import (
     Outcome,
     check,
 )
-from pyburgers.checks.residual_numbers import (
-    longest_run,
-    offsets,
-    segment_parts,
-    straight_line,
-)
+from pyburgers.checks.residual_numbers import longest_run, offsets, segment_parts, straight_line
 from pyburgers.common.draws import TAIL
 from pyburgers.posterior.labelled_draws import response_in
 

@@ -25,12 +25,7 @@ from pyburgers.fitting.problem_run import (
     run_chains,
     sample_until_good,
 )
-from pyburgers.fitting.sampled_fit import (
-    SampledFit,
-    data_words,
-    in_passing,
-    write_tables,
-)
+from pyburgers.fitting.sampled_fit import SampledFit, data_words, in_passing, write_tables
 from pyburgers.fitting.scores_beside import scores_beside
 from pyburgers.kinds.conditions import Ranges, conditions_of, doubts
 from pyburgers.kinds.experiment import A_TEST, Experiment, Provenance
@@ -44,12 +39,7 @@ from pyburgers.model.unlikely_numbers import unlikely_priors
 from pyburgers.model.variants import ModelVariant
 from pyburgers.posterior.build import build_posterior
 from pyburgers.posterior.groups import load_posterior
-from pyburgers.posterior.labelled_draws import (
-    draws_table,
-    groups_of_tests,
-    own_name,
-    summary_table,
-)
+from pyburgers.posterior.labelled_draws import draws_table, groups_of_tests, own_name, summary_table
 from pyburgers.sampling.manifest import FitManifest
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run import require_extendable

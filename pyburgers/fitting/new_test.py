@@ -15,11 +15,7 @@ from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import Problem, stated_priors
 from pyburgers.kinds.stan_data import CENTRE, SPREAD
-from pyburgers.model.closed_forms import (
-    MODULUS_CHANGE,
-    maxwell_modulus_at,
-    with_maxwell_modulus,
-)
+from pyburgers.model.closed_forms import MODULUS_CHANGE, maxwell_modulus_at, with_maxwell_modulus
 from pyburgers.model.display import unit_text
 from pyburgers.model.parameters import (
     CONDITIONS,

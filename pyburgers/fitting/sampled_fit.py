@@ -34,16 +34,8 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.scratch import scratch_folder
 from pyburgers.kinds.experiment import Provenance
-from pyburgers.posterior.labelled_draws import (
-    arviz_data,
-    in_display_units,
-)
-from pyburgers.sampling.manifest import (
-    COMPLETE,
-    ChainFailure,
-    missing_chains,
-    recorded_modes,
-)
+from pyburgers.posterior.labelled_draws import arviz_data, in_display_units
+from pyburgers.sampling.manifest import COMPLETE, ChainFailure, missing_chains, recorded_modes
 from pyburgers.sampling.repetitions import shortened
 from pyburgers.sampling.run_directory import RunDirectory
 

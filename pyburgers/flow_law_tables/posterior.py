@@ -17,12 +17,7 @@ from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE
 from pyburgers.model.parameters import ENVIRONMENT
 from pyburgers.model.reference_quantities import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.posterior.groups import keep_posterior
-from pyburgers.posterior.labelled_draws import (
-    DRIVING_ERRORS,
-    label_draws,
-    own_name,
-    sample_stats,
-)
+from pyburgers.posterior.labelled_draws import DRIVING_ERRORS, label_draws, own_name, sample_stats
 from pyburgers.sampling.run_directory import RunDirectory
 
 FLOW_RATE_OF_TEST = "log_flow_rate_of_test"

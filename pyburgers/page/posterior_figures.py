@@ -40,10 +40,7 @@ from pyburgers.model.display import axis_label, shown_quantity, unit_text
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.prior_families import Prior
 from pyburgers.page.decades import PriorOfLogarithm, ShownDraws, shown_draws
-from pyburgers.posterior.labelled_draws import (
-    convergence_table,
-    free_parameters,
-)
+from pyburgers.posterior.labelled_draws import convergence_table, free_parameters
 
 CHAIN_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY_BLUE, VERMILION)
 CHAIN_DASHES = ("-", "-.", ":")

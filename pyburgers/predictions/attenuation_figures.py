@@ -19,16 +19,7 @@ from matplotlib.patches import Patch
 
 from pyburgers.common.draws import FloatArray, evenly_spaced
 from pyburgers.drawing.panels import draw_thin_lines, figure_of
-from pyburgers.drawing.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    ORANGE,
-    PURPLE,
-    SKY_BLUE,
-    VERMILION,
-    style,
-)
+from pyburgers.drawing.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY_BLUE, VERMILION, style
 from pyburgers.predictions.assumptions import likely_fails
 from pyburgers.predictions.attenuation import flat_draws
 from pyburgers.predictions.evolving import evolving_quantiles

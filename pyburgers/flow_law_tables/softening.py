@@ -236,7 +236,8 @@ def _with_peaks_at(
         strain = np.append(strain, _peaks_about(data, more, np.zeros((1, 3))).strain[:, 0])
         distance = np.log(strain / peak_strain.mean) / (peak_strain.sd / peak_strain.mean)
         weight = np.exp(-0.5 * distance**2)
-        n_effective = _independent(weight)
+        squares = max(float(weight @ weight), np.finfo(float).tiny)
+        n_effective = float(weight.sum()) ** 2 / squares
         if len(candidates) == N_CANDIDATES and n_effective < LEAST_MATERIALS:
             low, high = np.quantile(strain, [0.05, 0.95])
             raise InputError(
@@ -247,11 +248,6 @@ def _with_peaks_at(
     places = (rng.random() + np.arange(N_MATERIALS)) / N_MATERIALS * weight.sum()
     chosen = np.minimum(np.searchsorted(np.cumsum(weight), places), len(candidates) - 1)
     return [candidates[k] for k in chosen], min(n_effective, N_MATERIALS)
-
-
-def _independent(weight: FloatArray) -> float:
-    """Effective number of draws with weights."""
-    return float(weight.sum()) ** 2 / max(float(weight @ weight), np.finfo(float).tiny)
 
 
 def _principal_axes(data: RateTable) -> tuple[FloatArray, FloatArray]:

@@ -140,20 +140,17 @@ def _caution_lines(one: Exported, names: Sequence[str], fit: AnyFit, asked: Rang
         spread = f" +- {rounded(one.sd[k], one.sd[k])}" if one.sd[k] else ""
         by = f"{one.decided_by[k]} {one.by_prior_of[k]}".strip() or "unknown"
         decided.append(f"{name} {rounded(one.mean[k], one.sd[k])}{spread} {unit} ({by})")
+    tested = f"Conditions of the fitted tests: {one.conditions}. The law extrapolates elsewhere."
+    if one.draws_of == PRIOR_ALONE:
+        tested = f"Conditions of the test, which was not fitted: {one.conditions}."
     of_specimens = {name: ends for name, ends in ranges.items() if name in ENVIRONMENT_WORDS}
     return [
         f"Sampled well: {one.sampled_well}. Describes the data: {one.describes_data}.",
         f"Decided by: {'; '.join(decided)}.",
         *one.notes,
-        _conditions_line(one),
+        tested,
         *doubtful_conditions(one.material, {**of_specimens, **asked}, [ranges]),
     ]
-
-
-def _conditions_line(one: Exported) -> str:
-    if one.draws_of == PRIOR_ALONE:
-        return f"Conditions of the test, which was not fitted: {one.conditions}."
-    return f"Conditions of the fitted tests: {one.conditions}. The law extrapolates elsewhere."
 
 
 FORMATS: Mapping[str, Format] = MappingProxyType(

@@ -90,9 +90,9 @@ from .predictions.design_plans import load_design_plan as load_design_plan
 from .predictions.designs import Design as Design
 from .predictions.designs import design as design
 from .predictions.exports import export as export
+from .predictions.figures import prediction_figure as prediction_figure
 from .predictions.measured_attenuation import MeasuredAttenuation as MeasuredAttenuation
 from .predictions.measured_attenuation import load_measured_attenuation as load_measured_attenuation
-from .predictions.other_test_figures import prediction_figure as prediction_figure
 from .predictions.other_tests import score_sentence as score_sentence
 from .predictions.other_tests import score_table as score_table
 from .predictions.other_tests import surprise_sentence as surprise_sentence

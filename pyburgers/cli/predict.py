@@ -27,7 +27,6 @@ from pyburgers.predictions.attenuation import (
     quantile_table,
     save_spectrum,
 )
-from pyburgers.predictions.attenuation_figures import attenuation
 from pyburgers.predictions.evolving import (
     EVOLVING_FREQUENCIES,
     evolving_attenuation,
@@ -35,6 +34,7 @@ from pyburgers.predictions.evolving import (
     evolving_sentence,
     evolving_table,
 )
+from pyburgers.predictions.figures import attenuation
 from pyburgers.predictions.material import fitted_material
 from pyburgers.predictions.measured_attenuation import load_measured_attenuation
 from pyburgers.predictions.stress_cycles import HOLD_TIME, PAPER_REGIMES, Regime, regimes_named

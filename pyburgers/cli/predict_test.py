@@ -16,7 +16,7 @@ from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.prediction import Prediction
 from pyburgers.kinds.kind import load_experiment
-from pyburgers.predictions.other_test_figures import prediction_figure
+from pyburgers.predictions.figures import prediction_figure
 from pyburgers.predictions.other_tests import (
     band_table,
     overview_table,

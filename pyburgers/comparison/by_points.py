@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from scipy.special import logsumexp
 
-from pyburgers.checks.prior_sentences import read_off_sentences
+from pyburgers.checks.prior_influence import read_off_sentences
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.errors import InputError, SamplingError

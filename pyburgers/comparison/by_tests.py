@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pyburgers.checks.prior_sentences import read_off_sentences
+from pyburgers.checks.prior_influence import read_off_sentences
 from pyburgers.common.errors import InputError
 from pyburgers.common.tasks import ALL_HERE, Workers
 from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood

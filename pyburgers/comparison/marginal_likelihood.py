@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 from scipy.special import expit
 from scipy.stats import multivariate_normal
 
-from pyburgers.checks.prior_sentences import read_off_sentences
+from pyburgers.checks.prior_influence import read_off_sentences
 from pyburgers.cmdstan.draw_files import read_draws
 from pyburgers.cmdstan.program import Density, load_program
 from pyburgers.common.draws import FloatArray

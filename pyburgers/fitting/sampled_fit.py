@@ -24,8 +24,12 @@ from pyburgers.checks.fit_checks import (
     Outcome,
     run_checks,
 )
-from pyburgers.checks.prior_influence import Influence
-from pyburgers.checks.prior_sentences import conflict_sentence, decision_columns, decision_sentences
+from pyburgers.checks.prior_influence import (
+    Influence,
+    conflict_sentence,
+    decision_columns,
+    decision_sentences,
+)
 from pyburgers.checks.verdicts import CHECKS, Verdict, verdicts, verdicts_record
 from pyburgers.common.atomic_files import json_text, write_text
 from pyburgers.common.csv_tables import csv_text

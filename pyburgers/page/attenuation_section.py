@@ -7,7 +7,7 @@ import xarray as xr
 
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.kinds.kind import FittedTest
-from pyburgers.predictions import attenuation_figures
+from pyburgers.predictions import figures as attenuation_figures
 from pyburgers.predictions.assumptions import (
     elastic_modulus_sentence,
     frozen_sentence,

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pyburgers.checks.prior_sentences import read_off_sentences
+from pyburgers.checks.prior_influence import read_off_sentences
 from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.paths import shown
 from pyburgers.common.units import count_points, with_error

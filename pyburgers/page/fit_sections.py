@@ -8,8 +8,7 @@ from typing import Any
 import pandas as pd
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
-from pyburgers.checks.prior_influence import Origin
-from pyburgers.checks.prior_sentences import READ_OFF, influence_numbers
+from pyburgers.checks.prior_influence import READ_OFF, Origin, influence_numbers
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.csv_tables import csv_text
 from pyburgers.comparison.conclusions import shift_sentences, what_a_yes_leaves_open

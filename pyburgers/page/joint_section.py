@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pyburgers.checks.fit_checks import CheckKind
-from pyburgers.checks.prior_sentences import decision_columns, decision_text
+from pyburgers.checks.prior_influence import decision_columns, decision_text
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.draws import BAND, TAIL, all_draws
 from pyburgers.common.units import number, with_error

@@ -7,8 +7,9 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome, coverage
-from pyburgers.checks.prior_influence import Influence, Origin
-from pyburgers.checks.prior_sentences import (
+from pyburgers.checks.prior_influence import (
+    Influence,
+    Origin,
     conflict_text,
     conflicts,
     decision_columns,

@@ -11,7 +11,7 @@ from types import MappingProxyType
 import jinja2
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
-from pyburgers.checks.prior_sentences import CONFLICT_MEANING, SHARE_TEXT
+from pyburgers.checks.prior_influence import CONFLICT_MEANING, SHARE_TEXT
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.errors import InputError, require_type

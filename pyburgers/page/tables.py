@@ -12,8 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckResult, Outcome
-from pyburgers.checks.prior_influence import Influence
-from pyburgers.checks.prior_sentences import ORIGIN_RULES, decision_text
+from pyburgers.checks.prior_influence import ORIGIN_RULES, Influence, decision_text
 from pyburgers.common.units import number, rounded
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.fitting.fit import Fit

@@ -334,6 +334,14 @@ def flat_draws(values: xr.DataArray) -> FloatArray:
     return flat
 
 
+def evolving_quantiles(values: xr.DataArray) -> FloatArray:
+    """Quantiles over draws, some of which may be infinite; (3, n_regimes, n_frequencies)."""
+    found: FloatArray = np.quantile(
+        flat_draws(values), np.array(BAND_PERCENTAGES) / 100, axis=0, method="nearest"
+    )
+    return found
+
+
 def condition_columns(spectrum: xr.Dataset) -> dict[str, FloatArray]:
     """Return columns median_stress_MPa, amplitude_MPa, frequency_Hz by regime, then frequency."""
     frequency = spectrum["frequency"].to_numpy()
@@ -356,6 +364,9 @@ def regime_peaks(spectrum: xr.Dataset) -> BoolArray:
 
 QUANTILES = (5, 25, 50, 75, 95)
 """Percentages of `quantile_table`."""
+
+BAND_PERCENTAGES = (5, 50, 95)
+"""Percentages of `evolving_quantiles`."""
 
 OVERVIEW_FREQUENCIES = 5
 """Columns of `overview_table`."""

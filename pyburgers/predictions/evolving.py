@@ -29,7 +29,12 @@ from pyburgers.kinds.forward import check_given_together
 from pyburgers.kinds.stan_data import SolverOptions, solver_block
 from pyburgers.model.closed_forms import closed_forms, parameter_columns, require_standard
 from pyburgers.model.laws import SPECTRUM_SWITCHES
-from pyburgers.predictions.attenuation import attenuation_spectrum, condition_columns, flat_draws
+from pyburgers.predictions.attenuation import (
+    BAND_PERCENTAGES,
+    attenuation_spectrum,
+    condition_columns,
+    evolving_quantiles,
+)
 from pyburgers.predictions.material import Material
 from pyburgers.predictions.stress_cycles import (
     EVOLUTION,
@@ -56,9 +61,6 @@ N_HARMONICS = 6
 """Harmonics of the dashpot's strain: those beyond the fourth are small for n up to 5."""
 
 SOLVER = SolverOptions(tolerance=1e-9, max_num_steps=1_000_000)
-
-QUANTILES = (5, 50, 95)
-"""Percentages of `evolving_table`."""
 
 
 def evolving_attenuation(
@@ -220,7 +222,9 @@ def evolving_table(comparison: xr.Dataset) -> pd.DataFrame:
         ("evolving", "tan_delta_evolving"),
         ("fluidity_ratio", "fluidity_ratio"),
     ):
-        for percent, values in zip(QUANTILES, evolving_quantiles(comparison[name]), strict=True):
+        for percent, values in zip(
+            BAND_PERCENTAGES, evolving_quantiles(comparison[name]), strict=True
+        ):
             table[f"{column}_q{percent}"] = values.ravel()
     for column, name in (
         ("path_strain", "path_strain"),
@@ -263,11 +267,3 @@ def evolving_sentence(comparison: xr.Dataset) -> str:
         "strain; tan δ is read off the strain of these cycles, less a cubic trend. Frozen: the "
         "closed form, of the same draws. inf: strain lags by more than a quarter of a cycle."
     )
-
-
-def evolving_quantiles(values: xr.DataArray) -> FloatArray:
-    """Quantiles over draws, some of which may be infinite; (3, n_regimes, n_frequencies)."""
-    found: FloatArray = np.quantile(
-        flat_draws(values), np.array(QUANTILES) / 100, axis=0, method="nearest"
-    )
-    return found

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pyburgers.checks.prior_influence import Origin
-from pyburgers.checks.prior_sentences import decision_columns, decision_text, symbol_of
+from pyburgers.checks.prior_influence import Origin, decision_columns, decision_text, symbol_of
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.draws import all_draws

@@ -19,14 +19,17 @@ from linear_priors import (
 )
 from scipy import stats
 
-from pyburgers.checks.prior_influence import Bound, Influence, Origin, prior_influence
-from pyburgers.checks.prior_sentences import (
+from pyburgers.checks.prior_influence import (
+    Bound,
+    Influence,
+    Origin,
     conflict_sentence,
     conflicts,
     decision_columns,
     decision_sentences,
     decision_text,
     influence_numbers,
+    prior_influence,
 )
 from pyburgers.common.array_types import FloatArray
 from pyburgers.fitting.fit import fit

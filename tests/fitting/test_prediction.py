@@ -34,7 +34,7 @@ from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.kinds.problem import one_test, problem_of
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import PriorSet
-from pyburgers.predictions.other_test_figures import prediction_figure
+from pyburgers.predictions.figures import prediction_figure
 from pyburgers.predictions.other_tests import (
     DENSITY,
     QUANTILES,

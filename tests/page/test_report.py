@@ -16,8 +16,13 @@ from synthetic_fit import make_fit, make_prior, with_problem
 from synthetic_olivine_fit import make_olivine_fit, oscillating
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
-from pyburgers.checks.prior_influence import Origin, prior_influence
-from pyburgers.checks.prior_sentences import CONFLICT_MEANING, ORIGIN_RULES, SHARE_TEXT
+from pyburgers.checks.prior_influence import (
+    CONFLICT_MEANING,
+    ORIGIN_RULES,
+    SHARE_TEXT,
+    Origin,
+    prior_influence,
+)
 from pyburgers.checks.verdicts import ANSWERS
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.page_parts import PageSection

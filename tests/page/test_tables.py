@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from synthetic_fit import TRUTH, make_fit, make_prior, uniform, with_problem
 
-from pyburgers.checks.prior_influence import Bound, Influence, Origin
-from pyburgers.checks.prior_sentences import decision_text
+from pyburgers.checks.prior_influence import Bound, Influence, Origin, decision_text
 from pyburgers.common.units import duration_text, number, rounded
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.program_data import fixed_in_effect

@@ -18,7 +18,8 @@ from synthetic_fit import make_fit
 from pyburgers.drawing.style import image
 from pyburgers.predictions.assumptions import likely_fails
 from pyburgers.predictions.attenuation import predict_attenuation
-from pyburgers.predictions.attenuation_figures import (
+from pyburgers.predictions.evolving import evolving_attenuation
+from pyburgers.predictions.figures import (
     AMPLITUDE_CAPTION,
     ATTENUATION_CAPTION,
     DRAWS_CAPTION,
@@ -28,7 +29,6 @@ from pyburgers.predictions.attenuation_figures import (
     attenuation,
     attenuation_draws,
 )
-from pyburgers.predictions.evolving import evolving_attenuation
 from pyburgers.predictions.material import fitted_material
 from pyburgers.predictions.measured_attenuation import load_measured_attenuation
 from pyburgers.predictions.stress_cycles import Regime

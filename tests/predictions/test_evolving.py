@@ -16,13 +16,13 @@ from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.predictions.attenuation import material_spectrum, predict_attenuation
-from pyburgers.predictions.attenuation_figures import BEYOND_LABEL, EVOLVING_LABEL, attenuation
 from pyburgers.predictions.evolving import (
     evolving_attenuation,
     evolving_overview,
     evolving_sentence,
     evolving_table,
 )
+from pyburgers.predictions.figures import BEYOND_LABEL, EVOLVING_LABEL, attenuation
 from pyburgers.predictions.material import Material, fitted_material
 from pyburgers.predictions.stress_cycles import PAPER_REGIMES, Regime
 

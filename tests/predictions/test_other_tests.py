@@ -12,7 +12,7 @@ from synthetic_fit import make_experiment, make_priors
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.prediction import Prediction
 from pyburgers.kinds.kind import kind_of
-from pyburgers.predictions.other_test_figures import prediction_figure
+from pyburgers.predictions.figures import prediction_figure
 from pyburgers.predictions.other_tests import (
     DENSITY,
     band_table,

@@ -1,9 +1,6 @@
-"""Figures of attenuation spectra: what is drawn, and beside each how to read it.
+"""Figures of predictions: attenuation spectra and other tests, and beside some how to read them."""
 
-Every function takes a spectrum of `pyburgers.predictions.attenuation` and returns a figure of its
-own.
-"""
-
+import textwrap
 from collections.abc import Sequence
 from itertools import cycle
 from typing import Any
@@ -18,12 +15,17 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pyburgers.common.draws import FloatArray, evenly_spaced
-from pyburgers.drawing.panels import draw_thin_lines, figure_of
+from pyburgers.drawing.panels import draw_data, draw_thin_lines, figure_of
 from pyburgers.drawing.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY_BLUE, VERMILION, style
+from pyburgers.fitting.prediction import Prediction
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.likelihood import likelihood_of
+from pyburgers.model.read_quantities import Quantity, ReadQuantity
 from pyburgers.predictions.assumptions import likely_fails
-from pyburgers.predictions.attenuation import flat_draws
-from pyburgers.predictions.evolving import evolving_quantiles
+from pyburgers.predictions.attenuation import evolving_quantiles, flat_draws
 from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
+from pyburgers.predictions.other_tests import answers, clock_of, read_quantities, shown_draws
 
 Handle = Patch | Line2D | ErrorbarContainer
 """What a legend names."""
@@ -266,3 +268,97 @@ def _draw_bands(
         axes.margins(x=0.0)
     axes.set_xlabel(FREQUENCY_LABEL)
     return handles
+
+
+TITLE_WIDTH = 95
+"""Letters in a line above the panel."""
+
+
+def prediction_figure(prediction: Prediction) -> Figure:
+    """Draw bands of the solution and of new readings, data where the test has some, and cautions.
+
+    Each quantity that the test answers with has a panel. The title has the cautions.
+
+    Parameters
+    ----------
+    prediction : Prediction
+        Of `Fit.predict`.
+
+    Examples
+    --------
+    >>> figure = pyburgers.prediction_figure(fit.predict(test))
+    """
+    shown = answers(prediction)
+    with figure_of(8.0, 1.6 + 3.6 * len(shown)) as figure:
+        # Tables of cycles have each quantity at places of its own.
+        sharex = len({one.name for one in shown}) == len(shown)
+        panels = figure.subplots(len(shown), 1, sharex=sharex, squeeze=False)[:, 0]
+        for axes, quantity in zip(panels, shown, strict=True):
+            _draw(axes, prediction, quantity)
+        said = [
+            line
+            for sentence in (prediction.title, *prediction.cautions)
+            for line in textwrap.wrap(sentence, TITLE_WIDTH)
+        ]
+        figure.legend(
+            *panels[0].get_legend_handles_labels(),
+            loc="outside upper left",
+            ncols=3,
+            title="\n".join(said),
+            alignment="left",
+        )
+        panels[-1].set_xlabel(_clock(prediction.experiment).label)
+    return figure
+
+
+def _clock(experiment: Experiment) -> Quantity:
+    return likelihood_of(experiment).shown_clock(experiment.span[1])
+
+
+def _draw(axes: Axes, prediction: Prediction, quantity: ReadQuantity) -> None:
+    """Draw bands of a quantity, and data where there are some."""
+    experiment = prediction.experiment
+    clock, factor = _clock(experiment), quantity.shown.display_factor
+    places = clock_of(prediction, quantity)
+    # Lines end with a spectrum: the next one begins at its shortest period.
+    period = kind_of(experiment).conditions_at(experiment, places).get("period_s", places)
+    ends = np.flatnonzero(np.diff(period) < 0) + 1
+    position = np.insert(places * clock.display_factor, ends, np.nan)
+    solved, new = (
+        np.insert(factor * draws, ends, np.nan, axis=1)
+        for draws in shown_draws(prediction, quantity)
+    )
+    _fill(axes, position, new, 90, ORANGE, 0.35, "90 % of new readings")
+    _fill(axes, position, solved, 90, BLUE, 0.25, "90 % of solutions")
+    _fill(axes, position, solved, 50, BLUE, 0.45, "50 % of solutions")
+    median = np.median(solved, axis=0)
+    axes.plot(position, median, color=VERMILION, linewidth=1.6, label="predictive median")
+    own = np.array([one == quantity for one in read_quantities(experiment)], dtype=bool)
+    if own.any():
+        response = experiment.response[own]
+        draw_data(
+            axes,
+            experiment.position[own] * clock.display_factor,
+            (response if quantity.logarithm_of is None else np.exp(response)) * factor,
+            None,
+            f"{experiment.provenance.kind} data",
+        )
+    axes.margins(x=0.01)
+    axes.set(
+        ylabel=quantity.shown.label, yscale="linear" if quantity.logarithm_of is None else "log"
+    )
+
+
+def _fill(
+    axes: Axes,
+    position: FloatArray,
+    draws: FloatArray,
+    percent: int,
+    colour: str,
+    opacity: float,
+    label: str,
+) -> None:
+    """Fill the central part of draws."""
+    tail = (1 - percent / 100) / 2
+    low, high = np.quantile(draws, [tail, 1 - tail], axis=0)
+    axes.fill_between(position, low, high, color=colour, alpha=opacity, linewidth=0, label=label)

@@ -4,10 +4,10 @@ At each draw a number such as the autocorrelation of the residuals is taken of t
 replicated data of that draw (a posterior predictive check of a realised discrepancy, Gelman, Meng
 and Stern 1996, Statistica Sinica 6, 733-807). All such numbers of all tests of a fit are one
 family: the probability of the worst is compared with that of the worst of each replicate that is
-fitted as the data were (`pyburgers.checks.refits`), so that in 1 of 100 fits at most a correct
-model fails any of them (`docs/checks.md`), however many there are, however they hang together and
-however far the posterior follows the data. The limit of each number follows from that, and a number
-fails if and only if it lies beyond its limit as it is printed.
+fitted as the data were (`pyburgers.checks.residual_numbers`), so that in 1 of 100 fits at most a
+correct model fails any of them (`docs/checks.md`), however many there are, however they hang
+together and however far the posterior follows the data. The limit of each number follows from that,
+and a number fails if and only if it lies beyond its limit as it is printed.
 """
 
 from collections.abc import Callable, Mapping
@@ -21,14 +21,17 @@ import xarray as xr
 from scipy.optimize import bisect
 
 from pyburgers.checks.fit_checks import CheckedDraws, Finding, Outcome
-from pyburgers.checks.refits import Tail, refitted_means, refitted_residuals, scale_of
 from pyburgers.checks.residual_numbers import (
     TINY,
+    Tail,
     autocorrelation,
     largest_residual,
     longest_runs,
     offsets,
     over_scatter,
+    refitted_means,
+    refitted_residuals,
+    scale_of,
     segment_parts,
     signed_ranks,
 )

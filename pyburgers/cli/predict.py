@@ -15,11 +15,6 @@ from pyburgers.common.paths import shown
 from pyburgers.common.units import UNITS
 from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit
-from pyburgers.predictions.assumptions import (
-    CRITICAL_SHARE,
-    elastic_modulus_sentence,
-    frozen_sentence,
-)
 from pyburgers.predictions.attenuation import (
     DEFAULT_FREQUENCIES,
     overview_table,
@@ -35,7 +30,12 @@ from pyburgers.predictions.evolving import (
     evolving_table,
 )
 from pyburgers.predictions.figures import attenuation
-from pyburgers.predictions.material import fitted_material
+from pyburgers.predictions.material import (
+    CRITICAL_SHARE,
+    elastic_modulus_sentence,
+    fitted_material,
+    frozen_sentence,
+)
 from pyburgers.predictions.measured_attenuation import load_measured_attenuation
 from pyburgers.predictions.stress_cycles import HOLD_TIME, PAPER_REGIMES, Regime, regimes_named
 

@@ -19,14 +19,13 @@ from pyburgers.common.paths import given_path
 from pyburgers.fitting.new_test import Source
 from pyburgers.fitting.plots import FitPlots
 from pyburgers.fitting.prediction import Prediction, predict_test
-from pyburgers.fitting.prior_draws import prior_groups
+from pyburgers.fitting.prior_draws import prior_groups, scores_beside
 from pyburgers.fitting.problem_run import (
     put_aside_where_tolerance_matters,
     run_chains,
     sample_until_good,
 )
 from pyburgers.fitting.sampled_fit import SampledFit, data_words, in_passing, write_tables
-from pyburgers.fitting.scores_beside import scores_beside
 from pyburgers.kinds.conditions import Ranges, conditions_of, doubts
 from pyburgers.kinds.experiment import A_TEST, Experiment, Provenance
 from pyburgers.kinds.kind import load_experiment

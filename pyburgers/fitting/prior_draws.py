@@ -1,19 +1,23 @@
-"""Draws of the prior of a test, solved by its Stan program: what is known before its data."""
+"""What priors say of a test: draws that its Stan program solves, and scores from other tests."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
 
+from pyburgers.checks.prior_influence import prior_scores
 from pyburgers.cmdstan.program import load_program
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import kind_of
 from pyburgers.kinds.likelihood import likelihood_of
-from pyburgers.kinds.problem import one_test
+from pyburgers.kinds.problem import Problem, one_test
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions
-from pyburgers.model.priors import PriorSet
+from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR, PriorSet
+from pyburgers.posterior.labelled_draws import own_name
 
 UNCUT = 50.0
 """Half a range of a prior, in its standard deviations, that cuts nothing off."""
@@ -172,3 +176,23 @@ def _each_by_itself(priors: PriorSet) -> PriorSet:
                 replace(prior, lower=max(prior.lower, lower), upper=min(prior.upper, upper))
             )
     return priors.exchanging(*changed)
+
+
+def scores_beside(
+    problem: Problem, parts: Sequence[Problem], groups: Mapping[str, xr.DataTree]
+) -> dict[str, dict[str, FloatArray]]:
+    """Return scores (n, n_scores) by test and prior; parts are the tests, groups their draws."""
+    own = {
+        alone.name: {
+            own_name(name, problem.owner(source, e)): scores
+            for name, scores in prior_scores(groups[alone.name], alone.priors[0]).items()
+            if problem.kind(source := FLOW_LAW[0] if name == JOINT_PRIOR else name)
+            not in ("shared", "partial")
+        }
+        for e, alone in enumerate(parts)
+    }
+    every = {name: scores for one in own.values() for name, scores in one.items()}
+    return {
+        test: {name: scores for name, scores in every.items() if name not in known}
+        for test, known in own.items()
+    }

@@ -8,11 +8,6 @@ import xarray as xr
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.predictions import figures as attenuation_figures
-from pyburgers.predictions.assumptions import (
-    elastic_modulus_sentence,
-    frozen_sentence,
-    pale_sentence,
-)
 from pyburgers.predictions.attenuation import overview_table, predict_attenuation, quantile_table
 from pyburgers.predictions.evolving import (
     evolving_attenuation,
@@ -20,7 +15,12 @@ from pyburgers.predictions.evolving import (
     evolving_sentence,
     evolving_table,
 )
-from pyburgers.predictions.material import fitted_material
+from pyburgers.predictions.material import (
+    elastic_modulus_sentence,
+    fitted_material,
+    frozen_sentence,
+    pale_sentence,
+)
 from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
 from pyburgers.predictions.stress_cycles import Regime
 

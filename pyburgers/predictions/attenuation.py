@@ -39,14 +39,15 @@ from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.closed_forms import closed_forms, require_no_backstress, require_standard
 from pyburgers.model.display import STRESS_UNIT
 from pyburgers.model.laws import NONLINEAR_KELVIN_PARAMETERS
-from pyburgers.predictions.assumptions import (
+from pyburgers.predictions.material import (
     CRITICAL_SHARE,
+    Material,
     critical_strain,
+    fitted_material,
     frozen_limit_texts,
     probability,
     strain_fails,
 )
-from pyburgers.predictions.material import Material, fitted_material
 from pyburgers.predictions.stress_cycles import (
     DRAW_DIMENSIONS,
     HOLD_TIME,
@@ -113,7 +114,7 @@ def attenuation_spectrum(
         ``tan_delta``, ``storage_compliance`` J1 and ``loss_compliance`` J2 (1/Pa), with dimensions
         of the draws, regime and frequency. ``elastic_compliance`` is 1/E_M(T) of the draws (1/Pa).
         ``debye_peak`` says whether dip and peak show at some frequency. ``grain_size`` and
-        ``fabric_factor`` are those used. The assumption (`pyburgers.predictions.assumptions`) has
+        ``fabric_factor`` are those used. The assumption (`pyburgers.predictions.material`) has
         ``hold_strain``, ``cycle_strain`` (path strain of one settled cycle), ``critical_strain``,
         and ``frozen_fails``, 1 or 0.
         Coordinates ``frequency`` (Hz), ``regime`` (label), ``median_stress`` and ``amplitude``

@@ -19,12 +19,12 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.kinds.attenuation.table import Elasticity
 from pyburgers.model.arrhenius import GAS_CONSTANT
-from pyburgers.predictions.assumptions import (
+from pyburgers.predictions.attenuation import DEFAULT_FREQUENCIES, material_spectrum
+from pyburgers.predictions.material import (
     elastic_modulus_sentence,
     frozen_limit_texts,
     frozen_sentence,
 )
-from pyburgers.predictions.attenuation import DEFAULT_FREQUENCIES, material_spectrum
 from pyburgers.predictions.stated_laws import MPA, YEAR, CreepLaw, Stated, stated_material
 from pyburgers.predictions.stress_cycles import Regime
 

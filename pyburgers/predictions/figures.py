@@ -22,8 +22,8 @@ from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import kind_of
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.model.read_quantities import Quantity, ReadQuantity
-from pyburgers.predictions.assumptions import likely_fails
 from pyburgers.predictions.attenuation import evolving_quantiles, flat_draws
+from pyburgers.predictions.material import likely_fails
 from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
 from pyburgers.predictions.other_tests import answers, clock_of, read_quantities, shown_draws
 

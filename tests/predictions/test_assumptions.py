@@ -20,7 +20,13 @@ from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.prior_draws import prior_draws
 from pyburgers.kinds.attenuation.files import load_attenuation
-from pyburgers.predictions.assumptions import (
+from pyburgers.predictions.attenuation import (
+    attenuation_spectrum,
+    overview_table,
+    predict_attenuation,
+    quantile_table,
+)
+from pyburgers.predictions.material import (
     elastic_modulus_sentence,
     frozen_limit_texts,
     frozen_sentence,
@@ -28,12 +34,6 @@ from pyburgers.predictions.assumptions import (
     pale_sentence,
     probability,
     strain_fails,
-)
-from pyburgers.predictions.attenuation import (
-    attenuation_spectrum,
-    overview_table,
-    predict_attenuation,
-    quantile_table,
 )
 from pyburgers.predictions.stress_cycles import EVOLUTION, PAPER_REGIMES, Regime
 

@@ -16,7 +16,6 @@ from matplotlib.lines import Line2D
 from synthetic_fit import make_fit
 
 from pyburgers.drawing.style import image
-from pyburgers.predictions.assumptions import likely_fails
 from pyburgers.predictions.attenuation import predict_attenuation
 from pyburgers.predictions.evolving import evolving_attenuation
 from pyburgers.predictions.figures import (
@@ -29,7 +28,7 @@ from pyburgers.predictions.figures import (
     attenuation,
     attenuation_draws,
 )
-from pyburgers.predictions.material import fitted_material
+from pyburgers.predictions.material import fitted_material, likely_fails
 from pyburgers.predictions.measured_attenuation import load_measured_attenuation
 from pyburgers.predictions.stress_cycles import Regime
 

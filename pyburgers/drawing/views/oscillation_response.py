@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 from markupsafe import Markup
 
 from pyburgers.common.draws import FloatArray, all_draws, central_band
@@ -67,17 +66,12 @@ def predicted_response(fit: FittedTest) -> PredictedResponse:
     --------
     >>> response = pyburgers.predicted_response(oscillation)
     """
-    experiment = of_kind(fit.experiment, OscillationExperiment)
-    stress = fit.posterior["predictions"].to_dataset()["stress"]
-    return _response(experiment, stress["time"].to_numpy(), stress)
+    return _response(fit, "predictions")
 
 
 def replicated_response(fit: FittedTest) -> PredictedResponse:
     """Return amplitude and lag of replicated data, as they would be found in a new record."""
-    experiment = of_kind(fit.experiment, OscillationExperiment)
-    stress = fit.posterior["posterior_predictive"].to_dataset()["stress"]
-    prepared = experiment.prepared
-    return _response(experiment, prepared.time, stress, prepared.uncertainty)
+    return _response(fit, "posterior_predictive")
 
 
 def response_table(fit: FittedTest) -> pd.DataFrame:
@@ -170,21 +164,18 @@ def grains_result(fit: FittedTest) -> str:
     return f"grains end at {band_text(size * LENGTH_FACTOR, LENGTH_UNIT)}."
 
 
-def _response(
-    experiment: OscillationExperiment,
-    time: FloatArray,
-    stress: xr.DataArray,
-    uncertainty: FloatArray | None = None,
-) -> PredictedResponse:
-    """Amplitude and lag of stress curves (Pa) of single draws at times (s), shape (n,)."""
+def _response(fit: FittedTest, group: str) -> PredictedResponse:
+    """Amplitude and lag of the stress of single draws in a group, with errors as readings have."""
+    experiment = of_kind(fit.experiment, OscillationExperiment)
+    prepared, stress = experiment.prepared, fit.posterior[group].to_dataset()["stress"]
     curves = all_draws(stress).astype(np.float64)
-    prepared = experiment.prepared
+    is_read = "point" in stress.dims
     found = fundamentals(
-        time,
+        prepared.time if is_read else stress["time"].to_numpy(),
         curves[np.isfinite(curves).all(axis=1)],  # draws without solution have NaN
         period=prepared.period,
         degree=prepared.stress_fit.degree,
-        uncertainty=uncertainty,
+        uncertainty=prepared.uncertainty if is_read else None,
     )
     # Phases about the observed one do not wrap.
     observed_phase, _ = prepared.stress_fit.phase()

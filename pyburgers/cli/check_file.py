@@ -6,7 +6,6 @@ from copy import deepcopy
 from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from pyburgers.cli.column_hints import contradictions, unread_note
@@ -42,12 +41,10 @@ STAND_INS: Mapping[str, Any] = {
 """What stands in for keys that are missing or of another type, to look at the rest of a file."""
 
 
-READERS_BY_KEY: Mapping[str, tuple[str, str]] = MappingProxyType(
-    {
-        "mechanisms": ("pyburgers.flow_law_tables.laws", "load_rate_law"),
-        "candidates": ("pyburgers.predictions.design_plans", "load_design_plan"),
-    }
-)
+READERS_BY_KEY: Mapping[str, tuple[str, str]] = {
+    "mechanisms": ("pyburgers.flow_law_tables.laws", "load_rate_law"),
+    "candidates": ("pyburgers.predictions.design_plans", "load_design_plan"),
+}
 """Module and function that read a file with a key that no other kind of file has."""
 
 

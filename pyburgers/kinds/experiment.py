@@ -67,22 +67,18 @@ class UncertainCondition:
     apparatus: str | None
 
 
-CONDITION_KEYS: Mapping[str, tuple[str, str]] = MappingProxyType(
-    {
-        "temperature_error": ("temperature_sd_K", "furnace"),
-        "stress_calibration_error": ("stress_calibration_sd", "load_cell"),
-    }
-)
+CONDITION_KEYS: Mapping[str, tuple[str, str]] = {
+    "temperature_error": ("temperature_sd_K", "furnace"),
+    "stress_calibration_error": ("stress_calibration_sd", "load_cell"),
+}
 """Keys of files that state the standard deviation of an error, and the apparatus."""
 
 
-ENVIRONMENT_KEYS: Mapping[str, str] = MappingProxyType(
-    {
-        "pressure": "pressure_Pa",
-        "water_fugacity": "water_fugacity_Pa",
-        "melt_fraction": "melt_fraction",
-    }
-)
+ENVIRONMENT_KEYS: Mapping[str, str] = {
+    "pressure": "pressure_Pa",
+    "water_fugacity": "water_fugacity_Pa",
+    "melt_fraction": "melt_fraction",
+}
 """Keys of files that state each of `pyburgers.model.parameters.ENVIRONMENT`."""
 
 
@@ -180,12 +176,10 @@ class Experiment(ABC):
     """
 
     protocol: ClassVar[str]
-    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
-        {
-            "kelvin": tuple(law.name for law in KELVIN_LAWS.values() if not law.times),
-            "hardening": ("none",),
-        }
-    )
+    laws: ClassVar[Mapping[str, Sequence[str]]] = {
+        "kelvin": tuple(law.name for law in KELVIN_LAWS.values() if not law.times),
+        "hardening": ("none",),
+    }
     linear_hardening: ClassVar[bool] = False
     parts_name: ClassVar[str] = "parts"
     residual_correlation: ClassVar[str] = "residual_correlation_strain"
@@ -353,7 +347,7 @@ class Experiment(ABC):
     @property
     def parts(self) -> Mapping[str, int]:
         """Readings in each part that can be predicted from the others, by name; none in most."""
-        return MappingProxyType({})
+        return {}
 
     def without_part(self, name: str) -> Self:
         """Return the test without one of its `parts`; raise InputError if it has no such part."""

@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Generic
 
 import numpy as np
@@ -29,21 +28,19 @@ from pyburgers.kinds.likelihood import NAMES, likelihood_of
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.residual_laws import residual_parts
 
-COLUMNS: Mapping[str, str] = MappingProxyType(
-    {
-        "place": "grid_place",
-        "is_modulus": "",
-        "period_s": "",
-        "temperature_K": "",
-        "log_reading": "grid_log_reading",
-        "time_s": "grid_time",
-        "strain": "grid_strain",
-        "stress_Pa": "grid_stress",
-        "kelvin_strain": "grid_kelvin_strain",
-        "grain_size_m": "grid_grain_size",
-        "fabric_factor": "grid_fabric_factor",
-    }
-)
+COLUMNS: Mapping[str, str] = {
+    "place": "grid_place",
+    "is_modulus": "",
+    "period_s": "",
+    "temperature_K": "",
+    "log_reading": "grid_log_reading",
+    "time_s": "grid_time",
+    "strain": "grid_strain",
+    "stress_Pa": "grid_stress",
+    "kelvin_strain": "grid_kelvin_strain",
+    "grain_size_m": "grid_grain_size",
+    "fabric_factor": "grid_fabric_factor",
+}
 """Columns of solutions in their order, and the variables of programs that they show."""
 
 
@@ -147,9 +144,7 @@ class _ProtocolTable(Table):
 @cache
 def kinds() -> Mapping[str, Kind[Any]]:
     """Return every kind of test by its name."""
-    return MappingProxyType(
-        {name: import_module(f"pyburgers.kinds.{name}.files").KIND for name in NAMES}
-    )
+    return {name: import_module(f"{__package__}.{name}.files").KIND for name in NAMES}
 
 
 def kind_of(experiment: Experiment) -> Kind[Any]:

@@ -8,7 +8,6 @@ priors and equations cannot contradict each other, and what a run used can be to
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -123,17 +122,15 @@ class ModelVariant:
         return self.residuals != "independent"
 
 
-CHOICES: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "kelvin": (*KELVIN_LAWS,),
-        "maxwell": (*DASHPOT_LAWS,),
-        "grain_size": ("evolving", "constant", "piezometric"),
-        "fabric": ("evolving", "constant"),
-        "residuals": ("independent", "autocorrelated", "discrepancy"),
-        "hardening": (*HARDENING_LAWS,),
-        **{f"{which}_mechanism": (*laws,) for which, laws in MECHANISMS.items()},
-    }
-)
+CHOICES: Mapping[str, tuple[str, ...]] = {
+    "kelvin": (*KELVIN_LAWS,),
+    "maxwell": (*DASHPOT_LAWS,),
+    "grain_size": ("evolving", "constant", "piezometric"),
+    "fabric": ("evolving", "constant"),
+    "residuals": ("independent", "autocorrelated", "discrepancy"),
+    "hardening": (*HARDENING_LAWS,),
+    **{f"{which}_mechanism": (*laws,) for which, laws in MECHANISMS.items()},
+}
 """Names of the parts and of the laws that each may follow."""
 
 
@@ -430,17 +427,15 @@ def _choose_residuals(priors: PriorSet, experiment: Test, choice: str) -> PriorS
     )
 
 
-_CHANGES: Mapping[str, Callable[[PriorSet, Test, str], PriorSet]] = MappingProxyType(
-    {
-        "kelvin": _choose_kelvin,
-        "maxwell": _choose_maxwell,
-        "grain_size": _choose_grain_size,
-        "fabric": _choose_fabric,
-        "residuals": _choose_residuals,
-        "hardening": _choose_hardening,
-        **{f"{which}_mechanism": partial(_choose_mechanism, which) for which in MECHANISMS},
-    }
-)
+_CHANGES: Mapping[str, Callable[[PriorSet, Test, str], PriorSet]] = {
+    "kelvin": _choose_kelvin,
+    "maxwell": _choose_maxwell,
+    "grain_size": _choose_grain_size,
+    "fabric": _choose_fabric,
+    "residuals": _choose_residuals,
+    "hardening": _choose_hardening,
+    **{f"{which}_mechanism": partial(_choose_mechanism, which) for which in MECHANISMS},
+}
 """What each choice does to the priors."""
 
 

@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -60,15 +59,13 @@ class AttenuationExperiment(Experiment):
     protocol: ClassVar[str] = "attenuation"
     points_together: ClassVar[str] = "a row of the table gives attenuation and modulus together"
     may_be_uncertain: ClassVar[frozenset[str]] = frozenset()
-    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
-        {
-            **laws_in_closed_form(),
-            "hardening": (*HARDENING_LAWS,),
-            "grain_size": ("constant",),
-            "fabric": ("constant",),
-            "residuals": ("independent",),
-        }
-    )
+    laws: ClassVar[Mapping[str, Sequence[str]]] = {
+        **laws_in_closed_form(),
+        "hardening": (*HARDENING_LAWS,),
+        "grain_size": ("constant",),
+        "fabric": ("constant",),
+        "residuals": ("independent",),
+    }
     without_effect: ClassVar[frozenset[str]] = frozenset(
         {
             "steady_state_grain_size",
@@ -103,9 +100,7 @@ class AttenuationExperiment(Experiment):
         quantities = 2 if self.readings.modulus.size else 1
         # Temperatures that differ by less than a name shows are one part.
         hottest_first = self._names[np.argsort(-self.conditions.temperature)]
-        return MappingProxyType(
-            {str(name): quantities * number for name, number in Counter(hottest_first).items()}
-        )
+        return {str(name): quantities * n for name, n in Counter(hottest_first).items()}
 
     def without_part(self, name: str) -> Self:
         """Return the table without a temperature.

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -64,7 +63,7 @@ class ConstantRateExperiment(Experiment):
     """
 
     protocol: ClassVar[str] = "constant_rate"
-    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType({})
+    laws: ClassVar[Mapping[str, Sequence[str]]] = {}
     of_points: ClassVar[tuple[str, ...]] = ("strain", "stress")
     segments: tuple[RateSegment, ...]
     strain: FloatArray

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Any, ClassVar, Self, get_args
 
 import numpy as np
@@ -115,14 +114,12 @@ class OscillationExperiment(Experiment):
     protocol: ClassVar[str] = "forced_oscillation"
     small_strain: ClassVar[float] = 0.0
     points_together: ClassVar[str] = "a record of oscillations is prepared as a whole"
-    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
-        {
-            **Experiment.laws,
-            "grain_size": ("piezometric", "constant"),
-            "fabric": ("constant",),
-            "residuals": ("independent",),
-        }
-    )
+    laws: ClassVar[Mapping[str, Sequence[str]]] = {
+        **Experiment.laws,
+        "grain_size": ("piezometric", "constant"),
+        "fabric": ("constant",),
+        "residuals": ("independent",),
+    }
     record: OscillationRecord
     settings: OscillationSettings
     prepared: PreparedOscillation

@@ -3,7 +3,6 @@
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -62,7 +61,7 @@ class HistoryExperiment(Experiment):
 
     protocol: ClassVar[str] = "loading_history"
     of_points: ClassVar[tuple[str, ...]] = ("time", "reading_stage", "reading")
-    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType({})
+    laws: ClassVar[Mapping[str, Sequence[str]]] = {}
     residual_correlation: ClassVar[str] = "residual_correlation_time"
     small_strain: ClassVar[float] = 5e-5
     stages: tuple[Stage, ...]

@@ -11,7 +11,7 @@ from pyburgers.common.units import UNITS, number
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.kind import solution_columns
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.model.parameters import ENVIRONMENT, STANDARD_VALUES
@@ -141,7 +141,7 @@ def conditions(experiment: Experiment, predictions: xr.Dataset, parameters: xr.D
         median |= {column: values, f"grid_{name}": values}
     clock = likelihood.clock.name
     median[f"grid_{clock}"] = predictions[clock].to_numpy()
-    solution = kind_of(experiment).solution(experiment, median)
+    solution = solution_columns(experiment, median)
     passed = np.diff(solution["time_s"])
     # The path strain is the material's alone, and has all digits beside any offset.
     strain = median.get("grid_path_strain", solution["strain"])

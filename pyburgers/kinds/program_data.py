@@ -14,7 +14,7 @@ from pyburgers.cmdstan.program import Density, Program, load_program
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import SamplingError
 from pyburgers.kinds.experiment import Experiment, MeasuredMicrostructure
-from pyburgers.kinds.kind import FittedTest, kind_of
+from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import Problem, one_test
 from pyburgers.kinds.stan_data import (
@@ -265,8 +265,7 @@ def solve(
     """
     priors = given_parameters(experiment.material, values)
     likelihood = likelihood_of(experiment)
-    bare = kind_of(experiment).without_data(experiment)
-    bare = replace(bare, microstructure=tuple(sections))
+    bare = replace(experiment.to_be_solved(), microstructure=tuple(sections))
     data = program_data(one_test(bare, priors), solver=solver, grids=[at])
     advice = "at these parameters; check their units (SI) and the sign of beta."
     try:

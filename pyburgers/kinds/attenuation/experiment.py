@@ -15,6 +15,7 @@ from pyburgers.common.units import span_text
 from pyburgers.kinds.attenuation.table import (
     ATTENUATION,
     MODULUS,
+    NO_READINGS,
     CycleConditions,
     Elasticity,
     Readings,
@@ -172,6 +173,44 @@ class AttenuationExperiment(Experiment):
             LOG_MODULUS.noise: self.readings.modulus_error,
         }
         return {name: 0.0 if np.all(error > 0) else None for name, error in errors.items()}
+
+    def to_be_solved(self) -> Self:
+        """Return the table without what was read."""
+        return replace(self, readings=NO_READINGS)
+
+    def known_columns(self, at: FloatArray) -> Mapping[str, FloatArray]:
+        """Return which reading, period and temperature belong to places."""
+        _, _, quantity = self.conditions.at(at)
+        is_modulus = (quantity == MODULUS).astype(np.float64)
+        return {"is_modulus": is_modulus, **self.conditions_at(at)}
+
+    def conditions_at(self, at: FloatArray) -> Mapping[str, FloatArray]:
+        """Return periods and temperatures of places."""
+        period, spectrum, _ = self.conditions.at(at)
+        temperature = self.conditions.temperature[self.conditions.first_rows[spectrum]]
+        return {"period_s": period, "temperature_K": temperature}
+
+    def with_noise(
+        self, response: FloatArray, values: Mapping[str, float], rng: np.random.Generator
+    ) -> Self:
+        """Put readings with scatter and stated errors in the place of others."""
+        readings = self.readings
+        n = readings.tan_delta.size
+        tan_delta, modulus = np.exp(response[:n]), np.exp(response[n:])
+        # As in stan/kinds/attenuation_response.stan.
+        tan_delta = np.hypot(tan_delta, readings.tan_delta_error)
+        relative_error = readings.modulus_error / readings.modulus
+        spreads = (
+            np.hypot(values.get("attenuation_scatter", 0.0), readings.tan_delta_error / tan_delta),
+            np.hypot(values.get("modulus_scatter", 0.0), relative_error),
+        )
+        tan_delta, modulus = (
+            one * np.exp(spread * rng.standard_normal(one.size))
+            for one, spread in zip((tan_delta, modulus), spreads, strict=True)
+        )
+        errors = relative_error * modulus
+        noisy = replace(readings, tan_delta=tan_delta, modulus=modulus, modulus_error=errors)
+        return replace(self, readings=noisy)
 
     def solution_table(self, solution: pd.DataFrame) -> pd.DataFrame:
         """Return tan delta and modulus at the rows of the table."""

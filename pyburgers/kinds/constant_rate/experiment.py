@@ -1,8 +1,8 @@
 """Tests at piecewise constant strain rate: the imposed rates and the measured curve."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from pyburgers.kinds.limits import unlikely_strain_rate
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.peak_test import PeakTest
 from pyburgers.model.read_quantities import STRESS
+from pyburgers.model.residual_laws import draw_residuals
 
 LEAST_STRAIN = 1e-12
 """Strain from which on there is a solution: the solver cannot stop at rest."""
@@ -120,6 +121,22 @@ class ConstantRateExperiment(Experiment):
     def largest_strain(self) -> float | None:
         """Final strain."""
         return self.final_strain
+
+    def to_be_solved(self) -> Self:
+        """Return the test without its points."""
+        return replace(self, strain=np.empty(0), stress=np.empty(0), microstructure=())
+
+    def known_columns(self, at: FloatArray) -> Mapping[str, FloatArray]:
+        """Return the times of strains."""
+        return {"time_s": self.time_at(at)}
+
+    def with_noise(
+        self, response: FloatArray, values: Mapping[str, float], rng: np.random.Generator
+    ) -> Self:
+        """Put stresses with residuals, which may correlate along strain, in the place of others."""
+        noise = np.full(self.n_points, values["stress_noise"])
+        residuals = draw_residuals(self, noise, self.reading_segment, values, rng)
+        return replace(self, stress=response + residuals)
 
     def own_tables(self) -> dict[str, Any]:
         """Return segments, readings and microstructure."""

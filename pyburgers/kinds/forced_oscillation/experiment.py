@@ -24,6 +24,10 @@ LABORATORY_STRESS = 1e7
 """Stress (Pa) at which the flow rate is told, where none was measured."""
 
 
+FABRIC_OF_OLIVINE = 1.0
+"""Oscillating tests have no fabric evolution (Eq. 5 of the paper)."""
+
+
 NO_RECORD = OscillationRecord(*[np.empty(0)] * 6)
 """Of a test that can only be simulated."""
 
@@ -206,6 +210,41 @@ class OscillationExperiment(Experiment):
             f"{amplitude * STRAIN_FACTOR:.2g} {STRAIN_UNIT}, background {prepared.background}"
         )
 
+    def to_be_solved(self) -> Self:
+        """Return the test driven by its fitted strain, which is known, whatever its uncertainty.
+
+        Its record sets where it starts.
+        """
+        known = replace(self.prepared, strain_error=self.prepared.strain_error[:0])
+        return replace(self, prepared=known)
+
+    def known_columns(self, at: FloatArray) -> Mapping[str, FloatArray]:
+        """Return the strain, without its trend where that is removed, and the fabric."""
+        return {
+            "strain": self.prepared.strain(at),
+            "fabric_factor": np.full_like(at, FABRIC_OF_OLIVINE),
+        }
+
+    def with_noise(
+        self, response: FloatArray, values: Mapping[str, float], rng: np.random.Generator
+    ) -> Self:
+        """Put noisy stresses and strains in the place of others, with the test's settings."""
+        template, strain_time = self.prepared, self.record.strain_time
+        noise = values["stress_noise"] * template.relative_uncertainty
+        strain = template.strain_fit.periodic(strain_time) + template.strain_fit.trend(strain_time)
+        strain_noise = self.record.strain_uncertainty
+        record = replace(
+            self.record,
+            strain=strain + strain_noise * rng.standard_normal(strain.size),
+            stress_time=template.time,
+            stress=response + noise * rng.standard_normal(response.size),
+            stress_uncertainty=template.uncertainty,
+        )
+        # Where the model starts, too: simulated data have no bias before they are there.
+        settings = template.settings
+        prepared = prepare(record, settings, self.id)
+        return replace(self, record=record, settings=settings, prepared=prepared)
+
     def own_tables(self) -> dict[str, Any]:
         """Return how the record is prepared, and the record; or the imposed cycles."""
         imposed, record, settings = self.imposed, self.record, self.settings
@@ -273,10 +312,3 @@ def with_background(
     others = [one for one in experiment.notices if one not in experiment.prepared.notices]
     notices = (*others, *prepared.notices)
     return replace(experiment, settings=prepared.settings, prepared=prepared, notices=notices)
-
-
-def with_known_strain(experiment: OscillationExperiment) -> OscillationExperiment:
-    """Return the same test with its driving strain taken as known, whatever its uncertainty."""
-    prepared = experiment.prepared
-    known = replace(prepared, strain_error=prepared.strain_error[:0])
-    return replace(experiment, prepared=known)

@@ -108,21 +108,6 @@ _LONGEST_TIME = ("kelvin_viscosity",)
 _ONE_ELEMENT = ("kelvin_modulus", "kelvin_viscosity")
 
 
-def _nonlinear(name: str, parameter: str, factor: str) -> KelvinLaw:
-    """Return a law of one element by the factor of its linear rate, which is 1 if it is linear.
-
-    The viscosity is that at the driving stress `kelvin_reference_stress`.
-    """
-    return KelvinLaw(
-        name,
-        (parameter,),
-        _RATE.format(nonlinear=f"*{factor}"),
-        own_stress=True,
-        closed_form=False,
-        redefines=_LONGEST_TIME,
-    )
-
-
 _STRENGTH = "peak_strength"
 _BAND_TIMES = RelaxationTimes(_BAND_PARAMETERS[0], "band", width=_BAND_PARAMETERS[0])
 _PEAK_TIMES = RelaxationTimes(_STRENGTH, "peak", width="peak_width")
@@ -131,10 +116,16 @@ KELVIN_LAWS: Mapping[str, KelvinLaw] = {
     law.name: law
     for law in (
         KelvinLaw("linear", (), _RATE.format(nonlinear="")),
-        _nonlinear(
+        # The viscosity is that at the driving stress `kelvin_reference_stress`.
+        KelvinLaw(
             "power_law",
-            "kelvin_stress_exponent",
-            f"abs({_DRIVING}/kelvin_reference_stress)^(kelvin_stress_exponent - 1)",
+            ("kelvin_stress_exponent",),
+            _RATE.format(
+                nonlinear=f"*abs({_DRIVING}/kelvin_reference_stress)^(kelvin_stress_exponent - 1)"
+            ),
+            own_stress=True,
+            closed_form=False,
+            redefines=_LONGEST_TIME,
         ),
         KelvinLaw(
             "two_elements",

@@ -8,8 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from pyburgers.cli.column_hints import contradictions, unread_note
-from pyburgers.cli.file_hints import hints, looks, text_files
+from pyburgers.cli.hints import contradictions, hints, looks, text_files, unread_note
 from pyburgers.common.errors import InputError, StructureError
 from pyburgers.common.paths import shown
 from pyburgers.common.scratch import scratch_folder

@@ -23,6 +23,7 @@ from pyburgers.kinds.attenuation.table import (
 )
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.model.laws import HARDENING_LAWS, laws_in_closed_form
+from pyburgers.model.parameters import RESIDUAL_CORRELATION
 from pyburgers.model.read_quantities import LOG_MODULUS, LOG_TAN_DELTA
 
 UNSTATED_STRESS = 1e6
@@ -78,10 +79,7 @@ class AttenuationExperiment(Experiment):
             "strain_offset",
             "apparatus_compliance",
             "initial_backstress",
-            "residual_correlation_strain",
-            "residual_correlation_time",
-            "residual_correlated_share",
-            "discrepancy",
+            *RESIDUAL_CORRELATION,
         }
     )
     linear_hardening: ClassVar[bool] = True

@@ -187,21 +187,11 @@ class ConstantRateExperiment(Experiment):
         steps = [segment.start_strain for segment in self.segments[1:]]
         after_another = np.diff(self.strain, prepend=-1.0) == 0
         at_step = np.isin(self.strain, steps)
-        return np.asarray(self.segment_of(self.strain) + (at_step & after_another))
-
-    def segment_of(self, strain: FloatArray) -> IntArray:
-        """Return the segment of strains, from 0; that of a rate step is the one that ends there."""
-        steps = [segment.start_strain for segment in self.segments[1:]]
-        return np.searchsorted(steps, strain, side="left")
+        ends_before = np.searchsorted(steps, self.strain, side="left")
+        return np.asarray(ends_before + (at_step & after_another))
 
     def time_at(self, strain: FloatArray) -> FloatArray:
-        """Return the times (s since the start) at which strains are reached.
-
-        Parameters
-        ----------
-        strain : array, shape (n,)
-            Axial strain (fraction), not negative.
-        """
+        """Return the times (s since the start) at which strains (n,), not negative, are reached."""
         return _time_at(strain, self.segments)
 
 

@@ -119,16 +119,7 @@ def load_forced_oscillation(
         lambda: _read_series(path, data, "strain"),
         lambda: _read_series(path, data, "stress"),
     )
-    strain_time, strain, strain_uncertainty = strain_columns
-    stress_time, stress, stress_uncertainty = stress_columns
-    record = OscillationRecord(
-        strain_time=strain_time,
-        strain=strain,
-        strain_uncertainty=strain_uncertainty,
-        stress_time=stress_time,
-        stress=stress,
-        stress_uncertainty=stress_uncertainty,
-    )
+    record = OscillationRecord(*strain_columns, *stress_columns)
     wanted = OscillationSettings(
         period=file.oscillation.period_s,
         strain_trend_degree=file.oscillation.strain_trend_degree,

@@ -145,6 +145,7 @@ def load_loading_history(path: Path, tables: Mapping[str, Any] | None = None) ->
     found = responses(path, test.readings, response)
     used, more = _used(test, found, stages, file.data)
     time, reading_stage, reading = used
+    n_in_file = None if file.data is None else file.data.readings_in_file
     apparatus = _apparatus(file)
     microstructure = _sections(
         test,
@@ -164,7 +165,7 @@ def load_loading_history(path: Path, tables: Mapping[str, Any] | None = None) ->
         strain_uncertainty=test.strain_error,
         apparatus_compliance=apparatus,
         strain_offset=offset,
-        n_readings_in_file=_n_in_file(file.data, found[0].size),
+        n_readings_in_file=found[0].size if n_in_file is None else n_in_file,
         microstructure=microstructure,
         notices=tuple(dict.fromkeys([*file.notices, *changes, *more])),
     )
@@ -270,12 +271,6 @@ def _used(
             "is imposed changes and where the response moves."
         )
     return (time[chosen], stage[chosen], value[chosen]), notices
-
-
-def _n_in_file(data: HistoryDataTable | None, found: int) -> int:
-    if data is None or data.readings_in_file is None:
-        return found
-    return data.readings_in_file
 
 
 def _sections(

@@ -9,12 +9,7 @@ from pyburgers.cli.workers import add_worker_options, require_no_worker_options,
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.paths import shown
-from pyburgers.fitting.campaign import (
-    load_campaign,
-    run_campaign,
-    shown_status_table,
-    status_table,
-)
+from pyburgers.fitting.campaign import load_campaign, run_campaign, shown_status_table, status_table
 from pyburgers.page.campaign_page import shown_fits
 from pyburgers.page.page import page_about
 from pyburgers.sampling.manifest import COMPLETE

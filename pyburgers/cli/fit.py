@@ -25,11 +25,7 @@ from pyburgers.kinds.problem import of_one_program
 from pyburgers.kinds.program_data import fixed_in_effect
 from pyburgers.kinds.stan_data import FAST, SOLVERS, SolverOptions
 from pyburgers.kinds.together import priors_for
-from pyburgers.model.flow_law_prior import (
-    FLOW_LAW_PRIOR_FILE,
-    FlowLawPrior,
-    load_flow_law_of_run,
-)
+from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, FlowLawPrior, load_flow_law_of_run
 from pyburgers.model.pooling import parse_pooling
 from pyburgers.model.priors import with_flow_law
 from pyburgers.model.variants import parse_choices, with_variant

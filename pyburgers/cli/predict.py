@@ -41,12 +41,7 @@ from pyburgers.predictions.evolving import (
 from pyburgers.predictions.material import fitted_material
 from pyburgers.predictions.measured_attenuation import load_measured_attenuation
 from pyburgers.predictions.other_test_figures import prediction_figure
-from pyburgers.predictions.other_tests import (
-    band_table,
-    reading_table,
-    score_sentence,
-    score_table,
-)
+from pyburgers.predictions.other_tests import band_table, reading_table, score_sentence, score_table
 from pyburgers.predictions.other_tests import overview_table as overview_of_test
 from pyburgers.predictions.stress_cycles import HOLD_TIME, PAPER_REGIMES, Regime, regimes_named
 

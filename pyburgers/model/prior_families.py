@@ -18,11 +18,7 @@ from scipy.special import ndtri_exp
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, factor_to_si
-from pyburgers.model.laws import (
-    DASHPOT_STRESSES,
-    HARDENING_SWITCH,
-    NONLINEAR_KELVIN_PARAMETERS,
-)
+from pyburgers.model.laws import DASHPOT_STRESSES, HARDENING_SWITCH, NONLINEAR_KELVIN_PARAMETERS
 from pyburgers.model.parameters import (
     ALL_ENVIRONMENT_NUMBERS,
     BELOW_ONE,

@@ -9,10 +9,7 @@ import numpy as np
 from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.units import count_points
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.experiment_file import (
-    far_reading,
-    microstructure_tables,
-)
+from pyburgers.kinds.experiment_file import far_reading, microstructure_tables
 from pyburgers.kinds.limits import unlikely_strain_rate
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.peak_test import PeakTest

@@ -14,11 +14,7 @@ from scipy.interpolate import make_interp_spline
 
 from pyburgers.common.array_types import FloatArray
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.kinds.forced_oscillation.harmonics import (
-    N_HARMONICS,
-    fundamentals,
-    trend_projection,
-)
+from pyburgers.kinds.forced_oscillation.harmonics import N_HARMONICS, fundamentals, trend_projection
 from pyburgers.kinds.likelihood import (
     AtMode,
     Chart,

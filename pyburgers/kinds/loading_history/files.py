@@ -42,13 +42,7 @@ from pyburgers.kinds.loading_history.stage_tables import (
     read_stages,
     stage_bounds,
 )
-from pyburgers.kinds.loading_history.stages import (
-    Leg,
-    Measure,
-    Stage,
-    StageTable,
-    legs_of,
-)
+from pyburgers.kinds.loading_history.stages import Leg, Measure, Stage, StageTable, legs_of
 from pyburgers.kinds.loading_history.true_readings import (
     check_loaded,
     true_readings,

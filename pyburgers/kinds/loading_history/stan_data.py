@@ -20,12 +20,7 @@ from pyburgers.kinds.stan_data import StanData, ends
 from pyburgers.model.arrhenius import GAS_CONSTANT, log_slowdown
 from pyburgers.model.kelvin_elements import element_rows
 from pyburgers.model.laws import RELAXATION_TIMES
-from pyburgers.model.parameters import (
-    ENVIRONMENT,
-    ENVIRONMENT_NUMBERS,
-    PLACE,
-    STANDARD_VALUES,
-)
+from pyburgers.model.parameters import ENVIRONMENT, ENVIRONMENT_NUMBERS, PLACE, STANDARD_VALUES
 from pyburgers.model.prior_families import Prior, is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of

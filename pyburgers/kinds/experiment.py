@@ -363,15 +363,10 @@ class Experiment(Test):
         >>> test.tables()["material"]
         'ice'
         """
-        conditions = {
-            key: value
-            for condition in self.uncertain
-            for key, value in zip(
-                CONDITION_KEYS[condition.parameter],
-                (condition.sd, condition.apparatus),
-                strict=True,
-            )
-        }
+        conditions: dict[str, float | str | None] = {}
+        for one in self.uncertain:
+            sd_key, apparatus_key = CONDITION_KEYS[one.parameter]
+            conditions |= {sd_key: one.sd, apparatus_key: one.apparatus}
         return {
             "id": self.id,
             "material": self.material,

@@ -322,8 +322,8 @@ def new_files() -> Mapping[str, NewFile]:
     return {name: import_module(f"{__package__}.{name}.new_file").NEW_FILE for name in NAMES}
 
 
-def experiment_text(protocol: str, new_file: NewFile, test: Description) -> str:
-    """Return the text of an experiment file of a protocol."""
+def experiment_text(new_file: NewFile, test: Description) -> str:
+    """Return the text of an experiment file of a kind of test."""
     values = test.values
     conditions = [
         with_comment(f"# {CONDITION_KEYS[name][0]} = {sd}", comment)
@@ -333,7 +333,7 @@ def experiment_text(protocol: str, new_file: NewFile, test: Description) -> str:
     conditions.append(with_comment("# pressure_Pa = 0.0", ENVIRONMENT_COMMENT))
     filling = {
         **values,
-        "protocol": protocol,
+        "protocol": new_file.experiment.protocol,
         "conditions": conditions,
         **_file_values(test),
         **_column_values(test),

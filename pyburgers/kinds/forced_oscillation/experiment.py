@@ -69,7 +69,8 @@ class ImposedCycles:
 
     def _exact(self, trend: tuple[float, ...], amplitude: float, half: float) -> HarmonicFit:
         """Return a series without errors: Legendre coefficients of its trend, and a sine."""
-        coefficients = np.concatenate([trend, _first(amplitude), _first(0.0)])
+        coefficients = np.zeros(len(trend) + 2 * N_HARMONICS)
+        coefficients[: len(trend) + 1] = *trend, amplitude
         return HarmonicFit(
             period=self.period,
             n_harmonics=N_HARMONICS,
@@ -82,11 +83,6 @@ class ImposedCycles:
             chi_square=0.0,
             n_points=0,
         )
-
-
-def _first(amplitude: float) -> FloatArray:
-    """Amplitudes of the harmonics where only the fundamental has one."""
-    return np.array([amplitude, *[0.0] * (N_HARMONICS - 1)])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)

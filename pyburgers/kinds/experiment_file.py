@@ -405,19 +405,14 @@ MAX_DEPARTURE_SHARE = 0.05
 value."""
 
 
-@dataclass(frozen=True)
-class Departure:
-    """Readings unlike what is imposed: the largest distance, and the first of them, from 0."""
+def departure(read: FloatArray, imposed: FloatArray, scale: float) -> tuple[float, int] | None:
+    """Return how far readings (n,) are from what is imposed, and the first far one, from 0.
 
-    largest: float
-    first: int
-
-
-def departure(read: FloatArray, imposed: FloatArray, scale: float) -> Departure | None:
-    """Return how far readings (n,) are from what is imposed; None where they are near."""
+    None where all are near.
+    """
     distance = np.abs(read - imposed)
     far = np.flatnonzero(distance > MAX_DEPARTURE_SHARE * scale)
-    return Departure(float(distance.max()), int(far[0])) if far.size else None
+    return (float(distance.max()), int(far[0])) if far.size else None
 
 
 def slope_of(time: FloatArray, values: FloatArray) -> float | None:

@@ -221,11 +221,11 @@ def unlike_rates(
     far = departure(strain, imposed, float(np.abs([*strain, *imposed]).max()))
     if far is None:
         return ()
-    slope = slope_of(time, strain)
+    (largest, first), slope = far, slope_of(time, strain)
     by_slope = "" if slope is None else f" (its slope is {slope:.3g} 1/s)"
     return (
-        f"{name}: the strain over time{by_slope} lies up to {far.largest:.3g} from the strain "
-        f"that the stated rates impose, which it leaves at data row {far.first + 1}; check "
+        f"{name}: the strain over time{by_slope} lies up to {largest:.3g} from the strain "
+        f"that the stated rates impose, which it leaves at data row {first + 1}; check "
         "units and rates, of which each change starts a segment.",
     )
 

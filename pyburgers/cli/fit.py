@@ -3,7 +3,6 @@
 import argparse
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from pyburgers.cli.shared import (
     add_model_options,
@@ -81,16 +80,18 @@ def run(options: argparse.Namespace) -> int:
     source: Path | None = options.priors_from
     if source is not None:
         priors = with_flow_law(priors, _flow_law_of(source), f"--priors-from {source}")
-    settings: dict[str, Any] = {
-        "out": options.out or Path("runs") / "+".join(experiment.id for experiment in experiments),
-        "options": sampler_options(options),
-        "solver": _solver_of(options, experiments[0]),
-        "use_likelihood": not options.prior_only,
-        "command": command_line(),
-        "more_draws": options.more_draws,
-        "overwrite": options.overwrite,
-    }
-    result = fit(experiments, priors, pool=pool, **settings)
+    result = fit(
+        experiments,
+        priors,
+        pool=pool,
+        out=options.out or Path("runs") / "+".join(experiment.id for experiment in experiments),
+        options=sampler_options(options),
+        solver=_solver_of(options, experiments[0]),
+        use_likelihood=not options.prior_only,
+        command=command_line(),
+        more_draws=options.more_draws,
+        overwrite=options.overwrite,
+    )
     table = (
         shown_pooling_table(pooling_table(result))
         if result.is_joint

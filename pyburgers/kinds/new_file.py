@@ -300,7 +300,7 @@ class NewFile(ABC):
         return {}
 
     def required_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
-        """Return the names of those of its questions that are asked; as for `proposed`."""
+        """Return the names of those of its questions that are asked."""
         return self.allowed_answers(columns, given)
 
     def allowed_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:

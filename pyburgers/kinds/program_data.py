@@ -1,6 +1,6 @@
 """Tests, priors and solver options -> the data dictionary of the Stan program of their protocol.
 
-One function for one to many problem. What depends on the protocol comes from its object; index
+One function for one to many tests. What depends on the protocol comes from its object; index
 tables of parameters and coordinates (`stan/data/coordinates.stan`) are made here.
 """
 
@@ -169,7 +169,7 @@ def flow_law_block(flow_law: FlowLawPrior | None) -> StanData:
 
 
 def _prior_block(problem: Problem, layout: Layout) -> StanData:
-    """Return the part of the block `stan/data/priors.stan` that differs between problem."""
+    """Return the part of the block `stan/data/priors.stan` that differs between problems."""
     rows = [
         prior_block(_as_solved(priors, experiment), PROGRAM_PARAMETERS)
         for priors, experiment in zip(problem.priors, problem.experiments, strict=True)

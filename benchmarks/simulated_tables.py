@@ -16,7 +16,8 @@ import numpy as np
 from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import SamplingError
-from pyburgers.flow_law_tables.fit_rates import fit_rates, flow_law_prior
+from pyburgers.flow_law_tables.fit_rates import fit_rates
+from pyburgers.flow_law_tables.hand_over import flow_law_prior
 from pyburgers.flow_law_tables.laws import SCATTER, RateLaw, with_curve_flow_law
 from pyburgers.flow_law_tables.softening import simulate_peaks
 from pyburgers.flow_law_tables.tables import PeakStrain, RateTable

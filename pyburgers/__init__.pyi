@@ -18,6 +18,9 @@ from .drawing.page_parts import PageSection as PageSection
 from .drawing.page_parts import PageTable as PageTable
 from .drawing.style import style as style
 from .drawing.views.oscillation_response import predicted_response as predicted_response
+from .fitting.campaign import Task as Task
+from .fitting.campaign import fit_side_by_side as fit_side_by_side
+from .fitting.campaign import task_of as task_of
 from .fitting.fit import Fit as Fit
 from .fitting.fit import fit as fit
 from .fitting.plots import plot as plot
@@ -25,13 +28,10 @@ from .fitting.plots import plot_priors as plot_priors
 from .fitting.prediction import Prediction as Prediction
 from .fitting.prior_draws import PriorDraws as PriorDraws
 from .fitting.prior_draws import prior_draws as prior_draws
-from .fitting.side_by_side import Task as Task
-from .fitting.side_by_side import fit_side_by_side as fit_side_by_side
-from .fitting.side_by_side import task_of as task_of
 from .flow_law_tables.fit import RateFit as RateFit
 from .flow_law_tables.fit_rates import fit_rates as fit_rates
-from .flow_law_tables.fit_rates import flow_law_prior as flow_law_prior
-from .flow_law_tables.fit_rates import mechanism_priors as mechanism_priors
+from .flow_law_tables.hand_over import flow_law_prior as flow_law_prior
+from .flow_law_tables.hand_over import mechanism_priors as mechanism_priors
 from .flow_law_tables.laws import RateLaw as RateLaw
 from .flow_law_tables.laws import load_rate_law as load_rate_law
 from .flow_law_tables.laws import rate_law as rate_law

@@ -362,9 +362,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     contests = contests_of(fits)
     write_records(contests, options.records, command)
     print(write_page(contests, missing, options.out / "page", command))
-    options.page.mkdir(parents=True, exist_ok=True)
-    for name in ("index.html", "manifest.json", "tables/league_laws.csv"):
-        shutil.copy(options.out / "page" / name, options.page)
+    for name in (
+        "index.html",
+        "manifest.json",
+        "tables/league_laws.csv",
+        "figures/league_laws.csv",
+    ):
+        (options.page / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(options.out / "page" / name, options.page / name)
     for contest in contests:
         if contest.name in POSTERIORS:
             write_posterior(contest.fits[contest.chosen], contest.name, options.out / "posteriordb")

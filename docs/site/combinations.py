@@ -4,16 +4,15 @@ Every combination is tried on the priors that come with the package, as `pyburge
 would; nothing is listed by hand.
 """
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import kinds
 from pyburgers.kinds.likelihood import NAMES
+from pyburgers.model.fitted_test import Test
 from pyburgers.model.priors import default_priors, shipped_prior_files
 from pyburgers.model.variants import CHOICES, variant_of, with_variant
 
@@ -24,30 +23,16 @@ CONSTANT_GRAINS = {"grain_size": "constant"}
 """What a material without a piezometer needs where the grain size would follow one."""
 
 
-@dataclass(frozen=True)
-class AnyTest:
+class AnyTest(Test):
     """A test of a kind, as far as laws depend on it."""
 
-    id: str
-    protocol: str
-    laws: Mapping[str, Sequence[str]]
-    linear_hardening: bool
-    residual_correlation: str
-    temperature: float
-    initial_grain_size: float
-    largest_stress: float
-    duration: float = 0.02
-    extension: str = ""
-
-    @property
-    def position(self) -> npt.NDArray[np.float64]:
-        """Three places on its clock."""
-        return np.array([0.01, 0.02, 0.03])
-
-    @property
-    def n_points(self) -> int:
-        """Number of points."""
-        return self.position.size
+    id = "test"
+    temperature = 1000.0
+    initial_grain_size = 1e-4
+    largest_stress = 1e7
+    duration = 0.02
+    position = np.array([0.01, 0.02, 0.03])
+    n_points = 3
 
 
 @dataclass(frozen=True)
@@ -89,22 +74,20 @@ def combinations() -> list[Combination]:
     ]
 
 
-def _any_test(protocol: str) -> AnyTest:
+def _any_test(protocol: str) -> Test:
     kinds()  # imports the modules of all kinds
     kind = next(kind for kind in Experiment.__subclasses__() if kind.protocol == protocol)
-    return AnyTest(
-        id="test",
-        protocol=protocol,
-        laws=kind.laws,
-        linear_hardening=kind.linear_hardening,
-        residual_correlation=kind.residual_correlation,
-        temperature=1000.0,
-        initial_grain_size=1e-4,
-        largest_stress=1e7,
-    )
+
+    class OfKind(AnyTest):
+        protocol = kind.protocol
+        laws = kind.laws
+        linear_hardening = kind.linear_hardening
+        residual_correlation = kind.residual_correlation
+
+    return OfKind()
 
 
-def _tried(material: str, test: AnyTest, part: str, law: str) -> Combination:
+def _tried(material: str, test: Test, part: str, law: str) -> Combination:
     priors = default_priors(material, test.protocol)
     here = (material, test.protocol, part, law)
     refusals = []

@@ -9,7 +9,7 @@ from pyburgers.cli.workers import add_worker_options, require_no_worker_options,
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.paths import shown
-from pyburgers.fitting.side_by_side import (
+from pyburgers.fitting.campaign import (
     load_campaign,
     run_campaign,
     shown_status_table,

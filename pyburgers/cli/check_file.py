@@ -6,11 +6,9 @@ from copy import deepcopy
 from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
-from pyburgers.cli.column_hints import contradictions, unread_note
-from pyburgers.cli.file_hints import hints, looks, text_files
+from pyburgers.cli.hints import contradictions, hints, looks, text_files, unread_note
 from pyburgers.common.errors import InputError, StructureError
 from pyburgers.common.paths import shown
 from pyburgers.common.scratch import scratch_folder
@@ -42,12 +40,10 @@ STAND_INS: Mapping[str, Any] = {
 """What stands in for keys that are missing or of another type, to look at the rest of a file."""
 
 
-READERS_BY_KEY: Mapping[str, tuple[str, str]] = MappingProxyType(
-    {
-        "mechanisms": ("pyburgers.flow_law_tables.laws", "load_rate_law"),
-        "candidates": ("pyburgers.predictions.design_plans", "load_design_plan"),
-    }
-)
+READERS_BY_KEY: Mapping[str, tuple[str, str]] = {
+    "mechanisms": ("pyburgers.flow_law_tables.laws", "load_rate_law"),
+    "candidates": ("pyburgers.predictions.design_plans", "load_design_plan"),
+}
 """Module and function that read a file with a key that no other kind of file has."""
 
 
@@ -127,7 +123,7 @@ def _reader(content: Mapping[str, Any]) -> Callable[[Path], object]:
         return load_priors
     if _is_plan(content):
         read_plan: Callable[[Path], object] = import_module(
-            "pyburgers.fitting.side_by_side"
+            "pyburgers.fitting.campaign"
         ).load_campaign
         return read_plan
     # The reader of rates tells how a table of peak stresses is written.

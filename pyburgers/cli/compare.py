@@ -13,11 +13,7 @@ from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
 from pyburgers.comparison.by_points import compare
-from pyburgers.comparison.by_tests import (
-    check_several_tests,
-    compare_by_test,
-    fit_without_tests,
-)
+from pyburgers.comparison.by_tests import check_several_tests, compare_by_test, fit_without_tests
 from pyburgers.comparison.conclusions import (
     MOVED,
     comparison_table,

@@ -3,7 +3,6 @@
 import argparse
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from pyburgers.cli.shared import (
     add_model_options,
@@ -25,11 +24,7 @@ from pyburgers.kinds.problem import of_one_program
 from pyburgers.kinds.program_data import fixed_in_effect
 from pyburgers.kinds.stan_data import FAST, SOLVERS, SolverOptions
 from pyburgers.kinds.together import priors_for
-from pyburgers.model.flow_law_prior import (
-    FLOW_LAW_PRIOR_FILE,
-    FlowLawPrior,
-    load_flow_law_of_run,
-)
+from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, FlowLawPrior, load_flow_law_of_run
 from pyburgers.model.pooling import parse_pooling
 from pyburgers.model.priors import with_flow_law
 from pyburgers.model.variants import parse_choices, with_variant
@@ -85,16 +80,18 @@ def run(options: argparse.Namespace) -> int:
     source: Path | None = options.priors_from
     if source is not None:
         priors = with_flow_law(priors, _flow_law_of(source), f"--priors-from {source}")
-    settings: dict[str, Any] = {
-        "out": options.out or Path("runs") / "+".join(experiment.id for experiment in experiments),
-        "options": sampler_options(options),
-        "solver": _solver_of(options, experiments[0]),
-        "use_likelihood": not options.prior_only,
-        "command": command_line(),
-        "more_draws": options.more_draws,
-        "overwrite": options.overwrite,
-    }
-    result = fit(experiments, priors, pool=pool, **settings)
+    result = fit(
+        experiments,
+        priors,
+        pool=pool,
+        out=options.out or Path("runs") / "+".join(experiment.id for experiment in experiments),
+        options=sampler_options(options),
+        solver=_solver_of(options, experiments[0]),
+        use_likelihood=not options.prior_only,
+        command=command_line(),
+        more_draws=options.more_draws,
+        overwrite=options.overwrite,
+    )
     table = (
         shown_pooling_table(pooling_table(result))
         if result.is_joint

@@ -119,23 +119,22 @@ def run(options: argparse.Namespace) -> int:
     for note in (*table.notes, *table.problems):
         print(shown(f"note: {note}"))
     given = {question.name: vars(options)[question.name] for question in _every_question()}
-    name, reason, columns = _recognised_kind(table, options)
-    new_file = new_files()[name]
-    _require_columns(table, name, new_file, columns)
+    new_file, reason, columns = _recognised_kind(table, options)
+    _require_columns(table, new_file, columns)
     read = new_file.select_columns(columns)
     for guessed in read.values():
         print(f"guessed: {guessed.sentence}")
     if options.protocol is None:
-        print(f"guessed: protocol {name}, because {reason}")
+        print(f"guessed: protocol {new_file.experiment.protocol}, because {reason}")
     for sentence in units_in_comments(table, read):
         print(f"check: {sentence}")
     for sentence in left_out(table, columns, read, _temperature_use(columns, given)):
         print(f"left out: {sentence}")
     _require_units(options.csv, read)
-    _refuse_needless_options(name, new_file, read, given)
+    _refuse_needless_options(new_file, read, given)
     file = _check_file_name(os.path.relpath(options.csv, out.parent))
     proposed = {"id": _identifier(table), "temperature_K": _temperature(columns)}
-    draft = _Draft(name, new_file, Description(file, table, read, given), proposed)
+    draft = _Draft(new_file, Description(file, table, read, given), proposed)
     answers = _answers(draft)
     for sentence in new_file.describe_decisions(replace(draft.test, values=answers)):
         print(f"decided: {sentence}")
@@ -177,8 +176,8 @@ def _write_checked(draft: Path, out: Path, text: str, file: str) -> None:
         draft.write_text("\n".join([*head, text]), encoding="utf-8")
 
 
-def _recognised_kind(table: TextTable, options: argparse.Namespace) -> tuple[str, str, Columns]:
-    """Return the protocol, why it was guessed, and what columns hold: what ties is asked."""
+def _recognised_kind(table: TextTable, options: argparse.Namespace) -> tuple[NewFile, str, Columns]:
+    """Return the kind, why it was guessed, and what columns hold: what ties is asked."""
     chosen = {
         quantity: _column_named(table, question, vars(options)[question.name])
         for quantity, question in _column_questions().items()
@@ -187,12 +186,10 @@ def _recognised_kind(table: TextTable, options: argparse.Namespace) -> tuple[str
     while True:
         columns = guess_columns(table, chosen)
         guessed, reason = _guess_protocol(columns)
-        name = options.protocol or guessed
-        tied = [
-            one for one in new_files()[name].select_columns(columns).values() if not one.is_decided
-        ]
+        new_file = new_files()[options.protocol or guessed]
+        tied = [one for one in new_file.select_columns(columns).values() if not one.is_decided]
         if not tied:
-            return name, reason, columns
+            return new_file, reason, columns
         chosen[tied[0].quantity] = _chosen_column(table, tied[0])
 
 
@@ -232,7 +229,7 @@ def _guess_protocol(columns: Columns) -> tuple[str, str]:
 
 
 def _require_columns(
-    table: TextTable, protocol: str, new_file: NewFile, columns: Mapping[str, GuessedColumn]
+    table: TextTable, new_file: NewFile, columns: Mapping[str, GuessedColumn]
 ) -> None:
     for quantities in new_file.needed:
         if not any(name in columns for name in quantities):
@@ -240,8 +237,8 @@ def _require_columns(
             among = f" among {', '.join(map(str, table.columns))}" if table.columns else ""
             raise InputError(
                 f"{table.path}: found no column of numbers that looks like {names}{among}, "
-                f"expected one for the protocol {protocol}; name it so in the first row, give "
-                f"{_column_question(quantities[0]).option}, or give --protocol."
+                f"expected one for the protocol {new_file.experiment.protocol}; name it so in the "
+                f"first row, give {_column_question(quantities[0]).option}, or give --protocol."
             )
 
 
@@ -273,9 +270,7 @@ def _require_units(path: Path, columns: Mapping[str, GuessedColumn]) -> None:
             )
 
 
-def _refuse_needless_options(
-    protocol: str, new_file: NewFile, columns: Columns, given: Mapping[str, Any]
-) -> None:
+def _refuse_needless_options(new_file: NewFile, columns: Columns, given: Mapping[str, Any]) -> None:
     """Refuse options that the file would not hold."""
     taken = {question.name for question in (*FIRST_QUESTIONS, *LAST_QUESTIONS)}
     taken |= set(new_file.allowed_answers(columns, given))
@@ -288,7 +283,8 @@ def _refuse_needless_options(
             why = (
                 f"{question.name} is read from column {columns[question.name].column!r}"
                 if question.name in columns
-                else f"such a test of the protocol {protocol} takes none{beside}"
+                else f"such a test of the protocol {new_file.experiment.protocol} takes "
+                f"none{beside}"
             )
             raise InputError(f"{question.option} {value}: expected no such option, because {why}.")
 
@@ -325,14 +321,13 @@ def _temperature_use(columns: Columns, given: Mapping[str, Any]) -> Mapping[str,
 class _Draft:
     """A file that is being asked about, with answers that options give and the file suggests."""
 
-    protocol: str
     new_file: NewFile
     test: Description
     proposed: Mapping[str, Any]
 
     def text(self, answers: Mapping[str, Any]) -> str:
         """Return the text of the file with some answers."""
-        return experiment_text(self.protocol, self.new_file, replace(self.test, values=answers))
+        return experiment_text(self.new_file, replace(self.test, values=answers))
 
     def questions(self, given: Mapping[str, Any]) -> list[Question]:
         """Return what is still to be asked, with what the file suggests."""

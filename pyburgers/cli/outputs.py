@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from pyburgers.cli.file_hints import text_files
+from pyburgers.cli.hints import text_files
 from pyburgers.common.columns import TextFilesTable
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_tables

@@ -5,16 +5,20 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pyburgers.cli import predict_test
+import pandas as pd
+
 from pyburgers.cli.outputs import check_output
 from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.errors import InputError
+from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.common.paths import shown
 from pyburgers.common.units import UNITS
 from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.prediction import Prediction
+from pyburgers.kinds.kind import load_experiment
 from pyburgers.predictions.attenuation import (
     DEFAULT_FREQUENCIES,
     overview_table,
@@ -29,7 +33,7 @@ from pyburgers.predictions.evolving import (
     evolving_sentence,
     evolving_table,
 )
-from pyburgers.predictions.figures import attenuation
+from pyburgers.predictions.figures import attenuation, prediction_figure
 from pyburgers.predictions.material import (
     CRITICAL_SHARE,
     elastic_modulus_sentence,
@@ -37,6 +41,8 @@ from pyburgers.predictions.material import (
     frozen_sentence,
 )
 from pyburgers.predictions.measured_attenuation import load_measured_attenuation
+from pyburgers.predictions.other_tests import band_table, reading_table, score_sentence, score_table
+from pyburgers.predictions.other_tests import overview_table as overview_of_test
 from pyburgers.predictions.stress_cycles import HOLD_TIME, PAPER_REGIMES, Regime, regimes_named
 
 UM = UNITS["length"]["um"]
@@ -51,13 +57,45 @@ def add_options(command: argparse.ArgumentParser) -> None:
     of_test = predictions.add_parser(
         TEST, help="RUN EXPERIMENT.toml: the response of another test (the word may be left out)"
     )
-    predict_test.add_options(of_test)
-    of_test.set_defaults(predict=predict_test.run)
+    _add_test_options(of_test)
+    of_test.set_defaults(predict=_test)
     of_attenuation = predictions.add_parser(
         ATTENUATION, help="tan(delta) of stress cycles about a median stress"
     )
     _add_attenuation_options(of_attenuation)
     of_attenuation.set_defaults(predict=_attenuation)
+
+
+def _add_test_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("directory", type=Path, metavar="RUN", help="run directory of fit")
+    command.add_argument(
+        "experiment", type=Path, metavar="EXPERIMENT.toml", help="file of the other test"
+    )
+    command.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="FILE.csv",
+        help="bands along the test; beside it FILE.nc (all draws), FILE.png and FILE.svg, and "
+        "where the experiment has data FILE_readings.csv and FILE_scores.csv",
+    )
+    command.add_argument("--draws", type=int, metavar="N", help="default: all draws of the fit")
+    which = command.add_mutually_exclusive_group()
+    which.add_argument(
+        "--test",
+        metavar="ID",
+        help="of a joint fit, the test whose own parameters the new one has, all of them: another "
+        "test of the same sample",
+    )
+    which.add_argument(
+        "--separate-from",
+        metavar="ID",
+        help="of a joint fit, the test that parameters without pooling are taken from; default: "
+        "every test in turn",
+    )
+    command.add_argument(
+        "--seed", type=int, default=1, help="seed of noise and of a new test's own values"
+    )
 
 
 def _add_attenuation_options(command: argparse.ArgumentParser) -> None:
@@ -275,3 +313,45 @@ def _regimes(options: argparse.Namespace) -> Sequence[Regime]:
     factor = UNITS["stress"]["MPa"]
     pairs = zip(medians, amplitudes, strict=True)
     return tuple(Regime(median * factor, amplitude * factor) for median, amplitude in pairs)
+
+
+def _test(options: argparse.Namespace) -> int:
+    """Predict the response of a test; return the exit code."""
+    out: Path = options.out
+    if out.suffix != ".csv":
+        raise InputError(f"--out {out}: expected a file name that ends in .csv.")
+    beside = (".nc", ".png", ".svg", "_readings.csv", "_scores.csv")
+    check_output(out, options.directory, options.experiment, beside=beside)
+    fit = Fit.load(options.directory)
+    prediction = (fit if options.test is None else fit[options.test]).predict(
+        load_experiment(options.experiment),
+        draws=options.draws,
+        separate_from=options.separate_from,
+        seed=options.seed,
+    )
+    scores = score_table(prediction) if prediction.experiment.n_points > 0 else None
+    files = _write_prediction(prediction, scores, out)
+    print(prediction.title)
+    for sentence in (*prediction.cautions, *prediction.notes):
+        print(sentence)
+    print(overview_of_test(prediction).to_string(index=False))
+    if scores is not None:
+        print(score_sentence(prediction, scores))
+    for file in files:
+        print(shown(file))
+    return 0
+
+
+def _write_prediction(prediction: Prediction, scores: pd.DataFrame | None, out: Path) -> list[Path]:
+    """Write the files; return their names."""
+    files = [out.with_suffix(suffix) for suffix in (".csv", ".nc", ".png", ".svg")]
+    tables = {out: band_table(prediction)}
+    if scores is not None:
+        tables[out.with_name(f"{out.stem}_readings.csv")] = reading_table(prediction)
+        tables[out.with_name(f"{out.stem}_scores.csv")] = scores.reset_index()
+    with writing(out):
+        for file, table in tables.items():
+            write_text(file, csv_text(table))
+        write_netcdf(out.with_suffix(".nc"), prediction.posterior)
+        write_images(prediction_figure(prediction), out)
+    return [*files, *(file for file in tables if file != out)]

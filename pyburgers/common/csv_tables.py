@@ -4,7 +4,6 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\n")
 
 _HIDDEN_FORMULA = re.compile(r"(?<=[,;\t])(?=[=+@-])")
 
-WRITTEN_LAYOUT = MappingProxyType({"separator": ",", "header": True, "missing": []})
+WRITTEN_LAYOUT = {"separator": ",", "header": True, "missing": []}
 """Keys of a table [data] that describe what `columns_text` returns."""
 
 

@@ -51,13 +51,7 @@ class Workers:
     part: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
-        """Check the values.
-
-        Raises
-        ------
-        InputError
-            If there are no processes, or there is no such part.
-        """
+        """Raise InputError if there are no processes, or there is no such part."""
         if isinstance(self.executor, ThreadPoolExecutor):
             raise InputError(
                 "executor: found threads, expected processes such as those of ProcessPoolExecutor, "

@@ -166,52 +166,49 @@ class TextTable:
 
     @cached_property
     def _clocks(self) -> tuple[dict[int, str], int | None]:
-        """Columns of time stamps with their kinds, and that of dates that goes with a clock."""
+        """Columns of time stamps with their kinds, and that of dates that goes with a clock.
+
+        A clock that shows the time since the start of the test is of the kind "elapsed".
+        """
         kinds: dict[int, str] = {}
         for index in range(len(self.columns)):
             cells = [cell for cell in self.cells(index) if cell and not NOTHING.fullmatch(cell)]
             if cells and all(has_clock(cell) or has_date(cell) for cell in cells):
                 dated, timed = has_date(cells[0]), has_clock(cells[0])
-                kinds[index] = "both" if dated and timed else "date" if dated else "clock"
+                clock = "elapsed" if FROM_ZERO.search(str(self.columns[index])) else "clock"
+                kinds[index] = "both" if dated and timed else "date" if dated else clock
         dates = [index for index, kind in kinds.items() if kind == "date"]
-        clocks = [k for k, kind in kinds.items() if kind == "clock" and not self._is_from_zero(k)]
-        return kinds, dates[0] if len(dates) == 1 and len(clocks) == 1 else None
+        has_one_of_each = len(dates) == 1 and [*kinds.values()].count("clock") == 1
+        return kinds, dates[0] if has_one_of_each else None
 
     @cached_property
     def _stamps(self) -> dict[int, tuple[list[str], bool]]:
         """Seconds, as text, of columns of time stamps, and whether 12 AM was read as noon."""
         kinds, date = self._clocks
         found = {}
-        for index in kinds:
+        for index, kind in kinds.items():
             if index == date:
                 continue
             cells = self.cells(index)
-            from_zero = kinds[index] == "clock" and self._is_from_zero(index)
-            if date is not None and kinds[index] == "clock" and not from_zero:
+            if date is not None and kind == "clock":
                 cells = [
                     f"{day} {clock}" for day, clock in zip(self.cells(date), cells, strict=True)
                 ]
             read = seconds_of(cells)
             if read is not None:
                 times, is_noon_am = read
-                start = 0.0 if from_zero else next(t for t in times if t == t)
+                start = 0.0 if kind == "elapsed" else next(t for t in times if t == t)
                 text = [repr(round(t - start, 9)) if t == t else "" for t in times]
                 found[index] = (text, is_noon_am)
         return found
-
-    def _is_from_zero(self, index: int) -> bool:
-        """Whether a clock shows the time since the start of the test."""
-        return FROM_ZERO.search(str(self.columns[index])) is not None
 
     def _notes_on(self, index: int) -> list[str]:
         """Say how the cells of a column were read."""
         (kinds, date), name = self._clocks, self.columns[index]
         kind, missing, notes = kinds.get(index), self._missing[index], []
         if index in self._stamps:
-            from_zero = kind == "clock" and self._is_from_zero(index)
-            with_date = date is not None and kind == "clock" and not from_zero
-            dates = f" with {self.columns[date]!r}" if date is not None and with_date else ""
-            start = "0:00" if from_zero else "the first row"
+            dates = f" with {self.columns[date]!r}" if date is not None and kind == "clock" else ""
+            start = "0:00" if kind == "elapsed" else "the first row"
             notes.append(f"column {name!r}{dates} holds time stamps, read as seconds since {start}")
             if self._stamps[index][1]:
                 notes.append(f"column {name!r}: 12 AM was read as noon, because times go back else")

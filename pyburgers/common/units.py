@@ -8,7 +8,6 @@ import operator
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import SupportsIndex
 
 
@@ -21,101 +20,93 @@ class Unit:
     zero: float = 0.0
 
 
-UNIT_TABLE: Mapping[str, Mapping[str, Unit]] = MappingProxyType(
-    {
-        "stress": {
-            "Pa": Unit(1.0, r"(?<![a-z])(?:pa(?![a-z])|pascals?|n/m\^?2)"),
-            "MPa": Unit(1e6, r"mpa|megapascals?|(?<![a-z])(?:n/mm|mn/m)\^?2"),
-            "GPa": Unit(1e9, r"gpa|(?<![a-z])kn/mm\^?2"),
-        },
-        "compliance": {"1/Pa": Unit(), "1/GPa": Unit(1e-9)},
-        "viscosity": {"Pa s": Unit(), "MPa s": Unit(1e6), "GPa s": Unit(1e9)},
-        "strain": {
-            "fraction": Unit(
-                1.0, r"fraction|(?<![a-zμ])m/m(?![a-z])|mm/mm|cm/cm|in/in|\(-\)|\[-\]"
-            ),
-            "percent": Unit(1e-2, r"per ?cent|%(?!o)|pct|prozent|pourcent"),
-        },
-        "strain rate": {
-            "1/s": Unit(
-                1.0,
-                r"1 ?/ ?s(?:ec)?(?![a-z])|(?<![a-z])s\^?-1"
-                r"|(?:^|(?<!t)(?<!%)[ _])per[ _]?s(?:ec(?:ond)?)?(?![a-z])",
-            ),
-            "1e-6/s": Unit(1e-6, r"(?:1e|10\^?)-6 ?(?:[1 ]?/ ?s|s\^?-1)(?![a-z])"),
-        },
-        "time": {
-            "s": Unit(1.0, r"(?<![a-zμ])s(?:e[ck]s?)?(?:ond[es]?s?|unden?)?(?![a-z])"),
-            "min": Unit(60.0, r"(?<![a-z])min(?:s|ut\w*)?"),
-            "h": Unit(3600.0, r"hours?|(?<![a-z])(?:hr?s?|std|stunden?|heures?)(?![a-z])"),
-        },
-        "frequency": {
-            "Hz": Unit(1.0, r"(?<![a-zμ])(?:hz|hertz)"),
-            "rad/s": Unit(
-                1 / (2 * math.pi),
-                r"rad(?:/s)?|omega|ω|(?<![a-z])ang|circular|(?:kreis|winkel)freq|pulsation|^w(?![a-z])",
-            ),
-        },
-        "angle": {
-            "deg": Unit(math.pi / 180, r"°|(?<![a-z])(?:deg(?:rees?)?|grad)"),
-            "mrad": Unit(1e-3, r"mrad"),
-            "rad": Unit(1.0, r"(?<![a-zμ])rad"),
-        },
-        "length": {
-            "m": Unit(1.0, r"(?<![a-zμ])m(?:et(?:er|re)s?)?(?![a-z])"),
-            "mm": Unit(1e-3, r"(?<![a-z])(?:mm|millimet\w+)(?![a-z])"),
-            "um": Unit(1e-6, r"(?<![a-z])(?:um|μm|microns?|micromet\w+)(?![a-z])"),
-        },
-        "molar energy": {"J/mol": Unit(), "kJ/mol": Unit(1e3)},
-        "molar volume": {"m3/mol": Unit(), "cm3/mol": Unit(1e-6)},
-        "inverse molar energy": {"mol/J": Unit(), "mol/kJ": Unit(1e-3)},
-        "temperature": {
-            "K": Unit(1.0, r"kelvin|°? ?(?<![a-z])k(?![a-z])"),
-            "C": Unit(1.0, r"celsius|° ?c|(?<![a-z])deg[_ .]*c|(?<![a-z])c(?![a-z])", zero=273.15),
-        },
-        "relative error": {
-            "1": Unit(1.0, r"fraction|\([-1]\)|\[[-1]\]"),
-            "percent": Unit(1e-2, r"per ?cent|%|pct"),
-        },
-        "inverse temperature": {"1/K": Unit(), "1e-6/K": Unit(1e-6)},
-        "dimensionless": {"1": Unit()},
-    }
-)
+UNIT_TABLE: Mapping[str, Mapping[str, Unit]] = {
+    "stress": {
+        "Pa": Unit(1.0, r"(?<![a-z])(?:pa(?![a-z])|pascals?|n/m\^?2)"),
+        "MPa": Unit(1e6, r"mpa|megapascals?|(?<![a-z])(?:n/mm|mn/m)\^?2"),
+        "GPa": Unit(1e9, r"gpa|(?<![a-z])kn/mm\^?2"),
+    },
+    "compliance": {"1/Pa": Unit(), "1/GPa": Unit(1e-9)},
+    "viscosity": {"Pa s": Unit(), "MPa s": Unit(1e6), "GPa s": Unit(1e9)},
+    "strain": {
+        "fraction": Unit(1.0, r"fraction|(?<![a-zμ])m/m(?![a-z])|mm/mm|cm/cm|in/in|\(-\)|\[-\]"),
+        "percent": Unit(1e-2, r"per ?cent|%(?!o)|pct|prozent|pourcent"),
+    },
+    "strain rate": {
+        "1/s": Unit(
+            1.0,
+            r"1 ?/ ?s(?:ec)?(?![a-z])|(?<![a-z])s\^?-1"
+            r"|(?:^|(?<!t)(?<!%)[ _])per[ _]?s(?:ec(?:ond)?)?(?![a-z])",
+        ),
+        "1e-6/s": Unit(1e-6, r"(?:1e|10\^?)-6 ?(?:[1 ]?/ ?s|s\^?-1)(?![a-z])"),
+    },
+    "time": {
+        "s": Unit(1.0, r"(?<![a-zμ])s(?:e[ck]s?)?(?:ond[es]?s?|unden?)?(?![a-z])"),
+        "min": Unit(60.0, r"(?<![a-z])min(?:s|ut\w*)?"),
+        "h": Unit(3600.0, r"hours?|(?<![a-z])(?:hr?s?|std|stunden?|heures?)(?![a-z])"),
+    },
+    "frequency": {
+        "Hz": Unit(1.0, r"(?<![a-zμ])(?:hz|hertz)"),
+        "rad/s": Unit(
+            1 / (2 * math.pi),
+            r"rad(?:/s)?|omega|ω|(?<![a-z])ang|circular|(?:kreis|winkel)freq|pulsation|^w(?![a-z])",
+        ),
+    },
+    "angle": {
+        "deg": Unit(math.pi / 180, r"°|(?<![a-z])(?:deg(?:rees?)?|grad)"),
+        "mrad": Unit(1e-3, r"mrad"),
+        "rad": Unit(1.0, r"(?<![a-zμ])rad"),
+    },
+    "length": {
+        "m": Unit(1.0, r"(?<![a-zμ])m(?:et(?:er|re)s?)?(?![a-z])"),
+        "mm": Unit(1e-3, r"(?<![a-z])(?:mm|millimet\w+)(?![a-z])"),
+        "um": Unit(1e-6, r"(?<![a-z])(?:um|μm|microns?|micromet\w+)(?![a-z])"),
+    },
+    "molar energy": {"J/mol": Unit(), "kJ/mol": Unit(1e3)},
+    "molar volume": {"m3/mol": Unit(), "cm3/mol": Unit(1e-6)},
+    "inverse molar energy": {"mol/J": Unit(), "mol/kJ": Unit(1e-3)},
+    "temperature": {
+        "K": Unit(1.0, r"kelvin|°? ?(?<![a-z])k(?![a-z])"),
+        "C": Unit(1.0, r"celsius|° ?c|(?<![a-z])deg[_ .]*c|(?<![a-z])c(?![a-z])", zero=273.15),
+    },
+    "relative error": {
+        "1": Unit(1.0, r"fraction|\([-1]\)|\[[-1]\]"),
+        "percent": Unit(1e-2, r"per ?cent|%|pct"),
+    },
+    "inverse temperature": {"1/K": Unit(), "1e-6/K": Unit(1e-6)},
+    "dimensionless": {"1": Unit()},
+}
 """Every unit of files, by physical quantity: a unit is added here and nowhere else.
 
 Of spellings that are found in a name the last one counts.
 """
 
-UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
-    {
-        quantity: {name: unit.factor for name, unit in units.items() if unit.zero == 0}
-        for quantity, units in UNIT_TABLE.items()
-    }
-)
+UNITS: Mapping[str, Mapping[str, float]] = {
+    quantity: {name: unit.factor for name, unit in units.items() if unit.zero == 0}
+    for quantity, units in UNIT_TABLE.items()
+}
 """Factor to SI of each unit whose zero is that of SI, by physical quantity."""
 
-FOREIGN_UNIT_NAMES: Mapping[str, str] = MappingProxyType(
-    {
-        "strain": r"[mμ](?:icro|illi)?_?(?:strain|ε)|[(\[](?:milli|micro)[)\]]|ppm|‰"
-        r"|[mμu]m/m(?!m)|%o|(?<![a-z/])(?:mm|cm|μm|um|in|inch|inches)(?![a-z/])",
-        "stress": r"[khm]bar|(?<![a-z])(?:[kh]pa|psi|ksi|bar|atm|[km]n|kgf?|lb[fs]?|lbsf|pounds?"
-        r"|kips?|tons?|torr|mmhg|dynes?)(?![a-z])|dyn ?/|n/ ?(?:cm|in)|[(\[]n[)\]]|load_?n$"
-        r"|normali[sz]|(?<![a-z])[eg]/[eg]|[(\[] ?(?:-|dimensionless|unitless) ?[)\]]",
-        "time": r"day|week|month|year|(?<![a-z])(?:d|yrs?|[kmμun]s(?:ec)?|tagen?|wochen?|monaten?"
-        r"|jahren?|jours?|semaines?|mois|ann?ees?)(?![a-z])|normali[sz]|reduced",
-        "temperature": r"fahrenheit|°f|(?<![a-z])f(?![a-z])",
-        "frequency": r"(?<![a-z])[kmμun]hz|rpm|rev|cpm|normali[sz]|reduced",
-        "strain rate": r"%|per ?cent|pct|ppm|micro|[mμ]strain|(?<![a-z])(?:[mμu]m|pa) ?/"
-        r"|(?:/ ?|per[ _]?)(?:min|hr?|hour|d|day|week|yr?|year|a|annum)(?![a-z])"
-        r"|(?<![a-z])(?:min|hr?|d|yr?|a)\^?-1",
-        "length": r"(?<![a-z])(?:cm|nm|km|in|inch(?:es)?|phi|px|pixels?|astm|mesh)(?![a-z])|φ",
-        "attenuation": r"(?<![a-z])(?:ln|db)(?![a-z])|quality|gute|%|percent|10\^?-?[2-9]|1e-?\d"
-        r"|(?<![\d.])(?<!log)(?<!log_)100+(?!\d)"
-        r"|(?<![a-z/])q(?![a-z]|\w*[\^{( ]*-? ?1|[ _]?inv)"
-        r"|specific.?loss|energ\w*.?loss|loss.?of.?energ|per.?cycle|decrement|δ ?[ew] ?/ ?[ew]",
-        "angle": r"[μun]rad",
-    }
-)
+FOREIGN_UNIT_NAMES: Mapping[str, str] = {
+    "strain": r"[mμ](?:icro|illi)?_?(?:strain|ε)|[(\[](?:milli|micro)[)\]]|ppm|‰"
+    r"|[mμu]m/m(?!m)|%o|(?<![a-z/])(?:mm|cm|μm|um|in|inch|inches)(?![a-z/])",
+    "stress": r"[khm]bar|(?<![a-z])(?:[kh]pa|psi|ksi|bar|atm|[km]n|kgf?|lb[fs]?|lbsf|pounds?"
+    r"|kips?|tons?|torr|mmhg|dynes?)(?![a-z])|dyn ?/|n/ ?(?:cm|in)|[(\[]n[)\]]|load_?n$"
+    r"|normali[sz]|(?<![a-z])[eg]/[eg]|[(\[] ?(?:-|dimensionless|unitless) ?[)\]]",
+    "time": r"day|week|month|year|(?<![a-z])(?:d|yrs?|[kmμun]s(?:ec)?|tagen?|wochen?|monaten?"
+    r"|jahren?|jours?|semaines?|mois|ann?ees?)(?![a-z])|normali[sz]|reduced",
+    "temperature": r"fahrenheit|°f|(?<![a-z])f(?![a-z])",
+    "frequency": r"(?<![a-z])[kmμun]hz|rpm|rev|cpm|normali[sz]|reduced",
+    "strain rate": r"%|per ?cent|pct|ppm|micro|[mμ]strain|(?<![a-z])(?:[mμu]m|pa) ?/"
+    r"|(?:/ ?|per[ _]?)(?:min|hr?|hour|d|day|week|yr?|year|a|annum)(?![a-z])"
+    r"|(?<![a-z])(?:min|hr?|d|yr?|a)\^?-1",
+    "length": r"(?<![a-z])(?:cm|nm|km|in|inch(?:es)?|phi|px|pixels?|astm|mesh)(?![a-z])|φ",
+    "attenuation": r"(?<![a-z])(?:ln|db)(?![a-z])|quality|gute|%|percent|10\^?-?[2-9]|1e-?\d"
+    r"|(?<![\d.])(?<!log)(?<!log_)100+(?!\d)"
+    r"|(?<![a-z/])q(?![a-z]|\w*[\^{( ]*-? ?1|[ _]?inv)"
+    r"|specific.?loss|energ\w*.?loss|loss.?of.?energ|per.?cycle|decrement|δ ?[ew] ?/ ?[ew]",
+    "angle": r"[μun]rad",
+}
 """Units as the names of columns have them, in lower case, that experiment files do not know."""
 
 

@@ -22,9 +22,9 @@ from pyburgers.comparison.same_data import (
     require_fits_by_name,
     sampling_doubts,
 )
+from pyburgers.fitting.campaign import Task, run_fits
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import require_whole
-from pyburgers.fitting.side_by_side import Task, run_fits
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.sampling.manifest import COMPLETE
 from pyburgers.sampling.options import recorded_options

@@ -11,7 +11,6 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import kind_of
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import Problem, one_test
 from pyburgers.kinds.program_data import program_data
@@ -99,7 +98,7 @@ def prior_draws(
         else prior.distribution().rvs(size=draws, random_state=rng)
         for name, prior in priors.priors.items()
     }
-    test = experiment if experiment.n_points else kind_of(experiment).without_data(experiment)
+    test = experiment if experiment.n_points else experiment.to_be_solved()
     problem = one_test(test, _each_by_itself(priors))
     (coordinates,) = problem.coordinates
     rows = np.column_stack(

@@ -15,14 +15,14 @@ from pyburgers.common.errors import InputError, require_type
 from pyburgers.common.text_tables import table_of_columns
 from pyburgers.common.toml_files import factor_to_si
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
-from pyburgers.kinds.attenuation.files import AttenuationFile, load_attenuation
+from pyburgers.kinds.attenuation.files import KIND as ATTENUATION
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.kinds.constant_rate.files import ConstantRateFile, load_constant_rate
+from pyburgers.kinds.constant_rate.files import KIND as CONSTANT_RATE
 from pyburgers.kinds.experiment_file import test_of
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.kinds.forced_oscillation.files import OscillationFile, load_forced_oscillation
+from pyburgers.kinds.forced_oscillation.files import KIND as FORCED_OSCILLATION
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
-from pyburgers.kinds.loading_history.files import LoadingHistoryFile, load_loading_history
+from pyburgers.kinds.loading_history.files import KIND as LOADING_HISTORY
 from pyburgers.kinds.loading_history.stages import DRIVEN
 
 
@@ -85,7 +85,7 @@ def ConstantRateTest(  # noqa: N802 - it stands for the class of its result
         for rate, start in zip(rates.tolist(), starts.tolist(), strict=True)
     ]
     arguments = {"segments": segments, "strain": strain, "time": time, **given}
-    return test_of("ConstantRateTest", load_constant_rate, ConstantRateFile, arguments)
+    return test_of("ConstantRateTest", CONSTANT_RATE, arguments)
 
 
 def LoadingHistory(  # noqa: N802
@@ -312,8 +312,7 @@ def ForcedOscillation(  # noqa: N802
             f"{quantity}_time_unit": time_unit,
             **({f"{key}_column": key} if np.ndim(uncertainty) else {key: uncertainty}),
         }
-    arguments = {**given, **data}
-    return test_of("ForcedOscillation", load_forced_oscillation, OscillationFile, arguments)
+    return test_of("ForcedOscillation", FORCED_OSCILLATION, {**given, **data})
 
 
 def AttenuationTable(  # noqa: N802
@@ -371,7 +370,7 @@ def AttenuationTable(  # noqa: N802
     3
     """
     given = _named("AttenuationTable", locals())
-    return test_of("AttenuationTable", load_attenuation, AttenuationFile, given)
+    return test_of("AttenuationTable", ATTENUATION, given)
 
 
 OSCILLATION_SERIES = (
@@ -429,7 +428,7 @@ def _history(called: str, arguments: dict[str, Any]) -> HistoryExperiment:
     # A unit of what was not read is one of the stages alone.
     unread = {f"{q}_unit" for q in ("time", "stress", "strain") if arguments.get(q) is None}
     given = {key: value for key, value in arguments.items() if key not in unread}
-    return test_of(called, load_loading_history, LoadingHistoryFile, {**units, **given})
+    return test_of(called, LOADING_HISTORY, {**units, **given})
 
 
 def _last(called: str, time: ArrayLike) -> float:

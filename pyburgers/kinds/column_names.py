@@ -7,7 +7,6 @@ import re
 import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 from pyburgers.common.units import FOREIGN_UNIT_NAMES, unit_in, unit_spelled
 
@@ -62,96 +61,90 @@ class ColumnNames:
     words: tuple[tuple[str, int], ...] = ()
 
 
-COLUMN_NAMES: Mapping[str, ColumnNames] = MappingProxyType(
-    {
-        "relaxation_modulus": ColumnNames(
-            "stress", (r"relax\w*.{0,3}mod|mod\w* (?:of|de) relax|(?<![a-z])[eg]\(t\)",)
+COLUMN_NAMES: Mapping[str, ColumnNames] = {
+    "relaxation_modulus": ColumnNames(
+        "stress", (r"relax\w*.{0,3}mod|mod\w* (?:of|de) relax|(?<![a-z])[eg]\(t\)",)
+    ),
+    "loss_modulus": ColumnNames(
+        "stress",
+        (r"loss.?mod|verlustmod|(?<![a-z])[egm](?:''|\"|′′|’’|”)|imag.*mod|mod.*(?:imag|perte)",),
+    ),
+    "storage_modulus": ColumnNames(
+        "stress",
+        (r"storage.?mod|speichermod|(?<![a-z])[egm]['′’]|real.*mod|mod.*(?:real|conserv)",),
+    ),
+    "attenuation": ColumnNames(
+        "attenuation",
+        (
+            r"(?<![a-z])(?:log_?(?:10)?_?)?tan(?!g)|loss.?(?:factor|tangent)|verlustfaktor",
+            r"1/q|q\^?[({]?-?1|inverse_?q|q_?inv",
+            r"(?:loss|verlust|phase).?(?:angle|winkel)|phase|^(?:delta|δ) ?(?:[(\[]|$)",
+            r"attenuation|loss|internal.?friction|^q$|quality.?factor|gutefaktor",
         ),
-        "loss_modulus": ColumnNames(
-            "stress",
+    ),
+    "modulus": ColumnNames(
+        "stress",
+        (r"modul|\|[egm]\*?\||(?<![a-z])[egm]\*", r"^[ge](?![a-z])"),
+        ((r"\||\*|complex|dynami|absol", 0),),
+    ),
+    "period": ColumnNames("time", (r"period|^t_?[o0](?![a-z0-9])",)),
+    "frequency": ColumnNames(
+        "frequency",
+        (
+            r"^(?!.*(?:ang|circular|omega|ω|kreis|winkel|rad)).*(?:freq|(?:^|log10 )f\b)",
+            r"freq|omega|ω|^w(?![a-z])|pulsation",
+        ),
+    ),
+    "temperature": ColumnNames(
+        "temperature",
+        (r"temp(?!s(?![a-z]))|temps? ?[(\[]°?[cfk]|^t ?[(\[/_]? ?(?:deg)?°?[kcf](?![a-z])",),
+        (
+            (r"room|ambient|(?<![a-z])(?:lab|air|box)|junction|raum", 4),
+            (r"furnace|oven|ofen|heater|bath|four", 3),
+            (r"sample|specimen|probe|echantillon", 0),
+        ),
+    ),
+    "median_stress": ColumnNames(
+        "stress", (r"median|mean.?stress|bias|mitt(?:el|lere.?)spannung|contrainte.?moyenne",)
+    ),
+    "amplitude": ColumnNames("stress", (r"(?<![a-z])ampl",)),
+    "limit": ColumnNames("limit", (r"limit",)),
+    "stress": ColumnNames(
+        "stress",
+        (
+            r"stress|sigma|(?<![a-z])sig(?![a-z])|σ|(?<![a-z])tau|τ|deviator|spannung|contrainte|s_?diff"
+            r"|^q ?[(\[_].*pa",
+            r"^s_?1(?![0-9a-z])",
+            r"load|force|pressure|(?<!com)pression|kraft|druck|charge",
+        ),
+        (
+            (rf"{ENGINEERING}|(?<![a-z])raw(?![a-z])|uncorr", 3),
             (
-                r"loss.?mod|verlustmod|(?<![a-z])[egm](?:''|\"|′′|’’|”)|imag.*mod|mod.*(?:imag|perte)",
+                r"diff|deviat|^q|^(?:δ|delta|d) ?_?(?:sigma|σ)|(?:sigma|σ)_?d(?![a-z])"
+                r"|(?:sigma|sig|σ|s)_?1 ?- ?(?:sigma|sig|σ|s)_?3",
+                0,
             ),
+            (r"true|(?<![a-z])(?:ist|wahr|ax)|sample|actual|corr", 1),
+            (r"^(?:sigma|sig|σ|s)_?1(?![0-9a-z])", 4),
         ),
-        "storage_modulus": ColumnNames(
-            "stress",
-            (r"storage.?mod|speichermod|(?<![a-z])[egm]['′’]|real.*mod|mod.*(?:real|conserv)",),
+    ),
+    "strain": ColumnNames(
+        "strain",
+        (
+            r"strain|(?<![a-z])eps|ε|shorten|dehnung|stauchung|gamma|γ|deformation|verformung|raccourc"
+            r"|compression[ (\[]*(?:%|p)",
         ),
-        "attenuation": ColumnNames(
-            "attenuation",
-            (
-                r"(?<![a-z])(?:log_?(?:10)?_?)?tan(?!g)|loss.?(?:factor|tangent)|verlustfaktor",
-                r"1/q|q\^?[({]?-?1|inverse_?q|q_?inv",
-                r"(?:loss|verlust|phase).?(?:angle|winkel)|phase|^(?:delta|δ) ?(?:[(\[]|$)",
-                r"attenuation|loss|internal.?friction|^q$|quality.?factor|gutefaktor",
-            ),
+        (
+            (rf"{ENGINEERING}|(?<![a-z])raw(?![a-z])|uncorr|machine", 3),
+            (r"true|(?<![a-z])(?:log|ist|wahr|ax)|hencky|sample|actual|corr", 1),
         ),
-        "modulus": ColumnNames(
-            "stress",
-            (r"modul|\|[egm]\*?\||(?<![a-z])[egm]\*", r"^[ge](?![a-z])"),
-            ((r"\||\*|complex|dynami|absol", 0),),
-        ),
-        "period": ColumnNames("time", (r"period|^t_?[o0](?![a-z0-9])",)),
-        "frequency": ColumnNames(
-            "frequency",
-            (
-                r"^(?!.*(?:ang|circular|omega|ω|kreis|winkel|rad)).*(?:freq|(?:^|log10 )f\b)",
-                r"freq|omega|ω|^w(?![a-z])|pulsation",
-            ),
-        ),
-        "temperature": ColumnNames(
-            "temperature",
-            (r"temp(?!s(?![a-z]))|temps? ?[(\[]°?[cfk]|^t ?[(\[/_]? ?(?:deg)?°?[kcf](?![a-z])",),
-            (
-                (r"room|ambient|(?<![a-z])(?:lab|air|box)|junction|raum", 4),
-                (r"furnace|oven|ofen|heater|bath|four", 3),
-                (r"sample|specimen|probe|echantillon", 0),
-            ),
-        ),
-        "median_stress": ColumnNames(
-            "stress", (r"median|mean.?stress|bias|mitt(?:el|lere.?)spannung|contrainte.?moyenne",)
-        ),
-        "amplitude": ColumnNames("stress", (r"(?<![a-z])ampl",)),
-        "limit": ColumnNames("limit", (r"limit",)),
-        "stress": ColumnNames(
-            "stress",
-            (
-                r"stress|sigma|(?<![a-z])sig(?![a-z])|σ|(?<![a-z])tau|τ|deviator|spannung|contrainte|s_?diff"
-                r"|^q ?[(\[_].*pa",
-                r"^s_?1(?![0-9a-z])",
-                r"load|force|pressure|(?<!com)pression|kraft|druck|charge",
-            ),
-            (
-                (rf"{ENGINEERING}|(?<![a-z])raw(?![a-z])|uncorr", 3),
-                (
-                    r"diff|deviat|^q|^(?:δ|delta|d) ?_?(?:sigma|σ)|(?:sigma|σ)_?d(?![a-z])"
-                    r"|(?:sigma|sig|σ|s)_?1 ?- ?(?:sigma|sig|σ|s)_?3",
-                    0,
-                ),
-                (r"true|(?<![a-z])(?:ist|wahr|ax)|sample|actual|corr", 1),
-                (r"^(?:sigma|sig|σ|s)_?1(?![0-9a-z])", 4),
-            ),
-        ),
-        "strain": ColumnNames(
-            "strain",
-            (
-                r"strain|(?<![a-z])eps|ε|shorten|dehnung|stauchung|gamma|γ|deformation|verformung|raccourc"
-                r"|compression[ (\[]*(?:%|p)",
-            ),
-            (
-                (rf"{ENGINEERING}|(?<![a-z])raw(?![a-z])|uncorr|machine", 3),
-                (r"true|(?<![a-z])(?:log|ist|wahr|ax)|hencky|sample|actual|corr", 1),
-            ),
-        ),
-        "time": ColumnNames(
-            "time",
-            (
-                r"time|elapsed|^t(?![a-z])|^(?:s|sec|h|hours?|min)$|zeit|temps|(?<![a-z])dauer|duree",
-            ),
-            ((r"cycle|stage|segment|block|day", 3), (r"test|elapsed|total|run", 1)),
-        ),
-    }
-)
+    ),
+    "time": ColumnNames(
+        "time",
+        (r"time|elapsed|^t(?![a-z])|^(?:s|sec|h|hours?|min)$|zeit|temps|(?<![a-z])dauer|duree",),
+        ((r"cycle|stage|segment|block|day", 3), (r"test|elapsed|total|run", 1)),
+    ),
+}
 """Patterns by quantity; a column holds the first quantity whose patterns match its name."""
 
 

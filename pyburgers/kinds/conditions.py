@@ -11,7 +11,7 @@ from pyburgers.common.units import UNITS, number
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.kind import solution_columns
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.model.parameters import ENVIRONMENT, STANDARD_VALUES
@@ -141,7 +141,7 @@ def conditions(experiment: Experiment, predictions: xr.Dataset, parameters: xr.D
         median |= {column: values, f"grid_{name}": values}
     clock = likelihood.clock.name
     median[f"grid_{clock}"] = predictions[clock].to_numpy()
-    solution = kind_of(experiment).solution(experiment, median)
+    solution = solution_columns(experiment, median)
     passed = np.diff(solution["time_s"])
     # The path strain is the material's alone, and has all digits beside any offset.
     strain = median.get("grid_path_strain", solution["strain"])
@@ -180,19 +180,14 @@ def outside(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
     for name, (low, high) in target.items():
         is_partly_unknown = name in ENVIRONMENT_WORDS and any(name not in one for one in fitted)
         if is_partly_unknown or (name in MECHANICAL and name not in known):
-            unit, factor = SHOWN[name]
-            phrases.append(
-                f"{name} {_range(low, high, factor)} {unit}".rstrip() + " (fitted: not stated)"
-            )
-            continue
-        if name not in known:
-            continue
-        least, most = known[name]
-        rounding = TEMPERATURE_ROUNDING if name == "temperature" else ROUNDING
-        if low < least * (1 - rounding) or high > most * (1 + rounding):
-            unit, factor = SHOWN[name]
-            there = _range(low, high, factor, from_zero=low < least * (1 - rounding))
-            phrases.append(f"{name} {there} {unit} (fitted: {_range(least, most, factor)})")
+            phrases.append(f"{ranges_text({name: (low, high)})} (fitted: not stated)")
+        elif name in known:
+            (least, most), (unit, factor) = known[name], SHOWN[name]
+            rounding = TEMPERATURE_ROUNDING if name == "temperature" else ROUNDING
+            is_below = low < least * (1 - rounding)
+            if is_below or high > most * (1 + rounding):
+                there = _range(low, high, factor, from_zero=is_below)
+                phrases.append(f"{name} {there} {unit} (fitted: {_range(least, most, factor)})")
     for key, name in zip(ENVIRONMENT, ENVIRONMENT_WORDS, strict=True):
         ends = [one[name] for one in fitted if name in one]
         taken = (STANDARD_VALUES[key],) * 2

@@ -1,7 +1,7 @@
 """Deformation experiments: what every test has, in SI."""
 
-from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from abc import abstractmethod
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
@@ -18,7 +18,7 @@ from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import toml_text, write_toml
 from pyburgers.common.units import counted, span_text
 from pyburgers.kinds.limits import refuse_impossible
-from pyburgers.model.laws import KELVIN_LAWS
+from pyburgers.model.fitted_test import Test
 from pyburgers.model.parameters import CONDITIONS
 from pyburgers.model.peak_test import PeakTest
 
@@ -67,22 +67,18 @@ class UncertainCondition:
     apparatus: str | None
 
 
-CONDITION_KEYS: Mapping[str, tuple[str, str]] = MappingProxyType(
-    {
-        "temperature_error": ("temperature_sd_K", "furnace"),
-        "stress_calibration_error": ("stress_calibration_sd", "load_cell"),
-    }
-)
+CONDITION_KEYS: Mapping[str, tuple[str, str]] = {
+    "temperature_error": ("temperature_sd_K", "furnace"),
+    "stress_calibration_error": ("stress_calibration_sd", "load_cell"),
+}
 """Keys of files that state the standard deviation of an error, and the apparatus."""
 
 
-ENVIRONMENT_KEYS: Mapping[str, str] = MappingProxyType(
-    {
-        "pressure": "pressure_Pa",
-        "water_fugacity": "water_fugacity_Pa",
-        "melt_fraction": "melt_fraction",
-    }
-)
+ENVIRONMENT_KEYS: Mapping[str, str] = {
+    "pressure": "pressure_Pa",
+    "water_fugacity": "water_fugacity_Pa",
+    "melt_fraction": "melt_fraction",
+}
 """Keys of files that state each of `pyburgers.model.parameters.ENVIRONMENT`."""
 
 
@@ -125,7 +121,7 @@ class MeasuredMicrostructure:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Experiment(ABC):
+class Experiment(Test):
     """A deformation test of any protocol, in SI units.
 
     Attributes
@@ -179,16 +175,7 @@ class Experiment(ABC):
     ('PIL40', 'ice', 61)
     """
 
-    protocol: ClassVar[str]
-    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
-        {
-            "kelvin": tuple(law.name for law in KELVIN_LAWS.values() if not law.times),
-            "hardening": ("none",),
-        }
-    )
-    linear_hardening: ClassVar[bool] = False
     parts_name: ClassVar[str] = "parts"
-    residual_correlation: ClassVar[str] = "residual_correlation_strain"
     may_be_uncertain: ClassVar[frozenset[str]] = CONDITIONS
     without_effect: ClassVar[frozenset[str]] = frozenset(
         {"modulus_temperature_coefficient", "attenuation_scatter", "modulus_scatter"}
@@ -217,16 +204,6 @@ class Experiment(ABC):
             self.response,
             None if self.provenance.kind == "synthetic" else self.largest_strain,
         )
-
-    @property
-    @abstractmethod
-    def position(self) -> FloatArray:
-        """Positions of the readings on the clock of the protocol (SI), shape (n_points,)."""
-
-    @property
-    def duration(self) -> float:
-        """Time (s) between the first and the last reading; 0 if readings have no times."""
-        return 0.0
 
     @property
     @abstractmethod
@@ -276,10 +253,28 @@ class Experiment(ABC):
         """Its peak as tables of rates have it, if it has one."""
         return None
 
-    @property
-    def extension(self) -> str:
-        """A stress or strain that surely pulls the sample, in words; empty for none."""
-        return ""
+    @abstractmethod
+    def to_be_solved(self) -> Self:
+        """Return the test as one to be simulated, if its program can; what drives it is known."""
+
+    def known_columns(self, at: FloatArray) -> Mapping[str, FloatArray]:
+        """Return columns of a solution at positions (SI) that are known without solving."""
+        return {}
+
+    def conditions_at(self, at: FloatArray) -> Mapping[str, FloatArray]:
+        """Return columns that say what positions (SI) mean, where the clock does not."""
+        return {}
+
+    def reading_places(self) -> tuple[FloatArray, IntArray]:
+        """Return positions (SI) at which a solution holds all readings, and the place of each."""
+        positions, places = np.unique(self.position, return_inverse=True)
+        return positions, places
+
+    @abstractmethod
+    def with_noise(
+        self, response: FloatArray, values: Mapping[str, float], rng: np.random.Generator
+    ) -> Self:
+        """Return the test with the model's responses (SI), (n_points,), and noise for its own."""
 
     def solution_table(self, solution: pd.DataFrame) -> pd.DataFrame:
         """Return the table that `pyburgers simulate` writes of a solution."""
@@ -308,11 +303,6 @@ class Experiment(ABC):
     @abstractmethod
     def span(self) -> tuple[float, float]:
         """First and last position on the clock (SI) at which the test has a solution."""
-
-    @property
-    @abstractmethod
-    def largest_stress(self) -> float:
-        """Largest |σ| (Pa) in the test; only of an experiment with data."""
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -353,7 +343,7 @@ class Experiment(ABC):
     @property
     def parts(self) -> Mapping[str, int]:
         """Readings in each part that can be predicted from the others, by name; none in most."""
-        return MappingProxyType({})
+        return {}
 
     def without_part(self, name: str) -> Self:
         """Return the test without one of its `parts`; raise InputError if it has no such part."""
@@ -373,15 +363,10 @@ class Experiment(ABC):
         >>> test.tables()["material"]
         'ice'
         """
-        conditions = {
-            key: value
-            for condition in self.uncertain
-            for key, value in zip(
-                CONDITION_KEYS[condition.parameter],
-                (condition.sd, condition.apparatus),
-                strict=True,
-            )
-        }
+        conditions: dict[str, float | str | None] = {}
+        for one in self.uncertain:
+            sd_key, apparatus_key = CONDITION_KEYS[one.parameter]
+            conditions |= {sd_key: one.sd, apparatus_key: one.apparatus}
         return {
             "id": self.id,
             "material": self.material,

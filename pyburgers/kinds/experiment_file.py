@@ -11,7 +11,7 @@ from datetime import date, datetime, time
 from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, get_args, get_origin
+from typing import Any, Generic, Literal, get_args, get_origin
 
 import numpy as np
 from pydantic import Field
@@ -321,20 +321,26 @@ UNSTATED_KIND = (
 )
 
 
-def test_of(
-    called: str,
-    load: Callable[[Path, Mapping[str, Any]], E],
-    structure: type[ExperimentFile],
-    arguments: Mapping[str, Any],
-) -> E:
+@dataclass(frozen=True)
+class Kind(Generic[E]):
+    """A kind of test, as in experiment files: their keys, and what reads the tables of one.
+
+    The path is for messages, and for names of data files.
+    """
+
+    structure: type[ExperimentFile]
+    load: Callable[[Path, Mapping[str, Any]], E]
+
+
+def test_of(called: str, kind: Kind[E], arguments: Mapping[str, Any]) -> E:
     """Check arguments, under the keys of files, as tables of a file; `called` is the function."""
-    (protocol,) = get_args(structure.model_fields["protocol"].annotation)
+    (protocol,) = get_args(kind.structure.model_fields["protocol"].annotation)
     given = {"kind": "measured", "source": f"arrays given to {called}", **arguments}
     if not {"kind", "provenance"} & arguments.keys():
         given["notices"] = [*arguments.get("notices", []), UNSTATED_KIND]
-    tables = {"protocol": protocol, **_tables(structure, given)}
+    tables = {"protocol": protocol, **_tables(kind.structure, given)}
     try:
-        return load(Path(called), tables)
+        return kind.load(Path(called), tables)
     except InputError as error:
         raise InputError(*map(_of_arguments, error.sentences)) from None
 
@@ -399,19 +405,14 @@ MAX_DEPARTURE_SHARE = 0.05
 value."""
 
 
-@dataclass(frozen=True)
-class Departure:
-    """Readings unlike what is imposed: the largest distance, and the first of them, from 0."""
+def departure(read: FloatArray, imposed: FloatArray, scale: float) -> tuple[float, int] | None:
+    """Return how far readings (n,) are from what is imposed, and the first far one, from 0.
 
-    largest: float
-    first: int
-
-
-def departure(read: FloatArray, imposed: FloatArray, scale: float) -> Departure | None:
-    """Return how far readings (n,) are from what is imposed; None where they are near."""
+    None where all are near.
+    """
     distance = np.abs(read - imposed)
     far = np.flatnonzero(distance > MAX_DEPARTURE_SHARE * scale)
-    return Departure(float(distance.max()), int(far[0])) if far.size else None
+    return (float(distance.max()), int(far[0])) if far.size else None
 
 
 def slope_of(time: FloatArray, values: FloatArray) -> float | None:

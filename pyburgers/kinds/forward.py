@@ -13,7 +13,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import read_json
 from pyburgers.kinds.experiment import E, Experiment, MeasuredMicrostructure, Provenance
-from pyburgers.kinds.kind import kind_of
+from pyburgers.kinds.kind import solution_columns
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.program_data import given_parameters, solve
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions
@@ -241,7 +241,7 @@ def _solved(
     check_laws(given_parameters(experiment.material, values), experiment)
     grid = likelihood.output_grid(experiment) if at is None else checked_positions(experiment, at)
     draw = solve(experiment, values, grid, solver=solver, sections=sections)
-    solution = pd.DataFrame(kind_of(experiment).solution(experiment, draw))
+    solution = pd.DataFrame(solution_columns(experiment, draw))
     with np.errstate(over="ignore"):  # of a dashpot that never flows
         solution.attrs[likelihood.reference.name] = float(np.exp(draw["log_reference"][0]))
     # Programs have no such variables where nothing was measured.
@@ -259,17 +259,14 @@ def simulate_data(
     The result is synthetic; its true parameters are the values, with what the test states beside
     them.
     """
-    kind, values = kind_of(experiment), with_stated(experiment, values)
+    values, (positions, places) = with_stated(experiment, values), experiment.reading_places()
     solution, model = _solved(
-        experiment,
-        values,
-        kind.simulated_positions(experiment),
-        REFERENCE_SOLVER,
-        experiment.microstructure,
+        experiment, values, positions, REFERENCE_SOLVER, experiment.microstructure
     )
-    response = kind.response_in(experiment, solution)
-    simulated: E = replace(
-        kind.with_noise(experiment, response, values, rng),
+    columns = [quantity.column for quantity in likelihood_of(experiment).read]
+    response = solution[columns].to_numpy()[places, experiment.quantity]
+    return replace(
+        experiment.with_noise(response, values, rng),
         microstructure=tuple(
             one.drawn(size, factor, rng)
             for one, (size, factor) in zip(experiment.microstructure, model, strict=True)
@@ -277,4 +274,3 @@ def simulate_data(
         provenance=Provenance("synthetic", f"pyburgers, {source}"),
         true_parameters=values,
     )
-    return simulated

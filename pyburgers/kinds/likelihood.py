@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, ClassVar, Generic
 
 import numpy as np
@@ -96,24 +95,23 @@ class Chart(ABC, Generic[E]):
 MICROSTRUCTURE = ("grain_size", "fabric_factor", "grain_size_softening", "fabric_softening")
 """What programs report of the state of grains and fabric."""
 
-_GRID_UNITS: Mapping[str, str] = MappingProxyType(
-    {"stress": "Pa", "oscillating_stress": "Pa", "grain_size": "m"}
-    | dict.fromkeys(("strain_rate", "dashpot_rate"), "1/s")
-)
+_GRID_UNITS: Mapping[str, str] = {
+    **dict.fromkeys(("stress", "oscillating_stress"), "Pa"),
+    **dict.fromkeys(("strain_rate", "dashpot_rate"), "1/s"),
+    "grain_size": "m",
+}
 """SI units of what programs report along the clock; all else is a number."""
 
 
 def grid_quantities(*names: str) -> Mapping[str, tuple[str, str]]:
     """Return variables ``grid_NAME`` of a program with their name in labelled draws and SI unit."""
-    return MappingProxyType(
-        {
-            f"grid_{name}": (
-                name.removeprefix("oscillating_"),
-                _GRID_UNITS.get(name.removesuffix("_replicated"), "1"),
-            )
-            for name in names
-        }
-    )
+    return {
+        f"grid_{name}": (
+            name.removeprefix("oscillating_"),
+            _GRID_UNITS.get(name.removesuffix("_replicated"), "1"),
+        )
+        for name in names
+    }
 
 
 class Likelihood(ABC, Generic[E]):
@@ -215,9 +213,7 @@ class Likelihood(ABC, Generic[E]):
 @cache
 def likelihoods() -> Mapping[str, Likelihood[Any]]:
     """Return the likelihood of every kind of test by the kind's name."""
-    return MappingProxyType(
-        {name: import_module(f"pyburgers.kinds.{name}.likelihood").LIKELIHOOD for name in NAMES}
-    )
+    return {name: import_module(f"{__package__}.{name}.likelihood").LIKELIHOOD for name in NAMES}
 
 
 def likelihood_of(experiment: Experiment) -> Likelihood[Any]:

@@ -12,7 +12,6 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib import import_module
-from types import MappingProxyType
 from typing import Any, ClassVar, cast
 
 import numpy as np
@@ -181,12 +180,10 @@ COMMENTS_AT = 36
 """Column at which comments start."""
 
 
-UNCERTAIN_CONDITIONS: Mapping[str, tuple[float, str]] = MappingProxyType(
-    {
-        "temperature_error": (2.0, "how well the temperature is known"),
-        "stress_calibration_error": (0.02, "relative error of the load cell"),
-    }
-)
+UNCERTAIN_CONDITIONS: Mapping[str, tuple[float, str]] = {
+    "temperature_error": (2.0, "how well the temperature is known"),
+    "stress_calibration_error": (0.02, "relative error of the load cell"),
+}
 """Standard deviations that are proposed, and what they are of, by the condition's error."""
 
 
@@ -303,7 +300,7 @@ class NewFile(ABC):
         return {}
 
     def required_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
-        """Return the names of those of its questions that are asked; as for `proposed`."""
+        """Return the names of those of its questions that are asked."""
         return self.allowed_answers(columns, given)
 
     def allowed_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
@@ -322,13 +319,11 @@ class NewFile(ABC):
 @cache
 def new_files() -> Mapping[str, NewFile]:
     """Return what new files have of their own, by the name of the protocol."""
-    return MappingProxyType(
-        {name: import_module(f"{__package__}.{name}.new_file").NEW_FILE for name in NAMES}
-    )
+    return {name: import_module(f"{__package__}.{name}.new_file").NEW_FILE for name in NAMES}
 
 
-def experiment_text(protocol: str, new_file: NewFile, test: Description) -> str:
-    """Return the text of an experiment file of a protocol."""
+def experiment_text(new_file: NewFile, test: Description) -> str:
+    """Return the text of an experiment file of a kind of test."""
     values = test.values
     conditions = [
         with_comment(f"# {CONDITION_KEYS[name][0]} = {sd}", comment)
@@ -338,7 +333,7 @@ def experiment_text(protocol: str, new_file: NewFile, test: Description) -> str:
     conditions.append(with_comment("# pressure_Pa = 0.0", ENVIRONMENT_COMMENT))
     filling = {
         **values,
-        "protocol": protocol,
+        "protocol": new_file.experiment.protocol,
         "conditions": conditions,
         **_file_values(test),
         **_column_values(test),

@@ -8,22 +8,10 @@ from typing import Any
 import numpy as np
 
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.experiment import (
-    CONDITION_KEYS,
-    Experiment,
-    Stated,
-)
+from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment, Stated
 from pyburgers.kinds.likelihood import Likelihood, likelihood_of, likelihoods
-from pyburgers.kinds.stan_data import (
-    Layout,
-    PlainCoordinates,
-    layout_of,
-)
-from pyburgers.model.parameters import (
-    CONDITIONS,
-    PARAMETER_BY_NAME,
-    RESIDUAL_CORRELATION,
-)
+from pyburgers.kinds.stan_data import Layout, PlainCoordinates, layout_of
+from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME, RESIDUAL_CORRELATION
 from pyburgers.model.pooling import SEPARATE, Pooling
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, PriorSet

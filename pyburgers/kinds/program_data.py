@@ -1,6 +1,6 @@
 """Tests, priors and solver options -> the data dictionary of the Stan program of their protocol.
 
-One function for one to many problem. What depends on the protocol comes from its object; index
+One function for one to many tests. What depends on the protocol comes from its object; index
 tables of parameters and coordinates (`stan/data/coordinates.stan`) are made here.
 """
 
@@ -14,7 +14,7 @@ from pyburgers.cmdstan.program import Density, Program, load_program
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import SamplingError
 from pyburgers.kinds.experiment import Experiment, MeasuredMicrostructure
-from pyburgers.kinds.kind import FittedTest, kind_of
+from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import Problem, one_test
 from pyburgers.kinds.stan_data import (
@@ -169,7 +169,7 @@ def flow_law_block(flow_law: FlowLawPrior | None) -> StanData:
 
 
 def _prior_block(problem: Problem, layout: Layout) -> StanData:
-    """Return the part of the block `stan/data/priors.stan` that differs between problem."""
+    """Return the part of the block `stan/data/priors.stan` that differs between problems."""
     rows = [
         prior_block(_as_solved(priors, experiment), PROGRAM_PARAMETERS)
         for priors, experiment in zip(problem.priors, problem.experiments, strict=True)
@@ -265,8 +265,7 @@ def solve(
     """
     priors = given_parameters(experiment.material, values)
     likelihood = likelihood_of(experiment)
-    bare = kind_of(experiment).without_data(experiment)
-    bare = replace(bare, microstructure=tuple(sections))
+    bare = replace(experiment.to_be_solved(), microstructure=tuple(sections))
     data = program_data(one_test(bare, priors), solver=solver, grids=[at])
     advice = "at these parameters; check their units (SI) and the sign of beta."
     try:

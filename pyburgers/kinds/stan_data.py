@@ -61,13 +61,7 @@ class SolverOptions:
     method: str = FAST
 
     def __post_init__(self) -> None:
-        """Check the values.
-
-        Raises
-        ------
-        InputError
-            If one is out of range.
-        """
+        """Raise InputError if a value is out of range."""
         if not 1e-13 <= self.tolerance <= 1e-2:
             raise InputError(
                 f"tolerance is {self.tolerance:g}, expected a number from 1e-13 to 1e-2 (option "

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.experiment import Experiment
@@ -10,7 +9,7 @@ from pyburgers.kinds.problem import TABLES, common_likelihood
 from pyburgers.model.pooling import ALL, SEPARATE, Pooling, pooling_of
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, shipped_prior_files
 
-WITH_TABLES: Mapping[str, str] = MappingProxyType({"maxwell_modulus": "separate"})
+WITH_TABLES: Mapping[str, str] = {"maxwell_modulus": "separate"}
 """Pooling of histories and tables where nothing else is said: a deformation test sees the apparatus
 in E_M, a table the material alone."""
 

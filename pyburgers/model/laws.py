@@ -8,7 +8,6 @@ are in `stan/physics/dashpot_laws.stan`, `stan/physics/hardening.stan`,
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Any, Literal
 
 
@@ -109,76 +108,65 @@ _LONGEST_TIME = ("kelvin_viscosity",)
 _ONE_ELEMENT = ("kelvin_modulus", "kelvin_viscosity")
 
 
-def _nonlinear(name: str, parameter: str, factor: str) -> KelvinLaw:
-    """Return a law of one element by the factor of its linear rate, which is 1 if it is linear.
-
-    The viscosity is that at the driving stress `kelvin_reference_stress`.
-    """
-    return KelvinLaw(
-        name,
-        (parameter,),
-        _RATE.format(nonlinear=f"*{factor}"),
-        own_stress=True,
-        closed_form=False,
-        redefines=_LONGEST_TIME,
-    )
-
-
 _STRENGTH = "peak_strength"
 _BAND_TIMES = RelaxationTimes(_BAND_PARAMETERS[0], "band", width=_BAND_PARAMETERS[0])
 _PEAK_TIMES = RelaxationTimes(_STRENGTH, "peak", width="peak_width")
 
-KELVIN_LAWS: Mapping[str, KelvinLaw] = MappingProxyType(
-    {
-        law.name: law
-        for law in (
-            KelvinLaw("linear", (), _RATE.format(nonlinear="")),
-            _nonlinear(
-                "power_law",
-                "kelvin_stress_exponent",
-                f"abs({_DRIVING}/kelvin_reference_stress)^(kelvin_stress_exponent - 1)",
+KELVIN_LAWS: Mapping[str, KelvinLaw] = {
+    law.name: law
+    for law in (
+        KelvinLaw("linear", (), _RATE.format(nonlinear="")),
+        # The viscosity is that at the driving stress `kelvin_reference_stress`.
+        KelvinLaw(
+            "power_law",
+            ("kelvin_stress_exponent",),
+            _RATE.format(
+                nonlinear=f"*abs({_DRIVING}/kelvin_reference_stress)^(kelvin_stress_exponent - 1)"
             ),
-            KelvinLaw(
-                "two_elements",
-                (_STRENGTH, "peak_time_decades"),
-                f"{_CREEP}{_ELEMENT}{_SECOND}",
-                times=(_PEAK_TIMES,),
-                without=("peak_width",),
-                redefines=_ONE_ELEMENT,
-                weak_priors={
-                    _STRENGTH: {
-                        "location": 0.3,
-                        "scale": 1.5,
-                        "source": "Not in the paper: a second element of a thirtieth of the "
-                        "elastic compliance up to thrice it",
-                    }
-                },
-            ),
-            KelvinLaw(
-                "extended",
-                _BAND_PARAMETERS,
-                f"{_CREEP}{_BAND}",
-                times=(_BAND_TIMES,),
-                redefines=_LONGEST_TIME,
-            ),
-            KelvinLaw(
-                "extended_peak",
-                (*_BAND_PARAMETERS, _STRENGTH, "peak_time_decades", "peak_width"),
-                f"{_CREEP}{_BAND}{_PEAK}",
-                times=(_BAND_TIMES, _PEAK_TIMES),
-                redefines=_ONE_ELEMENT,
-            ),
-            KelvinLaw(
-                "andrade",
-                ("andrade_exponent",),
-                f"{_CREEP}(time/({_TIME}))^andrade_exponent/kelvin_modulus",
-                times=(RelaxationTimes("andrade_exponent", "endless"),),
-                conventions=("kelvin_modulus",),
-                redefines=_ONE_ELEMENT,
-            ),
-        )
-    }
-)
+            own_stress=True,
+            closed_form=False,
+            redefines=_LONGEST_TIME,
+        ),
+        KelvinLaw(
+            "two_elements",
+            (_STRENGTH, "peak_time_decades"),
+            f"{_CREEP}{_ELEMENT}{_SECOND}",
+            times=(_PEAK_TIMES,),
+            without=("peak_width",),
+            redefines=_ONE_ELEMENT,
+            weak_priors={
+                _STRENGTH: {
+                    "location": 0.3,
+                    "scale": 1.5,
+                    "source": "Not in the paper: a second element of a thirtieth of the "
+                    "elastic compliance up to thrice it",
+                }
+            },
+        ),
+        KelvinLaw(
+            "extended",
+            _BAND_PARAMETERS,
+            f"{_CREEP}{_BAND}",
+            times=(_BAND_TIMES,),
+            redefines=_LONGEST_TIME,
+        ),
+        KelvinLaw(
+            "extended_peak",
+            (*_BAND_PARAMETERS, _STRENGTH, "peak_time_decades", "peak_width"),
+            f"{_CREEP}{_BAND}{_PEAK}",
+            times=(_BAND_TIMES, _PEAK_TIMES),
+            redefines=_ONE_ELEMENT,
+        ),
+        KelvinLaw(
+            "andrade",
+            ("andrade_exponent",),
+            f"{_CREEP}(time/({_TIME}))^andrade_exponent/kelvin_modulus",
+            times=(RelaxationTimes("andrade_exponent", "endless"),),
+            conventions=("kelvin_modulus",),
+            redefines=_ONE_ELEMENT,
+        ),
+    )
+}
 """Laws of the Kelvin part by name; modulus and viscosity are parameters of all."""
 
 KELVIN_SWITCHES: tuple[str, ...] = tuple(
@@ -206,41 +194,36 @@ SPECTRUM_PARAMETERS: tuple[str, ...] = tuple(
 
 _FLOW_POINTS = ("reference_stress", "reference_flow_rate")
 
-DASHPOT_LAWS: Mapping[str, DashpotLaw] = MappingProxyType(
-    {
-        law.name: law
-        for law in (
-            DashpotLaw(
-                "power_law", (), "abs(stress)/fabric_factor", neighbours=("hyperbolic_sine",)
-            ),
-            DashpotLaw("linear", (), "abs(stress)/fabric_factor"),
-            DashpotLaw(
-                "hyperbolic_sine",
-                ("breakdown_stress",),
-                "breakdown_stress*sinh(abs(stress)/(fabric_factor*breakdown_stress))",
-                own_stress=True,
-                redefines=_FLOW_POINTS,
-                words="Flow law that is proportional to small stresses and exponential in large "
-                "ones.",
-            ),
-            DashpotLaw(
-                "threshold_stress",
-                ("threshold_stress",),
-                "max(abs(stress) - threshold_stress, 0)/fabric_factor",
-                own_stress=True,
-                closed_form=False,
-                redefines=_FLOW_POINTS,
-                stress_share=0.1,
-                words="Stress up to which a dashpot does not flow.",
-            ),
-        )
-    }
-)
+DASHPOT_LAWS: Mapping[str, DashpotLaw] = {
+    law.name: law
+    for law in (
+        DashpotLaw("power_law", (), "abs(stress)/fabric_factor", neighbours=("hyperbolic_sine",)),
+        DashpotLaw("linear", (), "abs(stress)/fabric_factor"),
+        DashpotLaw(
+            "hyperbolic_sine",
+            ("breakdown_stress",),
+            "breakdown_stress*sinh(abs(stress)/(fabric_factor*breakdown_stress))",
+            own_stress=True,
+            redefines=_FLOW_POINTS,
+            words="Flow law that is proportional to small stresses and exponential in large ones.",
+        ),
+        DashpotLaw(
+            "threshold_stress",
+            ("threshold_stress",),
+            "max(abs(stress) - threshold_stress, 0)/fabric_factor",
+            own_stress=True,
+            closed_form=False,
+            redefines=_FLOW_POINTS,
+            stress_share=0.1,
+            words="Stress up to which a dashpot does not flow.",
+        ),
+    )
+}
 """Laws of the dashpot by name. A stress of its own is 0 in every other law."""
 
-DASHPOT_STRESSES: Mapping[str, DashpotLaw] = MappingProxyType(
-    {law.parameters[0]: law for law in DASHPOT_LAWS.values() if law.own_stress}
-)
+DASHPOT_STRESSES: Mapping[str, DashpotLaw] = {
+    law.parameters[0]: law for law in DASHPOT_LAWS.values() if law.own_stress
+}
 """Laws of the dashpot by their own stress."""
 
 
@@ -261,50 +244,47 @@ _RECOVERING = (
 )
 _SOURCES = "source_stress*kelvin_reference_grain_size/grain_size"
 
-HARDENING_LAWS: Mapping[str, HardeningLaw] = MappingProxyType(
-    {
-        law.name: law
-        for law in (
-            HardeningLaw("none", (), ""),
-            HardeningLaw(
-                "backstress",
-                (
-                    "hardening_modulus",
-                    "backstress_limit",
-                    "recovery_rate",
-                    "recovery_exponent",
-                ),
-                "backstress_rate = hardening_modulus*(strain_rate"
-                " - abs(strain_rate)*backstress/backstress_limit)"
-                " - recovery_rate*(backstress*abs(backstress/backstress_limit)"
-                + _RECOVERING.format(boundaries=""),
-                redefines=_FLOW_POINTS,
-                driving="(stress - backstress)",
+HARDENING_LAWS: Mapping[str, HardeningLaw] = {
+    law.name: law
+    for law in (
+        HardeningLaw("none", (), ""),
+        HardeningLaw(
+            "backstress",
+            (
+                "hardening_modulus",
+                "backstress_limit",
+                "recovery_rate",
+                "recovery_exponent",
             ),
-            HardeningLaw(
-                "dislocations",
-                (
-                    "hardening_modulus",
-                    "backstress_limit",
-                    "recovery_rate",
-                    "initial_backstress",
-                    "source_stress",
-                    "boundary_recovery",
-                ),
-                "backstress_rate = hardening_modulus*(strain_rate"
-                f"*(1 + {_SOURCES}/backstress) - abs(strain_rate)*backstress/backstress_limit)"
-                " - recovery_rate*(backstress*(backstress/reference_backstress)"
-                + _RECOVERING.format(
-                    boundaries=f" + boundary_recovery*{_SOURCES}"
-                    "*(backstress/reference_backstress)^3"
-                ),
-                redefines=(*_FLOW_POINTS, "recovery_rate"),
-                driving=f"(stress - backstress - {_SOURCES})",
-                density="*(backstress/reference_backstress)^2",
+            "backstress_rate = hardening_modulus*(strain_rate"
+            " - abs(strain_rate)*backstress/backstress_limit)"
+            " - recovery_rate*(backstress*abs(backstress/backstress_limit)"
+            + _RECOVERING.format(boundaries=""),
+            redefines=_FLOW_POINTS,
+            driving="(stress - backstress)",
+        ),
+        HardeningLaw(
+            "dislocations",
+            (
+                "hardening_modulus",
+                "backstress_limit",
+                "recovery_rate",
+                "initial_backstress",
+                "source_stress",
+                "boundary_recovery",
             ),
-        )
-    }
-)
+            "backstress_rate = hardening_modulus*(strain_rate"
+            f"*(1 + {_SOURCES}/backstress) - abs(strain_rate)*backstress/backstress_limit)"
+            " - recovery_rate*(backstress*(backstress/reference_backstress)"
+            + _RECOVERING.format(
+                boundaries=f" + boundary_recovery*{_SOURCES}*(backstress/reference_backstress)^3"
+            ),
+            redefines=(*_FLOW_POINTS, "recovery_rate"),
+            driving=f"(stress - backstress - {_SOURCES})",
+            density="*(backstress/reference_backstress)^2",
+        ),
+    )
+}
 """Laws of the hardening of the dashpot by name; the first parameter is 0 without any."""
 
 HARDENING_SWITCH = "hardening_modulus"
@@ -343,23 +323,21 @@ def _mechanism(
     )
 
 
-MECHANISMS: Mapping[str, Mapping[str, Mechanism]] = MappingProxyType(
-    {
-        which: {
-            law.name: law
-            for law in (
-                Mechanism("none", (), "{before}"),
-                # Along grain boundaries (Coble 1963, Journal of Applied Physics 34, 1679-1682).
-                _mechanism(which, "diffusion", 1.0, 3.0),
-                # Sliding along grain boundaries, and basal slip, of ice (Goldsby and Kohlstedt
-                # 2001, Journal of Geophysical Research 106, 11017-11030, Table 5).
-                _mechanism(which, "power_law", 1.8, 1.4),
-                _mechanism(which, "in_series", 2.4, 0.0, in_series=True),
-            )
-        }
-        for which in ("second", "third")
+MECHANISMS: Mapping[str, Mapping[str, Mechanism]] = {
+    which: {
+        law.name: law
+        for law in (
+            Mechanism("none", (), "{before}"),
+            # Along grain boundaries (Coble 1963, Journal of Applied Physics 34, 1679-1682).
+            _mechanism(which, "diffusion", 1.0, 3.0),
+            # Sliding along grain boundaries, and basal slip, of ice (Goldsby and Kohlstedt
+            # 2001, Journal of Geophysical Research 106, 11017-11030, Table 5).
+            _mechanism(which, "power_law", 1.8, 1.4),
+            _mechanism(which, "in_series", 2.4, 0.0, in_series=True),
+        )
     }
-)
+    for which in ("second", "third")
+}
 """Laws of the second and of the third mechanism of the dashpot by name."""
 
 

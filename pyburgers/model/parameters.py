@@ -8,7 +8,6 @@ import csv
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 
 from pyburgers.common.units import UNITS
 from pyburgers.model.laws import NONLINEAR_KELVIN_PARAMETERS
@@ -92,13 +91,11 @@ RESIDUAL_CORRELATION = (
 )
 """Parameters of how residuals hang together."""
 
-STANDARD_VALUES: Mapping[str, float] = MappingProxyType(
-    {
-        p.name: p.standard
-        for p in (*VARIANT_PARAMETERS, *CONDITION_PARAMETERS, *ENVIRONMENT_PARAMETERS)
-        if p.standard is not None
-    }
-)
+STANDARD_VALUES: Mapping[str, float] = {
+    p.name: p.standard
+    for p in (*VARIANT_PARAMETERS, *CONDITION_PARAMETERS, *ENVIRONMENT_PARAMETERS)
+    if p.standard is not None
+}
 """SI values of the parameters of variants and conditions where nothing is said about them."""
 
 MATERIAL_PARAMETERS: tuple[Parameter, ...] = (*PARAMETERS, *VARIANT_PARAMETERS)
@@ -123,13 +120,11 @@ PIEZOMETER = (
 CONDITIONS = frozenset(p.name for p in CONDITION_PARAMETERS)
 """Errors of the conditions of a test, by name."""
 
-KELVIN_REFERENCES: Mapping[str, str] = MappingProxyType(
-    {
-        **dict.fromkeys(NONLINEAR_KELVIN_PARAMETERS, "kelvin_reference_stress"),
-        "kelvin_activation_enthalpy": "kelvin_reference_temperature",
-        "kelvin_grain_size_exponent": "kelvin_reference_grain_size",
-    }
-)
+KELVIN_REFERENCES: Mapping[str, str] = {
+    **dict.fromkeys(NONLINEAR_KELVIN_PARAMETERS, "kelvin_reference_stress"),
+    "kelvin_activation_enthalpy": "kelvin_reference_temperature",
+    "kelvin_grain_size_exponent": "kelvin_reference_grain_size",
+}
 """Where the Kelvin viscosity varies by the first, the second says for what it is given."""
 
 MECHANISM_REFERENCES = (
@@ -147,9 +142,9 @@ _OF_MECHANISM = (
     "in_series",
 )
 
-FURTHER_MECHANISMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {which: tuple(f"{which}_{name}" for name in _OF_MECHANISM) for which in ("second", "third")}
-)
+FURTHER_MECHANISMS: Mapping[str, tuple[str, ...]] = {
+    which: tuple(f"{which}_{name}" for name in _OF_MECHANISM) for which in ("second", "third")
+}
 """Parameters of each further mechanism of the dashpot; without the first there is none.
 
 The last is 1 where the second is in series with the first, or the third with the second.
@@ -177,30 +172,26 @@ CONSTANTS = frozenset(
 )
 """Parameters that are never inferred."""
 
-GIVEN_TOGETHER: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        **{name: (reference,) for name, reference in KELVIN_REFERENCES.items()},
-        PIEZOMETER[0]: PIEZOMETER[1:],
-        "relaxation_time_decades": ("relaxation_exponent",),
-        "peak_strength": ("peak_time_decades", "peak_width"),
-        "hardening_modulus": ("backstress_limit",),
-        "recovery_exponent": (),
-        "reference_backstress": (
-            "initial_backstress",
-            "source_stress",
-            "boundary_recovery",
-            "kelvin_reference_grain_size",
-        ),
-        "recovery_activation_enthalpy": ("kelvin_reference_temperature",),
-        **{own[0]: (*own[1:-1], *MECHANISM_REFERENCES) for own in FURTHER_MECHANISMS.values()},
-        **dict.fromkeys(STRESS_EXPONENTS[1:], ()),
-    }
-)
+GIVEN_TOGETHER: Mapping[str, tuple[str, ...]] = {
+    **{name: (reference,) for name, reference in KELVIN_REFERENCES.items()},
+    PIEZOMETER[0]: PIEZOMETER[1:],
+    "relaxation_time_decades": ("relaxation_exponent",),
+    "peak_strength": ("peak_time_decades", "peak_width"),
+    "hardening_modulus": ("backstress_limit",),
+    "recovery_exponent": (),
+    "reference_backstress": (
+        "initial_backstress",
+        "source_stress",
+        "boundary_recovery",
+        "kelvin_reference_grain_size",
+    ),
+    "recovery_activation_enthalpy": ("kelvin_reference_temperature",),
+    **{own[0]: (*own[1:-1], *MECHANISM_REFERENCES) for own in FURTHER_MECHANISMS.values()},
+    **dict.fromkeys(STRESS_EXPONENTS[1:], ()),
+}
 """Where the first is not left without effect, the others have to be given too."""
 
 BELOW_ONE = frozenset({"relaxation_exponent", "andrade_exponent"})
 """Exponents of relaxation and creep, which at 1 are a dashpot."""
 
-PARAMETER_BY_NAME: Mapping[str, Parameter] = MappingProxyType(
-    {p.name: p for p in PROGRAM_PARAMETERS}
-)
+PARAMETER_BY_NAME: Mapping[str, Parameter] = {p.name: p for p in PROGRAM_PARAMETERS}

@@ -23,23 +23,21 @@ in its distance from a lower bound.
 ALL = "all"
 """Stands for every parameter in an option."""
 
-DEFAULT_KINDS: Mapping[str, Sharing] = MappingProxyType(
-    {
-        **{p.name: "shared" for p in PROGRAM_PARAMETERS if p.name not in CONSTANTS | CONDITIONS},
-        "steady_state_grain_size": "partial",
-        "steady_state_fabric_factor": "separate",
-        "critical_strain_grain_size": "separate",
-        "critical_strain_fabric": "separate",
-        "stress_noise": "separate",
-        "residual_correlation_strain": "separate",
-        "residual_correlated_share": "separate",
-        "discrepancy": "separate",
-        "strain_noise": "separate",
-        "residual_correlation_time": "separate",
-        "strain_offset": "separate",
-        "apparatus_compliance": "separate",
-    }
-)
+DEFAULT_KINDS: Mapping[str, Sharing] = {
+    **{p.name: "shared" for p in PROGRAM_PARAMETERS if p.name not in CONSTANTS | CONDITIONS},
+    "steady_state_grain_size": "partial",
+    "steady_state_fabric_factor": "separate",
+    "critical_strain_grain_size": "separate",
+    "critical_strain_fabric": "separate",
+    "stress_noise": "separate",
+    "residual_correlation_strain": "separate",
+    "residual_correlated_share": "separate",
+    "discrepancy": "separate",
+    "strain_noise": "separate",
+    "residual_correlation_time": "separate",
+    "strain_offset": "separate",
+    "apparatus_compliance": "separate",
+}
 """Flow law and moduli are the material's, microstructure the sample's, noise the test's.
 
 Of the microstructure only the steady-state grain size is pooled: the others are solved from the

@@ -8,7 +8,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
@@ -19,11 +18,7 @@ from scipy.special import ndtri_exp
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, factor_to_si
-from pyburgers.model.laws import (
-    DASHPOT_STRESSES,
-    HARDENING_SWITCH,
-    NONLINEAR_KELVIN_PARAMETERS,
-)
+from pyburgers.model.laws import DASHPOT_STRESSES, HARDENING_SWITCH, NONLINEAR_KELVIN_PARAMETERS
 from pyburgers.model.parameters import (
     ALL_ENVIRONMENT_NUMBERS,
     BELOW_ONE,
@@ -64,16 +59,14 @@ class FamilyRules:
         return (*self.required, *self.optional)
 
 
-FAMILIES: Mapping[Family, FamilyRules] = MappingProxyType(
-    {
-        "uniform": FamilyRules(("lower", "upper"), 1),
-        "normal": FamilyRules(("location", "scale"), 2, optional=("lower", "upper")),
-        # A normal that is cut at zero.
-        "half_normal": FamilyRules(("scale",), 2, least=0.0, sign_key="family"),
-        "lognormal": FamilyRules(("location", "scale"), 3, least=0.0),
-        "fixed": FamilyRules(("value",), 0),
-    }
-)
+FAMILIES: Mapping[Family, FamilyRules] = {
+    "uniform": FamilyRules(("lower", "upper"), 1),
+    "normal": FamilyRules(("location", "scale"), 2, optional=("lower", "upper")),
+    # A normal that is cut at zero.
+    "half_normal": FamilyRules(("scale",), 2, least=0.0, sign_key="family"),
+    "lognormal": FamilyRules(("location", "scale"), 3, least=0.0),
+    "fixed": FamilyRules(("value",), 0),
+}
 
 MAY_BE_ZERO = frozenset(
     {"grain_size_exponent", *(name for name, value in STANDARD_VALUES.items() if value == 0.0)}
@@ -114,22 +107,20 @@ The lower bound of zero that the paper prints for the critical strain of olivine
 """
 
 
-LOWER_LIMITS: Mapping[str, tuple[float, str]] = MappingProxyType(
-    {
-        "kelvin_stress_exponent": (
-            1.0,
-            "at least 1, a linear dashpot, because below it creep starts infinitely fast",
-        ),
-        "recovery_exponent": (
-            1.0,
-            "at least 1, because below it a small backstress recovers infinitely fast",
-        ),
-        **dict.fromkeys(
-            STRESS_EXPONENTS[1:],
-            (1.0, "at least 1, because below it the rate rises infinitely fast from zero stress"),
-        ),
-    }
-)
+LOWER_LIMITS: Mapping[str, tuple[float, str]] = {
+    "kelvin_stress_exponent": (
+        1.0,
+        "at least 1, a linear dashpot, because below it creep starts infinitely fast",
+    ),
+    "recovery_exponent": (
+        1.0,
+        "at least 1, because below it a small backstress recovers infinitely fast",
+    ),
+    **dict.fromkeys(
+        STRESS_EXPONENTS[1:],
+        (1.0, "at least 1, because below it the rate rises infinitely fast from zero stress"),
+    ),
+}
 """Lower bounds of parameters that have one beside their sign, and why."""
 
 ENDS_AT_ONE = BELOW_ONE | {"steady_state_fabric_factor", "residual_correlated_share"}

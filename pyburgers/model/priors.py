@@ -50,13 +50,11 @@ JOINT_PRIOR = "flow_law"
 """Stands for the joint prior of the flow law among the priors of single parameters."""
 
 
-TAKEN_OUT: Mapping[tuple[str, str], tuple[str, ...]] = MappingProxyType(
-    {
-        ("grain_size", "constant"): ("steady_state_grain_size", "critical_strain_grain_size"),
-        ("grain_size", "piezometric"): ("steady_state_grain_size",),
-        ("fabric", "constant"): ("steady_state_fabric_factor", "critical_strain_fabric"),
-    }
-)
+TAKEN_OUT: Mapping[tuple[str, str], tuple[str, ...]] = {
+    ("grain_size", "constant"): ("steady_state_grain_size", "critical_strain_grain_size"),
+    ("grain_size", "piezometric"): ("steady_state_grain_size",),
+    ("fabric", "constant"): ("steady_state_fabric_factor", "critical_strain_fabric"),
+}
 """Parameters that the law of a part takes out of the model at constant rate, by part and law."""
 
 
@@ -441,9 +439,7 @@ def priors_of_freed_parameters() -> Mapping[str, Prior]:
     """Return the shipped priors of parameters that a variant frees, by name."""
     path = shipped_prior_files("variants")["free_parameters"]
     tables = read_toml(path, _FreedParametersFile).parameters
-    return MappingProxyType(
-        {name: load_prior(path, PARAMETER_BY_NAME[name], table) for name, table in tables.items()}
-    )
+    return {name: load_prior(path, PARAMETER_BY_NAME[name], one) for name, one in tables.items()}
 
 
 def _standard(name: str) -> Prior:

@@ -1,7 +1,6 @@
 """Points of the flow law that are sampled in place of a parameter."""
 
 from collections.abc import Mapping
-from types import MappingProxyType
 
 from pyburgers.model.parameters import Parameter
 
@@ -17,7 +16,7 @@ REFERENCE_FLOW_RATE_QUANTITY = Parameter(
 """The rate at which undeformed material would flow at an observed stress (bias, or amplitude where
 the bias is removed), likewise; it follows from the parameters and has no prior of its own."""
 
-REFERENCE_QUANTITIES: Mapping[str, Parameter] = MappingProxyType(
-    {q.name: q for q in (REFERENCE_STRESS_QUANTITY, REFERENCE_FLOW_RATE_QUANTITY)}
-)
+REFERENCE_QUANTITIES: Mapping[str, Parameter] = {
+    q.name: q for q in (REFERENCE_STRESS_QUANTITY, REFERENCE_FLOW_RATE_QUANTITY)
+}
 """Points of the flow law that are sampled, by their logarithms, in place of a parameter."""

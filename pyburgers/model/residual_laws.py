@@ -1,9 +1,13 @@
-"""Laws of residuals: how priors tell them, and their priors."""
+"""Laws of residuals: how priors tell them, their priors, and residuals drawn by them."""
 
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal
 
+import numpy as np
+
+from pyburgers.common.array_types import FloatArray, IntArray
+from pyburgers.model.fitted_test import Test
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.prior_families import Prior, fixed_prior, is_standard
 
@@ -92,3 +96,26 @@ def residual_parts(values: Mapping[str, float]) -> tuple[float, float]:
     squared = values.get(DISCREPANCY, 0.0) ** 2
     share = squared / (1 + squared) if squared else values.get(SHARE, 1.0)
     return (1 + squared) ** 0.5, share
+
+
+def draw_residuals(
+    experiment: Test,
+    noise: FloatArray,
+    part: IntArray,
+    values: Mapping[str, float],
+    rng: np.random.Generator,
+) -> FloatArray:
+    """Return residuals (SI), (n_points,), as `stan/statistics/residuals.stan` describes them.
+
+    `noise`, `part` (n_points,): standard deviations (SI), and parts between which none correlates.
+    """
+    n, correlation_length = experiment.n_points, values.get(experiment.residual_correlation, 0.0)
+    if correlation_length == 0:
+        return np.asarray(noise * rng.standard_normal(n))
+    whole, share = residual_parts(values)
+    correlated: FloatArray = np.sqrt(share) * rng.standard_normal(n)
+    step = np.diff(experiment.position) / correlation_length
+    correlation, spread = np.exp(-step), np.sqrt(-np.expm1(-2 * step))
+    for k in np.flatnonzero(np.diff(part) == 0):
+        correlated[k + 1] = correlation[k] * correlated[k] + spread[k] * correlated[k + 1]
+    return np.asarray(whole * noise * (correlated + np.sqrt(1 - share) * rng.standard_normal(n)))

@@ -8,14 +8,11 @@ priors and equations cannot contradict each other, and what a run used can be to
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 
 from pyburgers.common.errors import InputError, nearest
-from pyburgers.model import mechanisms
-from pyburgers.model.dashpot_laws import beta_of_linear, dashpot_law
 from pyburgers.model.fitted_test import Test
 from pyburgers.model.hardening import (
     changes_of_hardening,
@@ -23,13 +20,21 @@ from pyburgers.model.hardening import (
     check_linear_hardening,
     hardening_law,
 )
-from pyburgers.model.kelvin_laws import changes_for, kelvin_law
 from pyburgers.model.laws import (
     DASHPOT_LAWS,
     DASHPOT_STRESSES,
     HARDENING_LAWS,
     KELVIN_LAWS,
     MECHANISMS,
+)
+from pyburgers.model.laws_in_priors import (
+    beta_of_linear,
+    changes_for,
+    changes_of_mechanism,
+    check_mechanisms,
+    dashpot_law,
+    kelvin_law,
+    mechanism,
 )
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PIEZOMETER
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
@@ -123,17 +128,15 @@ class ModelVariant:
         return self.residuals != "independent"
 
 
-CHOICES: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "kelvin": (*KELVIN_LAWS,),
-        "maxwell": (*DASHPOT_LAWS,),
-        "grain_size": ("evolving", "constant", "piezometric"),
-        "fabric": ("evolving", "constant"),
-        "residuals": ("independent", "autocorrelated", "discrepancy"),
-        "hardening": (*HARDENING_LAWS,),
-        **{f"{which}_mechanism": (*laws,) for which, laws in MECHANISMS.items()},
-    }
-)
+CHOICES: Mapping[str, tuple[str, ...]] = {
+    "kelvin": (*KELVIN_LAWS,),
+    "maxwell": (*DASHPOT_LAWS,),
+    "grain_size": ("evolving", "constant", "piezometric"),
+    "fabric": ("evolving", "constant"),
+    "residuals": ("independent", "autocorrelated", "discrepancy"),
+    "hardening": (*HARDENING_LAWS,),
+    **{f"{which}_mechanism": (*laws,) for which, laws in MECHANISMS.items()},
+}
 """Names of the parts and of the laws that each may follow."""
 
 
@@ -211,8 +214,8 @@ def variant_of(priors: PriorSet, experiment: Test) -> ModelVariant:
         residuals=residuals_law(priors.priors, experiment.residual_correlation),
         kelvin=kelvin_law(priors.priors, experiment.id),
         hardening=hardening_law(priors.priors),
-        second_mechanism=mechanisms.mechanism("second", priors.priors),
-        third_mechanism=mechanisms.mechanism("third", priors.priors),
+        second_mechanism=mechanism("second", priors.priors),
+        third_mechanism=mechanism("third", priors.priors),
     )
 
 
@@ -264,7 +267,7 @@ def check_laws(priors: PriorSet, experiment: Test) -> None:
     if experiment.linear_hardening:
         check_linear_hardening(priors.priors, experiment.protocol, experiment.id)
     check_dislocations(priors.priors, experiment)
-    mechanisms.check_mechanisms(priors.priors, experiment.id)
+    check_mechanisms(priors.priors, experiment.id)
 
 
 def _check_kind(choices: Mapping[str, str], experiment: Test) -> None:
@@ -381,13 +384,11 @@ def _choose_hardening(priors: PriorSet, experiment: Test, choice: str) -> PriorS
 
 def _choose_mechanism(which: str, priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
     """Free the rate, which holds at the largest stress, to one digit, before the test."""
-    stays = choice in ("none", mechanisms.mechanism(which, priors.priors))
+    stays = choice in ("none", mechanism(which, priors.priors))
     stress = 0.0 if stays else float(f"{_largest_stress(experiment):.0e}")
     conditions = (stress, experiment.initial_grain_size, experiment.temperature)
     weak = priors_of_freed_parameters()[f"{which}_rate"]
-    return priors.exchanging(
-        *mechanisms.changes_of_mechanism(which, choice, priors.priors, weak, conditions)
-    )
+    return priors.exchanging(*changes_of_mechanism(which, choice, priors.priors, weak, conditions))
 
 
 def _choose_grain_size(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
@@ -430,17 +431,15 @@ def _choose_residuals(priors: PriorSet, experiment: Test, choice: str) -> PriorS
     )
 
 
-_CHANGES: Mapping[str, Callable[[PriorSet, Test, str], PriorSet]] = MappingProxyType(
-    {
-        "kelvin": _choose_kelvin,
-        "maxwell": _choose_maxwell,
-        "grain_size": _choose_grain_size,
-        "fabric": _choose_fabric,
-        "residuals": _choose_residuals,
-        "hardening": _choose_hardening,
-        **{f"{which}_mechanism": partial(_choose_mechanism, which) for which in MECHANISMS},
-    }
-)
+_CHANGES: Mapping[str, Callable[[PriorSet, Test, str], PriorSet]] = {
+    "kelvin": _choose_kelvin,
+    "maxwell": _choose_maxwell,
+    "grain_size": _choose_grain_size,
+    "fabric": _choose_fabric,
+    "residuals": _choose_residuals,
+    "hardening": _choose_hardening,
+    **{f"{which}_mechanism": partial(_choose_mechanism, which) for which in MECHANISMS},
+}
 """What each choice does to the priors."""
 
 

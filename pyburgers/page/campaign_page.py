@@ -9,8 +9,7 @@ import pandas as pd
 
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.page_parts import PageSection, PageTable
-from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.side_by_side import (
+from pyburgers.fitting.campaign import (
     DAMAGED,
     Campaign,
     Combination,
@@ -18,6 +17,7 @@ from pyburgers.fitting.side_by_side import (
     shown_status_table,
     status_table,
 )
+from pyburgers.fitting.fit import Fit
 from pyburgers.sampling.manifest import COMPLETE
 
 logger = logging.getLogger(__name__)

@@ -20,7 +20,6 @@ from pyburgers.comparison.same_data import check_same_data
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.prediction import Prediction
 from pyburgers.kinds.conditions import conditions_of, doubts, hours_of
-from pyburgers.kinds.kind import kind_of
 from pyburgers.predictions.design_plans import UNCERTAINTIES, Candidate, DesignPlan
 from pyburgers.predictions.other_tests import answers, draws_of
 from pyburgers.sampling.options import LIMITS
@@ -190,7 +189,7 @@ def _cautions_of_plan(plan: DesignPlan, predictions: Mapping[str, Prediction]) -
     found = list[str]()
     for name, candidate in plan.candidates.items():
         test, drawn = candidate.experiment, predictions[name].posterior["posterior"].to_dataset()
-        found += (f"{name}: {one}" for one in doubts(kind_of(test).without_data(test)))
+        found += (f"{name}: {one}" for one in doubts(test.to_be_solved()))
         for key in UNCERTAINTIES:
             noise = f"{key.partition('_')[0]}_noise"
             stated = test.noises.get(noise)

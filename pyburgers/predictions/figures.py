@@ -19,7 +19,6 @@ from pyburgers.drawing.panels import draw_data, draw_thin_lines, figure_of
 from pyburgers.drawing.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY_BLUE, VERMILION, style
 from pyburgers.fitting.prediction import Prediction
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import kind_of
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.model.read_quantities import Quantity, ReadQuantity
 from pyburgers.predictions.attenuation import evolving_quantiles, flat_draws
@@ -321,7 +320,7 @@ def _draw(axes: Axes, prediction: Prediction, quantity: ReadQuantity) -> None:
     clock, factor = _clock(experiment), quantity.shown.display_factor
     places = clock_of(prediction, quantity)
     # Lines end with a spectrum: the next one begins at its shortest period.
-    period = kind_of(experiment).conditions_at(experiment, places).get("period_s", places)
+    period = experiment.conditions_at(places).get("period_s", places)
     ends = np.flatnonzero(np.diff(period) < 0) + 1
     position = np.insert(places * clock.display_factor, ends, np.nan)
     solved, new = (

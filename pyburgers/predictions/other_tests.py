@@ -10,7 +10,6 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.units import count_points
 from pyburgers.fitting.prediction import Prediction
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import kind_of
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.model.read_quantities import ReadQuantity
 from pyburgers.posterior.labelled_draws import response_in
@@ -95,7 +94,7 @@ def band_table(prediction: Prediction) -> pd.DataFrame:
     clock, at = likelihood_of(prediction.experiment).clock, clock_of(prediction, shown[0])
     columns = {
         clock.column: at,
-        **kind_of(prediction.experiment).conditions_at(prediction.experiment, at),
+        **prediction.experiment.conditions_at(at),
     }
     for one in shown:
         solved, new = shown_draws(prediction, one)
@@ -122,7 +121,7 @@ def overview_table(prediction: Prediction) -> pd.DataFrame:
     at = shown[clock.column].to_numpy()
     along = {
         clock.label: at * clock.display_factor,
-        **kind_of(experiment).conditions_at(experiment, at),
+        **experiment.conditions_at(at),
     }
     columns = {name: [f"{value:.4g}" for value in values] for name, values in along.items()}
     for one in (answer.shown for answer in answers(prediction)):
@@ -147,7 +146,7 @@ def reading_table(prediction: Prediction) -> pd.DataFrame:
     return pd.DataFrame(
         {
             likelihood.clock.column: experiment.position,
-            **kind_of(experiment).conditions_at(experiment, experiment.position),
+            **experiment.conditions_at(experiment.position),
             **(
                 {"quantity": [one.shown.name for one in quantities]}
                 if len(likelihood.read) > 1

@@ -25,8 +25,8 @@ from pyburgers.cli.check_file import check as check_file
 from pyburgers.cli.main import COMMANDS, main
 from pyburgers.common.errors import PyburgersError
 from pyburgers.common.text_tables import look_at
+from pyburgers.fitting.campaign import load_campaign
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.side_by_side import load_campaign
 from pyburgers.flow_law_tables.laws import load_rate_law
 from pyburgers.flow_law_tables.table_files import load_rate_table
 from pyburgers.kinds.experiment import Experiment

@@ -11,8 +11,8 @@ from conftest import SMALL_RUN, Problem, copy_of
 from refusals import assert_refused
 
 from pyburgers.cli.main import main
+from pyburgers.fitting.campaign import load_campaign
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.side_by_side import load_campaign
 from pyburgers.kinds.kind import save_experiment
 from pyburgers.model.priors import save_priors
 

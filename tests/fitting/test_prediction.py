@@ -24,7 +24,7 @@ from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.conditions import conditions_of
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.kinds.experiment import Experiment, Stated, UncertainCondition, of_kind
-from pyburgers.kinds.forced_oscillation.experiment import with_background, with_known_strain
+from pyburgers.kinds.forced_oscillation.experiment import with_background
 from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.kind import FittedTest
@@ -226,7 +226,7 @@ def prior_source(experiment: Experiment) -> Source:
 
 
 def test_an_oscillation_is_predicted_at_another_temperature(programs: None) -> None:
-    record = with_known_strain(load_forced_oscillation(TWIN_FILE))
+    record = load_forced_oscillation(TWIN_FILE).to_be_solved()
     source = prior_source(record)
     prediction = predict_test(source, replace(record, id="hotter", temperature=1480.0))
     assert_solves(prediction, 0, rtol=2e-4)
@@ -311,7 +311,7 @@ def test_an_upper_limit_is_scored_with_the_probability_of_being_below_it(program
 def test_a_fit_of_an_oscillation_predicts_a_test_at_constant_rate(
     programs: None, small_problem: Problem
 ) -> None:
-    record = with_known_strain(load_forced_oscillation(TWIN_FILE))
+    record = load_forced_oscillation(TWIN_FILE).to_be_solved()
     target = replace(another_test(small_problem), material="olivine", temperature=1450.0)
     prediction = predict_test(prior_source(record), target, draws=3)
     assert_solves(prediction, 0, rtol=1e-4)

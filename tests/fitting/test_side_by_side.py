@@ -10,8 +10,8 @@ from conftest import SMALL_RUN, Problem
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.tasks import Workers
+from pyburgers.fitting.campaign import Task, fit_side_by_side, task_of
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.fitting.side_by_side import Task, fit_side_by_side, task_of
 from pyburgers.posterior.labelled_draws import convergence_table
 
 
@@ -32,7 +32,7 @@ def test_draws_and_runs_are_those_of_a_single_fit(
     capfd: pytest.CaptureFixture[str],
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    caplog.set_level(logging.INFO, "pyburgers.fitting.side_by_side")
+    caplog.set_level(logging.INFO, "pyburgers.fitting.campaign")
     done: list[tuple[str, str]] = []
     found = fit_side_by_side(
         tasks,

@@ -23,7 +23,7 @@ from pyburgers.fitting.charts_at_modes import at_mode, find_mode
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate
-from pyburgers.kinds.kind import kind_of, kinds, load_experiment, save_experiment
+from pyburgers.kinds.kind import kinds, load_experiment, save_experiment
 from pyburgers.kinds.likelihood import AtMode, likelihood_of, likelihoods
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import density_of
@@ -62,7 +62,7 @@ def test_a_copy_reads_back_exactly_and_its_copy_is_the_same_file(
     kind: str, name: str, tmp_path: Path
 ) -> None:
     experiment = EXAMPLES[kind].load(name)
-    assert kind_of(experiment) is kinds()[kind]
+    assert experiment.protocol == kind
     written = []
     for folder in (tmp_path / "one", tmp_path / "two"):
         folder.mkdir()

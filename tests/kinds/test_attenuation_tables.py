@@ -19,7 +19,6 @@ from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.attenuation.table import Elasticity
 from pyburgers.kinds.conditions import conditions, outside
 from pyburgers.kinds.forward import simulate
-from pyburgers.kinds.kind import kind_of
 from pyburgers.kinds.likelihood import likelihood_of, likelihoods
 from pyburgers.kinds.problem import problem_of
 from pyburgers.model.laws import KELVIN_LAWS
@@ -178,9 +177,9 @@ def without(table: AttenuationExperiment, name: str):  # type: ignore[no-untyped
 def test_simulated_readings_have_scatter_and_stated_errors() -> None:
     twin = load_attenuation(TWIN)
     assert twin.true_parameters is not None
-    kind, rng = kind_of(twin), np.random.default_rng(1)
+    rng = np.random.default_rng(1)
     truth = np.append(np.full(36, np.log(0.2)), np.full(36, np.log(5e9)))
-    drawn = [kind.with_noise(twin, truth, twin.true_parameters, rng) for _ in range(200)]
+    drawn = [twin.with_noise(truth, twin.true_parameters, rng) for _ in range(200)]
     truth[:36] = np.log(np.hypot(0.2, 0.004))
     left = np.array([one.response - truth for one in drawn])
     wanted = np.hypot(0.04, 0.004 / 0.2), 0.01

@@ -15,7 +15,7 @@ from pyburgers.kinds.experiment import Stated
 from pyburgers.kinds.forward import simulate, simulate_data
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.likelihood import LIKELIHOOD
-from pyburgers.kinds.loading_history.stan_data import leg_of_times, times_of_readings
+from pyburgers.kinds.loading_history.stan_data import leg_of_times
 from pyburgers.kinds.problem import problem_of
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import variant_of, with_variant
@@ -41,7 +41,7 @@ def test_a_reading_at_the_start_of_a_stage_is_behind_the_jump(unloaded: HistoryE
         reading_stage=np.array([0, 0, 1, 2]),
         reading=np.zeros(4),
     )
-    time, place = times_of_readings(one)
+    time, place = one.reading_places()
     assert leg_of_times(one, time)[place].tolist() == [0, 0, 1, 2]
     strain = simulate(one, dict(TRUTH), at=time)["strain"].to_numpy()[place]
     elastic = (5e6 - 5e5) / TRUTH["maxwell_modulus"]

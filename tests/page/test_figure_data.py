@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 from synthetic_fit import make_fit
 
-from pyburgers.drawing.style import COLUMNS, figure_data
+from pyburgers.drawing.figure_data import COLUMNS, figure_data
 from pyburgers.fitting.fit import Fit
 from pyburgers.page.page import write_report
 from pyburgers.page.posterior_figures import figures_for

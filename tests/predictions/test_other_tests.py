@@ -11,7 +11,6 @@ from synthetic_fit import make_experiment, make_priors
 
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.prediction import Prediction
-from pyburgers.kinds.kind import kind_of
 from pyburgers.predictions.figures import prediction_figure
 from pyburgers.predictions.other_tests import (
     DENSITY,
@@ -138,8 +137,7 @@ def test_scores_want_data_and_more_than_one_draw() -> None:
     prediction = make_prediction(spread=1e6, n_draws=1)
     with pytest.raises(InputError, match="at least two"):
         score_table(prediction)
-    kind = kind_of(prediction.experiment)
-    bare = replace(prediction, experiment=kind.without_data(prediction.experiment))
+    bare = replace(prediction, experiment=prediction.experiment.to_be_solved())
     with pytest.raises(InputError, match="has no data"):
         score_table(bare)
     assert len(band_table(bare)) == 9

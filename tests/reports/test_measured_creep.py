@@ -28,8 +28,8 @@ from synthetic_fit import make_fit, with_problem
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.checks.verdicts import Verdict
 from pyburgers.drawing.style import image
+from pyburgers.fitting.campaign import fit_side_by_side
 from pyburgers.fitting.sampled_fit import SampledFit
-from pyburgers.fitting.side_by_side import fit_side_by_side
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.files import load_loading_history

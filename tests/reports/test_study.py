@@ -46,8 +46,8 @@ from synthetic_olivine_fit import make_olivine_fit
 
 from pyburgers.common.draws import all_draws
 from pyburgers.drawing.page_parts import PageSection
+from pyburgers.fitting.campaign import Task
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.side_by_side import Task
 from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.flow_law_tables.laws import RateLaw
 from pyburgers.flow_law_tables.tables import RateTable

@@ -9,7 +9,7 @@ from data_script import data_script
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.model.arrhenius import GAS_CONSTANT
-from pyburgers.model.kelvin_laws import kelvin_law
+from pyburgers.model.laws_in_priors import kelvin_law
 from pyburgers.model.priors import default_priors, load_priors, shipped_prior_file
 from pyburgers.model.variants import with_variant
 

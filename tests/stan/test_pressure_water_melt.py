@@ -27,7 +27,8 @@ from pyburgers import (
 from pyburgers.checks.fit_checks import Outcome
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.new_test import parameters_for_other_test
-from pyburgers.flow_law_tables.fit_rates import fit_rates, mechanism_priors
+from pyburgers.flow_law_tables.fit_rates import fit_rates
+from pyburgers.flow_law_tables.hand_over import mechanism_priors
 from pyburgers.flow_law_tables.laws import load_rate_law
 from pyburgers.flow_law_tables.program_data import usable_rows
 from pyburgers.flow_law_tables.table_files import load_rate_table, save_rate_table

@@ -23,7 +23,6 @@ from pyburgers.fitting.charts_at_modes import ChosenChart, ProblemMode, at_mode,
 from pyburgers.kinds.forced_oscillation.experiment import (
     OscillationExperiment,
     with_background,
-    with_known_strain,
 )
 from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forced_oscillation.harmonics import fundamentals
@@ -78,7 +77,7 @@ SHEARED_SYSTEMS = {"plain": None, "sheared": REFERENCE}
 
 
 def twin_with(background: Background) -> OscillationExperiment:
-    return with_known_strain(with_background(load_forced_oscillation(TWIN_FILE), background))
+    return with_background(load_forced_oscillation(TWIN_FILE), background).to_be_solved()
 
 
 @pytest.fixture(params=["removed", "kept"])
@@ -88,7 +87,7 @@ def twin(request: pytest.FixtureRequest) -> OscillationExperiment:
 
 @pytest.fixture(params=["removed", "kept"])
 def short(request: pytest.FixtureRequest) -> OscillationExperiment:
-    return with_known_strain(short_twin(request.param))
+    return short_twin(request.param).to_be_solved()
 
 
 def truth_in(experiment: OscillationExperiment, priors: PriorSet) -> Mode:
@@ -241,14 +240,14 @@ def assert_coordinates_work(
 
 @pytest.mark.parametrize("name", FREE)
 def test_coordinates_suit_whichever_parameter_is_fixed(name: str, tmp_path: Path) -> None:
-    experiment = with_known_strain(short_twin("kept"))
+    experiment = short_twin("kept").to_be_solved()
     assert experiment.true_parameters is not None
     priors = with_fixed(resolved_priors(experiment), {name: experiment.true_parameters[name]})
     assert_coordinates_work(experiment, priors, tmp_path)
 
 
 def test_coordinates_suit_a_flow_law_without_grain_size(tmp_path: Path) -> None:
-    experiment = with_known_strain(short_twin("kept"))
+    experiment = short_twin("kept").to_be_solved()
     truth = experiment.true_parameters
     assert truth is not None
     # The same flow at the grain size of the start.
@@ -311,7 +310,7 @@ def chart_from(data: StanData, experiment: OscillationExperiment, priors: PriorS
 @pytest.mark.parametrize("case", UNSUITED)
 def test_priors_that_do_not_suit_fall_back_to_plain_ones(case: str) -> None:
     changed, word = UNSUITED[case]
-    experiment = with_known_strain(short_twin("kept"))
+    experiment = short_twin("kept").to_be_solved()
     priors = with_priors(resolved_priors(experiment), changed)
     found = chart_at_truth(experiment, priors, "auto")
     assert found.name == "plain"
@@ -322,13 +321,13 @@ def test_priors_that_do_not_suit_fall_back_to_plain_ones(case: str) -> None:
 
 def test_a_record_without_loss_does_not_suit() -> None:
     """Noise can turn the lag of a hardly dissipating sample around."""
-    experiment = with_known_strain(short_twin("kept"))
+    experiment = short_twin("kept").to_be_solved()
     record = experiment.record
     angle = 2 * np.pi / 300.0 * record.stress_time + 0.6
     elastic = replace(record, stress=100e6 + 50e6 * np.sin(angle))
     prepared = prepare(elastic, experiment.settings, experiment.id)
     assert prepared.stress_fit.phase()[0] < prepared.strain_fit.phase()[0]
-    backwards = with_known_strain(replace(experiment, record=elastic, prepared=prepared))
+    backwards = replace(experiment, record=elastic, prepared=prepared).to_be_solved()
     found = chart_at_truth(backwards, resolved_priors(backwards), "auto")
     assert found.name == "plain"
     assert "stress is not ahead of the strain" in found.reason
@@ -358,7 +357,7 @@ def relaxing() -> OscillationExperiment:
     simulated = simulate_from_prior(one_test(template, priors), seed=10, stress_range=(5e7, 5e8))
     (drawn,) = simulated.problem.experiments
     assert isinstance(drawn, OscillationExperiment)
-    return with_known_strain(drawn)
+    return drawn.to_be_solved()
 
 
 @pytest.mark.parametrize(
@@ -401,7 +400,7 @@ def test_dashpot_and_kelvin_element_share_the_loss_at_every_flow_rate(
 
 
 def test_the_stretch_is_found_from_a_dashpot_that_stands_still() -> None:
-    experiment = with_known_strain(short_twin("kept"))
+    experiment = short_twin("kept").to_be_solved()
     truth = experiment.true_parameters
     assert truth is not None
     still = {**truth, "activation_enthalpy": 1.3 * truth["activation_enthalpy"]}
@@ -427,7 +426,7 @@ def test_a_record_whose_loss_is_all_the_dashpots_is_smooth_in_its_coordinates(
     simulated = simulate_from_prior(one_test(template, priors), seed=1)
     (drawn,) = simulated.problem.experiments
     assert isinstance(drawn, OscillationExperiment)
-    experiment = with_known_strain(drawn)
+    experiment = drawn.to_be_solved()
     truth = experiment.true_parameters
     assert truth is not None
     relaxation = truth["kelvin_viscosity"] / truth["kelvin_modulus"]
@@ -458,7 +457,7 @@ def test_a_record_whose_loss_is_all_the_dashpots_is_smooth_in_its_coordinates(
 
 
 def test_the_twin_is_sampled_in_sheared_coordinates() -> None:
-    experiment = with_known_strain(short_twin("removed"))
+    experiment = short_twin("removed").to_be_solved()
     found = chart_at_truth(experiment, resolved_priors(experiment), "auto")
     assert (found.name, found.block["coordinate_system"]) == ("sheared", 2)
     assert found.covariance is not None
@@ -468,7 +467,7 @@ def test_the_twin_is_sampled_in_sheared_coordinates() -> None:
 
 
 def test_without_likelihood_coordinates_stay_plain() -> None:
-    experiment = with_known_strain(short_twin("kept"))
+    experiment = short_twin("kept").to_be_solved()
     priors = resolved_priors(experiment)
     data = one_test_data(experiment, priors, solver=SAMPLING, use_likelihood=False)
     found = chart_from(data, experiment, priors)
@@ -506,7 +505,7 @@ def test_without_likelihood_draws_have_the_priors_marginals(
     priors_of: Callable[[OscillationExperiment], PriorSet],
     tmp_path: Path,
 ) -> None:
-    experiment = with_known_strain(short_twin("kept"))
+    experiment = short_twin("kept").to_be_solved()
     priors = priors_of(experiment)
     data = one_test_data(
         experiment,

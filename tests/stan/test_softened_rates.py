@@ -22,7 +22,8 @@ from pyburgers.common.errors import InputError
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import RateFit
-from pyburgers.flow_law_tables.fit_rates import fit_rates, flow_law_prior
+from pyburgers.flow_law_tables.fit_rates import fit_rates
+from pyburgers.flow_law_tables.hand_over import flow_law_prior
 from pyburgers.flow_law_tables.laws import RateLaw, rate_law, with_curve_flow_law
 from pyburgers.flow_law_tables.program_data import law_for, lines, rate_data, start_of_chain
 from pyburgers.flow_law_tables.softening import (

@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -16,6 +15,7 @@ from pyburgers.common.units import span_text
 from pyburgers.kinds.attenuation.table import (
     ATTENUATION,
     MODULUS,
+    NO_READINGS,
     CycleConditions,
     Elasticity,
     Readings,
@@ -23,6 +23,7 @@ from pyburgers.kinds.attenuation.table import (
 )
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.model.laws import HARDENING_LAWS, laws_in_closed_form
+from pyburgers.model.parameters import RESIDUAL_CORRELATION
 from pyburgers.model.read_quantities import LOG_MODULUS, LOG_TAN_DELTA
 
 UNSTATED_STRESS = 1e6
@@ -60,15 +61,13 @@ class AttenuationExperiment(Experiment):
     protocol: ClassVar[str] = "attenuation"
     points_together: ClassVar[str] = "a row of the table gives attenuation and modulus together"
     may_be_uncertain: ClassVar[frozenset[str]] = frozenset()
-    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
-        {
-            **laws_in_closed_form(),
-            "hardening": (*HARDENING_LAWS,),
-            "grain_size": ("constant",),
-            "fabric": ("constant",),
-            "residuals": ("independent",),
-        }
-    )
+    laws: ClassVar[Mapping[str, Sequence[str]]] = {
+        **laws_in_closed_form(),
+        "hardening": (*HARDENING_LAWS,),
+        "grain_size": ("constant",),
+        "fabric": ("constant",),
+        "residuals": ("independent",),
+    }
     without_effect: ClassVar[frozenset[str]] = frozenset(
         {
             "steady_state_grain_size",
@@ -80,10 +79,7 @@ class AttenuationExperiment(Experiment):
             "strain_offset",
             "apparatus_compliance",
             "initial_backstress",
-            "residual_correlation_strain",
-            "residual_correlation_time",
-            "residual_correlated_share",
-            "discrepancy",
+            *RESIDUAL_CORRELATION,
         }
     )
     linear_hardening: ClassVar[bool] = True
@@ -103,9 +99,7 @@ class AttenuationExperiment(Experiment):
         quantities = 2 if self.readings.modulus.size else 1
         # Temperatures that differ by less than a name shows are one part.
         hottest_first = self._names[np.argsort(-self.conditions.temperature)]
-        return MappingProxyType(
-            {str(name): quantities * number for name, number in Counter(hottest_first).items()}
-        )
+        return {str(name): quantities * n for name, n in Counter(hottest_first).items()}
 
     def without_part(self, name: str) -> Self:
         """Return the table without a temperature.
@@ -177,6 +171,44 @@ class AttenuationExperiment(Experiment):
             LOG_MODULUS.noise: self.readings.modulus_error,
         }
         return {name: 0.0 if np.all(error > 0) else None for name, error in errors.items()}
+
+    def to_be_solved(self) -> Self:
+        """Return the table without what was read."""
+        return replace(self, readings=NO_READINGS)
+
+    def known_columns(self, at: FloatArray) -> Mapping[str, FloatArray]:
+        """Return which reading, period and temperature belong to places."""
+        _, _, quantity = self.conditions.at(at)
+        is_modulus = (quantity == MODULUS).astype(np.float64)
+        return {"is_modulus": is_modulus, **self.conditions_at(at)}
+
+    def conditions_at(self, at: FloatArray) -> Mapping[str, FloatArray]:
+        """Return periods and temperatures of places."""
+        period, spectrum, _ = self.conditions.at(at)
+        temperature = self.conditions.temperature[self.conditions.first_rows[spectrum]]
+        return {"period_s": period, "temperature_K": temperature}
+
+    def with_noise(
+        self, response: FloatArray, values: Mapping[str, float], rng: np.random.Generator
+    ) -> Self:
+        """Put readings with scatter and stated errors in the place of others."""
+        readings = self.readings
+        n = readings.tan_delta.size
+        tan_delta, modulus = np.exp(response[:n]), np.exp(response[n:])
+        # As in stan/kinds/attenuation_response.stan.
+        tan_delta = np.hypot(tan_delta, readings.tan_delta_error)
+        relative_error = readings.modulus_error / readings.modulus
+        spreads = (
+            np.hypot(values.get("attenuation_scatter", 0.0), readings.tan_delta_error / tan_delta),
+            np.hypot(values.get("modulus_scatter", 0.0), relative_error),
+        )
+        tan_delta, modulus = (
+            one * np.exp(spread * rng.standard_normal(one.size))
+            for one, spread in zip((tan_delta, modulus), spreads, strict=True)
+        )
+        errors = relative_error * modulus
+        noisy = replace(readings, tan_delta=tan_delta, modulus=modulus, modulus_error=errors)
+        return replace(self, readings=noisy)
 
     def solution_table(self, solution: pd.DataFrame) -> pd.DataFrame:
         """Return tan delta and modulus at the rows of the table."""

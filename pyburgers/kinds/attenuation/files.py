@@ -1,7 +1,6 @@
 """Files of tables of attenuation and modulus (`docs/attenuation_data.md`)."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,7 +14,6 @@ from pyburgers.common.toml_files import Table, all_of, factor_to_si, read_toml
 from pyburgers.common.units import UNIT_TABLE, units_text
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.table import (
-    MODULUS,
     NO_READINGS,
     CycleConditions,
     Deformation,
@@ -29,8 +27,7 @@ from pyburgers.kinds.attenuation.table import (
     tan_delta_of,
 )
 from pyburgers.kinds.experiment import CONDITION_KEYS
-from pyburgers.kinds.experiment_file import ExperimentFile, shared_values
-from pyburgers.kinds.kind import Kind
+from pyburgers.kinds.experiment_file import ExperimentFile, Kind, shared_values
 
 MODULI = ("modulus_column", "storage_modulus_column")
 """Keys of columns of which |M| is one, or follows."""
@@ -385,61 +382,4 @@ def _notices(conditions: CycleConditions, readings: Readings) -> list[str]:
     return notices
 
 
-class Attenuation(Kind[AttenuationExperiment]):
-    """Stress cycles at many periods and temperatures; responses are tan delta and modulus."""
-
-    load = staticmethod(load_attenuation)
-
-    def without_data(self, experiment: AttenuationExperiment) -> AttenuationExperiment:
-        """Return the table without what was read."""
-        return replace(experiment, readings=NO_READINGS)
-
-    def known_columns(
-        self, experiment: AttenuationExperiment, at: FloatArray
-    ) -> Mapping[str, FloatArray]:
-        """Return which reading, period and temperature belong to places."""
-        _, _, quantity = experiment.conditions.at(at)
-        is_modulus = (quantity == MODULUS).astype(np.float64)
-        return {"is_modulus": is_modulus, **self.conditions_at(experiment, at)}
-
-    def conditions_at(
-        self, experiment: AttenuationExperiment, at: FloatArray
-    ) -> Mapping[str, FloatArray]:
-        """Return periods and temperatures of places."""
-        conditions = experiment.conditions
-        period, spectrum, _ = conditions.at(at)
-        temperature = conditions.temperature[conditions.first_rows[spectrum]]
-        return {"period_s": period, "temperature_K": temperature}
-
-    def with_noise(
-        self,
-        experiment: AttenuationExperiment,
-        response: FloatArray,
-        values: Mapping[str, float],
-        rng: np.random.Generator,
-    ) -> AttenuationExperiment:
-        """Put readings with scatter and stated errors in the place of others."""
-        readings = experiment.readings
-        n = readings.tan_delta.size
-        tan_delta, modulus = np.exp(response[:n]), np.exp(response[n:])
-        # As in stan/kinds/attenuation_response.stan.
-        tan_delta = np.hypot(tan_delta, readings.tan_delta_error)
-        relative_error = readings.modulus_error / readings.modulus
-        spreads = (
-            np.hypot(values.get("attenuation_scatter", 0.0), readings.tan_delta_error / tan_delta),
-            np.hypot(values.get("modulus_scatter", 0.0), relative_error),
-        )
-        tan_delta, modulus = (
-            one * np.exp(spread * rng.standard_normal(one.size))
-            for one, spread in zip((tan_delta, modulus), spreads, strict=True)
-        )
-        noisy = replace(
-            readings,
-            tan_delta=tan_delta,
-            modulus=modulus,
-            modulus_error=relative_error * modulus,
-        )
-        return replace(experiment, readings=noisy)
-
-
-KIND = Attenuation()
+KIND = Kind(AttenuationFile, load_attenuation)

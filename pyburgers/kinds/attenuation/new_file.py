@@ -7,13 +7,7 @@ from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.table import Form
 from pyburgers.kinds.column_names import deformation_in, plain
 from pyburgers.kinds.guessed_columns import GuessedColumn
-from pyburgers.kinds.new_file import (
-    LAYOUT,
-    Columns,
-    Description,
-    NewFile,
-    Question,
-)
+from pyburgers.kinds.new_file import LAYOUT, Columns, Description, NewFile, Question
 
 DEFORMATION = Question("deformation", "deformation", choices=("axial", "shear"), example="shear")
 POISSON_RATIO = Question("poisson_ratio", "Poisson's ratio", float, default=0.25)

@@ -1,23 +1,20 @@
 """Tests at piecewise constant strain rate: the imposed rates and the measured curve."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any, ClassVar
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.units import count_points
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.experiment_file import (
-    far_reading,
-    microstructure_tables,
-)
+from pyburgers.kinds.experiment_file import far_reading, microstructure_tables
 from pyburgers.kinds.limits import unlikely_strain_rate
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.peak_test import PeakTest
 from pyburgers.model.read_quantities import STRESS
+from pyburgers.model.residual_laws import draw_residuals
 
 LEAST_STRAIN = 1e-12
 """Strain from which on there is a solution: the solver cannot stop at rest."""
@@ -64,7 +61,7 @@ class ConstantRateExperiment(Experiment):
     """
 
     protocol: ClassVar[str] = "constant_rate"
-    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType({})
+    laws: ClassVar[Mapping[str, Sequence[str]]] = {}
     of_points: ClassVar[tuple[str, ...]] = ("strain", "stress")
     segments: tuple[RateSegment, ...]
     strain: FloatArray
@@ -122,6 +119,22 @@ class ConstantRateExperiment(Experiment):
         """Final strain."""
         return self.final_strain
 
+    def to_be_solved(self) -> Self:
+        """Return the test without its points."""
+        return replace(self, strain=np.empty(0), stress=np.empty(0), microstructure=())
+
+    def known_columns(self, at: FloatArray) -> Mapping[str, FloatArray]:
+        """Return the times of strains."""
+        return {"time_s": self.time_at(at)}
+
+    def with_noise(
+        self, response: FloatArray, values: Mapping[str, float], rng: np.random.Generator
+    ) -> Self:
+        """Put stresses with residuals, which may correlate along strain, in the place of others."""
+        noise = np.full(self.n_points, values["stress_noise"])
+        residuals = draw_residuals(self, noise, self.reading_segment, values, rng)
+        return replace(self, stress=response + residuals)
+
     def own_tables(self) -> dict[str, Any]:
         """Return segments, readings and microstructure."""
         data: dict[str, Any] = {
@@ -171,21 +184,11 @@ class ConstantRateExperiment(Experiment):
         steps = [segment.start_strain for segment in self.segments[1:]]
         after_another = np.diff(self.strain, prepend=-1.0) == 0
         at_step = np.isin(self.strain, steps)
-        return np.asarray(self.segment_of(self.strain) + (at_step & after_another))
-
-    def segment_of(self, strain: FloatArray) -> IntArray:
-        """Return the segment of strains, from 0; that of a rate step is the one that ends there."""
-        steps = [segment.start_strain for segment in self.segments[1:]]
-        return np.searchsorted(steps, strain, side="left")
+        ends_before = np.searchsorted(steps, self.strain, side="left")
+        return np.asarray(ends_before + (at_step & after_another))
 
     def time_at(self, strain: FloatArray) -> FloatArray:
-        """Return the times (s since the start) at which strains are reached.
-
-        Parameters
-        ----------
-        strain : array, shape (n,)
-            Axial strain (fraction), not negative.
-        """
+        """Return the times (s since the start) at which strains (n,), not negative, are reached."""
         return _time_at(strain, self.segments)
 
 

@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -27,6 +27,7 @@ from pyburgers.kinds.experiment_file import (
     SIGNS_WERE_TURNED,
     Compression,
     ExperimentFile,
+    Kind,
     MicrostructureTable,
     departure,
     measured_microstructure,
@@ -34,7 +35,6 @@ from pyburgers.kinds.experiment_file import (
     sign_of,
     slope_of,
 )
-from pyburgers.kinds.kind import Kind, draw_residuals
 
 
 class SegmentTable(Table):
@@ -221,11 +221,11 @@ def unlike_rates(
     far = departure(strain, imposed, float(np.abs([*strain, *imposed]).max()))
     if far is None:
         return ()
-    slope = slope_of(time, strain)
+    (largest, first), slope = far, slope_of(time, strain)
     by_slope = "" if slope is None else f" (its slope is {slope:.3g} 1/s)"
     return (
-        f"{name}: the strain over time{by_slope} lies up to {far.largest:.3g} from the strain "
-        f"that the stated rates impose, which it leaves at data row {far.first + 1}; check "
+        f"{name}: the strain over time{by_slope} lies up to {largest:.3g} from the strain "
+        f"that the stated rates impose, which it leaves at data row {first + 1}; check "
         "units and rates, of which each change starts a segment.",
     )
 
@@ -407,32 +407,4 @@ def _final_strain(
     return file.final_strain
 
 
-class ConstantRate(Kind[ConstantRateExperiment]):
-    """Strain is imposed at rates that change in steps; the response is the stress along it."""
-
-    load = staticmethod(load_constant_rate)
-
-    def without_data(self, experiment: ConstantRateExperiment) -> ConstantRateExperiment:
-        """Return the test without its points."""
-        return replace(experiment, strain=np.empty(0), stress=np.empty(0), microstructure=())
-
-    def known_columns(
-        self, experiment: ConstantRateExperiment, at: FloatArray
-    ) -> Mapping[str, FloatArray]:
-        """Return the times of strains."""
-        return {"time_s": experiment.time_at(at)}
-
-    def with_noise(
-        self,
-        experiment: ConstantRateExperiment,
-        response: FloatArray,
-        values: Mapping[str, float],
-        rng: np.random.Generator,
-    ) -> ConstantRateExperiment:
-        """Put stresses with residuals, which may correlate along strain, in the place of others."""
-        noise = np.full(experiment.n_points, values["stress_noise"])
-        residuals = draw_residuals(experiment, noise, experiment.reading_segment, values, rng)
-        return replace(experiment, stress=response + residuals)
-
-
-KIND = ConstantRate()
+KIND = Kind(ConstantRateFile, load_constant_rate)

@@ -8,11 +8,7 @@ from typing import Any
 import numpy as np
 
 from pyburgers.common.array_types import FloatArray
-from pyburgers.kinds.constant_rate.experiment import (
-    ConstantRateExperiment,
-    _strain_at,
-    strain_grid,
-)
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, _strain_at, strain_grid
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import MICROSTRUCTURE, AtMode, Likelihood, grid_quantities
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Any, ClassVar, Self, get_args
 
 import numpy as np
@@ -23,6 +22,10 @@ from pyburgers.model.read_quantities import STRESS
 
 LABORATORY_STRESS = 1e7
 """Stress (Pa) at which the flow rate is told, where none was measured."""
+
+
+FABRIC_OF_OLIVINE = 1.0
+"""Oscillating tests have no fabric evolution (Eq. 5 of the paper)."""
 
 
 NO_RECORD = OscillationRecord(*[np.empty(0)] * 6)
@@ -66,7 +69,8 @@ class ImposedCycles:
 
     def _exact(self, trend: tuple[float, ...], amplitude: float, half: float) -> HarmonicFit:
         """Return a series without errors: Legendre coefficients of its trend, and a sine."""
-        coefficients = np.concatenate([trend, _first(amplitude), _first(0.0)])
+        coefficients = np.zeros(len(trend) + 2 * N_HARMONICS)
+        coefficients[: len(trend) + 1] = *trend, amplitude
         return HarmonicFit(
             period=self.period,
             n_harmonics=N_HARMONICS,
@@ -79,11 +83,6 @@ class ImposedCycles:
             chi_square=0.0,
             n_points=0,
         )
-
-
-def _first(amplitude: float) -> FloatArray:
-    """Amplitudes of the harmonics where only the fundamental has one."""
-    return np.array([amplitude, *[0.0] * (N_HARMONICS - 1)])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -115,14 +114,12 @@ class OscillationExperiment(Experiment):
     protocol: ClassVar[str] = "forced_oscillation"
     small_strain: ClassVar[float] = 0.0
     points_together: ClassVar[str] = "a record of oscillations is prepared as a whole"
-    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
-        {
-            **Experiment.laws,
-            "grain_size": ("piezometric", "constant"),
-            "fabric": ("constant",),
-            "residuals": ("independent",),
-        }
-    )
+    laws: ClassVar[Mapping[str, Sequence[str]]] = {
+        **Experiment.laws,
+        "grain_size": ("piezometric", "constant"),
+        "fabric": ("constant",),
+        "residuals": ("independent",),
+    }
     record: OscillationRecord
     settings: OscillationSettings
     prepared: PreparedOscillation
@@ -209,6 +206,41 @@ class OscillationExperiment(Experiment):
             f"{amplitude * STRAIN_FACTOR:.2g} {STRAIN_UNIT}, background {prepared.background}"
         )
 
+    def to_be_solved(self) -> Self:
+        """Return the test driven by its fitted strain, which is known, whatever its uncertainty.
+
+        Its record sets where it starts.
+        """
+        known = replace(self.prepared, strain_error=self.prepared.strain_error[:0])
+        return replace(self, prepared=known)
+
+    def known_columns(self, at: FloatArray) -> Mapping[str, FloatArray]:
+        """Return the strain, without its trend where that is removed, and the fabric."""
+        return {
+            "strain": self.prepared.strain(at),
+            "fabric_factor": np.full_like(at, FABRIC_OF_OLIVINE),
+        }
+
+    def with_noise(
+        self, response: FloatArray, values: Mapping[str, float], rng: np.random.Generator
+    ) -> Self:
+        """Put noisy stresses and strains in the place of others, with the test's settings."""
+        template, strain_time = self.prepared, self.record.strain_time
+        noise = values["stress_noise"] * template.relative_uncertainty
+        strain = template.strain_fit.periodic(strain_time) + template.strain_fit.trend(strain_time)
+        strain_noise = self.record.strain_uncertainty
+        record = replace(
+            self.record,
+            strain=strain + strain_noise * rng.standard_normal(strain.size),
+            stress_time=template.time,
+            stress=response + noise * rng.standard_normal(response.size),
+            stress_uncertainty=template.uncertainty,
+        )
+        # Where the model starts, too: simulated data have no bias before they are there.
+        settings = template.settings
+        prepared = prepare(record, settings, self.id)
+        return replace(self, record=record, settings=settings, prepared=prepared)
+
     def own_tables(self) -> dict[str, Any]:
         """Return how the record is prepared, and the record; or the imposed cycles."""
         imposed, record, settings = self.imposed, self.record, self.settings
@@ -276,10 +308,3 @@ def with_background(
     others = [one for one in experiment.notices if one not in experiment.prepared.notices]
     notices = (*others, *prepared.notices)
     return replace(experiment, settings=prepared.settings, prepared=prepared, notices=notices)
-
-
-def with_known_strain(experiment: OscillationExperiment) -> OscillationExperiment:
-    """Return the same test with its driving strain taken as known, whatever its uncertainty."""
-    prepared = experiment.prepared
-    known = replace(prepared, strain_error=prepared.strain_error[:0])
-    return replace(experiment, prepared=known)

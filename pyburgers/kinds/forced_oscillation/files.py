@@ -1,7 +1,6 @@
 """Files of forced oscillation tests, and such tests simulated."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,12 +12,11 @@ from pyburgers.common.columns import Column, DataFile, TextFilesTable, read_colu
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, all_of, read_toml
 from pyburgers.common.units import units_text
-from pyburgers.kinds.experiment_file import ExperimentFile, shared_values
+from pyburgers.kinds.experiment_file import ExperimentFile, Kind, shared_values
 from pyburgers.kinds.forced_oscillation.experiment import (
     NO_RECORD,
     ImposedCycles,
     OscillationExperiment,
-    with_known_strain,
 )
 from pyburgers.kinds.forced_oscillation.preparation import (
     Background,
@@ -26,7 +24,6 @@ from pyburgers.kinds.forced_oscillation.preparation import (
     OscillationSettings,
     prepare,
 )
-from pyburgers.kinds.kind import Kind
 
 
 class _OscillationTable(Table):
@@ -122,16 +119,7 @@ def load_forced_oscillation(
         lambda: _read_series(path, data, "strain"),
         lambda: _read_series(path, data, "stress"),
     )
-    strain_time, strain, strain_uncertainty = strain_columns
-    stress_time, stress, stress_uncertainty = stress_columns
-    record = OscillationRecord(
-        strain_time=strain_time,
-        strain=strain,
-        strain_uncertainty=strain_uncertainty,
-        stress_time=stress_time,
-        stress=stress,
-        stress_uncertainty=stress_uncertainty,
-    )
+    record = OscillationRecord(*strain_columns, *stress_columns)
     wanted = OscillationSettings(
         period=file.oscillation.period_s,
         strain_trend_degree=file.oscillation.strain_trend_degree,
@@ -219,51 +207,4 @@ def _read_series(
     return (time, value, *spread), notes
 
 
-FABRIC_OF_OLIVINE = 1.0
-"""Oscillating tests have no fabric evolution (Eq. 5 of the paper)."""
-
-
-class ForcedOscillation(Kind[OscillationExperiment]):
-    """Strain oscillates; the response is the stress along time."""
-
-    load = staticmethod(load_forced_oscillation)
-
-    def without_data(self, experiment: OscillationExperiment) -> OscillationExperiment:
-        """Return the test driven by its fitted strain; its record sets where it starts."""
-        return with_known_strain(experiment)
-
-    def known_columns(
-        self, experiment: OscillationExperiment, at: FloatArray
-    ) -> Mapping[str, FloatArray]:
-        """Return the strain, without its trend where that is removed, and the fabric."""
-        return {
-            "strain": experiment.prepared.strain(at),
-            "fabric_factor": np.full_like(at, FABRIC_OF_OLIVINE),
-        }
-
-    def with_noise(
-        self,
-        experiment: OscillationExperiment,
-        response: FloatArray,
-        values: Mapping[str, float],
-        rng: np.random.Generator,
-    ) -> OscillationExperiment:
-        """Put noisy stresses and strains in the place of others, with the test's settings."""
-        template, strain_time = experiment.prepared, experiment.record.strain_time
-        noise = values["stress_noise"] * template.relative_uncertainty
-        strain = template.strain_fit.periodic(strain_time) + template.strain_fit.trend(strain_time)
-        strain_noise = experiment.record.strain_uncertainty
-        record = replace(
-            experiment.record,
-            strain=strain + strain_noise * rng.standard_normal(strain.size),
-            stress_time=template.time,
-            stress=response + noise * rng.standard_normal(response.size),
-            stress_uncertainty=template.uncertainty,
-        )
-        # Where the model starts, too: simulated data have no bias before they are there.
-        settings = template.settings
-        prepared = prepare(record, settings, experiment.id)
-        return replace(experiment, record=record, settings=settings, prepared=prepared)
-
-
-KIND = ForcedOscillation()
+KIND = Kind(OscillationFile, load_forced_oscillation)

@@ -14,7 +14,7 @@ from scipy.interpolate import make_interp_spline
 
 from pyburgers.common.array_types import FloatArray
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.kinds.forced_oscillation.harmonics import fundamentals, trend_projection
+from pyburgers.kinds.forced_oscillation.harmonics import N_HARMONICS, fundamentals, trend_projection
 from pyburgers.kinds.likelihood import (
     AtMode,
     Chart,
@@ -283,7 +283,6 @@ class OscillationLikelihood(Likelihood[OscillationExperiment]):
     ) -> StanData:
         """Return the block `stan/data/forced_oscillation.stan`, with records of `sheared.stan`."""
         records = [_record(experiment) for experiment in experiments]
-        n_harmonics = max(record["strain_sine"].size for record in records)
         n_background = max(record["background"].size for record in records)
         n_trend = max(record["trend_shape"].shape[1] for record in records)
         return {
@@ -292,16 +291,17 @@ class OscillationLikelihood(Likelihood[OscillationExperiment]):
                 for name in records[0]
                 if np.isscalar(records[0][name])
             },
-            "n_harmonics": n_harmonics,
-            "strain_sine": _padded([record["strain_sine"] for record in records], n_harmonics),
-            "strain_cosine": _padded([record["strain_cosine"] for record in records], n_harmonics),
+            "n_harmonics": N_HARMONICS,
+            "strain_sine": [record["strain_sine"].tolist() for record in records],
+            "strain_cosine": [record["strain_cosine"].tolist() for record in records],
             "n_background": n_background,
             "background": _padded([record["background"] for record in records], n_background),
             "background_range": [record["background_range"] for record in records],
             "error_end": ends(len(record["strain_error"]) for record in records),
-            "strain_error": [
-                row for record in records for row in _error_rows(record, n_harmonics, n_background)
-            ],
+            "strain_error": _padded(
+                [row for record in records for row in record["strain_error"]],
+                2 * N_HARMONICS + n_background,
+            ),
             "stress_observed": np.concatenate([e.stress for e in experiments]).tolist(),
             "tau": np.concatenate([record["tau"] for record in records]).tolist(),
             "relative_noise": np.concatenate(
@@ -354,15 +354,6 @@ class OscillationLikelihood(Likelihood[OscillationExperiment]):
         return super().reading_noise(experiment, values) * experiment.prepared.relative_uncertainty
 
 
-def _error_rows(record: dict[str, Any], n_harmonics: int, n_background: int) -> list[list[float]]:
-    """Errors of sine, cosine and background, each with zeros behind it."""
-    own = record["strain_sine"].size
-    parts = np.split(record["strain_error"], [own, 2 * own], axis=1)
-    sizes = (n_harmonics, n_harmonics, n_background)
-    padded = [_padded(list(part), size) for part, size in zip(parts, sizes, strict=True)]
-    return [[*sine, *cosine, *background] for sine, cosine, background in zip(*padded, strict=True)]
-
-
 def _padded(rows: Sequence[FloatArray], size: int) -> list[list[float]]:
     """Rows with zeros behind them."""
     return [[*row.tolist(), *[0.0] * (size - row.size)] for row in rows]
@@ -389,9 +380,7 @@ def _record(experiment: OscillationExperiment) -> dict[str, Any]:
     amplitude = float(prepared.stress_fit.amplitude()[0])
     lag = prepared.stress_fit.phase()[0] - strain.phase()[0]
     compliance = float(np.hypot(sine, cosine)) / amplitude
-    harmonics_error, background_error = np.split(
-        prepared.strain_error, [2 * strain.n_harmonics], axis=1
-    )
+    harmonics_error, background_error = np.split(prepared.strain_error, [2 * N_HARMONICS], axis=1)
     return {
         "period": period,
         "strain_sine": strain.sine,

@@ -4,14 +4,7 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.kinds.new_file import (
-    LAYOUT,
-    STRESS_ERROR,
-    Columns,
-    NewFile,
-    Question,
-    facts_of,
-)
+from pyburgers.kinds.new_file import LAYOUT, STRESS_ERROR, Columns, NewFile, Question, facts_of
 
 TEMPLATE = f"""
 [oscillation]  # all optional

@@ -2,9 +2,8 @@
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any, ClassVar
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from pyburgers.kinds.loading_history.stages import (
 )
 from pyburgers.model.display import time_unit
 from pyburgers.model.read_quantities import STRAIN, STRESS
+from pyburgers.model.residual_laws import draw_residuals
 
 PULLING = 0.3
 """Reading in extension, over the largest one, that is more than an error."""
@@ -62,7 +62,7 @@ class HistoryExperiment(Experiment):
 
     protocol: ClassVar[str] = "loading_history"
     of_points: ClassVar[tuple[str, ...]] = ("time", "reading_stage", "reading")
-    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType({})
+    laws: ClassVar[Mapping[str, Sequence[str]]] = {}
     residual_correlation: ClassVar[str] = "residual_correlation_time"
     small_strain: ClassVar[float] = 5e-5
     stages: tuple[Stage, ...]
@@ -261,6 +261,28 @@ class HistoryExperiment(Experiment):
             f"{self.id}: {self.material}, {self.temperature_text}, "
             f"{n_stages} {'stage' if n_stages == 1 else 'stages'}, {self.provenance.kind} data"
         )
+
+    def to_be_solved(self) -> Self:
+        """Return the test with its readings, which set the scales of the solution."""
+        return replace(self, microstructure=())
+
+    def reading_places(self) -> tuple[FloatArray, IntArray]:
+        """Return times at which a solution holds every reading, and the place of each among them.
+
+        A reading at the start of a stage stands behind the jump there, so that its time comes
+        twice.
+        """
+        start = np.array([stage.start_time for stage in self.stages])
+        is_behind = (self.reading_stage > 0) & (self.time == start[self.reading_stage])
+        return np.repeat(self.time, 1 + is_behind), np.cumsum(1 + is_behind) - 1
+
+    def with_noise(
+        self, response: FloatArray, values: Mapping[str, float], rng: np.random.Generator
+    ) -> Self:
+        """Put readings with residuals, which may correlate in time, in the place of others."""
+        sizes = np.array([values["stress_noise"], values.get("strain_noise", 0.0)])
+        residuals = draw_residuals(self, sizes[self.quantity], self.reading_stage, values, rng)
+        return replace(self, reading=response + residuals)
 
     def own_tables(self) -> dict[str, Any]:
         """Return stages, apparatus, readings and microstructure."""

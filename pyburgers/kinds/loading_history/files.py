@@ -1,12 +1,10 @@
 """Files of loading histories: what a file says, read and written (docs/loading_history.md)."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import pandas as pd
 from pydantic import Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
@@ -20,6 +18,7 @@ from pyburgers.kinds.experiment_file import (
     SIGNS_WERE_TURNED,
     Compression,
     ExperimentFile,
+    Kind,
     MeasuredTable,
     check_increasing,
     measured_row,
@@ -28,7 +27,6 @@ from pyburgers.kinds.experiment_file import (
     sign_of,
     strain_factor,
 )
-from pyburgers.kinds.kind import Kind, draw_residuals
 from pyburgers.kinds.loading_history.driver import thinned
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.readings import (
@@ -44,14 +42,7 @@ from pyburgers.kinds.loading_history.stage_tables import (
     read_stages,
     stage_bounds,
 )
-from pyburgers.kinds.loading_history.stages import (
-    Leg,
-    Measure,
-    Stage,
-    StageTable,
-    legs_of,
-)
-from pyburgers.kinds.loading_history.stan_data import times_of_readings
+from pyburgers.kinds.loading_history.stages import Leg, Measure, Stage, StageTable, legs_of
 from pyburgers.kinds.loading_history.true_readings import (
     check_loaded,
     true_readings,
@@ -148,6 +139,7 @@ def load_loading_history(path: Path, tables: Mapping[str, Any] | None = None) ->
     found = responses(path, test.readings, response)
     used, more = _used(test, found, stages, file.data)
     time, reading_stage, reading = used
+    n_in_file = None if file.data is None else file.data.readings_in_file
     apparatus = _apparatus(file)
     microstructure = _sections(
         test,
@@ -167,7 +159,7 @@ def load_loading_history(path: Path, tables: Mapping[str, Any] | None = None) ->
         strain_uncertainty=test.strain_error,
         apparatus_compliance=apparatus,
         strain_offset=offset,
-        n_readings_in_file=_n_in_file(file.data, found[0].size),
+        n_readings_in_file=found[0].size if n_in_file is None else n_in_file,
         microstructure=microstructure,
         notices=tuple(dict.fromkeys([*file.notices, *changes, *more])),
     )
@@ -275,12 +267,6 @@ def _used(
     return (time[chosen], stage[chosen], value[chosen]), notices
 
 
-def _n_in_file(data: HistoryDataTable | None, found: int) -> int:
-    if data is None or data.readings_in_file is None:
-        return found
-    return data.readings_in_file
-
-
 def _sections(
     test: StageSource,
     tables: Sequence[SectionTable],
@@ -351,37 +337,4 @@ def _check_strain(
         )
 
 
-class LoadingHistoryKind(Kind[HistoryExperiment]):
-    """Strain or stress is imposed in stages; the other one is read along time."""
-
-    load = staticmethod(load_loading_history)
-
-    def without_data(self, experiment: HistoryExperiment) -> HistoryExperiment:
-        """Return the test with its readings, which set the scales of the solution."""
-        return replace(experiment, microstructure=())
-
-    def simulated_positions(self, experiment: HistoryExperiment) -> FloatArray:
-        """Return the times of the readings, twice where one stands behind a jump."""
-        return times_of_readings(experiment)[0]
-
-    def response_in(self, experiment: HistoryExperiment, solution: pd.DataFrame) -> FloatArray:
-        """Return stress or strain of every reading."""
-        at_readings = solution.iloc[times_of_readings(experiment)[1]]
-        is_strain = experiment.response_is_strain
-        return np.where(is_strain, at_readings["strain"], at_readings["stress_Pa"])
-
-    def with_noise(
-        self,
-        experiment: HistoryExperiment,
-        response: FloatArray,
-        values: Mapping[str, float],
-        rng: np.random.Generator,
-    ) -> HistoryExperiment:
-        """Put readings with residuals, which may correlate in time, in the place of others."""
-        sizes = np.array([values["stress_noise"], values.get("strain_noise", 0.0)])
-        noise, stage = sizes[experiment.quantity], experiment.reading_stage
-        residuals = draw_residuals(experiment, noise, stage, values, rng)
-        return replace(experiment, reading=response + residuals)
-
-
-KIND = LoadingHistoryKind()
+KIND = Kind(LoadingHistoryFile, load_loading_history)

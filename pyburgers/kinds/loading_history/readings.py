@@ -332,29 +332,18 @@ def _gone_on(time: FloatArray, value: FloatArray, end: float, beside: float) -> 
     return float(np.clip(drawn, min(value[1], beside), max(value[1], beside)))
 
 
-@dataclass(frozen=True)
-class StartStrain:
-    """Strain at the start of a stage.
-
-    `value`: true strain of the sample (fraction), without the zero of the readings.
-    `slack`: how much it may have changed since it was read; 0 where it was imposed.
-    """
-
-    value: float
-    slack: float
-
-
 def strain_at_start(
     before: Sequence[Stage], readings: Readings, zero: float, *, read_there: bool
-) -> StartStrain | None:
-    """Return the strain at the end of stages, None where stress was imposed and no strain read.
+) -> tuple[float, float] | None:
+    """Return the true strain of the sample at the end of stages, and its slack.
 
-    After an imposed stress it is the last reading, and what was imposed since. Its slack is the
-    change from the reading before, for the time that stress was imposed after it.
+    None where stress was imposed and no strain read. After an imposed stress the strain is the last
+    reading, without the zero of the readings, and what was imposed since. Its slack is the change
+    from the reading before, for the time that stress was imposed after it; else 0.
     """
     loaded = [number for number, stage in enumerate(before) if stage.driven == "stress"]
     if not loaded:
-        return StartStrain(_imposed(before, 0.0), 0.0)
+        return _imposed(before, 0.0), 0.0
     last, now = loaded[-1], before[-1].end_time
     there = (readings.stage >= last) & (readings.time <= now) & np.isfinite(readings.strain)
     there &= (readings.stage < len(before)) | read_there
@@ -364,10 +353,10 @@ def strain_at_start(
     value = float(strain[-1]) + _imposed(before[last + 1 :], float(time[-1]))
     earlier = np.flatnonzero(time < time[-1])
     if earlier.size == 0:
-        return StartStrain(value, abs(float(strain[0])))
+        return value, abs(float(strain[0]))
     k = earlier[-1]
     longer = (before[last].end_time - time[-1]) / (time[-1] - time[k])
-    return StartStrain(value, float(abs(strain[-1] - strain[k]) * max(1.0, longer)))
+    return value, float(abs(strain[-1] - strain[k]) * max(1.0, longer))
 
 
 def _imposed(stages: Sequence[Stage], since: float) -> float:

@@ -138,11 +138,12 @@ def _check_jump(
     start = strain_at_start(before, source.readings, zero, read_there=False)
     if start is None:
         return
-    jumps = [strain - zero - start.value, *([strain - start.value] if given else [])]
-    if min(map(abs, jumps)) > tolerance + start.slack + TOLERANCE * sd:
+    value, slack = start
+    jumps = [strain - zero - value, *([strain - value] if given else [])]
+    if min(map(abs, jumps)) > tolerance + slack + TOLERANCE * sd:
         raise InputError(
             f"{source.path}: [[stages]] number {len(before) + 1}: found a jump of the strain, from "
-            f"{zero + start.value:g} to {strain:g}, expected a series that starts where the strain "
+            f"{zero + value:g} to {strain:g}, expected a series that starts where the strain "
             "is (a zero of strain stands in [strain_offset])."
         )
 
@@ -294,7 +295,7 @@ class _StageReader:
                 f"{self.where}: found an engineering strain rate after an imposed stress without a "
                 "reading of the strain, expected 'strain_column' in [data] to tell the length."
             )
-        return start.value
+        return start[0]
 
     def _given_series(self, knots: Sequence[Sequence[float]], stress: float) -> Stage:
         """Corners as they stand in the file."""

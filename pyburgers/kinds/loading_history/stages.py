@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -130,16 +129,14 @@ def _start_and_rate(stage: Stage) -> tuple[float, float]:
     return stage.start_stress or 0.0, stage.value
 
 
-OWN_KEYS: Mapping[Control, tuple[str, ...]] = MappingProxyType(
-    {
-        "strain_rate": ("strain_rate_per_s",),
-        "stress": ("stress",),
-        "stress_rate": ("stress_rate", "start_stress"),
-        "strain_series": ("knots", "tolerance"),
-        "stress_series": ("knots", "tolerance"),
-        "hold_strain": (),
-    }
-)
+OWN_KEYS: Mapping[Control, tuple[str, ...]] = {
+    "strain_rate": ("strain_rate_per_s",),
+    "stress": ("stress",),
+    "stress_rate": ("stress_rate", "start_stress"),
+    "strain_series": ("knots", "tolerance"),
+    "stress_series": ("knots", "tolerance"),
+    "hold_strain": (),
+}
 """Keys of a stage that only some controls have; the first is needed, but for knots."""
 
 

@@ -20,12 +20,7 @@ from pyburgers.kinds.stan_data import StanData, ends
 from pyburgers.model.arrhenius import GAS_CONSTANT, log_slowdown
 from pyburgers.model.kelvin_elements import element_rows
 from pyburgers.model.laws import RELAXATION_TIMES
-from pyburgers.model.parameters import (
-    ENVIRONMENT,
-    ENVIRONMENT_NUMBERS,
-    PLACE,
-    STANDARD_VALUES,
-)
+from pyburgers.model.parameters import ENVIRONMENT, ENVIRONMENT_NUMBERS, PLACE, STANDARD_VALUES
 from pyburgers.model.prior_families import Prior, is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of
@@ -256,22 +251,9 @@ def stage_of_times(experiment: HistoryExperiment, time: FloatArray) -> IntArray:
     return stage_of_leg[leg_of_times(experiment, time)]
 
 
-def times_of_readings(experiment: HistoryExperiment) -> tuple[FloatArray, IntArray]:
-    """Return times at which a solution holds every reading, and the place of each among them.
-
-    A reading at the start of a stage stands behind the jump there, so that its time comes twice.
-    """
-    start = np.array([stage.start_time for stage in experiment.stages])
-    is_behind = (experiment.reading_stage > 0) & (
-        experiment.time == start[experiment.reading_stage]
-    )
-    time = np.repeat(experiment.time, 1 + is_behind)
-    return time, np.cumsum(1 + is_behind) - 1
-
-
 def leg_of_readings(experiment: HistoryExperiment) -> IntArray:
     """Return the leg of each reading, from 0."""
-    time, place = times_of_readings(experiment)
+    time, place = experiment.reading_places()
     return np.asarray(leg_of_times(experiment, time)[place])
 
 

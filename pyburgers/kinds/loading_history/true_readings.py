@@ -88,15 +88,14 @@ def unlike_imposed(readings: Readings, stages: Sequence[Stage]) -> list[str]:
         if stage.driven == "strain":
             read, imposed = read - read[0], imposed - imposed[0]
         elsewhere = imposed_stresses(legs) if stage.driven == "stress" else imposed_strains(legs)
-        largest = float(np.abs([*read, *imposed, *elsewhere]).max())
-        far = departure(read, imposed, largest)
+        far = departure(read, imposed, float(np.abs([*read, *imposed, *elsewhere]).max()))
         if far is not None:
-            in_mpa = f"{far.largest / 1e6:.3g} MPa"
+            largest, first = far
+            shown = f"{largest / 1e6:.3g} MPa" if stage.driven == "stress" else f"{largest:.3g}"
             found.append(
                 f"Stage {number + 1}: the {stage.driven} that was read lies up to "
-                f"{in_mpa if stage.driven == 'stress' else f'{far.largest:.3g}'} from the one that "
-                f"is imposed, which it leaves at {time[far.first]:.4g} s; check units, signs and "
-                "what is imposed."
+                f"{shown} from the one that is imposed, which it leaves at {time[first]:.4g} s; "
+                "check units, signs and what is imposed."
             )
     return found
 

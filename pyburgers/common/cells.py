@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from datetime import date
 from typing import Literal
 
-from pyburgers.common.units import UNIT_TABLE, unit_spelled
+from pyburgers.common.units import FOREIGN_UNIT_NAMES, UNIT_TABLE, unit_spelled
 
 CellKind = Literal["number", "text", ""]
 
@@ -43,7 +43,7 @@ LONGEST_NUMBER = 200
 _KNOWN_UNITS = "|".join(re.escape(unit) for units in UNIT_TABLE.values() for unit in units)
 _OTHER_UNITS = (
     r"sec(?:onds?)?|minutes?|hrs?|hours?|d|days?|[mµμu]s|%|°?c|°?f|deg(?: ?c)?|°|kpa|psi|ksi|bar"
-    r"|k?n|lbf?|[cµμ]m|in|khz|m?v|[mµμu]strain|[µμu]ε|ohm"
+    r"|k?n|lbf?|[cµμ]m|in|khz|[mµμu]?v|[mµμu]strain|[µμu]ε|ohm|k?g|ml|counts?|h?h:mm(?::ss)?"
 )
 _UNIT = rf"{_OTHER_UNITS}|{_KNOWN_UNITS}"
 _UNITS = re.compile(
@@ -78,7 +78,15 @@ def is_unit(cell: str) -> bool:
         or _IN_BRACKETS.fullmatch(cell) is not None
         or any(map(_UNITS.fullmatch, (cell, unit)))
         or any(unit_spelled(cell.lower(), quantity) for quantity in UNIT_TABLE)
+        or any(re.fullmatch(FOREIGN_UNIT_NAMES[kind], cell.lower()) for kind in ("stress", "time"))
     )
+
+
+def are_mostly_units(cells: Sequence[str]) -> bool:
+    """Whether more than half of the cells that are filled are units, and none is a number."""
+    found = [is_unit(cell) for cell in cells if kind_of(cell)]
+    is_text = all(kind_of(cell) != "number" for cell in cells)
+    return is_text and 2 * sum(found) > len(found)
 
 
 def are_units(cells: Sequence[str]) -> bool:

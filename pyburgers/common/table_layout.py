@@ -11,7 +11,14 @@ from pathlib import Path
 from typing import Any, TypeVar
 from unicodedata import category
 
-from pyburgers.common.cells import CellKind, Row, are_units, kind_of, names_between_blanks
+from pyburgers.common.cells import (
+    CellKind,
+    Row,
+    are_mostly_units,
+    are_units,
+    kind_of,
+    names_between_blanks,
+)
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_bytes
 
@@ -246,12 +253,17 @@ def _blocks(rows: Sequence[Row], numeric: frozenset[int]) -> list[tuple[int, int
 def _head(
     above: Sequence[Row], separator: str, width: int
 ) -> tuple[tuple[str, ...] | None, tuple[str, ...] | None, int]:
-    """Return the names and units in the rows above the numbers, and how many rows they are."""
+    """Return the names and units in the rows above the numbers, and how many rows they are.
+
+    Below a text for each column a row of units may hold some that are not known.
+    """
     if not above:
         return None, None, 0
-    last = above[-1][1]
-    if len(above) > 1 and are_units(last) and not are_units(above[-2][1]):
-        names = _names(above[-2][1], separator, width)
+    last, before = above[-1][1], above[-2][1] if len(above) > 1 else ()
+    is_full = [*map(kind_of, before)].count("text") == width
+    has_units = are_units(last) or (is_full and are_mostly_units(last))
+    if before and has_units and not are_units(before):
+        names = _names(before, separator, width)
         if names is not None:
             return names, last, 2
     names = _names(last, separator, width)

@@ -91,7 +91,7 @@ FOREIGN_UNIT_NAMES: Mapping[str, str] = {
     "strain": r"[mμ](?:icro|illi)?_?(?:strain|ε)|[(\[](?:milli|micro)[)\]]|ppm|‰"
     r"|[mμu]m/m(?!m)|%o|(?<![a-z/])(?:mm|cm|μm|um|in|inch|inches)(?![a-z/])",
     "stress": r"[khm]bar|(?<![a-z])(?:[kh]pa|psi|ksi|bar|atm|[km]n|kgf?|lb[fs]?|lbsf|pounds?"
-    r"|kips?|tons?|torr|mmhg|dynes?)(?![a-z])|dyn ?/|n/ ?(?:cm|in)|[(\[]n[)\]]|load_?n$"
+    r"|kips?|ton[fs]?|tf|kp|torr|mmhg|dynes?)(?![a-z])|dyn ?/|n/ ?(?:cm|in)|[(\[]n[)\]]|load_?n$"
     r"|normali[sz]|(?<![a-z])[eg]/[eg]|[(\[] ?(?:-|dimensionless|unitless) ?[)\]]",
     "time": r"day|week|month|year|(?<![a-z])(?:d|yrs?|[kmμun]s(?:ec)?|tagen?|wochen?|monaten?"
     r"|jahren?|jours?|semaines?|mois|ann?ees?)(?![a-z])|normali[sz]|reduced",

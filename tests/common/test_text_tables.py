@@ -47,6 +47,14 @@ LAYOUTS = {
         "Running Time\tAxial Displacement\tAxial Force\nSec\tmm\tkN\n" + rows("\t"),
         ["Running Time [Sec]", "Axial Displacement [mm]", "Axial Force [kN]"],
     ),
+    "thermal simulator": (
+        "TIME\tStrain\tForce\nsec\t\tkp\n" + rows("\t"),
+        ["TIME [sec]", "Strain", "Force [kp]"],
+    ),
+    "units that files do not know": (
+        "Time,Strain,Force,Count\nday,%,MPa,ADU\n" + rows(",", before="1,"),
+        ["Time [day]", "Strain [%]", "Force [MPa]", "Count [ADU]"],
+    ),
     "dynamic analyser, Latin-1": (
         ("Probe: Salz 1\r\nLänge 10,0 mm\r\n\r\nFrequenz;|E*|;tan delta\r\nHz;MPa;\r\n").encode(
             "cp1252"

@@ -340,8 +340,8 @@ def contradictions(
         own = temperature_range(experiment)
         words = COLUMN_NAMES["temperature"].words
         is_beside = any(place > 2 and re.search(word, plain(guessed.name)) for word, place in words)
-        apart = max(own[0] - ends[1], ends[0] - own[1])
-        if apart >= MAX_TEMPERATURE_DIFFERENCE and not is_beside:
+        outside = max(own[0] - ends[0], ends[1] - own[1])
+        if outside >= MAX_TEMPERATURE_DIFFERENCE and not is_beside:
             yield (
                 f"{look.path.name}: column {guessed.column!r} holds {span_text(ends, digits=6)} K, "
                 f"but the test is at {span_text(own, digits=6)} K; check both."

@@ -22,7 +22,7 @@ from pyburgers.common.paths import shown
 from pyburgers.common.scratch import scratch_folder
 from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.common.toml_files import read_tables
-from pyburgers.common.units import UNIT_TABLE, units_text
+from pyburgers.common.units import UNIT_TABLE, span_text, units_text
 from pyburgers.kinds.column_names import ALONG_AXIS, COLUMN_NAMES
 from pyburgers.kinds.guessed_columns import (
     GuessedColumn,
@@ -309,12 +309,10 @@ def _temperature_use(columns: Columns, given: Mapping[str, Any]) -> Mapping[str,
     if highest is None:
         return {}
     use = "its highest value alone is used, as the temperature of the test"
-    holds = columns["temperature"].si
-    if np.ptp(holds[np.isfinite(holds)]) > 0:
-        use += f"; it holds {np.nanmin(holds):g} to {highest:g} K"
     if stated is not None:
-        use = f"--temperature-K {stated:g} takes its place; its highest value is {highest:g} K"
-    return {"temperature": use}
+        use = f"--temperature-K {stated:g} takes its place"
+    ends = float(np.nanmin(columns["temperature"].si)), highest
+    return {"temperature": f"{use}; it holds {span_text(ends, digits=6)} K"}
 
 
 @dataclass(frozen=True)

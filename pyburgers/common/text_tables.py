@@ -54,7 +54,7 @@ class TextTable:
     `rows`: number of the line from 1, and cells as they stand in the file.
     `units`: cells of a row of units under the names.
     `missing`: cells that are said to stand for no reading; None where they are to be found.
-    `comments`: number and text of each line that is skipped.
+    `comments`: number and text of each line that is skipped, and of rows ahead of the table.
     `layout_notes`, `problems`: what was done to find the table; what keeps rows from being read.
     `is_in_memory`: whether the columns were arrays; rows are then numbered from 1.
     `elapsed`: columns of elapsed times in memory, which became seconds.
@@ -339,7 +339,7 @@ def _table_in(
         rows=layout.rows,
         units=layout.units,
         missing=None if missing is None else tuple(missing),
-        comments=tuple(comments),
+        comments=(*comments, *_ahead(filled, between, layout.first_line)),
         layout_notes=layout.notes,
     )
     problems = (
@@ -349,6 +349,14 @@ def _table_in(
         *_doubtful_commas(table),
     )
     return replace(table, problems=problems)
+
+
+def _ahead(rows: Sequence[Row], between: str, first_line: int) -> Iterator[tuple[int, str]]:
+    """Return the rows that were passed over ahead of the table; two cells say one thing."""
+    for number, cells in rows:
+        if number < first_line:
+            said = [cell for cell in cells if cell]
+            yield number, (" " if len(said) == 2 else between).join(said)
 
 
 def _open_quotes(path: Path, lines: Sequence[int]) -> Iterator[str]:

@@ -10,17 +10,20 @@ from dataclasses import dataclass
 
 from pyburgers.common.units import FOREIGN_UNIT_NAMES, unit_in, unit_spelled
 
-CONFINING = re.compile(r"confin|cell.?p|hydrostat|(?:seiten|mantel|umlagerungs|zell)druck")
-"""Pattern of columns of the pressure on a sample."""
+CONFINING = re.compile(
+    r"confin|(?<![a-z])p?conf(?![a-z])|cell.?p|hydrostat|(?:seiten|mantel|umlagerungs|zell)druck"
+    r"|(?<![a-z])(?:gas|oil).{0,2}p(?:ress|(?![a-z]))|(?:radial|lateral).?(?:stress|spannung)"
+    r"|^(?:sigma|sig|σ|s)[_ ]?[23](?![0-9a-z])|^pc?(?![a-z])"
+)
+"""Pattern of columns of the pressure on a sample, or of stresses across its axis."""
 
 
 OTHER_QUANTITIES = re.compile(
     r"(?<![a-z])(?:strain|stress|(?:def|ver|dehn|stauch)\w*)?.?rate(?![a-z])|(?<![a-z])taux|eps\w*dot"
     r"|^(?!.*freq|.*omega|.*ω|[fw](?![a-z])).*(?<!rad)(?:/ ?|(?= ?s\^?-1))s(?:ec|\^?-1)? ?[)\]]"
     rf"|{CONFINING.pattern}|pore|radial|lateral|quer|(?<![a-z])vol"
-    r"|(?:gas|oil|fluid|water|ambient).{0,2}press|compliance|viscos|strain.?ampl|vitesse|geschwindigkeit"
+    r"|(?:fluid|water|ambient).{0,2}press|compliance|viscos|strain.?ampl|vitesse|geschwindigkeit"
     r"|bulk.?mod|kompressionsmod|unrelax"
-    r"|^(?:sigma|sig|σ|s)_?[23](?![0-9a-z])|^p(?:c|conf)?(?![a-z])"
 )
 """Pattern of columns that resemble a quantity and are another one: strain rates, compliances,
 bulk and unrelaxed moduli, pressures and strains across the axis."""
@@ -173,10 +176,11 @@ ANGLES = re.compile(r"^(?!.*tan).*(?:angle|winkel|phase|^delta|^δ)")
 
 
 ERRORS = re.compile(
-    r"err|(?<![a-z])unc|std(?:ev|dev|_|$)|(?:^|[_ ])sd(?![a-z])|±|(?:^|[_ ])se(?:$|[_ (\[])"
+    r"err|(?<![a-z])unc|^(?!.*(?:zeit|dauer)).*(?<![a-z])std(?![a-z])"
+    r"|(?<![a-z])st(?:d|andard)?.{0,2}dev|(?:^|[_ ])sd(?![a-z])|±|(?:^|[_ ])se(?:$|[_ (\[])"
     r"|(?<![\d.])[12] ?_?(?:σ|sigma)(?![_ ]?\d)"
 )
-"""Pattern of columns of standard deviations."""
+"""Pattern of columns of standard deviations; beside a German time, std are hours."""
 
 
 OTHER_ERRORS = re.compile(r"(?<![\d.])2 ?_?(?:σ|sigma|s\.?[de](?![a-z]))|95 ?(?:%|percent|_?ci)")

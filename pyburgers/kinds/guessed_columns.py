@@ -10,7 +10,7 @@ import numpy as np
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.cells import as_number, has_date
 from pyburgers.common.text_tables import TextTable
-from pyburgers.common.units import UNIT_TABLE, Unit
+from pyburgers.common.units import UNIT_TABLE, Unit, span_text
 from pyburgers.kinds.column_names import (
     ALONG_AXIS,
     COLUMN_NAMES,
@@ -42,6 +42,10 @@ DIFFERENTIAL_PLACE, MIN_CONFINING_SHARE = 0, 0.05
 
 MAX_RELATIVE_DIFFERENCE = 1e-3
 """Relative difference of columns that hold the same numbers in different units."""
+
+
+VALUE = re.compile(r"(?<![^\s:=])\d[\d.,e+-]* ?[^\W\d]+$", re.IGNORECASE)
+"""Pattern of a number with its unit at the end, such as a duration: no unit of a column."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,11 +186,11 @@ def left_out(
             )
             if OTHER_QUANTITIES.search(name):
                 by_itself = f"its name is that of {OTHER_WORDS}"
+                if CONFINING.search(name):
+                    by_itself = "laws depend on one pressure at most, that of the key pressure_Pa"
                 if numbers := table.numbers(column):
-                    ends = dict.fromkeys(f"{end:g}" for end in (min(numbers), max(numbers)))
-                    by_itself += f"; it holds {' to '.join(ends)}"
-            if CONFINING.search(name):
-                by_itself = "laws depend on one pressure at most, which the key pressure_Pa states"
+                    ends = span_text((min(numbers), max(numbers)), digits=6)
+                    by_itself += f"; the column holds {ends}"
             if not table.numbers(column):
                 cell = next(filter(None, table.cleaned(table.columns.index(column))), "")
                 by_itself = f"it holds no numbers{f', but such as {cell[:20]!r}' if cell else ''}"
@@ -196,11 +200,12 @@ def left_out(
 
 
 def units_in_comments(table: TextTable, read: Mapping[str, GuessedColumn]) -> Iterator[str]:
-    """Say which comment lines state another unit than a column has whose name states none."""
+    """Say which lines ahead of a table state another unit than a column whose name states none."""
     parts = [
         (line, part, plain(part))
         for line, text in table.comments
         for part in map(str.strip, re.split(r"[,;\t]", text))
+        if not VALUE.search(part)
     ]
     for quantity, guessed in read.items():
         if guessed.told_by not in (BY_NUMBERS, BY_NOTHING):
@@ -269,9 +274,13 @@ def _confined_by(table: TextTable, stress: GuessedColumn) -> str | int | None:
         return None
     for column in table.columns:
         name = plain(table.described(column))
-        if column == stress.column or not OTHER_QUANTITIES.search(name) or "rate" in name:
+        is_pressure = CONFINING.search(name) or re.search(r"pressure|(?<!com)pression", name)
+        is_other = OTHER_QUANTITIES.search(name) and "rate" not in name
+        if column == stress.column or not (is_pressure or is_other):
             continue
         unit = unit_of_name(name, "stress", is_chosen=True)
+        if unit is None and is_pressure:
+            unit = stress.unit
         if unit and table.numbers(column):
             beside = float(np.median(table.numbers(column))) * UNIT_TABLE["stress"][unit].factor
             least, largest = np.nanmin(stress.si), np.nanmax(stress.si)

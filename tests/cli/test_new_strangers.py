@@ -146,14 +146,61 @@ def test_the_same_numbers_in_two_units_are_no_rivals(table: Table) -> None:
     assert columns["time"].unit == "s"
 
 
-@pytest.mark.parametrize("stress", ["sigma1 (MPa)", "Axial stress (MPa)", "Stress (MPa)"])
+@pytest.mark.parametrize(
+    ("stress", "beside"),
+    [
+        ("sigma1 (MPa)", "sigma3 (MPa)"),
+        ("Stress (MPa)", "Sigma 3 (MPa)"),
+        *(
+            ("Axial stress (MPa)", name)
+            for name in (
+                *("Confining pressure", "Pc", "P conf", "Pconf", "Cell pressure", "sigma3"),
+                *("Radial stress", "Conf. pressure (MPa)", "Conf P (MPa)", "Conf. press.", "Gas P"),
+                *("Pressure (MPa)", "sigma3 (MPa)"),
+            )
+        ),
+    ],
+)
 def test_the_total_stress_along_the_axis_is_no_differential_stress(
-    stress: str, table: Table, capsys: pytest.CaptureFixture[str]
+    stress: str, beside: str, table: Table, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = table(**{"strain (%)": PERCENT, stress: CURVE + 300, "sigma3 (MPa)": 300.0})
+    path = table(**{"strain (%)": PERCENT, stress: CURVE + 300, beside: 300.0})
     command = ["new", str(path), *KNOWN, *RATE]
-    assert_refused(command, capsys, "never below column 'sigma3 (MPa)'")
+    assert_refused(command, capsys, f"never below column {beside!r}")
     assert main([*command, "--stress-column", stress]) == 0
+
+
+@pytest.mark.parametrize("beside", ["Radial strain", "Compressive strain rate", "Load (MPa)"])
+def test_other_columns_beside_a_stress_are_no_pressure(beside: str, table: Table) -> None:
+    path = table(**{"strain (%)": PERCENT, "True stress (MPa)": 0.01 * CURVE + 1, beside: 1.0})
+    assert main(["new", str(path), *KNOWN, *RATE]) == 0
+
+
+def test_a_temperature_that_leaves_the_stated_one_is_told(
+    table: Table, capsys: pytest.CaptureFixture[str]
+) -> None:
+    heated = np.linspace(-40, -3, TIME.size)
+    path = table(**{"strain (%)": PERCENT, "stress (MPa)": CURVE, "T (C)": heated})
+    assert main(["new", str(path), *KNOWN, *RATE]) == 0
+    out = capsys.readouterr().out
+    assert "--temperature-K 263 takes its place; it holds 233.15 to 270.15 K" in out
+    assert "column 'T (C)' holds 233.15 to 270.15 K, but the test is at 263 K; check both" in out
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity"),
+    [
+        ("Stress std (MPa)", "stress_uncertainty"),
+        ("Stress std.dev. (MPa)", "stress_uncertainty"),
+        ("stress_std", "stress_uncertainty"),
+        ("std of the stress", "stress_uncertainty"),
+        ("Strain stdev (%)", "strain_uncertainty"),
+        ("Zeit (Std)", "time"),
+        ("Test deviator stress (MPa)", "stress"),
+    ],
+)
+def test_std_is_an_error_unless_it_is_hours(name: str, quantity: str, table: Table) -> None:
+    assert [*guess_columns(look_at(table(**{name: PERCENT, "Count": CURVE})))] == [quantity]
 
 
 LONG = np.array([0, 30, 60, 120, 240, 480, 900, 1800, 2700, 3600, 5400, 7200, 10800.0])
@@ -279,9 +326,13 @@ def test_times_that_go_back_are_told_and_suggest_no_rate(
         ),
         ("# Time in hours; stress (MPa)\n", ["line 1 ('Time in hours')"]),
         ("# creep of ice for 3 h under a load\n# time: s, strain rate: 1/h\n", []),
+        (
+            "Time unit: h\nStress unit,kPa\nTest time,3 h\n",
+            ["line 1 ('Time unit: h')", "line 2 ('Stress unit kPa')"],
+        ),
     ],
 )
-def test_units_in_comments_are_told(
+def test_units_ahead_of_the_names_are_told(
     comments: str, told: Sequence[str], table: Table, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = table(time=TIME, stress=CURVE, strain=PERCENT)

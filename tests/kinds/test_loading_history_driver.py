@@ -152,6 +152,8 @@ def test_one_rate_has_no_steps(noise: float) -> None:
     time = np.linspace(10, 5000, 100)
     assert rate_steps(time, 1e-5 * time + noise * rng.standard_normal(100)) == ()
     assert rate_steps(time, 0.01 * np.sqrt(time / 5000)) == ()
+    held = np.minimum(time, time[50])
+    assert rate_steps(time, 1e-5 * held + 1e-11 * time) == ()
 
 
 def test_creep_under_two_loads_is_driven_by_the_stress() -> None:

@@ -37,9 +37,9 @@ TURNED_TOLERANCE = 1e-3
 """The least tolerance, in shares of the largest value: 0.1 % of a stress moves the rate by less
 than a percent, and a series without noise would otherwise get a corner at every reading."""
 
-MIN_RATE_RATIO, MAX_RATES, MAX_LOOKED_AT = 1.2, 20, 1000
-"""Ratio of rates from which one follows the other by a step, how many a test has at most, and how
-many of its readings are looked at."""
+MIN_RATE_RATIO, MIN_RATE_SHARE, MAX_RATES, MAX_LOOKED_AT = 1.2, 1e-5, 20, 1000
+"""Ratio of rates from which one follows the other by a step, share of the largest up to which a
+rate is none, how many rates a test has at most, and how many of its readings are looked at."""
 
 
 def distances_from_neighbours(at: FloatArray, value: FloatArray) -> FloatArray:
@@ -192,9 +192,9 @@ def rate_steps(times: FloatArray, strains: FloatArray) -> tuple[tuple[float, flo
     long = np.diff(np.searchsorted(time, corner)) > 1
     rate, strain_at_0 = (np.diff(value) / np.diff(corner))[long], value[:-1][long]
     strain_at_0 = strain_at_0 - rate * corner[:-1][long]
-    if not 1 < rate.size <= MAX_RATES or not all(
-        min(two) > 0 and max(two) >= MIN_RATE_RATIO * min(two) for two in pairwise(rate)
-    ):
+    if not 1 < rate.size <= MAX_RATES or rate.min() <= MIN_RATE_SHARE * rate.max():
+        return ()
+    if not all(max(two) >= MIN_RATE_RATIO * min(two) for two in pairwise(rate)):
         return ()
     start = strain_at_0[:-1] - rate[:-1] * np.diff(strain_at_0) / np.diff(rate)
     if not np.all(np.diff([0.0, *start, strain.max()]) > 0):

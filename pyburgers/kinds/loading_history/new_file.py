@@ -263,6 +263,8 @@ def _hold_of(columns: Columns) -> int | None:
     if time.size == 0:  # read in turn
         return None
     first = Facts(strain).held_from
+    if first:  # a stress that rises still is of the loading
+        first += int(np.argmax(np.abs(falling[first:])))
     stress_then, strain_then = Facts(falling[first:]), Facts(strain[first:])
     is_long = time[-1] - time[first] >= MIN_HELD_SHARE * (time[-1] - time[0]) > 0
     at_once = np.abs(np.diff(stress_then.values)).max(initial=0.0) > MAX_SHARE_AT_ONCE * np.ptp(

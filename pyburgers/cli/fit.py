@@ -1,9 +1,11 @@
 """`pyburgers fit`: one test, or several in a joint fit."""
 
 import argparse
+import logging
 from dataclasses import replace
 from pathlib import Path
 
+from pyburgers.cli.hints import hints, looks
 from pyburgers.cli.shared import (
     add_model_options,
     add_options_of_runs_there,
@@ -15,6 +17,7 @@ from pyburgers.cli.shared import (
 from pyburgers.cli.terminal import print_checks, print_lines, print_table
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
+from pyburgers.common.toml_files import read_tables
 from pyburgers.comparison.conclusions import what_a_yes_leaves_open
 from pyburgers.fitting.fit import fit
 from pyburgers.kinds.experiment import Experiment
@@ -31,6 +34,8 @@ from pyburgers.model.variants import parse_choices, with_variant
 from pyburgers.page.joint_section import pooling_table, shown_pooling_table
 from pyburgers.page.tables import parameter_table
 from pyburgers.sampling.run_directory import RunDirectory
+
+logger = logging.getLogger(__name__)
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -74,6 +79,10 @@ def run(options: argparse.Namespace) -> int:
     choices = parse_choices(options.variant)
     pool = parse_pooling(options.pool)
     experiments = of_one_program([load_experiment(path) for path in options.experiments])
+    for path in options.experiments:
+        content = read_tables(path)
+        for hint in hints([*looks(path, content)], content):
+            logger.info(f"hint: {hint}")
     if pool and len(experiments) == 1:
         raise InputError(f"--pool {options.pool[0]}: found one experiment, expected several.")
     priors = with_variant(priors_for(experiments, options.priors, choices), experiments[0], choices)

@@ -25,6 +25,8 @@ from pyburgers.kinds.column_names import (
     OTHER_QUANTITIES,
     OTHER_WORDS,
     PART_OF_STRAIN,
+    RATE,
+    SHARES,
     SHEAR,
     deformation_in,
     plain,
@@ -34,7 +36,7 @@ from pyburgers.kinds.column_names import (
 from pyburgers.kinds.conditions import temperature_range
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.guessed_columns import BY_NAME, guess_columns
-from pyburgers.kinds.new_file import NAMED_SEPARATORS, new_files
+from pyburgers.kinds.new_file import NAMED_SEPARATORS, Columns, facts_of, new_files
 
 SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "white space", ",": "commas"}
 
@@ -146,7 +148,10 @@ def _hints_of_signs(look: TextTable, data: Mapping[str, Any]) -> Iterator[str]:
 
 
 DEFAULT_UNITS = {"temperature": "K", "stress": "MPa"}
-"""Units of columns whose unit need not be stated."""
+"""Units of columns whose unit need not be stated, but in tables of rates."""
+
+OTHER_THAN_RATES = {"strain_rate": r"viscos|complian", "grain_size": r"radi(?:us|i)|area|flache"}
+"""Patterns of what columns of tables of rates are not."""
 
 NO_CONFLICTS = {
     ("amplitude", "stress"),
@@ -212,14 +217,15 @@ def _named(look: TextTable, content: Mapping[str, Any]) -> Iterator[_Named]:
             continue
         kind = kinds[quantity]
         shared = "modulus_unit" if "modulus" in of else f"{kind}_unit"
-        unit = data.get(f"{of}_unit", data.get(shared, DEFAULT_UNITS.get(kind)))
+        default = None if content.get("protocol") == RATES else DEFAULT_UNITS.get(kind)
+        unit = data.get(f"{of}_unit", data.get(shared, default))
         yield _Named(column, plain(look.described(column)), quantity, kind, stem != of, unit)
 
 
 def _other_quantity(one: _Named, content: Mapping[str, Any]) -> str:
     """Return what else than the quantity of its key a name is that of, in words, if anything."""
     if one.quantity not in COLUMN_NAMES:
-        return ""
+        return _other_than_of_rates(one)
     if OTHER_QUANTITIES.search(one.name):
         return OTHER_WORDS
     if ERRORS.search(one.name) and not one.is_error:
@@ -229,6 +235,22 @@ def _other_quantity(one: _Named, content: Mapping[str, Any]) -> str:
         found = "stress"
     is_alike = found in (None, one.quantity) or (one.quantity, found) in NO_CONFLICTS
     return "" if is_alike or ONE_LETTER.match(one.name) else f"the {str(found).replace('_', ' ')}"
+
+
+def _other_than_of_rates(one: _Named) -> str:
+    """Return what else a name is that of than a quantity that tables of rates alone read."""
+    is_rate = unit_in_name(one.name, "strain rate") or re.search(RATE, one.name)
+    if one.quantity == "reading_error":
+        is_absolute = unit_in_name(one.name, "strain rate") and not re.search(SHARES, one.name)
+        return "an error in the unit of a rate, not relative" if is_absolute else ""
+    if ERRORS.search(one.name):
+        return "an error"
+    if re.search(OTHER_THAN_RATES.get(one.quantity, "$^"), one.name):
+        return "another quantity"
+    found = quantity_in(one.name)
+    if one.quantity not in OTHER_THAN_RATES or found not in ("strain", "stress", "time"):
+        return ""
+    return "" if is_rate else f"the {found}"
 
 
 def _hints_of_measures(
@@ -320,6 +342,22 @@ def _selections(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     for table in tables:
         if isinstance(table, dict) and isinstance(table.get("rows"), dict):
             yield table["rows"]
+
+
+def rates_told(look: TextTable, columns: Columns) -> str | None:
+    """Say where rows look like tests of their own, each with a rate; None where they do not."""
+    if "time" in columns or "stress" not in columns:
+        return None
+    if "strain" in columns and not facts_of(columns["strain"]).turns:
+        return None
+    for column in look.columns:
+        name = plain(look.described(column))
+        if look.numbers(column) and unit_in_name(name, "strain rate"):
+            return (
+                f"column {column!r} holds strain rates, and no time is read: if each row is a test "
+                "of its own, write the file of a table of rates, which docs/rates.md shows"
+            )
+    return None
 
 
 def contradictions(

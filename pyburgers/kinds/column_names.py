@@ -18,8 +18,15 @@ CONFINING = re.compile(
 """Pattern of columns of the pressure on a sample, or of stresses across its axis."""
 
 
+RATE = (
+    r"(?<![a-z])(?:strain|stress|(?:def|ver|dehn|stauch)\w*)?.?rate(?![a-z])|(?<![a-z])taux"
+    r"|eps\w*dot"
+)
+"""Pattern of columns of rates."""
+
+
 OTHER_QUANTITIES = re.compile(
-    r"(?<![a-z])(?:strain|stress|(?:def|ver|dehn|stauch)\w*)?.?rate(?![a-z])|(?<![a-z])taux|eps\w*dot"
+    rf"{RATE}"
     r"|^(?!.*freq|.*omega|.*ω|[fw](?![a-z])).*(?<!rad)(?:/ ?|(?= ?s\^?-1))s(?:ec|\^?-1)? ?[)\]]"
     rf"|{CONFINING.pattern}|pore|radial|lateral|quer|(?<![a-z])vol"
     r"|(?:fluid|water|ambient).{0,2}press|compliance|viscos|strain.?ampl|vitesse|geschwindigkeit"

@@ -110,6 +110,11 @@ def checked(folder: Path, protocol: str, columns: Mapping[str, Column], beside: 
         ("rates", "grain_size", "grain_size_cm", "mm", "0.5", "another unit"),
         ("rates", "water_fugacity", "fH2O (MPa)", "GPa", "10", "the unit 'MPa': check it"),
         ("rates", "reading_error", "reading error (%)", "1", "0.2", "the unit 'percent': check"),
+        ("rates", "reading_error", "sd rate (1/s)", "1", "1e-8", "in the unit of a rate"),
+        ("rates", "strain_rate", "strain", "1/s", "0.1", "its name is that of the strain"),
+        ("rates", "strain_rate", "viscosity (Pa s)", "1/s", "0.1", "that of another quantity"),
+        ("rates", "strain_rate", "rate error (1/s)", "1/s", "0.1", "its name is that of an error"),
+        ("rates", "grain_size", "grain radius (um)", "um", "500", "that of another quantity"),
         ("constant_rate", "strain", "Lateral strain (%)", "percent", "2", "of another quantity"),
         (
             "constant_rate",
@@ -180,6 +185,11 @@ def test_a_name_that_says_something_else_is_told(
         *((protocol, {}) for protocol in KINDS),
         ("rates", {"strain_rate": ("Rate (1e-6/s)", "1e-6/s", "0.1")}),
         ("rates", {"reading_error": ("rel. error (%)", "percent", "5")}),
+        ("rates", {"reading_error": ("rel. sd of the rate", "1", "0.05")}),
+        ("rates", {"strain_rate": ("eps_dot", "1/s", "1e-6")}),
+        ("rates", {"strain_rate": ("strain_per_s", "1/s", "1e-6")}),
+        ("rates", {"strain_rate": ("Verformungsrate", "1/s", "1e-6")}),
+        ("rates", {"pressure": ("Confining pressure (MPa)", "MPa", "50")}),
         ("rates", {"grain_size": ("mean d", "um", "500")}),
         ("constant_rate", {"stress": ("Load (MPa)", "MPa", "3")}),
         ("attenuation", {"temperature": ("T", "K", "263")}),
@@ -196,6 +206,24 @@ def test_usual_names_are_no_matter(
 ) -> None:
     assert main(["check-file", str(checked(tmp_path, protocol, columns, ""))]) == 0
     assert "hint: " not in capsys.readouterr().out
+
+
+def test_a_unit_that_has_to_be_stated_is_not_said_to_be(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = checked(tmp_path, "rates", {"temperature": ("T (C)", None, "-10")}, "")
+    assert main(["check-file", str(path)]) == 2
+    assert "no unit is stated for column 'T (C)', whose name says" in capsys.readouterr().out
+
+
+def test_a_fit_gives_the_same_hints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    column = {"strain": ("dL/L0 strain (%)", "percent", "2")}
+    path = checked(tmp_path, "constant_rate", column, "")
+    main(["check-file", str(path)])
+    hints = [one for one in capsys.readouterr().out.splitlines() if one.startswith("hint: ")]
+    assert len(hints) == 1
+    assert main(["fit", str(path), "--priors", str(tmp_path / "none.toml")]) == 2
+    assert capsys.readouterr().err.splitlines()[:-1] == hints
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from pyburgers.cli.check_file import all_errors, check
+from pyburgers.cli.column_hints import rates_told
 from pyburgers.cli.parser import is_text
 from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_atomically
@@ -26,8 +27,10 @@ from pyburgers.common.units import UNIT_TABLE, span_text, units_text
 from pyburgers.kinds.column_names import ALONG_AXIS, COLUMN_NAMES
 from pyburgers.kinds.guessed_columns import (
     GuessedColumn,
+    first_of_tests,
     guess_columns,
     left_out,
+    sorted_by_time,
     units_in_comments,
 )
 from pyburgers.kinds.likelihood import NAMES
@@ -116,10 +119,14 @@ def run(options: argparse.Namespace) -> int:
     out: Path = options.out or options.csv.with_suffix(".toml")
     if out.exists():
         raise InputError(f"{out}: exists already, expected a new file; choose another --out.")
+    if not out.parent.is_dir():
+        raise InputError(f"{out}: found no folder {out.parent}, expected that of the file.")
     for note in (*table.notes, *table.problems):
         print(shown(f"note: {note}"))
     given = {question.name: vars(options)[question.name] for question in _every_question()}
-    new_file, reason, columns = _recognised_kind(table, options)
+    new_file, reason, columns, order = _recognised_kind(table, options)
+    for sentence in filter(None, (order, rates_told(table, columns))):
+        print(f"check: {sentence}")
     _require_columns(table, new_file, columns)
     read = new_file.select_columns(columns)
     for guessed in read.values():
@@ -131,7 +138,7 @@ def run(options: argparse.Namespace) -> int:
     for sentence in left_out(table, columns, read, _temperature_use(columns, given)):
         print(f"left out: {sentence}")
     _require_units(options.csv, read)
-    _refuse_needless_options(new_file, read, given)
+    _refuse_needless_options(new_file, read, vars(options))
     file = _check_file_name(os.path.relpath(options.csv, out.parent))
     proposed = {"id": _identifier(table), "temperature_K": _temperature(columns)}
     draft = _Draft(new_file, Description(file, table, read, given), proposed)
@@ -176,26 +183,32 @@ def _write_checked(draft: Path, out: Path, text: str, file: str) -> None:
         draft.write_text("\n".join([*head, text]), encoding="utf-8")
 
 
-def _recognised_kind(table: TextTable, options: argparse.Namespace) -> tuple[NewFile, str, Columns]:
-    """Return the kind, why it was guessed, and what columns hold: what ties is asked."""
+def _recognised_kind(
+    table: TextTable, options: argparse.Namespace
+) -> tuple[NewFile, str, Columns, str | None]:
+    """Return the kind, why it was guessed, what columns hold, and doubts on the order of rows.
+
+    Which of several columns is meant is asked.
+    """
     chosen = {
         quantity: _column_named(table, question, vars(options)[question.name])
         for quantity, question in _column_questions().items()
         if vars(options)[question.name] is not None
     }
     while True:
-        columns = guess_columns(table, chosen)
-        guessed, reason = _guess_protocol(columns)
+        columns, order = first_of_tests(table, guess_columns(table, chosen))
+        guessed, reason = _guess_protocol(sorted_by_time(columns))
         new_file = new_files()[options.protocol or guessed]
         tied = [one for one in new_file.select_columns(columns).values() if not one.is_decided]
         if not tied:
-            return new_file, reason, columns
+            return new_file, reason, columns, order
         chosen[tied[0].quantity] = _chosen_column(table, tied[0])
 
 
 def _column_named(table: TextTable, question: Question, name: str) -> str | int:
     """Return the column that an option names."""
-    found = next((column for column in table.columns if str(column) == name), None)
+    numbered = (column for k, column in enumerate(table.columns, start=1) if str(k) == name)
+    found = name if name in table.columns else next(numbered, None)
     if found is None or not table.numbers(found):
         names = ", ".join(repr(str(column)) for column in table.columns)
         raise InputError(
@@ -287,6 +300,16 @@ def _refuse_needless_options(new_file: NewFile, columns: Columns, given: Mapping
                 f"none{beside}"
             )
             raise InputError(f"{question.option} {value}: expected no such option, because {why}.")
+    for quantity, question in _column_questions().items():
+        value = given[question.name]
+        if value is not None and quantity not in (*columns, "temperature"):  # which is proposed
+            ways = "".join(
+                f"; give {own.option}" for own in new_file.questions if own.name == quantity
+            )
+            raise InputError(
+                f"{question.option} {value}: expected no such option, because such a test of the "
+                f"protocol {new_file.experiment.protocol} reads no such column beside those that are taken{ways}."
+            )
 
 
 def _identifier(table: TextTable) -> str:

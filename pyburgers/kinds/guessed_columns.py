@@ -1,5 +1,6 @@
 """Columns of a table matched to quantities and units, by their names and their numbers."""
 
+import json
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -7,10 +8,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from pyburgers.common.array_types import FloatArray
+from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.cells import as_number, has_date
 from pyburgers.common.text_tables import TextTable
-from pyburgers.common.units import UNIT_TABLE, Unit, span_text
+from pyburgers.common.units import UNIT_TABLE, Unit, counted, span_text
 from pyburgers.kinds.column_names import (
     ALONG_AXIS,
     COLUMN_NAMES,
@@ -112,6 +113,17 @@ class GuessedColumn:
     def says(self) -> str:
         """What it holds, in words."""
         return self.quantity.replace("_", " ")
+
+    def at(self, rows: IntArray) -> "GuessedColumn":
+        """Return the column at some rows, from 0."""
+        rivals = tuple(one.at(rows) for one in self.rivals)
+        return replace(self, numbers=self.numbers[rows], rivals=rivals)
+
+    @property
+    def goes_back(self) -> IntArray:
+        """Rows, from 0, whose number is less than the one before."""
+        there = np.flatnonzero(np.isfinite(self.numbers))
+        return there[1:][np.diff(self.numbers[there]) < 0]
 
     @property
     def sentence(self) -> str:
@@ -218,6 +230,51 @@ def units_in_comments(table: TextTable, read: Mapping[str, GuessedColumn]) -> It
                     f"column {guessed.column!r} is taken in {guessed.unit}, but line {line} "
                     f"({part[:60]!r}) may state another unit: write the unit in the column's name"
                 )
+
+
+def first_of_tests(
+    table: TextTable, columns: Mapping[str, GuessedColumn]
+) -> tuple[Mapping[str, GuessedColumn], str | None]:
+    """Return columns of the first of several tests, and what to check where the time goes back.
+
+    Tests are told apart by a column that changes wherever the time, or else the strain, goes back.
+    """
+    guide = columns.get("time", columns.get("strain"))
+    back = np.array([]) if guide is None else guide.goes_back
+    if guide is None or not back.size:
+        return columns, None
+    line = f"{table.row_name} {table.rows[back[0]][0]}"
+    taken = {guessed.column for guessed in columns.values()}
+    others = [column for column in table.columns if column not in taken]
+    for column in others if table.names is not None and 2 * back.size < len(table.rows) else ():
+        cells = np.array(table.cells(table.columns.index(column)))
+        if np.array_equal(back, np.flatnonzero(cells[1:] != cells[:-1]) + 1):
+            selection = f"rows = {{ {json.dumps(column)} = {json.dumps(str(cells[0]))} }}"
+            return {name: one.at(np.arange(back[0])) for name, one in columns.items()}, (
+                f"the {guide.says} goes back in {line}, where column {column!r} changes: if that "
+                f"tells tests apart, write {selection} in [data] to read the first of them"
+            )
+    if "time" not in columns:  # a strain may go back
+        return columns, None
+    return columns, (
+        f"the time goes back in {counted(back.size, 'row')}, first in {line}: sort the rows, or "
+        "keep those of one test"
+    )
+
+
+def sorted_by_time(columns: Mapping[str, GuessedColumn]) -> Mapping[str, GuessedColumn]:
+    """Return columns in the order of a time that goes back, with strains that grow.
+
+    Which way a strain goes is then not told by the rows.
+    """
+    time = columns.get("time")
+    if time is None or not time.goes_back.size:
+        return columns
+    rows = np.argsort(time.numbers, kind="stable")
+    ordered = {name: one.at(rows) for name, one in columns.items()}
+    if "strain" in columns:
+        ordered["strain"] = columns["strain"].at(np.argsort(np.abs(columns["strain"].numbers)))
+    return ordered
 
 
 def _named(table: TextTable) -> dict[str | int, str]:

@@ -85,6 +85,37 @@ def test_every_option_is_in_the_file_or_refused(
 
 
 @pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        (
+            ("--stress-uncertainty-column", "x"),
+            "that are taken; give --stress-uncertainty",
+        ),
+        (("--amplitude-column", "x"), "protocol constant_rate reads no such column"),
+        (("--period-column", "time_s"), "protocol constant_rate reads no such column"),
+        (("--strain-column", "5"), "expected a column of"),
+        (("--out", "nowhere/test.toml"), "found no folder nowhere"),
+    ],
+)
+def test_what_cannot_be_written_is_refused_before_anything_is_asked(
+    option: Sequence[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "test.csv"
+    path.write_text("time_s,strain,stress_MPa,x\n1,0.001,2,0.1\n2,0.02,3,0.1\n", "utf-8")
+    assert main(["new", str(path), "--protocol", "constant_rate", *option]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_a_column_is_named_by_its_number(tmp_path: Path) -> None:
+    path = tmp_path / "test.csv"
+    path.write_text("x,y,1\n0.001,2,0.1\n0.02,3,0.2\n", encoding="utf-8")
+    columns = ("--strain-column", "1", "--stress-column", "2", "--strain-rate-per-s", "1e-5")
+    assert main(["new", str(path), *KNOWN, *columns]) == 0
+    named = tomllib.loads(path.with_suffix(".toml").read_text("utf-8"))["data"]
+    assert (named["strain_column"], named["stress_column"]) == ("1", "y")
+
+
+@pytest.mark.parametrize(
     ("text", "hold", "loading"),
     [
         ("time (min),stress (MPa)\n0,10\n1,9\n5,8\n20,7\n", 0.0, 30.0),

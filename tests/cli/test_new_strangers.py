@@ -207,6 +207,7 @@ LONG = np.array([0, 30, 60, 120, 240, 480, 900, 1800, 2700, 3600, 5400, 7200, 10
 TRANSIENT = 0.01 + 0.02 * (1 - np.exp(-LONG / 600)) + 2e-6 * LONG
 LATE = np.logspace(-2, 4, 24)
 RAMP = np.concatenate([np.arange(1.0, 10), 10 + LATE[LATE > 1]])
+HELD = np.concatenate([np.arange(0.0, 101, 2), np.arange(150.0, 3951, 50)])
 LOADS = np.repeat([2.0, 4.0, 1.0], 10)
 RAMPED = np.concatenate([np.linspace(0, 3, 20), 3 + 0.01 * np.sin(np.arange(140))])
 KINDS = {
@@ -244,6 +245,12 @@ KINDS = {
         RAMP,
         np.minimum(RAMP, 10) / 100,
         np.where(RAMP > 10, 10 * np.maximum(RAMP - 9, 1) ** -0.1, RAMP),
+        "falls while the strain is held",
+    ),
+    "ramp and hold, read until the strain is held": (
+        HELD,
+        np.minimum(HELD, 100) / 100 + 1e-4 * np.sin(9 * HELD),
+        np.where(HELD > 100, 5 * np.exp((100 - HELD) / 2000), HELD / 20),
         "falls while the strain is held",
     ),
     "unloading": (TIME, 2 - np.abs(PERCENT - 2), 5 - np.abs(CURVE - 50) / 9, "strain turns back"),
@@ -315,6 +322,57 @@ def test_times_that_go_back_are_told_and_suggest_no_rate(
     assert_refused(["new", str(path), *KNOWN], capsys, "Missing: --strain-rate-per-s")
     assert main(["new", str(path), *KNOWN, *RATE]) == 0
     assert "data row 21: the time 600 s comes after 2000 s" in capsys.readouterr().out
+
+
+def test_creep_whose_rows_are_in_no_order_is_no_oscillation(
+    table: Table, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = np.random.default_rng(1).permutation(TIME.size)
+    path = table(**{"time (s)": TIME[rows], "strain (%)": CURVE[rows], "stress (MPa)": 0.8})
+    main(["new", str(path), *KNOWN])
+    first, *others = capsys.readouterr().out.splitlines()
+    assert first.startswith("check: the time goes back in ")
+    assert "sort the rows" in first
+    assert any("because the stress stays the same while strain grows" in one for one in others)
+
+
+def test_one_of_several_tests_is_read_by_what_tells_them_apart(
+    table: Table, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = table(
+        specimen=np.repeat([1, 2], TIME.size),
+        time_s=np.tile(TIME, 2),
+        strain_percent=np.concatenate([PERCENT, 3 * PERCENT]),
+        stress_MPa=np.concatenate([CURVE, CURVE + 10]),
+    )
+    assert main(["new", str(path), *KNOWN]) == 2
+    selection = 'rows = { "specimen" = "1" }'
+    assert f"if that tells tests apart, write {selection} in [data]" in capsys.readouterr().out
+    file = path.with_suffix(".toml")
+    text = file.read_text("utf-8").replace("[data]\n", f"[data]\n{selection}\n")
+    file.write_text(text, encoding="utf-8")
+    test = load_experiment(file)
+    assert isinstance(test, ConstantRateExperiment)
+    np.testing.assert_allclose(test.stress, 1e6 * CURVE)
+    assert [one.strain_rate for one in test.segments] == [1e-5]
+
+
+@pytest.mark.parametrize(
+    ("columns", "is_told"),
+    [
+        ({"strain_percent": np.tile([20.0, 3.0, 9.0], 10)}, True),
+        ({}, True),
+        ({"strain_percent": PERCENT}, False),
+        ({"time_s": TIME, "strain_percent": PERCENT}, False),
+    ],
+)
+def test_a_table_of_rates_is_no_curve(
+    columns: dict[str, Column], is_told: bool, table: Table, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = table(**{**columns, "T_C": -10.0, "stress_MPa": CURVE, "edot_per_s": 1e-6})
+    main(["new", str(path), *KNOWN, *RATE])
+    told = "check: column 'edot_per_s' holds strain rates, and no time is read: if each row is a"
+    assert (told in capsys.readouterr().out) == is_told
 
 
 @pytest.mark.parametrize(

@@ -137,7 +137,8 @@ def run(options: argparse.Namespace) -> int:
         print(f"check: {sentence}")
     for sentence in left_out(table, columns, read, _temperature_use(columns, given)):
         print(f"left out: {sentence}")
-    _require_units(options.csv, read)
+    named = [one for one in new_file.quantities if vars(options).get(f"{one}_column") is not None]
+    _require_units(options.csv, {**read, **{quantity: columns[quantity] for quantity in named}})
     _refuse_needless_options(new_file, read, vars(options))
     file = _check_file_name(os.path.relpath(options.csv, out.parent))
     proposed = {"id": _identifier(table), "temperature_K": _temperature(columns)}
@@ -308,7 +309,8 @@ def _refuse_needless_options(new_file: NewFile, columns: Columns, given: Mapping
             )
             raise InputError(
                 f"{question.option} {value}: expected no such option, because such a test of the "
-                f"protocol {new_file.experiment.protocol} reads no such column beside those that are taken{ways}."
+                f"protocol {new_file.experiment.protocol} reads no such column beside those that "
+                f"are taken{ways}."
             )
 
 

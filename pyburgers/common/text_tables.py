@@ -25,6 +25,7 @@ from pyburgers.common.cells import (
     as_number,
     has_clock,
     has_date,
+    kind_of,
     missing_numbers,
     names_between_blanks,
     seconds_of,
@@ -54,7 +55,7 @@ class TextTable:
     `rows`: number of the line from 1, and cells as they stand in the file.
     `units`: cells of a row of units under the names.
     `missing`: cells that are said to stand for no reading; None where they are to be found.
-    `comments`: number and text of each line that is skipped, and of rows ahead of the table.
+    `comments`: number and text of each line that is skipped, and of words ahead of the table.
     `layout_notes`, `problems`: what was done to find the table; what keeps rows from being read.
     `is_in_memory`: whether the columns were arrays; rows are then numbered from 1.
     `elapsed`: columns of elapsed times in memory, which became seconds.
@@ -352,9 +353,12 @@ def _table_in(
 
 
 def _ahead(rows: Sequence[Row], between: str, first_line: int) -> Iterator[tuple[int, str]]:
-    """Return the rows that were passed over ahead of the table; two cells say one thing."""
+    """Return rows without numbers that were passed over ahead of the table.
+
+    Two cells of one say one thing.
+    """
     for number, cells in rows:
-        if number < first_line:
+        if number < first_line and all(kind_of(cell) != "number" for cell in cells):
             said = [cell for cell in cells if cell]
             yield number, (" " if len(said) == 2 else between).join(said)
 

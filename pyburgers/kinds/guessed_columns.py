@@ -240,8 +240,10 @@ def first_of_tests(
     Tests are told apart by a column that changes wherever the time, or else the strain, goes back.
     """
     guide = columns.get("time", columns.get("strain"))
-    back = np.array([]) if guide is None else guide.goes_back
-    if guide is None or not back.size:
+    if guide is None or {"period", "frequency"} & columns.keys():
+        return columns, None
+    back = guide.goes_back
+    if not back.size:
         return columns, None
     line = f"{table.row_name} {table.rows[back[0]][0]}"
     taken = {guessed.column for guessed in columns.values()}

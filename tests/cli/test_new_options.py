@@ -93,7 +93,8 @@ def test_every_option_is_in_the_file_or_refused(
         ),
         (("--amplitude-column", "x"), "protocol constant_rate reads no such column"),
         (("--period-column", "time_s"), "protocol constant_rate reads no such column"),
-        (("--strain-column", "5"), "expected a column of"),
+        (("--time-column", "time (days)"), "states another unit"),
+        (("--strain-column", "6"), "expected a column of"),
         (("--out", "nowhere/test.toml"), "found no folder nowhere"),
     ],
 )
@@ -101,7 +102,7 @@ def test_what_cannot_be_written_is_refused_before_anything_is_asked(
     option: Sequence[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "test.csv"
-    path.write_text("time_s,strain,stress_MPa,x\n1,0.001,2,0.1\n2,0.02,3,0.1\n", "utf-8")
+    path.write_text("time_s,strain,stress_MPa,x,time (days)\n1,0.001,2,0,1\n2,0.02,3,0,2\n")
     assert main(["new", str(path), "--protocol", "constant_rate", *option]) == 2
     assert words in capsys.readouterr().err
 

@@ -385,7 +385,7 @@ def test_a_table_of_rates_is_no_curve(
         ("# Time in hours; stress (MPa)\n", ["line 1 ('Time in hours')"]),
         ("# creep of ice for 3 h under a load\n# time: s, strain rate: 1/h\n", []),
         (
-            "Time unit: h\nStress unit,kPa\nTest time,3 h\n",
+            "Time unit: h\nStress unit,kPa\nTest time,3 h\nStart of test (min),5\nTime (min),9\n",
             ["line 1 ('Time unit: h')", "line 2 ('Stress unit kPa')"],
         ),
     ],

@@ -239,18 +239,19 @@ def _other_quantity(one: _Named, content: Mapping[str, Any]) -> str:
 
 def _other_than_of_rates(one: _Named) -> str:
     """Return what else a name is that of than a quantity that tables of rates alone read."""
-    is_rate = unit_in_name(one.name, "strain rate") or re.search(RATE, one.name)
+    rate_unit = unit_in_name(one.name, "strain rate")
     if one.quantity == "reading_error":
-        is_absolute = unit_in_name(one.name, "strain rate") and not re.search(SHARES, one.name)
+        is_absolute = rate_unit and not re.search(SHARES, one.name)
         return "an error in the unit of a rate, not relative" if is_absolute else ""
     if ERRORS.search(one.name):
         return "an error"
     if re.search(OTHER_THAN_RATES.get(one.quantity, "$^"), one.name):
         return "another quantity"
+    if rate_unit or re.search(RATE, one.name):
+        return "a rate" if rate_unit and one.quantity == "grain_size" else ""
     found = quantity_in(one.name)
-    if one.quantity not in OTHER_THAN_RATES or found not in ("strain", "stress", "time"):
-        return ""
-    return "" if is_rate else f"the {found}"
+    is_other = one.quantity in OTHER_THAN_RATES and found in ("strain", "stress", "time")
+    return f"the {found}" if is_other else ""
 
 
 def _hints_of_measures(

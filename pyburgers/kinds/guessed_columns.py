@@ -251,10 +251,11 @@ def first_of_tests(
     for column in others if table.names is not None and 2 * back.size < len(table.rows) else ():
         cells = np.array(table.cells(table.columns.index(column)))
         if np.array_equal(back, np.flatnonzero(cells[1:] != cells[:-1]) + 1):
-            selection = f"rows = {{ {json.dumps(column)} = {json.dumps(str(cells[0]))} }}"
+            key, cell = (json.dumps(str(text), ensure_ascii=False) for text in (column, cells[0]))
             return {name: one.at(np.arange(back[0])) for name, one in columns.items()}, (
                 f"the {guide.says} goes back in {line}, where column {column!r} changes: if that "
-                f"tells tests apart, write {selection} in [data] to read the first of them"
+                f"tells tests apart, write rows = {{ {key} = {cell} }} in [data] to read the first "
+                "of them"
             )
     if "time" not in columns:  # a strain may go back
         return columns, None

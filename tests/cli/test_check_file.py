@@ -115,6 +115,7 @@ def checked(folder: Path, protocol: str, columns: Mapping[str, Column], beside: 
         ("rates", "strain_rate", "viscosity (Pa s)", "1/s", "0.1", "that of another quantity"),
         ("rates", "strain_rate", "rate error (1/s)", "1/s", "0.1", "its name is that of an error"),
         ("rates", "grain_size", "grain radius (um)", "um", "500", "that of another quantity"),
+        ("rates", "grain_size", "rate_per_s", "mm", "0.5", "its name is that of a rate"),
         ("constant_rate", "strain", "Lateral strain (%)", "percent", "2", "of another quantity"),
         (
             "constant_rate",

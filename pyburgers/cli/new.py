@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from pyburgers.cli.check_file import all_errors, check
-from pyburgers.cli.column_hints import rates_told
+from pyburgers.cli.hints import rates_told
 from pyburgers.cli.parser import is_text
 from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_atomically

@@ -49,7 +49,7 @@ from pyburgers.sampling.repetitions import (
     shortened,
     tighten_solver,
 )
-from pyburgers.sampling.run import complete_chains, fingerprint, run_record
+from pyburgers.sampling.run import complete_chains, fingerprint, run_record, way_out
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
@@ -98,7 +98,7 @@ def run_chains(
                 "a new folder, or one of an earlier fit; choose another --out."
             )
         if not overwrite:
-            raise InputError(refusal(run, wanted, inputs, problem.free))
+            raise InputError(refusal(run, wanted, inputs, problem.free, more_draws))
         run.clear(identity)
     with run.claimed(identity):
         write_inputs(run, inputs)
@@ -233,11 +233,15 @@ def write_inputs(run: RunDirectory, texts: Mapping[str, str]) -> None:
 
 
 def refusal(
-    run: RunDirectory, wanted: Mapping[str, Any], inputs: Mapping[str, str], free: Sequence[str]
+    run: RunDirectory,
+    wanted: Mapping[str, Any],
+    inputs: Mapping[str, str],
+    free: Sequence[str],
+    more_draws: int | None,
 ) -> str:
     """Say what differs in a run from what is `wanted` and `input_texts`, and what to do.
 
-    `free` names the parameters that are inferred.
+    `free` names the parameters that are inferred, `more_draws` is what chains were to get.
     """
     try:
         manifest = run.read_manifest(FitManifest)
@@ -248,11 +252,11 @@ def refusal(
         found = ["Stan programs, CmdStan or the compiler are others now"]
     more = [f"and {len(found) - MAX_TOLD} more"] if len(found) > MAX_TOLD else []
     longer = ""
-    if len(found) == 1 and re.match(r"draws \d", found[0]):
+    if more_draws is None and len(found) == 1 and re.match(r"draws \d", found[0]):
         longer = ", or --more-draws N to add draws to its chains"
     return (
         f"{run.path}: holds a run of other inputs: {'; '.join([*found[:MAX_TOLD], *more])}; "
-        f"choose another --out, or --overwrite to replace it{longer}."
+        f"{way_out(run, more_draws)}{longer}."
     )
 
 

@@ -34,7 +34,13 @@ from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE
 from pyburgers.model.priors import PriorSet, note_other_material, shipped_prior_files
 from pyburgers.posterior.labelled_draws import own_name
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.run import complete_chains, fingerprint, require_extendable, run_record
+from pyburgers.sampling.run import (
+    complete_chains,
+    fingerprint,
+    require_extendable,
+    run_record,
+    way_out,
+)
 from pyburgers.sampling.run_directory import RunDirectory
 
 WARMUP, TARGET_ACCEPTANCE = 1000, 0.95
@@ -138,8 +144,7 @@ def fit_rates(
     if there.get("fingerprint") != identity and is_rate_run(run.path):
         if not overwrite:
             raise InputError(
-                f"{run.path}: holds a run of other inputs; choose another --out, or --overwrite to "
-                "replace it."
+                f"{run.path}: holds a run of other inputs; {way_out(run, more_draws)}."
             )
         run.clear(identity)
 

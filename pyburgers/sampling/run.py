@@ -137,6 +137,14 @@ def require_extendable(run: RunDirectory, more_draws: int, *, overwrite: bool) -
         )
 
 
+def way_out(run: RunDirectory, more_draws: int | None) -> str:
+    """Say what to do about a run of other inputs: only its own command adds draws to it."""
+    if more_draws is None:
+        return "choose another --out, or --overwrite to replace it"
+    command = run.read_manifest()["command"]
+    return f"draws are added by its own command, {command}, with --more-draws {more_draws}"
+
+
 def _asked(run: RunDirectory, more_draws: int | None) -> list[int]:
     """Return the draws of all extensions, of which the manifest then knows."""
     asked: list[int] = list(run.read_manifest().get("more_draws", []))

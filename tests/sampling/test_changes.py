@@ -28,7 +28,7 @@ def refused(problem: Problem, run: Fit, **changed: Any) -> str:
     assert {file: (file.stat().st_mtime_ns, file.read_bytes()) for file in files_in(out)} == before
     text = str(caught.value)
     assert text.startswith(f"{out}: holds a run of other inputs: ")
-    assert "--overwrite" in text
+    assert ("--overwrite" in text) is ("more_draws" not in changed)
     return text
 
 
@@ -64,6 +64,10 @@ def test_other_inputs_are_refused_and_what_differs_is_told(
         ({"use_likelihood": False}, False),
     ):
         assert ("--more-draws" in refused(small_problem, small_fit, **changed)) is offered
+    # Draws are added to this very run.
+    command = small_fit.manifest["command"]
+    text = refused(small_problem, small_fit, options=longer, more_draws=50)
+    assert f"{command}, with --more-draws 50" in text
     pool = {"maxwell_modulus": "separate"}
     assert "pooling" in refused(small_problem, joint, experiments=pair, pool=pool)
 

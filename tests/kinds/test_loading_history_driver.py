@@ -75,6 +75,14 @@ def test_a_straight_line_is_one_leg() -> None:
     np.testing.assert_allclose(line, [3.5, 6.5], rtol=1e-12)
 
 
+def test_zeros_are_one_leg() -> None:
+    """Without a stated error they pass a line of zeros by nothing."""
+    time, value = np.linspace(3, 9, 50), np.zeros(50)
+    corners, line = line_through(time, value, tolerances(time, value))
+    np.testing.assert_array_equal(corners, [3, 9])
+    np.testing.assert_array_equal(line, [0, 0])
+
+
 def test_few_corners_by_trying_all() -> None:
     """No line with fewer corners at readings passes all readings: checked by trying each."""
     rng = np.random.default_rng(8)

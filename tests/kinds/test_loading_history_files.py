@@ -153,6 +153,28 @@ class TestTurning:
         assert leg.start_value == pytest.approx(1e6, rel=1e-3)
         assert leg.end_value == pytest.approx(1e6 * np.exp(-0.1), rel=5e-3)
 
+    @pytest.mark.parametrize("measure", ["true", "engineering"])
+    @pytest.mark.parametrize(
+        "control",
+        [
+            '"stress"\nstress = 0.0',
+            '"stress_rate"\nstart_stress = 0\nstress_rate = 0',
+            '"stress_series"',
+            '"stress_series"\ntolerance = 0.01',
+        ],
+    )
+    def test_no_stress_after_a_load(self, write: Write, control: str, measure: str) -> None:
+        loaded = 'control = "stress"\nstress = 1e6'
+        unloaded = f"\n[[stages]]\nstart_time = 500.0\nend_time = 1000.0\ncontrol = {control}"
+        time = np.linspace(0.0, 1000.0, 41)
+        stress, strain = 1.0 * (time < 500), 2.0 + 1.0 * (time < 500)
+        rows = table(("time", time), ("stress", stress), ("strain", strain))
+        text = one_stage(loaded + unloaded, 500.0, f'stress_measure = "{measure}"')
+        test = load_loading_history(write(text, rows))
+        (rest,) = (leg for leg in test.legs if leg.stage == 1)
+        assert (rest.start_value, rest.rate) == (0.0, 0.0)
+        assert not test.doubts
+
     def test_constant_displacement_rate(self, write: Write) -> None:
         rows = table(("time", np.array([100.0, 200.0])), ("stress", np.array([1.0, 2.0])))
         text = one_stage(

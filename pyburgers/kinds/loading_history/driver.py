@@ -133,14 +133,21 @@ def line_through(
     knots = np.concatenate([ends[:1], time[corner], ends[1:]])
     # Times from 0 to 1: least squares in seconds would lose digits.
     scaled = (knots - ends[0]) / (ends[1] - ends[0])
-    weight = allowed.min() / allowed
-    line = make_lsq_spline((time - ends[0]) / (ends[1] - ends[0]), value, scaled, k=1, w=weight)
+    line = make_lsq_spline(
+        (time - ends[0]) / (ends[1] - ends[0]), value, scaled, k=1, w=_weights(allowed)
+    )
     return time[corner], np.asarray(line(scaled[1:-1]))
+
+
+def _weights(tolerance: FloatArray) -> FloatArray:
+    """Return inverse tolerances, 1 for the least; all 1 where the readings are zero, as it is."""
+    least = tolerance.min()
+    return np.asarray(least / tolerance if least > 0 else np.ones_like(tolerance))
 
 
 def _fewest_corners(time: FloatArray, value: FloatArray, tolerance: FloatArray) -> np.ndarray:
     """Return the readings at which the line has its corners, the first and the last too."""
-    weight = (tolerance.min() / tolerance) ** 2
+    weight = _weights(tolerance) ** 2
     n = time.size
     corners = np.full(n, n)
     squares = np.full(n, np.inf)

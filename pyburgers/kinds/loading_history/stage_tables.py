@@ -243,7 +243,8 @@ class _StageReader:
 
     def _load(self, start: float, rate: float) -> Stage:
         """Stress given by its start (Pa) and rate (Pa/s); as a series where it is a force."""
-        is_force = self.test.stress_measure == "engineering"
+        # No force is no stress, whatever the area.
+        is_force = self.test.stress_measure == "engineering" and (start != 0 or rate != 0)
         if not is_force or self.test.readings.source is None:
             stage = (
                 self._stage("stress", value=start)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 import pytest
 import xarray as xr
 from conftest import DUNITE
@@ -195,10 +196,41 @@ def test_the_measured_rate_is_that_of_the_readings() -> None:
     assert row["measured_rate_per_s"] == pytest.approx(3 * least, rel=0.05)
     assert 0 < row["measured_rate_sd_per_s"] < 0.05 * least
     (table,) = minimum_rate_table(found)
-    assert table.shown["measured rate (1/s)"].tolist()[0].startswith(f"{3 * least:.1g}"[:1])
+    assert table.shown["measured rate there (1/s)"].tolist()[0].startswith(f"{3 * least:.1g}"[:1])
     few = replace(test, time=time[:4], reading_stage=test.reading_stage[:4], reading=strain[:4])
     (row,) = minimum_rates(solved(few, curve)).to_dict("records")
     assert np.isnan(row["measured_rate_per_s"])
+
+
+def at_one_rate(time: FloatArray, noise: FloatArray) -> HistoryExperiment:
+    """A test whose readings creep by 1e-8 1/s."""
+    stage = np.zeros(time.size, dtype=np.int64)
+    return replace(CREEP, time=time, reading_stage=stage, reading=1e-8 * time + noise)
+
+
+def test_the_measured_rate_of_noisy_readings_is_not_too_low() -> None:
+    """The least of many slopes would lie two standard errors below the rate."""
+    time, rng = np.linspace(0.01, 1.0, 100) * HOUR, np.random.default_rng(2)
+    tests = [at_one_rate(time, 1e-6 * rng.standard_normal(100)) for _ in range(25)]
+    rows = pd.concat([minimum_rates(solved(one, softening_from(0.25 * HOUR))) for one in tests])
+    errors = (rows["measured_rate_per_s"] - 1e-8) / rows["measured_rate_sd_per_s"]
+    assert abs(errors.mean()) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("minutes_between", "first", "last"), [(1, 9, 21), (3, 9, 21), (10, 0, 40), (15, 0, 60)]
+)
+def test_the_times_of_the_measured_rate_are_stated(
+    minutes_between: int, first: float, last: float
+) -> None:
+    """They reach over a fifth of the hour, about its minimum at 15 minutes, or to the fifth."""
+    time = np.arange(0.0, 61.0, minutes_between) * 60
+    fit = solved(at_one_rate(time, np.zeros(time.size)), softening_from(0.25 * HOUR))
+    (row,) = minimum_rates(fit).to_dict("records")
+    ends = row["measured_start_time_s"] / 60, row["measured_end_time_s"] / 60
+    assert ends == pytest.approx((first, last))
+    (table,) = minimum_rate_table(fit)
+    assert table.shown["measured over (min)"].tolist() == [f"{first} to {last}"]
 
 
 def test_a_constant_force_is_creep_while_the_area_has_hardly_grown() -> None:

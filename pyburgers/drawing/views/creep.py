@@ -41,9 +41,17 @@ strain reading shows, and where on so flat a curve the minimum lies says nothing
 LEAST_TIMES = 3
 """Times of the solution in an interval: before, at and behind a minimum."""
 
-WINDOW, LEAST_READINGS = 0.2, 5
-"""Share of an interval over which a measured rate is the slope of the strain readings, and how many
-readings that takes at least: over fewer a slope is mostly their error."""
+WINDOW, LEAST_TIMES_READ = 0.2, 5
+"""Share of an interval over which a measured rate is the slope of the strain readings, and at how
+many times these are at least: over fewer a slope is mostly their error."""
+
+MEASURED = (
+    "measured_rate_per_s",
+    "measured_rate_sd_per_s",
+    "measured_start_time_s",
+    "measured_end_time_s",
+)
+"""Columns of the rate of the readings, its standard error, and the first and last time of them."""
 
 LEAST_SHARE = 0.5
 """Of the draws. Numbers of a minority would be taken for those of the fit."""
@@ -54,10 +62,10 @@ def minimum_rates(fit: FittedTest) -> pd.DataFrame:
 
     A row is one of the `creep_intervals` in which at least half of the draws creep forward
     throughout; all numbers are those of such draws. Columns: stage (from 1), start_time_s,
-    end_time_s, stress_Pa; measured_rate_per_s, measured_rate_sd_per_s (of the readings; NaN where
-    they are few); rate_per_s, rate_q5_per_s, rate_q95_per_s (median and quantiles over the draws);
-    strain, strain_q5, strain_q95 (of draws with a minimum inside; NaN where these are fewer than
-    half); minimum_inside (share of draws whose rate is slower than at both ends in between) and
+    end_time_s, stress_Pa; those of `MEASURED` (of the readings; NaN where they are few);
+    rate_per_s, rate_q5_per_s, rate_q95_per_s (median and quantiles over the draws); strain,
+    strain_q5, strain_q95 (of draws with a minimum inside; NaN where these are fewer than half);
+    minimum_inside (share of draws whose rate is slower than at both ends in between) and
     least_at_end (share of those whose rate is least, or as good as that, at the end).
     """
     experiment = of_kind(fit.experiment, HistoryExperiment)
@@ -68,14 +76,16 @@ def minimum_rates(fit: FittedTest) -> pd.DataFrame:
         here = _times_inside(experiment, interval, time)
         forward = (rate[:, here] > 0).all(axis=1)
         if here.size >= LEAST_TIMES and forward.mean() >= LEAST_SHARE:
+            rates, strains = rate[np.ix_(forward, here)], strain[np.ix_(forward, here)]
+            slowest = float(np.median(time[here][rates.argmin(axis=1)]))
             rows.append(
                 {
                     "stage": interval.stage + 1,
                     "start_time_s": interval.start_time,
                     "end_time_s": interval.end_time,
                     "stress_Pa": interval.stress,
-                    **_measured(experiment, interval),
-                    **_minimum(rate[np.ix_(forward, here)], strain[np.ix_(forward, here)]),
+                    **_measured(experiment, interval, slowest),
+                    **_minimum(rates, strains),
                 }
             )
     return pd.DataFrame(rows)
@@ -91,22 +101,22 @@ def _times_inside(
     return np.flatnonzero((stage_of_times(experiment, time) == interval.stage) & begun & goes_on)
 
 
-def _measured(experiment: HistoryExperiment, interval: CreepInterval) -> dict[str, float]:
-    """Return the least slope (1/s) of strain readings over `WINDOW`, with its standard error."""
+def _measured(
+    experiment: HistoryExperiment, interval: CreepInterval, slowest: float
+) -> dict[str, float]:
+    """Return the slope (1/s) of strain readings about a time (s), with its error and its ends."""
     here = (experiment.reading_stage == interval.stage) & experiment.response_is_strain
     here &= (experiment.time >= interval.start_time) & (experiment.time <= interval.end_time)
     time, strain = experiment.time[here], experiment.reading[here]
-    if time.size < LEAST_READINGS:
-        return {"measured_rate_per_s": np.nan, "measured_rate_sd_per_s": np.nan}
-    ends = time + WINDOW * interval.duration
-    starts = np.flatnonzero(ends[: time.size - LEAST_READINGS + 1] <= time[-1])
-    lines = []
-    for first in starts if starts.size else (0,):
-        end = max(first + LEAST_READINGS, int(np.searchsorted(time, ends[first], side="right")))
-        line = linregress(time[first:end], strain[first:end])
-        lines.append((float(line.slope), float(line.stderr)))
-    slope, error = min(lines)
-    return {"measured_rate_per_s": slope, "measured_rate_sd_per_s": error}
+    half = 0.5 * WINDOW * interval.duration
+    middle = np.clip(slowest, interval.start_time + half, interval.end_time - half)
+    distances = np.sort(np.abs(np.unique(time) - middle))
+    if distances.size < LEAST_TIMES_READ:
+        return dict.fromkeys(MEASURED, np.nan)
+    near = np.abs(time - middle) <= max(half, distances[LEAST_TIMES_READ - 1])
+    line = linregress(time[near], strain[near])
+    found = (line.slope, line.stderr, time[near][0], time[near][-1])
+    return dict(zip(MEASURED, map(float, found), strict=True))
 
 
 def _minimum(rate: FloatArray, strain: FloatArray) -> dict[str, float]:
@@ -136,10 +146,14 @@ def minimum_rate_table(fit: FittedTest) -> tuple[PageTable, ...]:
     if found.empty:
         return ()
     unit, seconds = time_unit(of_kind(fit.experiment, HistoryExperiment).end_time)
-    spans = found[["start_time_s", "end_time_s"]].to_numpy() / seconds
+    spans, read = (
+        [span_text(ends, digits=3) for ends in found[[*names]].to_numpy() / seconds]
+        for names in (("start_time_s", "end_time_s"), MEASURED[2:])
+    )
     strain = STRAIN_FACTOR * found[["strain", "strain_q5", "strain_q95"]].to_numpy()
     known = found.assign(
-        time=[span_text(ends, digits=3) for ends in spans],
+        time=spans,
+        read=read,
         stress=found["stress_Pa"] * STRESS_FACTOR,
         median=["" if np.isnan(mid) else rounded(mid, high - low) for mid, low, high in strain],
         low=strain[:, 1],
@@ -151,7 +165,8 @@ def minimum_rate_table(fit: FittedTest) -> tuple[PageTable, ...]:
         f"stress ({STRESS_UNIT})": "{stress:.4g}",
         "minimum rate (1/s)": "{rate_per_s:.3g}",
         "5 to 95 %": "{rate_q5_per_s:.3g} to {rate_q95_per_s:.3g}",
-        "measured rate (1/s)": "{measured_rate_per_s:.3g} ± {measured_rate_sd_per_s:.1g}",
+        "measured rate there (1/s)": "{measured_rate_per_s:.3g} ± {measured_rate_sd_per_s:.1g}",
+        f"measured over ({unit})": "{read}",
         f"strain there ({STRAIN_UNIT})": "{median}",
         "strain, 5 to 95 %": "{low:.3g} to {high:.3g}",
         "minimum inside": "{minimum_inside:.0%} of draws",
@@ -161,8 +176,10 @@ def minimum_rate_table(fit: FittedTest) -> tuple[PageTable, ...]:
     text = (
         "Of the solutions, for draws from the posterior; noise takes no part. A row is a time over "
         f"which the stress stays within {100 * NEARLY_CONSTANT:g} % of its mean. The measured rate "
-        f"is the least slope of the strain readings over {100 * WINDOW:g} % of that time, with its "
-        f"standard error. It is left empty where fewer than {LEAST_READINGS} strains were read. "
+        "is the slope of the strain readings that the fit uses about the slowest time of the "
+        "solutions (a median), with its standard error. The readings are those over "
+        f"{100 * WINDOW:g} % of the row's time, or at the {LEAST_TIMES_READ} nearest times where "
+        "these reach further. It is left empty where the strain was read at fewer times. "
         "The rate is least at the end where it is then "
         f"within {100 * SAME_RATE:g} % of the least one: it is still falling, or has come to a "
         "plateau, and no strain belongs to the minimum. The strain is that of draws whose minimum "

@@ -12,7 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from pyburgers.checks.prior_influence import read_off_sentences
-from pyburgers.common.draws import FloatArray, all_draws
+from pyburgers.common.draws import FloatArray, all_draws, value_text
 from pyburgers.common.paths import shown
 from pyburgers.common.units import count_points, with_error
 from pyburgers.comparison.by_points import compare
@@ -339,7 +339,7 @@ def _temperature_correction(
     return (
         f"The other source's flow rate holds at {law.conditions.temperature:.1f} K, "
         f"{experiment.id} was at {experiment.temperature:.1f} K: its activation enthalpy changes "
-        f"ln(flow rate) by {with_error(float(np.mean(change)), float(np.std(change)))} up to there."
+        f"ln(flow rate) by {value_text(change)} up to there."
     )
 
 

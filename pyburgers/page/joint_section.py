@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.checks.prior_influence import decision_columns, decision_text
 from pyburgers.common.array_types import FloatArray
-from pyburgers.common.draws import BAND, TAIL, all_draws
+from pyburgers.common.draws import BAND, TAIL, all_draws, value_text
 from pyburgers.common.units import number, with_error
 from pyburgers.comparison.same_data import fits_alone
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
@@ -132,11 +132,10 @@ def _decided(name: str, rows: pd.DataFrame) -> str:
 
 def shown_pooled_table(joint: Fit) -> pd.DataFrame:
     """Return centres and spreads of the partially pooled parameters as text in display units."""
-    summary = joint.summary("SI")
+    summary, draws = joint.summary("SI"), joint.posterior["posterior"].to_dataset()
 
     def shown(name: str, owner: str, factor: float) -> str:
-        mean, sd = (summary[column][own_name(name, owner)] for column in ("mean", "sd"))
-        return with_error(mean * factor, sd * factor)
+        return value_text(all_draws(draws[own_name(name, owner)]) * factor)
 
     rows = []
     for name in joint.problem.partial:

@@ -19,7 +19,8 @@ from pyburgers.checks.prior_influence import (
     symbol_of,
 )
 from pyburgers.checks.verdicts import ANSWERS, Verdict, verdicts
-from pyburgers.common.units import number, with_error
+from pyburgers.common.draws import all_draws, value_text
+from pyburgers.common.units import number
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
 
@@ -182,7 +183,7 @@ def _conflicts_text(influences: Mapping[str, Influence]) -> str:
 
 
 def _stress_exponent(fit: SampledFit, influences: Mapping[str, Influence]) -> str:
-    """Mean, standard deviation and who decides it, or the value that was not inferred."""
+    """Value and who decides it, or the value that was not inferred."""
     there = fit.posterior["posterior"].to_dataset()
     names = [str(name) for name in there if str(name).split("[")[0] == "stress_exponent"]
     return "; ".join(_exponent_text(there[name], influences) for name in names)
@@ -193,7 +194,7 @@ def _exponent_text(draws: xr.DataArray, influences: Mapping[str, Influence]) -> 
     name = str(draws.name)
     if draws.attrs["fixed"]:
         return f"{number(float(draws[0, 0]))} (fixed)"
-    value = with_error(float(draws.mean()), float(draws.std(ddof=1)))
     decided = decision_columns(influences.get(name))
     text = decision_text(name, str(decided["decided_by"]), str(decided["by_prior_of"]))
+    value = value_text(all_draws(draws))
     return f"{value}, {text}" if text else value

@@ -8,7 +8,7 @@ from markupsafe import escape
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from pyburgers.common.draws import FloatArray, all_draws
+from pyburgers.common.draws import all_draws, value_text
 from pyburgers.common.units import counted, number, with_error
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import draw_band, draw_dots, figure_of
@@ -191,7 +191,7 @@ def _law_text(fit: RateFit) -> str:
         if name not in summary.index:
             return f"{symbol}{values[0]:g}{unit} (given)"
         decided = str(summary.at[name, "decided_by"])
-        text = symbol + _mean_and_sd(values) + unit
+        text = symbol + value_text(values) + unit
         return text if decided == "data" else f"{text} (decided by: {decided})"
 
     numbers = {
@@ -214,7 +214,7 @@ def _hand_over_text(fit: RateFit) -> str:
     of_test = all_draws(fit.posterior["predictions"].to_dataset()[FLOW_RATE_OF_TEST])
     return (
         "At the mean conditions ln(flow rate · s) of undeformed material is "
-        f"{_mean_and_sd(log_rate)} for the tests as a whole and {_mean_and_sd(of_test)} for "
+        f"{value_text(log_rate)} for the tests as a whole and {value_text(of_test)} for "
         "another single one, which scatters about them: the latter is what a curve can take as its "
         "prior."
     )
@@ -235,7 +235,7 @@ def _softening_text(fit: RateFit, softening: SofteningPrior) -> str:
         f"{where}; the peaks simulated with the priors of a curve are at {middle} % ({low} to "
         f"{high} %, 90 %). Of the softening the table tells nothing by itself: h and its change "
         "with rate, stress and grain size are parameters, with those simulations as prior. At the "
-        f"mean conditions h = {_mean_and_sd(h)}, in ln(strain rate) n h = {_mean_and_sd(n_h)}."
+        f"mean conditions h = {value_text(h)}, in ln(strain rate) n h = {value_text(n_h)}."
     )
 
 
@@ -244,7 +244,7 @@ def _temperature_text(fit: RateFit) -> str:
     enthalpy, at = fit.power_law()["activation_enthalpy"], fit.used.temperature
     mean = fit.used.mean_conditions.temperature
     coldest, warmest = (
-        _mean_and_sd(log_slowdown(enthalpy, one, mean)) for one in (at.min(), at.max())
+        value_text(log_slowdown(enthalpy, one, mean)) for one in (at.min(), at.max())
     )
     return (
         f"The tests were at {at.min():.2f} to {at.max():.2f} K. The activation enthalpy brings "
@@ -270,22 +270,18 @@ def least_squares_table(fit: RateFit) -> pd.DataFrame:
 
 def _least_squares_page_table(fit: RateFit) -> PageTable:
     """Show the exponents of the law beside those across the tests."""
-    table = least_squares_table(fit)
+    table, draws = least_squares_table(fit), fit.power_law()
     shown = pd.DataFrame(
         {
             "quantity": [shown_quantity(str(name)).label for name in table.index],
             "across the tests, by least squares": [
                 with_error(*pair) for pair in table[["least_squares", "standard_error"]].to_numpy()
             ],
-            "posterior": [with_error(*pair) for pair in table[["mean", "sd"]].to_numpy()],
+            "posterior": [value_text(draws[str(name)]) for name in table.index],
         }
     )
     title = "Exponents of undeformed material, beside those across the tests"
     return PageTable("least_squares", title, shown, table.reset_index(), words=("quantity",))
-
-
-def _mean_and_sd(draws: FloatArray) -> str:
-    return with_error(float(np.mean(draws)), float(np.std(draws)))
 
 
 def law_table(fit: RateFit) -> pd.DataFrame:

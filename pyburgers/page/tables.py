@@ -13,6 +13,7 @@ import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckResult, Outcome
 from pyburgers.checks.prior_influence import ORIGIN_RULES, Influence, decision_text
+from pyburgers.common.draws import band_text, is_misled_by_sd
 from pyburgers.common.units import number, rounded
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.fitting.fit import Fit
@@ -71,10 +72,6 @@ def result_table(
 LONGEST_NUMBER = 7
 """Characters of a number in a table, if its width does not need more."""
 
-WIDE = 0.75
-"""Standard deviation over the mean from which mean ± sd says little of a positive number: a normal
-distribution would have a tenth of its draws below 0."""
-
 VALUE = "value"
 """Title of the column with `quoted`."""
 
@@ -87,8 +84,8 @@ def quoted(
 ) -> list[str]:
     """Return what to quote of each row of `Fit.summary` in SI units; `shown` is its `result_table`.
 
-    It is mean ± sd; median and central 90 % of a positive number that is too wide for that; and
-    the other end of the interval, as a limit, at a bound where the model ends.
+    It is mean ± sd; median and central 90 % where these say more (`is_misled_by_sd`); and the other
+    end of the interval, as a limit, at a bound where the model ends.
     """
     law = KELVIN_LAWS[fit.variant.kelvin]
     held = [fit.priors[name] for name in law.conventions if fit.priors[name].is_fixed]
@@ -102,13 +99,10 @@ def quoted(
         if bound is not None and bound.is_physical:
             is_lower = bound.side == "lower"
             text = f"< {cells['95 %']}" if is_lower else f"> {cells['5 %']}"
-        elif row["q5"] > 0 and row["sd"] > WIDE * row["mean"]:
+        elif is_misled_by_sd(*row[["mean", "sd", "q5", "q95"]]):
             factor = shown_quantity(str(name)).display_factor
             median = float(fit.posterior["posterior"][str(name)].median())
-            low, middle, high = (
-                number(float(f"{end * factor:.2g}")) for end in (row["q5"], median, row["q95"])
-            )
-            text = f"{middle} ({low} to {high})"
+            text = band_text(row["q5"] * factor, median * factor, row["q95"] * factor)
         else:
             text = f"{cells['mean']} ± {cells['sd']}"
         texts.append(text + at * (name in law.redefines))

@@ -10,6 +10,7 @@ import numpy as np
 
 from pyburgers.common.array_types import IntArray
 from pyburgers.common.atomic_files import write_text
+from pyburgers.common.draws import value_text
 from pyburgers.common.errors import InputError, nearest, require_type
 from pyburgers.common.paths import given_path
 from pyburgers.common.units import rounded
@@ -137,9 +138,9 @@ def _caution_lines(one: Exported, names: Sequence[str], fit: AnyFit, asked: Rang
     for name in names:
         k = one.names.index(name)
         unit = "" if is_logarithm(name) else shown_quantity(name).si_unit
-        spread = f" +- {rounded(one.sd[k], one.sd[k])}" if one.sd[k] else ""
+        value = value_text(one.draws[k]) if one.sd[k] else rounded(one.mean[k], 0.0)
         by = f"{one.decided_by[k]} {one.by_prior_of[k]}".strip() or "unknown"
-        decided.append(f"{name} {rounded(one.mean[k], one.sd[k])}{spread} {unit} ({by})")
+        decided.append(f"{name} {value.replace('±', '+-')} {unit} ({by})")
     tested = f"Conditions of the fitted tests: {one.conditions}. The law extrapolates elsewhere."
     if one.draws_of == PRIOR_ALONE:
         tested = f"Conditions of the test, which was not fitted: {one.conditions}."

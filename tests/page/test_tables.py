@@ -2,9 +2,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 from synthetic_fit import TRUTH, make_fit, make_prior, uniform, with_problem
 
 from pyburgers.checks.prior_influence import Bound, Influence, Origin, decision_text
+from pyburgers.common.draws import value_text
 from pyburgers.common.units import duration_text, number, rounded
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.program_data import fixed_in_effect
@@ -133,8 +135,19 @@ def test_what_to_quote_is_a_limit_at_a_bound_and_a_median_of_a_wide_number(fit: 
         quoted("kelvin_viscosity", **wide)
         == f"{number(float(f'{median:.2g}'))} (250000 to 6.6e+07)"
     )
-    # A number of either sign has no median in its place.
-    assert "±" in quoted("kelvin_viscosity", **{**wide, "q5": -1e14})
+    # A number of either sign has no median in its place, unless a tail makes the width.
+    assert "±" in quoted("kelvin_viscosity", **{**wide, "q5": -1e14, "q95": 2e17})
+    tail = {"mean": 1.1e14, "sd": 2e13, "q5": 0.97e14, "q95": 1.03e14}
+    assert quoted("kelvin_viscosity", **tail).endswith(" (97000 to 103000)")
+
+
+@pytest.mark.parametrize("middle", [0.54, 0.2, -0.54])
+def test_a_few_far_draws_are_not_the_width_of_a_number(middle: float) -> None:
+    draws = middle + 0.012 * norm.ppf(np.linspace(0.0005, 0.9995, 1000))
+    assert value_text(draws) == f"{middle:.3f} ± 0.012"
+    with_tail = np.append(draws, np.full(10, middle + 1.0))
+    low, high = np.quantile(with_tail, [0.05, 0.95]).round(3)
+    assert value_text(with_tail) == f"{middle:g} ({low:g} to {high:g})"
 
 
 def test_a_number_that_data_fix_with_a_convention_is_quoted_for_it(fit: Fit) -> None:

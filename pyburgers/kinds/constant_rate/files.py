@@ -35,6 +35,7 @@ from pyburgers.kinds.experiment_file import (
     sign_of,
     slope_of,
 )
+from pyburgers.kinds.loading_history.true_readings import MAX_UNLOADED_SHARE, MAX_ZERO_SHARE
 
 
 class SegmentTable(Table):
@@ -184,6 +185,7 @@ def join_curves(
     tolerance = min(JITTER_STRAIN, JITTER_SHARE * final_strain)
     strains, stresses = [np.empty(0)], [np.empty(0)]
     notices: list[str] = []
+    largest = max((float(np.abs(curve.stress).max()) for curve in curves), default=0.0)
     for curve in curves:
         strain, moved = _inside(curve, tolerance)
         order, sorted_ = _order(curve, strain, tolerance)
@@ -191,17 +193,32 @@ def join_curves(
         strains.append(strain[loaded])
         stresses.append(curve.stress[loaded])
         notices += [*curve.notes, *moved, *sorted_]
-        if dropped := strain.size - loaded.size:
-            notices.append(
-                f"{curve.name}: {count_points(dropped)} at zero strain dropped, because the model "
-                "is at rest there and its stress is zero whatever the parameters."
-            )
+        if loaded.size < strain.size:
+            notices += _dropped(curve.name, curve.stress[strain == 0], largest)
     strain, stress = np.concatenate(strains), np.concatenate(stresses)
     if curves and strain.size == 0:
         raise InputError(f"{curves[0].place}: every point is at zero strain, expected a curve.")
     if curves and not stress.any():
         raise InputError(f"{curves[0].place}: every stress is zero, expected a curve.")
     return strain, stress, notices
+
+
+def _dropped(name: str, at_rest: FloatArray, largest: float) -> list[str]:
+    """Say that points at zero strain are left out, and what their stresses (n,) may be; all Pa."""
+    size = float(np.abs(at_rest).max())
+    how_large = f" of up to {size / 1e6:.4g} MPa," if size > MAX_ZERO_SHARE * largest else ""
+    told = [
+        f"{name}: {count_points(at_rest.size)} at zero strain dropped,{how_large} because the "
+        "model is at rest there and its stress is zero whatever the parameters."
+    ]
+    if size > MAX_UNLOADED_SHARE * largest:
+        told.append(
+            f"{name}: {size / 1e6:.4g} MPa at zero strain, {100 * size / largest:.0f} % of the "
+            "largest stress, may be an offset of the load cell, a pre-load or a total stress. "
+            "Subtract an offset or a confining pressure from all stresses; a pre-load is a stage "
+            "of its own in a loading_history."
+        )
+    return told
 
 
 def unlike_rates(

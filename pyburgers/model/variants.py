@@ -5,14 +5,14 @@ part of the model out. The Stan programs read from the same priors which equatio
 priors and equations cannot contradict each other, and what a run used can be told from its priors.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Literal
 
 import numpy as np
 
-from pyburgers.common.errors import InputError, nearest
+from pyburgers.common.errors import InputError, nearest, require_type
 from pyburgers.model.fitted_test import Test
 from pyburgers.model.hardening import (
     changes_of_hardening,
@@ -23,6 +23,7 @@ from pyburgers.model.hardening import (
 from pyburgers.model.laws import (
     DASHPOT_LAWS,
     DASHPOT_STRESSES,
+    DISLOCATIONS_SWITCH,
     HARDENING_LAWS,
     KELVIN_LAWS,
     MECHANISMS,
@@ -36,7 +37,12 @@ from pyburgers.model.laws_in_priors import (
     kelvin_law,
     mechanism,
 )
-from pyburgers.model.parameters import PARAMETER_BY_NAME, PIEZOMETER
+from pyburgers.model.parameters import (
+    FURTHER_MECHANISMS,
+    GIVEN_TOGETHER,
+    PARAMETER_BY_NAME,
+    PIEZOMETER,
+)
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 from pyburgers.model.priors import PriorSet, priors_of_freed_parameters
 from pyburgers.model.residual_laws import ResidualsLaw, changes_of_residuals, residuals_law
@@ -172,7 +178,8 @@ def with_variant(priors: PriorSet, experiment: Test, choices: Mapping[str, str])
     Raises
     ------
     InputError
-        If a name is unknown, or priors or experiment do not allow a choice.
+        If an argument is something else, a name is unknown, or priors or experiment do not allow
+        a choice.
 
     Examples
     --------
@@ -180,6 +187,9 @@ def with_variant(priors: PriorSet, experiment: Test, choices: Mapping[str, str])
     >>> pyburgers.variant_of(changed, test).maxwell
     'linear'
     """
+    require_type("priors", priors, PriorSet, "priors, as of pyburgers.priors")
+    require_type("experiment", experiment, Test, "a test, as of pyburgers.load_experiment")
+    require_type("choices", choices, Mapping, 'a law by part, such as {"kelvin": "power_law"}')
     _check_names(choices, "variant")
     _check_kind(choices, experiment)
     changed = priors
@@ -327,7 +337,9 @@ def _choose_kelvin(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
     if KELVIN_LAWS[choice].own_stress:
         if kelvin_law(priors.priors, experiment.id) == choice:
             return priors
-        stress = REFERENCE_STRESS_SHARE * _largest_stress(experiment)
+        stress = REFERENCE_STRESS_SHARE * _largest_stress(
+            experiment, KELVIN_LAWS[choice].parameters
+        )
         references["kelvin_reference_stress"] = float(f"{stress:.0e}")
     else:
         references["kelvin_reference_grain_size"] = experiment.initial_grain_size
@@ -343,7 +355,7 @@ def _choose_maxwell(priors: PriorSet, experiment: Test, choice: str) -> PriorSet
     """
     for name, law in DASHPOT_STRESSES.items():
         if law.name == choice and is_fixed_at(priors[name], 0.0):
-            median = float(f"{law.stress_share * _largest_stress(experiment):.0e}")
+            median = float(f"{law.stress_share * _largest_stress(experiment, [name]):.0e}")
             free = replace(priors_of_freed_parameters()[name], location=median)
             priors = priors.exchanging(free)
         elif law.name != choice and not is_fixed_at(priors[name], 0.0):
@@ -363,7 +375,9 @@ def _choose_maxwell(priors: PriorSet, experiment: Test, choice: str) -> PriorSet
             "a prior file with stress_exponent fixed at 1 instead."
         )
     enthalpy = priors["activation_enthalpy"].location
-    moved = beta_of_linear(beta, exponent, np.log(_largest_stress(experiment)) / enthalpy)
+    moved = beta_of_linear(
+        beta, exponent, np.log(_largest_stress(experiment, ["stress_exponent = 1"])) / enthalpy
+    )
     return priors.exchanging(_fixed("stress_exponent", 1.0, "maxwell=linear"), moved)
 
 
@@ -374,7 +388,9 @@ def _choose_hardening(priors: PriorSet, experiment: Test, choice: str) -> PriorS
     is_linear = experiment.linear_hardening
     stays = choice in ("none", hardening_law(priors.priors))
     needless = stays or (is_linear and choice != "dislocations")
-    stress = 0.0 if needless else _largest_stress(experiment)
+    switch = (DISLOCATIONS_SWITCH,) if choice == "dislocations" else ()
+    own = (*HARDENING_LAWS[choice].parameters, *switch)
+    stress = 0.0 if needless else _largest_stress(experiment, own)
     of_material = experiment.initial_grain_size, experiment.temperature
     conditions, freed = (stress, experiment.duration, *of_material), priors_of_freed_parameters()
     return priors.exchanging(
@@ -385,7 +401,9 @@ def _choose_hardening(priors: PriorSet, experiment: Test, choice: str) -> PriorS
 def _choose_mechanism(which: str, priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
     """Free the rate, which holds at the largest stress, to one digit, before the test."""
     stays = choice in ("none", mechanism(which, priors.priors))
-    stress = 0.0 if stays else float(f"{_largest_stress(experiment):.0e}")
+    rate, *_, in_series = FURTHER_MECHANISMS[which]
+    own = (rate, in_series) if MECHANISMS[which][choice].in_series else (rate,)
+    stress = 0.0 if stays else float(f"{_largest_stress(experiment, own):.0e}")
     conditions = (stress, experiment.initial_grain_size, experiment.temperature)
     weak = priors_of_freed_parameters()[f"{which}_rate"]
     return priors.exchanging(*changes_of_mechanism(which, choice, priors.priors, weak, conditions))
@@ -443,10 +461,13 @@ _CHANGES: Mapping[str, Callable[[PriorSet, Test, str], PriorSet]] = {
 """What each choice does to the priors."""
 
 
-def _largest_stress(experiment: Test) -> float:
+def _largest_stress(experiment: Test, own: Iterable[str]) -> float:
+    """Return the stress (Pa) at which a law is set up whose own parameters are not given."""
     if experiment.n_points == 0:
+        names = dict.fromkeys(one for name in own for one in (name, *GIVEN_TOGETHER.get(name, ())))
         raise InputError(
             f"{experiment.id}: the experiment has no data, at whose largest stress a new law is "
-            "set up, expected some, or values of the law's own parameters among the given ones."
+            "set up, expected some, or values of the law's own parameters among the given ones: "
+            f"{', '.join(names)}."
         )
     return experiment.largest_stress

@@ -222,13 +222,22 @@ def test_a_law_whose_parameter_is_not_given_is_refused(parameters: dict[str, flo
 
 
 @pytest.mark.parametrize(
-    ("part", "law"), [("kelvin", "power_law"), ("third_mechanism", "power_law")]
+    ("part", "law", "missing"),
+    [
+        ("kelvin", "power_law", "kelvin_stress_exponent, kelvin_reference_stress"),
+        ("maxwell", "threshold_stress", "threshold_stress"),
+        ("maxwell", "linear", "stress_exponent = 1"),
+        ("hardening", "backstress", "hardening_modulus, backstress_limit"),
+        ("third_mechanism", "power_law", "third_rate, third_stress_exponent"),
+    ],
 )
 def test_a_law_whose_parameter_is_not_given_to_an_imagined_test_is_refused(
-    part: str, law: str
+    part: str, law: str, missing: str
 ) -> None:
     imagined = load_experiment(ICE.parent / "designs" / "dunite_creep.toml")
-    with pytest.raises(InputError, match=r"or values of the law's own parameters among"):
+    with pytest.raises(
+        InputError, match=rf"or values of the law's own parameters among .*: {missing}"
+    ):
         with_laws(imagined, TRUTH, {part: law})
 
 

@@ -4,6 +4,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -95,6 +96,18 @@ def test_no_choice_changes_nothing(ice: ConstantRateExperiment, priors: PriorSet
     assert family[len(PARAMETERS) :] == [0] * len(STANDARD_VALUES)
     assert location[len(PARAMETERS) :] == list(STANDARD_VALUES.values())
     assert max(data["own_parameter"]) == len(PARAMETERS)
+
+
+@pytest.mark.parametrize(
+    ("argument", "wrong"),
+    [("priors", "ice"), ("experiment", None), ("choices", "kelvin=power_law")],
+)
+def test_an_argument_of_another_type_is_refused(
+    argument: str, wrong: Any, ice: ConstantRateExperiment, priors: PriorSet
+) -> None:
+    arguments: dict[str, Any] = {"priors": priors, "experiment": ice, "choices": {}}
+    with pytest.raises(InputError, match=f"^{argument}: found .*, expected"):
+        with_variant(**arguments | {argument: wrong})
 
 
 @pytest.mark.parametrize(("part", "law"), EVERY_CHOICE.items())

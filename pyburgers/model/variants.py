@@ -337,10 +337,8 @@ def _choose_kelvin(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
     if KELVIN_LAWS[choice].own_stress:
         if kelvin_law(priors.priors, experiment.id) == choice:
             return priors
-        stress = REFERENCE_STRESS_SHARE * _largest_stress(
-            experiment, KELVIN_LAWS[choice].parameters
-        )
-        references["kelvin_reference_stress"] = float(f"{stress:.0e}")
+        largest = _largest_stress(experiment, KELVIN_LAWS[choice].parameters)
+        references["kelvin_reference_stress"] = float(f"{REFERENCE_STRESS_SHARE * largest:.0e}")
     else:
         references["kelvin_reference_grain_size"] = experiment.initial_grain_size
     freed = priors_of_freed_parameters()
@@ -375,9 +373,8 @@ def _choose_maxwell(priors: PriorSet, experiment: Test, choice: str) -> PriorSet
             "a prior file with stress_exponent fixed at 1 instead."
         )
     enthalpy = priors["activation_enthalpy"].location
-    moved = beta_of_linear(
-        beta, exponent, np.log(_largest_stress(experiment, ["stress_exponent = 1"])) / enthalpy
-    )
+    largest = _largest_stress(experiment, ["stress_exponent = 1"])
+    moved = beta_of_linear(beta, exponent, np.log(largest) / enthalpy)
     return priors.exchanging(_fixed("stress_exponent", 1.0, "maxwell=linear"), moved)
 
 

@@ -239,8 +239,8 @@ def halite_section(fits: Mapping[str, Fit]) -> PageSection:
             f"Measured: {test.provenance.source} ({test.provenance.licence}). Differential stress "
             "was imposed and is taken as it was measured; axial strain is the response. What is "
             "left over is measured strain minus the median of the model's, all of it: nothing is "
-            "taken off for residuals that correlate in time. Verdicts take the mean square over all "
-            "draws, which is a little more.",
+            "taken off for residuals that correlate in time. Verdicts take the mean square over "
+            "all draws, which is a little more.",
             *comparison.gap_sentences(LAWS),
             *_not_tried(fits),
             *(

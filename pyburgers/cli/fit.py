@@ -79,12 +79,12 @@ def run(options: argparse.Namespace) -> int:
     choices = parse_choices(options.variant)
     pool = parse_pooling(options.pool)
     experiments = of_one_program([load_experiment(path) for path in options.experiments])
+    if pool and len(experiments) == 1:
+        raise InputError(f"--pool {options.pool[0]}: found one experiment, expected several.")
     for path in options.experiments:
         content = read_tables(path)
         for hint in hints([*looks(path, content)], content):
             logger.info(f"hint: {hint}")
-    if pool and len(experiments) == 1:
-        raise InputError(f"--pool {options.pool[0]}: found one experiment, expected several.")
     priors = with_variant(priors_for(experiments, options.priors, choices), experiments[0], choices)
     source: Path | None = options.priors_from
     if source is not None:

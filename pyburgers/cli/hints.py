@@ -355,8 +355,8 @@ def rates_told(look: TextTable, columns: Columns) -> str | None:
         name = plain(look.described(column))
         if look.numbers(column) and unit_in_name(name, "strain rate"):
             return (
-                f"column {column!r} holds strain rates, and no time is read: if each row is a test "
-                "of its own, write the file of a table of rates, which docs/rates.md shows"
+                f"column {column!r} holds strain rates, and no time is read. If each row is a "
+                "test, write the file of a table of rates (docs/rates.md)"
             )
     return None
 

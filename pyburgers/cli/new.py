@@ -120,7 +120,9 @@ def run(options: argparse.Namespace) -> int:
     if out.exists():
         raise InputError(f"{out}: exists already, expected a new file; choose another --out.")
     if not out.parent.is_dir():
-        raise InputError(f"{out}: found no folder {out.parent}, expected that of the file.")
+        raise InputError(
+            f"{out}: the folder {out.parent} does not exist; make it, or choose another --out."
+        )
     for note in (*table.notes, *table.problems):
         print(shown(f"note: {note}"))
     given = {question.name: vars(options)[question.name] for question in _every_question()}
@@ -308,9 +310,8 @@ def _refuse_needless_options(new_file: NewFile, columns: Columns, given: Mapping
                 f"; give {own.option}" for own in new_file.questions if own.name == quantity
             )
             raise InputError(
-                f"{question.option} {value}: expected no such option, because such a test of the "
-                f"protocol {new_file.experiment.protocol} reads no such column beside those that "
-                f"are taken{ways}."
+                f"{question.option} {value}: expected no such option, because this file of the "
+                f"protocol {new_file.experiment.protocol} does not read that column{ways}."
             )
 
 

@@ -26,8 +26,8 @@ WIDE = 0.75
 distribution would have a tenth of its draws below 0."""
 
 HEAVY_TAIL = 2.0
-"""Standard deviation over that of a normal distribution with the same band from which it is the
-distance of few draws, and mean ± sd is a width that hardly a draw has."""
+"""Standard deviation over that of a normal distribution with the same band. Above this ratio a few
+far draws make the standard deviation."""
 
 
 def all_draws(values: xr.DataArray) -> FloatArray:

@@ -114,8 +114,8 @@ def read_tables(path: Path) -> dict[str, Any]:
         if path.is_file() and path.suffix.lower() not in ("", ".toml"):
             command = shlex.join(["pyburgers", "new", str(path)])
             raise InputError(
-                f"{path}: found no TOML, expected an experiment file or the like; a table of "
-                "rates needs the file that docs/rates.md shows; if it holds readings of a test, "
+                f"{path}: found no TOML, expected an experiment file or the like. A table of "
+                "rates needs the file that docs/rates.md shows. If it holds readings of a test, "
                 f"write an experiment file for them: {command}."
             ) from None
         raise

@@ -12,8 +12,8 @@ from pyburgers.common.units import FOREIGN_UNIT_NAMES, unit_in, unit_spelled
 
 CONFINING = re.compile(
     r"confin|(?<![a-z])p?conf(?![a-z])|cell.?p|hydrostat|(?:seiten|mantel|umlagerungs|zell)druck"
-    r"|(?<![a-z])(?:gas|oil).{0,2}p(?:ress|(?![a-z]))|(?:radial|lateral).?(?:stress|spannung)"
-    r"|^(?:sigma|sig|σ|s)[_ ]?[23](?![0-9a-z])|^pc?(?![a-z])"
+    r"|(?<![a-z])gas.{0,2}p(?:ress|(?![a-z]))|(?:radial|lateral).?(?:stress|spannung)"
+    r"|^(?:sigma|sig|σ|s)[_ ]?[23](?![0-9a-z])|^pc?(?=$| ?[(\[](?:[mgk]?pa|bar))"
 )
 """Pattern of columns of the pressure on a sample, or of stresses across its axis."""
 
@@ -28,8 +28,8 @@ RATE = (
 OTHER_QUANTITIES = re.compile(
     rf"{RATE}"
     r"|^(?!.*freq|.*omega|.*ω|[fw](?![a-z])).*(?<!rad)(?:/ ?|(?= ?s\^?-1))s(?:ec|\^?-1)? ?[)\]]"
-    rf"|{CONFINING.pattern}|pore|radial|lateral|quer|(?<![a-z])vol"
-    r"|(?:fluid|water|ambient).{0,2}press|compliance|viscos|strain.?ampl|vitesse|geschwindigkeit"
+    rf"|{CONFINING.pattern}|^pc?(?![a-z])|pore|radial|lateral|quer|(?<![a-z])vol"
+    r"|(?:oil|fluid|water|ambient).{0,2}press|compliance|viscos|strain.?ampl|vitesse|geschwindigkeit"
     r"|bulk.?mod|kompressionsmod|unrelax"
 )
 """Pattern of columns that resemble a quantity and are another one: strain rates, compliances,

@@ -1,4 +1,4 @@
-"""Keys that the files of all tests share, and what is checked of them.
+"""What files of a kind hold (`Kind`), keys that all of them share, and checks of these.
 
 An experiment is a TOML file beside one or several text files of columns, or the same tables as
 arguments of a function; other keys are in the module of its kind. Everything is converted to SI.

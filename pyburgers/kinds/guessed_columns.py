@@ -253,9 +253,8 @@ def first_of_tests(
         if np.array_equal(back, np.flatnonzero(cells[1:] != cells[:-1]) + 1):
             key, cell = (json.dumps(str(text), ensure_ascii=False) for text in (column, cells[0]))
             return {name: one.at(np.arange(back[0])) for name, one in columns.items()}, (
-                f"the {guide.says} goes back in {line}, where column {column!r} changes: if that "
-                f"tells tests apart, write rows = {{ {key} = {cell} }} in [data] to read the first "
-                "of them"
+                f"the {guide.says} goes back in {line}, where column {column!r} changes. If it "
+                f"tells tests apart, read the first with rows = {{ {key} = {cell} }} in [data]"
             )
     if "time" not in columns:  # a strain may go back
         return columns, None
@@ -339,7 +338,7 @@ def _confined_by(table: TextTable, stress: GuessedColumn) -> str | int | None:
         if column == stress.column or not (is_pressure or is_other):
             continue
         unit = unit_of_name(name, "stress", is_chosen=True)
-        if unit is None and is_pressure:
+        if unit is None and (CONFINING.search(name) or name.startswith("pressure")):
             unit = stress.unit
         if unit and table.numbers(column):
             beside = float(np.median(table.numbers(column))) * UNIT_TABLE["stress"][unit].factor

@@ -17,6 +17,12 @@ MAX_STRAIN = 20.0
 MAX_LIKELY_STRAIN_RATE = 1.0
 """Strain rate (1/s) beyond which a unit may be wrong."""
 
+MAX_UNLOADED_SHARE = 0.1
+"""Share of the largest stress up to which readings before anything is imposed may be error."""
+
+MAX_ZERO_SHARE = 0.01
+"""Share of the largest reading up to which one at rest goes without its size in notices."""
+
 
 def unlikely_strain_rate(fastest: float) -> list[str]:
     """Say if the fastest strain rate (1/s) of tests is one that no press has."""

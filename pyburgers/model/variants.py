@@ -178,8 +178,8 @@ def with_variant(priors: PriorSet, experiment: Test, choices: Mapping[str, str])
     Raises
     ------
     InputError
-        If an argument is something else, a name is unknown, or priors or experiment do not allow
-        a choice.
+        If an argument is of another type, a name is unknown, or priors or experiment do not
+        allow a choice.
 
     Examples
     --------
@@ -463,8 +463,7 @@ def _largest_stress(experiment: Test, own: Iterable[str]) -> float:
     if experiment.n_points == 0:
         names = dict.fromkeys(one for name in own for one in (name, *GIVEN_TOGETHER.get(name, ())))
         raise InputError(
-            f"{experiment.id}: the experiment has no data, at whose largest stress a new law is "
-            "set up, expected some, or values of the law's own parameters among the given ones: "
-            f"{', '.join(names)}."
+            f"{experiment.id}: a new law is set up at the largest stress of the data, and there "
+            f"are none; give values of the law's own parameters: {', '.join(names)}."
         )
     return experiment.largest_stress

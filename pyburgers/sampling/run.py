@@ -138,11 +138,14 @@ def require_extendable(run: RunDirectory, more_draws: int, *, overwrite: bool) -
 
 
 def way_out(run: RunDirectory, more_draws: int | None) -> str:
-    """Say what to do about a run of other inputs: only its own command adds draws to it."""
-    if more_draws is None:
+    """Say what to do about a run of other inputs; draws are added with its own ones alone."""
+    command = run.read_manifest().get("command")
+    if more_draws is None or command is None:
         return "choose another --out, or --overwrite to replace it"
-    command = run.read_manifest()["command"]
-    return f"draws are added by its own command, {command}, with --more-draws {more_draws}"
+    return (
+        f"draws can be added with the inputs and options of its command, {command}; for others "
+        "choose another --out, without --more-draws"
+    )
 
 
 def _asked(run: RunDirectory, more_draws: int | None) -> list[int]:

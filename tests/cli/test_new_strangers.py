@@ -170,7 +170,13 @@ def test_the_total_stress_along_the_axis_is_no_differential_stress(
     assert main([*command, "--stress-column", stress]) == 0
 
 
-@pytest.mark.parametrize("beside", ["Radial strain", "Compressive strain rate", "Load (MPa)"])
+@pytest.mark.parametrize(
+    "beside",
+    [
+        *("Radial strain", "Compressive strain rate", "Load (MPa)"),
+        *("P-wave velocity", "P_load", "P (kN)", "Pore pressure", "Oil pressure"),
+    ],
+)
 def test_other_columns_beside_a_stress_are_no_pressure(beside: str, table: Table) -> None:
     path = table(**{"strain (%)": PERCENT, "True stress (MPa)": 0.01 * CURVE + 1, beside: 1.0})
     assert main(["new", str(path), *KNOWN, *RATE]) == 0
@@ -347,7 +353,9 @@ def test_one_of_several_tests_is_read_by_what_tells_them_apart(
     )
     assert main(["new", str(path), *KNOWN]) == 2
     selection = 'rows = { "specimen" = "1" }'
-    assert f"if that tells tests apart, write {selection} in [data]" in capsys.readouterr().out
+    assert (
+        f"tells tests apart, read the first with {selection} in [data]" in capsys.readouterr().out
+    )
     file = path.with_suffix(".toml")
     text = file.read_text("utf-8").replace("[data]\n", f"[data]\n{selection}\n")
     file.write_text(text, encoding="utf-8")
@@ -371,7 +379,7 @@ def test_a_table_of_rates_is_no_curve(
 ) -> None:
     path = table(**{**columns, "T_C": -10.0, "stress_MPa": CURVE, "edot_per_s": 1e-6})
     main(["new", str(path), *KNOWN, *RATE])
-    told = "check: column 'edot_per_s' holds strain rates, and no time is read: if each row is a"
+    told = "check: column 'edot_per_s' holds strain rates, and no time is read. If each row is a"
     assert (told in capsys.readouterr().out) == is_told
 
 

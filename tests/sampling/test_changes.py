@@ -64,10 +64,11 @@ def test_other_inputs_are_refused_and_what_differs_is_told(
         ({"use_likelihood": False}, False),
     ):
         assert ("--more-draws" in refused(small_problem, small_fit, **changed)) is offered
-    # Draws are added to this very run.
+    # Draws are added with the inputs and options of the run alone.
     command = small_fit.manifest["command"]
-    text = refused(small_problem, small_fit, options=longer, more_draws=50)
-    assert f"{command}, with --more-draws 50" in text
+    for changed in ({"options": longer}, {"experiments": replace(test, temperature=255.0)}):
+        text = refused(small_problem, small_fit, **changed, more_draws=50)
+        assert f"{command}; for others choose another --out" in text
     pool = {"maxwell_modulus": "separate"}
     assert "pooling" in refused(small_problem, joint, experiments=pair, pool=pool)
 

@@ -39,7 +39,7 @@ def test_4506_has_a_peak_and_weakens() -> None:
     experiment = load(4506)
     assert experiment.stress.max() == pytest.approx(480.4937e6)
     assert experiment.strain[experiment.stress.argmax()] == pytest.approx(0.0336)
-    assert "2 points at zero strain dropped" in experiment.notices[0]
+    assert "dropped 2 points at zero strain" in experiment.notices[0]
 
 
 def test_readings_behind_a_rate_step_are_lower() -> None:

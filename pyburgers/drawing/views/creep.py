@@ -41,9 +41,11 @@ strain reading shows, and where on so flat a curve the minimum lies says nothing
 LEAST_TIMES = 3
 """Times of the solution in an interval: before, at and behind a minimum."""
 
-WINDOW, LEAST_TIMES_READ = 0.2, 5
-"""Share of an interval over which a measured rate is the slope of the strain readings, and at how
-many times these are at least: over fewer a slope is mostly their error."""
+WINDOW = 0.2
+"""Share of an interval over which a measured rate is the slope of the strain readings."""
+
+LEAST_TIMES_READ = 5
+"""At how many times strains are read at least: over fewer a slope is mostly their error."""
 
 MEASURED = (
     "measured_rate_per_s",
@@ -176,10 +178,10 @@ def minimum_rate_table(fit: FittedTest) -> tuple[PageTable, ...]:
     text = (
         "Of the solutions, for draws from the posterior; noise takes no part. A row is a time over "
         f"which the stress stays within {100 * NEARLY_CONSTANT:g} % of its mean. The measured rate "
-        "is the slope of the strain readings that the fit uses about the slowest time of the "
-        "solutions (a median), with its standard error. The readings are those over "
-        f"{100 * WINDOW:g} % of the row's time, or at the {LEAST_TIMES_READ} nearest times where "
-        "these reach further. It is left empty where the strain was read at fewer times. "
+        "is the slope of the strain readings about the slowest time (median of the solutions), "
+        "with its standard error. Readings that the fit uses over "
+        f"{100 * WINDOW:g} % of the row's time count, or at the {LEAST_TIMES_READ} nearest times "
+        "where these reach further. It is left empty where the strain was read at fewer times. "
         "The rate is least at the end where it is then "
         f"within {100 * SAME_RATE:g} % of the least one: it is still falling, or has come to a "
         "plateau, and no strain belongs to the minimum. The strain is that of draws whose minimum "

@@ -35,7 +35,7 @@ from pyburgers.kinds.experiment_file import (
     sign_of,
     slope_of,
 )
-from pyburgers.kinds.loading_history.true_readings import MAX_UNLOADED_SHARE, MAX_ZERO_SHARE
+from pyburgers.kinds.limits import MAX_UNLOADED_SHARE, MAX_ZERO_SHARE
 
 
 class SegmentTable(Table):
@@ -206,15 +206,15 @@ def join_curves(
 def _dropped(name: str, at_rest: FloatArray, largest: float) -> list[str]:
     """Say that points at zero strain are left out, and what their stresses (n,) may be; all Pa."""
     size = float(np.abs(at_rest).max())
-    how_large = f" of up to {size / 1e6:.4g} MPa," if size > MAX_ZERO_SHARE * largest else ""
+    how_large = f", of up to {size / 1e6:.4g} MPa" if size > MAX_ZERO_SHARE * largest else ""
     told = [
-        f"{name}: {count_points(at_rest.size)} at zero strain dropped,{how_large} because the "
-        "model is at rest there and its stress is zero whatever the parameters."
+        f"{name}: dropped {count_points(at_rest.size)} at zero strain{how_large}: the model is at "
+        "rest there, without stress."
     ]
     if size > MAX_UNLOADED_SHARE * largest:
         told.append(
-            f"{name}: {size / 1e6:.4g} MPa at zero strain, {100 * size / largest:.0f} % of the "
-            "largest stress, may be an offset of the load cell, a pre-load or a total stress. "
+            f"{name}: {size / 1e6:.4g} MPa at zero strain is {100 * size / largest:.0f} % of the "
+            "largest stress: an offset of the load cell, a pre-load or a total stress. "
             "Subtract an offset or a confining pressure from all stresses; a pre-load is a stage "
             "of its own in a loading_history."
         )

@@ -37,9 +37,11 @@ TURNED_TOLERANCE = 1e-3
 """The least tolerance, in shares of the largest value: 0.1 % of a stress moves the rate by less
 than a percent, and a series without noise would otherwise get a corner at every reading."""
 
-MIN_RATE_RATIO, MIN_RATE_SHARE, MAX_RATES, MAX_LOOKED_AT = 1.2, 1e-5, 20, 1000
-"""Ratio of rates from which one follows the other by a step, share of the largest up to which a
-rate is none, how many rates a test has at most, and how many of its readings are looked at."""
+MIN_RATE_RATIO, MIN_RATE_SHARE = 1.2, 1e-5
+"""Ratio from which a rate follows another by a step; share of the largest from which it is one."""
+
+MAX_RATES, MAX_LOOKED_AT = 20, 1000
+"""How many rates a test has at most, and how many of its readings are looked at."""
 
 
 def distances_from_neighbours(at: FloatArray, value: FloatArray) -> FloatArray:

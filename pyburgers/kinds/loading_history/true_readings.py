@@ -10,6 +10,7 @@ from scipy.special import lambertw
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.experiment_file import departure
+from pyburgers.kinds.limits import MAX_UNLOADED_SHARE, MAX_ZERO_SHARE
 from pyburgers.kinds.loading_history.driver import reading_error
 from pyburgers.kinds.loading_history.readings import Readings, Response
 from pyburgers.kinds.loading_history.stages import (
@@ -116,12 +117,6 @@ MAX_EQUAL_DISTANCE = 3.0
 
 MAX_SAME_STRESS_DIFFERENCE = 1e-6
 """Relative difference of stresses that is no jump."""
-
-MAX_UNLOADED_SHARE = 0.1
-"""Share of the largest stress up to which readings before anything is imposed may be error."""
-
-MAX_ZERO_SHARE = 0.01
-"""Share of the largest reading up to which one at rest goes without its size in notices."""
 
 
 def without_start(found: Response, stages: Sequence[Stage]) -> tuple[Response, list[str]]:

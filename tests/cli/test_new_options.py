@@ -89,13 +89,13 @@ def test_every_option_is_in_the_file_or_refused(
     [
         (
             ("--stress-uncertainty-column", "x"),
-            "that are taken; give --stress-uncertainty",
+            "does not read that column; give --stress-uncertainty",
         ),
-        (("--amplitude-column", "x"), "protocol constant_rate reads no such column"),
-        (("--period-column", "time_s"), "protocol constant_rate reads no such column"),
+        (("--amplitude-column", "x"), "protocol constant_rate does not read that column"),
+        (("--period-column", "time_s"), "protocol constant_rate does not read that column"),
         (("--time-column", "time (days)"), "states another unit"),
         (("--strain-column", "6"), "expected a column of"),
-        (("--out", "nowhere/test.toml"), "found no folder nowhere"),
+        (("--out", "nowhere/test.toml"), "the folder nowhere does not exist"),
     ],
 )
 def test_what_cannot_be_written_is_refused_before_anything_is_asked(

@@ -35,6 +35,7 @@ from pyburgers.flow_law_tables.tables import (
     RateTable,
     Regime,
     check_values,
+    number_of_copies,
     rows_alike,
 )
 from pyburgers.kinds.conditions import unlikely_grain_size, unlikely_stress, unlikely_temperature
@@ -176,6 +177,12 @@ def _doubts(material: str, values: Mapping[str, FloatArray]) -> Iterator[str]:
     yield from unlikely_temperature(material, float(warmth.min()), float(warmth.max()))
     yield from unlikely_stress(material, float(values["stress"].max()))
     yield from unlikely_strain_rate(float(values["strain_rate"].max()))
+    copies = number_of_copies(values)
+    if copies:
+        yield (
+            f"{counted(copies, 'row')} with the numbers of a row before, each counted as a test of "
+            "its own; remove what is a copy."
+        )
 
 
 def save_rate_table(data: RateTable, directory: Path) -> Path:

@@ -11,6 +11,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
 from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
 from pyburgers.common.errors import InputError
@@ -196,6 +197,11 @@ class RateTable:
         )
 
 
+def number_of_copies(numbers: Mapping[str, FloatArray]) -> int:
+    """Return how many rows have all numbers, each (n,), of a row before; unknown ones are alike."""
+    return int(pd.DataFrame(numbers).duplicated().sum())
+
+
 def joined(
     tables: Sequence[RateTable], held_out: Collection[str] = (), *, softened: bool = False
 ) -> RateTable:
@@ -225,13 +231,21 @@ def joined(
             f"[peak_strain] of {stated} does not restrict the softening, because not all tables "
             "state the same; state one that holds for all in each of them."
         )
+    arrays = {
+        key: np.concatenate([getattr(table, key) for table in tables])
+        for key in (*NUMBERS, *LABELS)
+    }
+    alone = (number_of_copies({key: getattr(one, key) for key in SI_COLUMNS}) for one in tables)
+    between = number_of_copies({key: arrays[key] for key in SI_COLUMNS}) - sum(alone)
+    if between:
+        notices.append(
+            f"{', '.join(names)}: {counted(between, 'row')} in common, each counted as often as it "
+            "stands there; keep one of each."
+        )
     return RateTable(
         id="rates",
         material=first.material,
-        **{
-            key: np.concatenate([getattr(table, key) for table in tables])
-            for key in (*NUMBERS, *LABELS)
-        },
+        **arrays,
         provenance=Provenance(
             kind=next(kind for kind in get_args(DataKind) if kind in kinds),
             source="; ".join(table.provenance.source for table in tables),

@@ -16,6 +16,8 @@ from importlib import import_module
 from pathlib import Path
 from types import FrameType, ModuleType
 
+import platformdirs
+
 from pyburgers.cli.parser import OneLineParser, ShowVersion
 from pyburgers.common.errors import InputError, PyburgersError, nearest
 from pyburgers.common.messages import PrintableStream, message_text, messages_to
@@ -114,14 +116,25 @@ def _run(arguments: Sequence[str]) -> int:
             f"memory is limited to {limit / 1e6:.0f} MB, expected at least "
             f"{LEAST_MEMORY / 1e6:.0f} MB; raise the limit (ulimit -v)."
         )
-    home = os.environ.get("HOME", "")
-    if Path(home).exists() and not Path(home).is_dir():  # libraries would tell of their own folders
-        raise InputError(f"HOME is {home}, which is a file; expected a folder.")
+    if arguments[:1] != ["doctor"]:  # which tells of folders itself
+        _make_cache()
     options = _parse(arguments)
     _hear((one for one in ENDING if signal.getsignal(one) is _end_at_once), _interrupt)
     with messages_to(sys.stderr):
         code: int = options.run(options)
         return code
+
+
+def _make_cache() -> None:
+    """Make the user's cache, which libraries need when they are imported."""
+    folder = Path(platformdirs.user_cache_dir())
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"{folder} could not be made ({error.strerror}), but libraries keep files there; set "
+            "HOME, or XDG_CACHE_HOME, to a folder that you can write to."
+        ) from error
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import re
 import shlex
 import shutil
 import signal
@@ -229,13 +230,20 @@ def test_a_deleted_working_directory_is_told(
             assert error.startswith("pyburgers: ")
 
 
-def test_a_home_that_is_a_file_is_told(tmp_path: Path) -> None:
-    home = tmp_path / "home"
-    home.touch()
-    for command in (["check", "/nowhere"], ["export", "/nowhere"], ["doctor"]):
-        code, error = ended(f"sys.exit(main({command}))", environment={"HOME": str(home)})
+@pytest.mark.parametrize("home", ["file", "/proc/nowhere"])
+def test_a_home_that_holds_no_cache_is_told(home: str, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    environment = {"HOME": str(tmp_path / home)}
+    for command in (["check", "/nowhere"], ["export", "/nowhere"]):
+        code, error = ended(f"sys.exit(main({command}))", environment=environment)
         assert code == 2
-        assert error == f"pyburgers: HOME is {home}, which is a file; expected a folder.\n"
+        assert re.fullmatch(
+            rf"pyburgers: \S*{home}/\.cache could not be made \(.*\), but libraries keep files "
+            "there; set HOME, or XDG_CACHE_HOME, to a folder that you can write to.\n",
+            error,
+        )
+    code, error = ended("sys.exit(main(['doctor']))", environment=environment)
+    assert (code, error) == (1, "")
 
 
 def test_a_full_disk_is_told_and_what_was_there_stays(tmp_path: Path) -> None:

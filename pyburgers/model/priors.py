@@ -261,7 +261,7 @@ class _PriorFile(Table):
     notes: str | None = Field(None, description="remarks for the reader")
     plausible: PlausibleRanges = Field(
         default_factory=lambda: PlausibleRanges.model_validate({}),
-        description="numbers that tests of the material are likely to have",
+        description="numbers that tests of the material are likely to have; read in shipped files",
     )
     parameters: dict[str, PriorTable] = Field(description="one table for each parameter")
     flow_law: FlowLawTable | None = Field(

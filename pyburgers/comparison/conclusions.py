@@ -215,7 +215,7 @@ def what_a_yes_leaves_open(fit: Fit) -> tuple[str, ...]:
         return ()
     said = (
         f"This yes does not exclude {', '.join(laws)}: under another law parameters may lie "
-        "outside of the intervals above."
+        "outside of the intervals of this fit."
     )
     if fit.is_joint or fit.is_part:
         return (f"{said} Fit the same tests with --variant {laws[0]} and compare.",)

@@ -49,6 +49,7 @@ def test_a_yes_says_what_it_does_not_exclude_and_how_to_see(
     monkeypatch.setattr(Fit, "verdicts", lambda _: described(Outcome.YES))
     sentence, make, compare = what_a_yes_leaves_open(small_fit)
     assert "does not exclude kelvin=power_law, kelvin=andrade, maxwell=hyperbolic_sine:" in sentence
+    assert "outside of the intervals of this fit" in sentence
     words = shlex.split(make)
     assert words[:2] == ["pyburgers", "fit"]
     assert all(Path(words[k]).is_file() for k in (2, words.index("--priors") + 1))

@@ -20,6 +20,7 @@ from pyburgers.checks.discrepancies import (
     RUN,
     SEGMENT_SPREAD,
     SEGMENT_TREND,
+    UNTELLING,
     Family,
     Leftover,
     discrepancies_of,
@@ -34,7 +35,14 @@ from pyburgers.checks.fit_checks import (
     Outcome,
     check,
 )
-from pyburgers.checks.residual_numbers import longest_run, offsets, segment_parts, straight_line
+from pyburgers.checks.residual_numbers import (
+    autocorrelation,
+    longest_run,
+    offsets,
+    segment_parts,
+    signed_ranks,
+    straight_line,
+)
 from pyburgers.common.draws import TAIL
 from pyburgers.posterior.labelled_draws import response_in
 
@@ -236,8 +244,13 @@ def _state_errors(leftover: Leftover) -> str:
 def expected_text(row: Row, *, digits: int = 1, largest: float = np.inf) -> str:
     """Return the limit of a number in brackets; `largest` is the largest that it can be at all."""
     if row["at_most"] >= largest:
-        return "(a correct model may leave any, so that this number tells nothing here)"
+        return f"({UNTELLING})"
     return f"(at most {row['at_most']:.{digits}f} expected of a correct model)"
+
+
+def _passing(good: str, found: str) -> str:
+    """Return what is good and the number found; that alone, if any number would pass."""
+    return f"{found[0].upper()}{found[1:]}." if UNTELLING in found else f"{good}: {found}."
 
 
 def _tell_coverage(leftover: Leftover, row: Row) -> Told:
@@ -252,12 +265,16 @@ def _tell_coverage(leftover: Leftover, row: Row) -> Told:
 
 def _tell_trend(leftover: Leftover, row: Row) -> Told:
     run, where = _run(leftover)
+    n = leftover.residual.size
+    # Neighbours go together most if sizes rise to the middle and fall from there.
+    smoothest = signed_ranks(n - np.abs(2.0 * np.arange(n) - n + 0.5))
+    largest = round(float(autocorrelation(smoothest, np.ones(n - 1, dtype=np.bool_))), 2)
     found = (
         f"signed ranks of neighbouring residuals of {leftover.name} correlate with "
-        f"{row['found']:.2f} {expected_text(row, digits=2, largest=1.0)}"
+        f"{row['found']:.2f} {expected_text(row, digits=2, largest=largest)}"
     )
     return Told(
-        f"No more of a trend than a correct model leaves: {found}.",
+        _passing("No more of a trend than a correct model leaves", found),
         f"The residuals look like a trend: {found}, and {run}: the model misses the shape of the "
         f"curve there, and {NARROW}",
         remedy(leftover, _run_of(leftover)[0]),
@@ -267,12 +284,13 @@ def _tell_trend(leftover: Leftover, row: Row) -> Told:
 
 def _tell_run(leftover: Leftover, row: Row) -> Told:
     run, where = _run(leftover)
+    longest = np.bincount(leftover.segment).max()
     expected = (
         f"longest runs of {leftover.name} have {row['found']:.1f} residuals, a mean over the draws "
-        f"{expected_text(row, largest=leftover.residual.size)}; of mean residuals {run}"
+        f"{expected_text(row, largest=longest)}; of mean residuals {run}"
     )
     return Told(
-        f"No longer a run than a correct model leaves: {expected}.",
+        _passing("No longer a run than a correct model leaves", expected),
         f"Too long a run: {expected}: the model misses the shape of the curve there, and {NARROW}",
         remedy(leftover, _run_of(leftover)[0]),
         where,

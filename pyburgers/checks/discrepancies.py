@@ -100,6 +100,10 @@ LEAST_READINGS = {
 needs no other readings to be compared with."""
 
 
+UNTELLING = "a correct model may leave any, so that this number tells nothing here"
+"""What is said of a number whose limit lies at the largest that it can be."""
+
+
 @dataclass(frozen=True, eq=False)
 class Leftover:
     """What a fit leaves over of one test, n readings in the order of their positions.
@@ -236,11 +240,11 @@ def discrepancies_of(draws: CheckedDraws) -> Family:
 
 def inside_text(row: "pd.Series[Any]", readings: str) -> str:
     """Return how many readings lie inside the predictive band, from the row of `OUTSIDE`."""
-    inside, least = 1.0 - row["found"], max(0.0, 1.0 - row["at_most"])
-    return (
-        f"{100 * inside:.3g}% of the {readings} lie inside the 90 % predictive band (at least "
-        f"{100 * least:.3g}% expected of a correct model)"
+    inside, least = 1.0 - row["found"], 1.0 - row["at_most"]
+    expected = (
+        f"at least {100 * least:.3g}% expected of a correct model" if least > 0 else UNTELLING
     )
+    return f"{100 * inside:.3g}% of the {readings} lie inside the 90 % predictive band ({expected})"
 
 
 def beside_replicates(pairs: Mapping[tuple[str, str], Pair]) -> Judged:

@@ -31,7 +31,14 @@ from pyburgers.checks.discrepancies import (
     discrepancies_of,
     family_probability,
 )
-from pyburgers.checks.fit_checks import CheckedDraws, CheckKind, CheckResult, Outcome, run_checks
+from pyburgers.checks.fit_checks import (
+    Check,
+    CheckedDraws,
+    CheckKind,
+    CheckResult,
+    Outcome,
+    run_checks,
+)
 from pyburgers.checks.residual_numbers import (
     autocorrelation,
     longest_run,
@@ -615,3 +622,15 @@ def test_at_most_1_in_100_correct_models_fails_any_check(
     fits = LinearModel.of_polynomials(points, steps, degree).fits(n_fits, seed=points, draws=draws)
     count = sum(bool(failed(fit)) for fit in fits)
     assert count <= 0.01 * n_fits + 3.1 * np.sqrt(0.01 * n_fits), count
+
+
+@pytest.mark.parametrize("check", [check_coverage, check_residual_trend, check_runs])
+def test_a_number_that_any_fit_may_have_is_no_evidence(check: Check) -> None:
+    rng = np.random.default_rng(1)
+    own = groups(white(n=12), correlated(rng, 0.9999, CHAINS, DRAWS, 12))
+    result = check(draws_of(one=own | {CORRELATED: xr.Dataset()}))
+    assert "(a correct model may leave any, so that this number tells nothing here)" in (
+        result.sentence
+    )
+    assert "a correct model leaves" not in result.sentence
+    assert "expected of" not in result.sentence

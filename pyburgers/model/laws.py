@@ -192,7 +192,9 @@ SPECTRUM_PARAMETERS: tuple[str, ...] = tuple(
 )
 """Parameters of the laws with several relaxation times."""
 
-_FLOW_POINTS = ("reference_stress", "reference_flow_rate")
+# Where another stress drives the power law, or the rate has another factor, n and A are not those
+# of the stress.
+_FLOW_LAW = ("reference_stress", "reference_flow_rate", "stress_exponent", "beta")
 
 DASHPOT_LAWS: Mapping[str, DashpotLaw] = {
     law.name: law
@@ -204,7 +206,7 @@ DASHPOT_LAWS: Mapping[str, DashpotLaw] = {
             ("breakdown_stress",),
             "breakdown_stress*sinh(abs(stress)/(fabric_factor*breakdown_stress))",
             own_stress=True,
-            redefines=_FLOW_POINTS,
+            redefines=_FLOW_LAW,
             words="Flow law that is proportional to small stresses and exponential in large ones.",
         ),
         DashpotLaw(
@@ -213,7 +215,7 @@ DASHPOT_LAWS: Mapping[str, DashpotLaw] = {
             "max(abs(stress) - threshold_stress, 0)/fabric_factor",
             own_stress=True,
             closed_form=False,
-            redefines=_FLOW_POINTS,
+            redefines=_FLOW_LAW,
             stress_share=0.1,
             words="Stress up to which a dashpot does not flow.",
         ),
@@ -260,7 +262,7 @@ HARDENING_LAWS: Mapping[str, HardeningLaw] = {
             " - abs(strain_rate)*backstress/backstress_limit)"
             " - recovery_rate*(backstress*abs(backstress/backstress_limit)"
             + _RECOVERING.format(boundaries=""),
-            redefines=_FLOW_POINTS,
+            redefines=_FLOW_LAW,
             driving="(stress - backstress)",
         ),
         HardeningLaw(
@@ -279,7 +281,7 @@ HARDENING_LAWS: Mapping[str, HardeningLaw] = {
             + _RECOVERING.format(
                 boundaries=f" + boundary_recovery*{_SOURCES}*(backstress/reference_backstress)^3"
             ),
-            redefines=(*_FLOW_POINTS, "recovery_rate"),
+            redefines=(*_FLOW_LAW, "recovery_rate"),
             driving=f"(stress - backstress - {_SOURCES})",
             density="*(backstress/reference_backstress)^2",
         ),

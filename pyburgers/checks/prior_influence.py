@@ -160,6 +160,11 @@ def prior_influence(
     draws = posterior["posterior"].to_dataset()
     values = {name: all_draws(draws[name]) for name in free_parameters(posterior)}
     own = {name: normal_scores(priors[name].distribution(), values[name]) for name in priors.free}
+    if priors.flow_law is not None:
+        # It is normal in its flow rate, not in Q_M, which follows from that.
+        del own["activation_enthalpy"]
+        values[JOINT_PRIOR] = priors.flow_law.log_flow_rate(values)
+        own[JOINT_PRIOR] = priors.flow_law.flow_rate_scores(values)
     columns = prior_scores(posterior, priors)
     of_all = posterior.root["posterior"].to_dataset()
     for name, scale in spread_scales.items():
@@ -296,8 +301,8 @@ SHARE_TEXT = (
 
 def symbol_of(name: str) -> str:
     """Return the symbol of a quantity, also of a centre or spread, or of `JOINT_PRIOR`."""
-    if name == JOINT_PRIOR:
-        return "the flow law"
+    if name.startswith(JOINT_PRIOR):
+        return f"the flow law{name.removeprefix(JOINT_PRIOR)}"
     return symbol_text(shown_quantity(name))
 
 
@@ -354,6 +359,7 @@ def conflicts(influences: Mapping[str, Influence]) -> list[str]:
 
 def conflict_text(label: str, influence: Influence) -> str:
     """Say how far what a label names is from its prior's median, and what that was read off."""
+    label = f"the flow rate of {label}" if influence.name == JOINT_PRIOR else label
     mark = READ_OFF * influence.was_read_off(influence.name)
     return f"{label} ({influence.distance:+.1f} prior sd){mark}"
 
@@ -385,7 +391,7 @@ def decision_sentences(influences: Mapping[str, Influence]) -> tuple[str, ...]:
 
 def _decisions(influences: Mapping[str, Influence]) -> Iterator[str]:
     for name, one in influences.items():
-        if one.origin is Origin.CANNOT_TELL:
+        if one.origin is Origin.CANNOT_TELL or one.name == JOINT_PRIOR:  # no number of a table
             continue
         if one.bound is not None:
             yield _bound_sentence(name, one.bound)
@@ -420,7 +426,7 @@ def read_off_sentences(names: Collection[str]) -> tuple[str, ...]:
 
 def _label(name: str) -> str:
     """Return the label of a quantity, as `symbol_of` does its symbol."""
-    if name == JOINT_PRIOR:
+    if name.startswith(JOINT_PRIOR):
         return symbol_of(name)
     base, bracket, owner = name.partition("[")
     return shown_quantity(base).label + bracket + owner

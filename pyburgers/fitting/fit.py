@@ -33,7 +33,13 @@ from pyburgers.kinds.problem import Problem, one_test, problem_of
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.kinds.together import default_priors_for, pooling_for
 from pyburgers.model.pooling import pooling_from
-from pyburgers.model.priors import PriorSet, load_priors, note_other_material
+from pyburgers.model.priors import (
+    FLOW_LAW,
+    JOINT_PRIOR,
+    PriorSet,
+    load_priors,
+    note_other_material,
+)
 from pyburgers.model.unlikely_numbers import unlikely_priors
 from pyburgers.model.variants import ModelVariant
 from pyburgers.posterior.build import build_posterior
@@ -215,8 +221,10 @@ class Fit(SampledFit):
         found: dict[str, Influence] = {}
         for e, of_test in enumerate(self.influences().values()):
             for name, one in of_test.items():
-                own = self.is_joint and name not in self.problem.shared and "[" not in name
-                found.setdefault(own_name(name, self.problem.owner(name, e)) if own else name, one)
+                pooled = FLOW_LAW[0] if name == JOINT_PRIOR else name
+                own = self.is_joint and pooled not in self.problem.shared and "[" not in name
+                key = own_name(name, self.problem.owner(pooled, e)) if own else name
+                found.setdefault(key, one)
         return found
 
     def predict(

@@ -389,3 +389,31 @@ def test_who_decides_the_numbers_of_a_short_curve(programs: None, tmp_path: Path
     assert found["beta"].priors[0] == "beta"
     assert found["stress_noise"].origin is Origin.DATA
     assert found["reference_stress"].distance is None
+
+
+def test_a_joint_prior_whose_flow_rate_the_data_exclude_is_a_conflict() -> None:
+    """Each quantity by itself lies within its own prior: Q_M is uncertain through beta."""
+    at = Conditions(294.0, 16e6, 5e-3)
+    law = FlowLawPrior(
+        PRIOR_QUANTITIES,
+        np.array([4.5, 0.2, -23.5, -1.319e-3]),
+        np.diag([1.0, 4e-4, 1.0, 1.2e-7]),
+        at,
+        "ice",
+        "test",
+    )
+    priors = with_flow_law(prior_set(*map(standard_normal, NAMES)), law, "test")
+    rng = np.random.default_rng(1)
+    drawn = {name: rng.standard_normal(N_DRAWS) for name in priors.free}
+    for name, k in (("stress_exponent", 0), ("grain_size_exponent", 1), ("beta", 3)):
+        drawn[name] = law.mean[k] + 0.5 * np.sqrt(law.covariance[k, k]) * drawn[name]
+    n, p, beta = (drawn[PRIOR_QUANTITIES[k]] for k in (0, 1, 3))
+    log_rate = -18.7 + 0.1 * rng.standard_normal(N_DRAWS)
+    drawn["activation_enthalpy"] = law.activation_enthalpy(n, p, log_rate, beta)
+    found = prior_influence(labelled(np.transpose([*drawn.values()]), priors), priors)
+    assert conflicts(found) == [JOINT_PRIOR]
+    assert found["activation_enthalpy"].distance is None
+    sentence = conflict_sentence(found)
+    assert sentence is not None
+    assert "disagree about the flow rate of the flow law (+4.8 prior sd)" in sentence
+    assert not any("flow law" in text for text in decision_sentences(found))

@@ -174,13 +174,15 @@ def leave_out_exactly(
 
 
 def _positions(tests: Sequence[Fit]) -> xr.DataArray:
-    """Where the points of all tests lie; of several tests with their names as coordinate."""
-    parts = []
+    """Where the points of all tests lie, by segment; of several tests with their names, too."""
+    parts: list[xr.DataArray] = []
     for test in tests:
         clock = likelihood_of(test.experiment).clock.name
-        part = (
-            test.posterior["constant_data"].to_dataset()[clock].drop_vars("point", errors="ignore")
-        )
+        along = test.posterior["constant_data"].to_dataset().drop_vars("point", errors="ignore")
+        part = along[clock]
+        segment = along.get("segment", xr.zeros_like(part)).to_numpy().astype(np.int64)
+        first = 1 + int(parts[-1]["segment"].max()) if parts else 0
+        part = part.assign_coords(segment=("point", first + segment))
         name = np.full(part.size, test.experiment.id)
         parts.append(part.assign_coords(test=("point", name)) if len(tests) > 1 else part)
     return xr.concat(parts, "point")

@@ -128,9 +128,9 @@ def comparison_table(comparison: Comparison) -> pd.DataFrame:
         rows[name] = {
             "variant": comparison.variants[name],
             "elpd": result.total,
-            "se": standard_error(result.elpd),
+            "se": standard_error(result.elpd, comparison.segment),
             "difference": float(pointwise.sum()),
-            "difference_se": standard_error(pointwise),
+            "difference_se": standard_error(pointwise, comparison.segment),
             "weight": float(weight),
             "n_effective": result.n_effective,
             "high_k": int(np.sum(result.pareto_k > PARETO_K_LIMIT)),

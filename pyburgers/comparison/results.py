@@ -26,6 +26,10 @@ CLEAR = 2.0
 LEAST_UNITS = 3
 """Points, or tests, of which a standard error says something."""
 
+REACH = 1.3
+"""Points from which on readings of a segment count as independent, over the root of the number of
+all points (Lazarus et al. 2018, Journal of Business and Economic Statistics 36, 541-559)."""
+
 
 class PairOutcome(StrEnum):
     """What a comparison of two fits comes to."""
@@ -107,7 +111,8 @@ COMPARISON_TEXT = (
     "sampling from the fit of all points; higher is better. A fit is better by a difference of "
     f"{NO_DIFFERENCE:g} or more that is also {CLEAR:g} or more of its standard errors; fits are "
     f"alike where even {CLEAR:g} standard errors further apart they would differ by less than "
-    f"{NO_DIFFERENCE:g}; else the data cannot tell. Points with a Pareto k above {PARETO_K_LIMIT} "
+    f"{NO_DIFFERENCE:g}; else the data cannot tell. Standard errors allow for correlation of "
+    f"neighbouring points of a segment or spectrum. Points with a Pareto k above {PARETO_K_LIMIT} "
     "are not reliable; pyburgers compare leaves them out by fitting again. The data cannot tell "
     "which fit is better if the reliable points by themselves say something else, if a fit was not "
     f"sampled well, or if there are fewer than {LEAST_UNITS} points. Weights are those of the best "
@@ -189,8 +194,8 @@ class Comparison:
         left-out points best (Yao et al. 2018, Bayesian Analysis 13, 917-1007). Weights of fits that
         predict alike are arbitrary.
     position : DataArray, dimension point
-        Positions of the points on the clock of the tests (SI). Points of several tests have the
-        coordinate ``test``.
+        Positions of the points on the clock of the tests (SI). The coordinate ``segment`` numbers
+        the segments and spectra of all tests. Points of several tests have the coordinate ``test``.
     clock : Quantity
         Of the tests.
     variants : mapping of str to str
@@ -218,6 +223,11 @@ class Comparison:
         """Whether all results are."""
         return all(result.reliable for result in self.results.values())
 
+    @property
+    def segment(self) -> IntArray:
+        """Segment or spectrum of each point, shape (n_points,)."""
+        return self.position["segment"].to_numpy()
+
     def pairs(self) -> tuple[Pair, ...]:
         """Relate every two fits, the better first.
 
@@ -227,7 +237,7 @@ class Comparison:
         1
         """
         return tuple(
-            _pair({better: one, worse: other})
+            _pair({better: one, worse: other}, self.segment)
             for (better, one), (worse, other) in itertools.combinations(self.results.items(), 2)
         )
 
@@ -260,13 +270,14 @@ class Comparison:
         )
 
 
-def _pair(results: Mapping[str, LeaveOneOut]) -> Pair:
+def _pair(results: Mapping[str, LeaveOneOut], segment: IntArray) -> Pair:
     """Relate two fits of the same points, the better first; reliable points must say the same."""
     (better, one), (worse, other) = results.items()
     failed = [name for name, result in results.items() if result.doubts]
     unreliable = one.unreliable | other.unreliable
-    pair = _of_points(better, worse, one.elpd - other.elpd, failed)
-    rest = _of_points(better, worse, (one.elpd - other.elpd)[~unreliable], failed)
+    pointwise = one.elpd - other.elpd
+    pair = _of_points(better, worse, pointwise, segment, failed)
+    rest = _of_points(better, worse, pointwise[~unreliable], segment[~unreliable], failed)
     same = rest.outcome is pair.outcome and (
         rest.difference > 0 or pair.outcome is PairOutcome.ALIKE
     )
@@ -276,10 +287,12 @@ def _pair(results: Mapping[str, LeaveOneOut]) -> Pair:
     return replace(pair, doubt=f"it hangs on {number} with a Pareto k above {PARETO_K_LIMIT}")
 
 
-def _of_points(better: str, worse: str, pointwise: FloatArray, failed: Sequence[str]) -> Pair:
+def _of_points(
+    better: str, worse: str, pointwise: FloatArray, segment: IntArray, failed: Sequence[str]
+) -> Pair:
     """Relate two fits by their difference at some points."""
     doubt = doubt_about(count_points(pointwise.size), pointwise.size, failed)
-    return Pair(better, worse, float(pointwise.sum()), standard_error(pointwise), doubt)
+    return Pair(better, worse, float(pointwise.sum()), standard_error(pointwise, segment), doubt)
 
 
 @dataclass(frozen=True, eq=False)
@@ -376,8 +389,21 @@ def difference_by_test(one: LeaveOneTestOut, other: LeaveOneTestOut) -> tuple[fl
     return float(by_test.sum()), standard_error(by_test), monte_carlo
 
 
-def standard_error(pointwise: FloatArray) -> float:
-    """Return the standard error of a sum over points, or tests; NaN of a single one."""
-    if pointwise.size < 2:
+def standard_error(pointwise: FloatArray, segment: IntArray | None = None) -> float:
+    """Return the standard error of a sum over points, or tests; NaN of a single one.
+
+    Points of one segment, in their order, may correlate with neighbours, which count with weights
+    that fall to 0 at `REACH` (Newey and West 1987, Econometrica 55, 703-708). The error is no
+    smaller than that of independent points, and without segments it is that.
+    """
+    n = pointwise.size
+    if n < 2:
         return math.nan
-    return float(np.sqrt(pointwise.size) * np.std(pointwise, ddof=1))
+    apart = pointwise - pointwise.mean()
+    together = independent = float(apart @ apart)
+    if segment is not None:
+        reach = math.ceil(REACH * math.sqrt(n))
+        for k in range(1, min(reach, n)):
+            products = apart[k:] * apart[:-k]
+            together += 2 * (1 - k / reach) * float(products[segment[k:] == segment[:-k]].sum())
+    return math.sqrt(n / (n - 1) * max(independent, together))

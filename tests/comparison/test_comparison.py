@@ -15,7 +15,7 @@ from synthetic_fit import make_fit, with_problem
 from synthetic_olivine_fit import make_olivine_fit
 
 from pyburgers.cli.compare import save_comparison
-from pyburgers.common.array_types import FloatArray
+from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare, leave_one_out, leave_out_exactly
 from pyburgers.comparison.conclusions import comparison_table, sentences
@@ -91,13 +91,18 @@ def test_stacking_weights_maximise_the_density_of_the_mixture() -> None:
         np.testing.assert_allclose(stacking_weights(worse), [1.0, 0.0], atol=1e-6)
 
 
-def comparison_of(*results: tuple[str, LeaveOneOut]) -> Comparison:
+def comparison_of(*results: tuple[str, LeaveOneOut], segment: IntArray | None = None) -> Comparison:
     ordered = dict(sorted(results, key=lambda item: -item[1].total))
     size = results[0][1].elpd.size
     return Comparison(
         ordered,
         stacking_weights(np.array([one.elpd for one in ordered.values()])),
-        xr.DataArray(np.linspace(0.01, 0.2, size), dims="point", name="strain"),
+        xr.DataArray(
+            np.linspace(0.01, 0.2, size),
+            coords={"segment": ("point", np.arange(size) if segment is None else segment)},
+            dims="point",
+            name="strain",
+        ),
         CONSTANT_RATE.clock,
         dict.fromkeys(ordered, "standard"),
         correlated=(),
@@ -385,3 +390,33 @@ def test_numbers_in_doubt_and_errors_that_are_none_decide_nothing() -> None:
         without = Pair("a", "b", 9.0, error)
         assert without.outcome is PairOutcome.CANNOT_TELL
         assert without.sentence().endswith("(difference of elpd 9.0, no standard error).")
+
+
+def test_the_error_of_a_difference_counts_neighbours_of_a_segment() -> None:
+    """Of spectra each of which is off as a whole, the error is mostly that of so many numbers."""
+    segment = np.arange(140) // 10
+    off = np.random.default_rng(3).normal(size=(200, 14))
+    errors = [standard_error(one[segment], segment) for one in off]
+    assert 0.75 < np.mean(errors) / (10 * np.sqrt(14)) < 1.05
+    one = off[0][segment]
+    apart = np.abs(np.subtract.outer(np.arange(140), np.arange(140)))
+    same = np.equal.outer(segment, segment)
+    weights = np.where(same, np.maximum(1 - apart / np.ceil(1.3 * np.sqrt(140)), 0), 0)
+    exact = np.sqrt((one - one.mean()) @ weights @ (one - one.mean()) * 140 / 139)
+    comparison = comparison_of(
+        ("one", result(np.zeros(140))), ("other", result(one)), segment=segment
+    )
+    (pair,) = comparison.pairs()
+    assert pair.error == pytest.approx(exact)
+    assert comparison_table(comparison)["difference_se"].max() == pytest.approx(exact)
+
+
+def test_neighbours_that_change_sides_leave_the_error_of_independent_points() -> None:
+    sides = np.tile([1.0, -1.0], 20)
+    assert standard_error(sides, np.zeros(40, dtype=np.int64)) == standard_error(sides)
+
+
+def test_a_comparison_knows_the_segments_of_the_points(small_fit: Fit) -> None:
+    comparison = compare({"one": small_fit, "same": small_fit})
+    along = small_fit.posterior["constant_data"].to_dataset()
+    assert comparison.segment.tolist() == along["segment"].astype(int).to_numpy().tolist()

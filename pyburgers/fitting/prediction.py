@@ -32,6 +32,7 @@ from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import Problem, one_test
 from pyburgers.kinds.program_data import program_data, solve
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER
+from pyburgers.model.environment import acting_environment
 from pyburgers.model.hardening import extension_sentences
 from pyburgers.model.laws import DISLOCATIONS_SWITCH
 from pyburgers.model.parameters import PROGRAM_PARAMETERS, STANDARD_VALUES
@@ -321,7 +322,8 @@ def _fitted_itself(source: Source, experiment: Experiment) -> list[str]:
 
 def _beyond(source: Source, experiment: Experiment, posterior: xr.DataTree) -> tuple[str, ...]:
     """Say where a test leaves the conditions that were fitted."""
-    return beyond_sentences(conditions_of(experiment, posterior), source.conditions)
+    acting = acting_environment(posterior["posterior"].to_dataset())
+    return beyond_sentences(conditions_of(experiment, posterior), source.conditions, acting)
 
 
 def _extended(posterior: xr.DataTree) -> list[str]:

@@ -24,8 +24,8 @@ from pyburgers.kinds.conditions import environment_ranges, ranges_text
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.closed_forms import with_maxwell_modulus
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
-from pyburgers.model.environment import check_environment
-from pyburgers.model.parameters import ALL_ENVIRONMENT_NUMBERS, ENVIRONMENT
+from pyburgers.model.environment import acting_environment, check_environment
+from pyburgers.model.parameters import ENVIRONMENT, ENVIRONMENT_NUMBERS
 from pyburgers.model.variants import variant_of
 from pyburgers.predictions.stress_cycles import EVOLUTION, OTHER_PARAMETERS, PARAMETER_NAMES
 
@@ -88,11 +88,11 @@ def fitted_material(
     check_environment(environment)
     for name, value in environment.items():
         parameters[name] = np.full(shape, value)
-        numbers = ALL_ENVIRONMENT_NUMBERS[ENVIRONMENT.index(name) :: len(ENVIRONMENT)]
-        if not any(np.any(parameters.get(number, 0.0)) for number in numbers):
+        if name not in acting_environment(parameters):
+            number = ENVIRONMENT_NUMBERS[ENVIRONMENT.index(name)]
             raise InputError(
                 f"environment: found {name}, on which no rate of the fit depends, expected none or "
-                f"a fit with a prior of {numbers[0]} or another one of its kind."
+                f"a fit with a prior of {number} or another one of its kind."
             )
     if elastic_modulus is not None:
         given = _modulus_draws(elastic_modulus, elastic_modulus_sd, shape, seed)

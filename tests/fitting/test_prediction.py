@@ -13,6 +13,7 @@ from kind_examples import TWIN_FILE
 from scipy import stats
 from scipy.special import logsumexp
 
+from pyburgers import fixed
 from pyburgers.common.errors import InputError
 from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.fitting.fit import Fit
@@ -520,3 +521,17 @@ def test_a_test_of_one_temperature_has_the_modulus_there(
     # The strain that is delayed stays as it was.
     assert found["peak_strength"] == pytest.approx(share * 0.1, rel=1e-9)
     assert notes == ["The Maxwell modulus is that at 1473.15 K in the whole test."]
+
+
+@pytest.mark.parametrize("volume", [0.0, 1e-5])
+def test_a_pressure_is_taken_only_where_a_rate_depends_on_it(
+    small_problem: Problem, volume: float
+) -> None:
+    test = replace(small_problem.experiment, environment={"pressure": 3e8})
+    priors = resolved_priors(test).with_(activation_volume=fixed(volume, "m3/mol"))
+    prior = prior_draws(test, priors, draws=3, seed=1)
+    problem, passed = one_test(test, priors), [conditions_of(test, prior.posterior)]
+    source = Source(problem, {test.id: prior}, prior.posterior, passed, ())
+    found = predict_test(source, replace(test, id="another", environment={}))
+    told = "pressure not stated and taken as 0 MPa (fitted: 300)"
+    assert any(told in caution for caution in found.cautions) == (volume > 0)

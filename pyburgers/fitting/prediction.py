@@ -26,7 +26,12 @@ from pyburgers.fitting.new_test import (
     transfer_laws,
     with_modulus_there,
 )
-from pyburgers.kinds.conditions import beyond_sentences, conditions_of, longer_than_cycles
+from pyburgers.kinds.conditions import (
+    beyond_sentences,
+    conditions_of,
+    longer_than_cycles,
+    longer_than_tests,
+)
 from pyburgers.kinds.experiment import A_TEST, Experiment
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import Problem, one_test
@@ -258,7 +263,6 @@ def predict_test(
             *source.cautions,
             *_fitted_itself(source, experiment),
             *_beyond(source, experiment, posterior),
-            *longer_than_cycles(experiment, source.conditions),
             *_extended(posterior),
             *_unsolved(int(np.sum(~solved)), kept.size),
         ),
@@ -323,7 +327,12 @@ def _fitted_itself(source: Source, experiment: Experiment) -> list[str]:
 def _beyond(source: Source, experiment: Experiment, posterior: xr.DataTree) -> tuple[str, ...]:
     """Say where a test leaves the conditions that were fitted."""
     acting = acting_environment(posterior["posterior"].to_dataset())
-    return beyond_sentences(conditions_of(experiment, posterior), source.conditions, acting)
+    passed = conditions_of(experiment, posterior)
+    return (
+        *beyond_sentences(passed, source.conditions, acting),
+        *longer_than_cycles(experiment, source.conditions),
+        *longer_than_tests(passed, source.problem.experiments),
+    )
 
 
 def _extended(posterior: xr.DataTree) -> list[str]:

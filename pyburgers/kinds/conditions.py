@@ -226,6 +226,18 @@ def longer_than_cycles(experiment: Experiment, fitted: Sequence[Ranges]) -> tupl
     )
 
 
+def longer_than_tests(asked: Ranges, fitted: Sequence[Experiment]) -> tuple[str, ...]:
+    """Say whether cycles last longer than all fitted tests, if none of those is a table."""
+    longest = max(map(hours_of, fitted)) * UNITS["time"]["h"]
+    lasts = asked.get("period", (0.0, 0.0))[1]
+    if lasts <= longest or any(isinstance(one, AttenuationExperiment) for one in fitted):
+        return ()
+    return (
+        f"Cycles of {lasts:.4g} s last longer than any fitted test ({longest:.4g} s): slower "
+        "delayed strain was not fitted.",
+    )
+
+
 def doubtful_conditions(
     material: str, asked: Ranges, fitted: Sequence[Ranges], acting: Sequence[str] = ENVIRONMENT
 ) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ of the smaller critical strain of what still evolves (`critical_strain`). A spec
 elastic modulus, which may be that of the apparatus.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal, get_args
@@ -20,14 +20,20 @@ from pyburgers.common.draws import FloatArray, evenly_spaced
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, number
 from pyburgers.fitting.fit import Fit
-from pyburgers.kinds.conditions import environment_ranges, ranges_text
+from pyburgers.kinds.conditions import Ranges, environment_ranges, ranges_text
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.closed_forms import with_maxwell_modulus
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
 from pyburgers.model.environment import acting_environment, check_environment
 from pyburgers.model.parameters import ENVIRONMENT, ENVIRONMENT_NUMBERS
 from pyburgers.model.variants import variant_of
-from pyburgers.predictions.stress_cycles import EVOLUTION, OTHER_PARAMETERS, PARAMETER_NAMES
+from pyburgers.predictions.stress_cycles import (
+    EVOLUTION,
+    OTHER_PARAMETERS,
+    PARAMETER_NAMES,
+    Regime,
+    flow_rate,
+)
 
 Microstructure = Literal["initial", "steady_state"]
 
@@ -59,6 +65,19 @@ class Material:
             name: evenly_spaced(values.ravel(), at_most) for name, values in self.parameters.items()
         }
         return parameters, size, fabric
+
+    def dashpot_rates(self, regimes: Sequence[Regime]) -> Ranges:
+        """Return the range of median rates (1/s) of the dashpot at the highest stresses."""
+        highest = [one.median_stress + one.amplitude for one in regimes]
+        rates = flow_rate(
+            self.parameters,
+            np.reshape([min(highest), max(highest)], (2, 1, 1)),
+            temperature=self.temperature,
+            grain_size=self.grain_size,
+            fabric_factor=self.fabric_factor,
+        )
+        least, most = np.median(rates, axis=(1, 2))
+        return {"strain rate": (float(least), float(most))}
 
 
 def fitted_material(

@@ -303,9 +303,15 @@ def test_comments_say_what_was_not_fitted_and_what_state_it_is(made: Fit) -> Non
         "temperature 300 K",
         "initial grain size 1000 um",
         "stress",
+        "strain rate",
     ):
         assert condition in beyond
-    for told in ("Ice at 300 K is molten", "6 GPa is unlikely in ice", "kelvin_viscosity"):
+    for told in (
+        "Ice at 300 K is molten",
+        "6 GPa is unlikely in ice",
+        "kelvin_viscosity",
+        "Cycles of",
+    ):
         assert told in text
     (text,) = export(made, "aspect", microstructure="steady_state")
     assert "steady_state_fabric_factor" in text

@@ -326,7 +326,8 @@ def _fitted_itself(source: Source, experiment: Experiment) -> list[str]:
 
 def _beyond(source: Source, experiment: Experiment, posterior: xr.DataTree) -> tuple[str, ...]:
     """Say where a test leaves the conditions that were fitted."""
-    acting = acting_environment(posterior["posterior"].to_dataset())
+    drawn = posterior["posterior"].to_dataset()
+    acting = acting_environment({str(name): one.to_numpy() for name, one in drawn.items()})
     passed = conditions_of(experiment, posterior)
     return (
         *beyond_sentences(passed, source.conditions, acting),

@@ -4,6 +4,7 @@ Every combination is tried on the priors that come with the package, as `pyburge
 would; nothing is listed by hand.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,9 +19,22 @@ from pyburgers.model.variants import CHOICES, variant_of, with_variant
 
 STANDARD, POSSIBLE, REFUSED = "standard", "yes", "no"
 FROZEN = "with constant grain size"
+THIRD = "with a second mechanism"
+FROZEN_THIRD = f"{FROZEN} and {THIRD.removeprefix('with ')}"
 
 CONSTANT_GRAINS = {"grain_size": "constant"}
 """What a material without a piezometer needs where the grain size would follow one."""
+
+SECOND = {"second_mechanism": "power_law"}
+"""What a third mechanism needs."""
+
+TOGETHER_WITH: Mapping[str, Mapping[str, str]] = {
+    POSSIBLE: {},
+    FROZEN: CONSTANT_GRAINS,
+    THIRD: SECOND,
+    FROZEN_THIRD: {**CONSTANT_GRAINS, **SECOND},
+}
+"""Laws of other parts that each law is tried with, by the outcome where they are enough."""
 
 
 class AnyTest(Test):
@@ -44,8 +58,7 @@ class Combination:
     material, protocol, part, law : str
         What is combined.
     outcome : str
-        `STANDARD`, what a fit takes when nothing is said, `POSSIBLE`, `FROZEN`, possible together
-        with `CONSTANT_GRAINS`, or `REFUSED`.
+        `STANDARD`, what a fit takes when nothing is said, `REFUSED`, or one of `TOGETHER_WITH`.
     reason : str
         Of a refusal, the sentence that a user sees.
     """
@@ -91,7 +104,7 @@ def _tried(material: str, test: Test, part: str, law: str) -> Combination:
     priors = default_priors(material, test.protocol)
     here = (material, test.protocol, part, law)
     refusals = []
-    for outcome, others in ((POSSIBLE, {}), (FROZEN, CONSTANT_GRAINS)):
+    for outcome, others in TOGETHER_WITH.items():
         try:
             with_variant(priors, test, {**others, part: law})
         except InputError as error:

@@ -13,7 +13,16 @@ from importlib import import_module
 from itertools import groupby
 from typing import Any
 
-from combinations import FROZEN, POSSIBLE, REFUSED, STANDARD, combinations, materials
+from combinations import (
+    FROZEN,
+    FROZEN_THIRD,
+    POSSIBLE,
+    REFUSED,
+    STANDARD,
+    THIRD,
+    combinations,
+    materials,
+)
 from file_keys import key_tables, structures
 
 from pyburgers.cli.main import COMMANDS, EXIT_CODES
@@ -33,7 +42,14 @@ from pyburgers.model.prior_families import FAMILIES, MAX_STRESS
 FREE_IN_HISTORIES = ("strain_noise", "residual_correlation_time", "residual_correlated_share")
 """Parameters of variants that are free where a loading history reads strain."""
 
-SHOWN = {STANDARD: "**yes**", POSSIBLE: "yes", FROZEN: "yes ¹", REFUSED: "–"}
+SHOWN = {
+    STANDARD: "**yes**",
+    POSSIBLE: "yes",
+    FROZEN: "yes ¹",
+    THIRD: "yes ²",
+    FROZEN_THIRD: "yes ¹ ²",
+    REFUSED: "–",
+}
 
 
 def key_lines(name: str) -> list[str]:

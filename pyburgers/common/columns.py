@@ -351,6 +351,8 @@ def _column(
 ) -> FloatArray:
     """Return the numbers in a column, NaN for no reading; raise InputError of bad cells."""
     cells = table.cleaned(index)
+    words = [*filter(None, ("NaN",) if table.missing is None else table.missing)]
+    instead = "".join(f", or {word} to leave the row out" for word in words[:1])
     values, sentences = [], list[str]()
     for k in chosen:
         line, row = table.rows[k]
@@ -359,7 +361,7 @@ def _column(
         if index >= len(row):
             fault = "the row ends before this column"
         elif not row[index] and not may_be_empty and not table.is_in_memory:
-            fault = "found an empty cell, expected a number"
+            fault = f"found an empty cell, expected a number{instead}"
         elif value is None:
             finite = "finite " if INFINITE.fullmatch(cells[k]) else ""
             marks = " without thousands separators" if MARKED.fullmatch(cells[k]) else ""

@@ -223,7 +223,7 @@ class TextTable:
             many = sum(cell in missing for cell in self.cells(index))
             notes.append(
                 f"column {name!r}: {', '.join(sorted(missing))} (in {many} of {len(self.rows)} "
-                "rows) stands for no reading, as an empty cell does"
+                "rows) stands for no reading"
             )
         return notes
 

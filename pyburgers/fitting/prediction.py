@@ -26,12 +26,18 @@ from pyburgers.fitting.new_test import (
     transfer_laws,
     with_modulus_there,
 )
-from pyburgers.kinds.conditions import beyond_sentences, conditions_of, longer_than_cycles
+from pyburgers.kinds.conditions import (
+    beyond_sentences,
+    conditions_of,
+    longer_than_cycles,
+    longer_than_tests,
+)
 from pyburgers.kinds.experiment import A_TEST, Experiment
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import Problem, one_test
 from pyburgers.kinds.program_data import program_data, solve
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER
+from pyburgers.model.environment import acting_environment
 from pyburgers.model.hardening import extension_sentences
 from pyburgers.model.laws import DISLOCATIONS_SWITCH
 from pyburgers.model.parameters import PROGRAM_PARAMETERS, STANDARD_VALUES
@@ -257,7 +263,6 @@ def predict_test(
             *source.cautions,
             *_fitted_itself(source, experiment),
             *_beyond(source, experiment, posterior),
-            *longer_than_cycles(experiment, source.conditions),
             *_extended(posterior),
             *_unsolved(int(np.sum(~solved)), kept.size),
         ),
@@ -321,7 +326,14 @@ def _fitted_itself(source: Source, experiment: Experiment) -> list[str]:
 
 def _beyond(source: Source, experiment: Experiment, posterior: xr.DataTree) -> tuple[str, ...]:
     """Say where a test leaves the conditions that were fitted."""
-    return beyond_sentences(conditions_of(experiment, posterior), source.conditions)
+    drawn = posterior["posterior"].to_dataset()
+    acting = acting_environment({str(name): one.to_numpy() for name, one in drawn.items()})
+    passed = conditions_of(experiment, posterior)
+    return (
+        *beyond_sentences(passed, source.conditions, acting),
+        *longer_than_cycles(experiment, source.conditions),
+        *longer_than_tests(passed, source.problem.experiments),
+    )
 
 
 def _extended(posterior: xr.DataTree) -> list[str]:

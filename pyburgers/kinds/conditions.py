@@ -174,8 +174,13 @@ def conditions_of(experiment: Experiment, posterior: xr.DataTree) -> Ranges:
     return conditions(experiment, *groups)
 
 
-def outside(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
-    """Say in which conditions a test leaves those that were fitted, a phrase for each."""
+def outside(
+    target: Ranges, fitted: Sequence[Ranges], acting: Sequence[str] = ENVIRONMENT
+) -> tuple[str, ...]:
+    """Say in which conditions a test leaves those that were fitted, a phrase for each.
+
+    `acting`: those of `ENVIRONMENT` on which a rate depends; only of these a value is taken.
+    """
     phrases, known = [], widest(fitted)
     for name, (low, high) in target.items():
         is_partly_unknown = name in ENVIRONMENT_WORDS and any(name not in one for one in fitted)
@@ -191,7 +196,7 @@ def outside(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
     for key, name in zip(ENVIRONMENT, ENVIRONMENT_WORDS, strict=True):
         ends = [one[name] for one in fitted if name in one]
         taken = (STANDARD_VALUES[key],) * 2
-        if name not in target and any(end != taken for end in ends):
+        if key in acting and name not in target and any(end != taken for end in ends):
             unit, factor = SHOWN[name]
             there = f"{_range(*taken, factor)} {unit}".removeprefix("up to ").rstrip()
             here = _range(min(low for low, _ in ends), max(high for _, high in ends), factor)
@@ -199,9 +204,11 @@ def outside(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
     return tuple(phrases)
 
 
-def beyond_sentences(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
+def beyond_sentences(
+    target: Ranges, fitted: Sequence[Ranges], acting: Sequence[str] = ENVIRONMENT
+) -> tuple[str, ...]:
     """Say in one sentence what `outside` finds; none where that is nothing."""
-    beyond = outside(target, fitted)
+    beyond = outside(target, fitted, acting)
     return (f"Beyond what was fitted: {'; '.join(beyond)}.",) if beyond else ()
 
 
@@ -219,14 +226,28 @@ def longer_than_cycles(experiment: Experiment, fitted: Sequence[Ranges]) -> tupl
     )
 
 
-def doubtful_conditions(material: str, asked: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
+def longer_than_tests(asked: Ranges, fitted: Sequence[Experiment]) -> tuple[str, ...]:
+    """Say whether cycles last longer than all fitted tests, if none of those is a table."""
+    longest = max(map(hours_of, fitted)) * UNITS["time"]["h"]
+    lasts = asked.get("period", (0.0, 0.0))[1]
+    if lasts <= longest or any(isinstance(one, AttenuationExperiment) for one in fitted):
+        return ()
+    return (
+        f"Cycles of {lasts:.4g} s last longer than any fitted test ({longest:.4g} s): slower "
+        "delayed strain was not fitted.",
+    )
+
+
+def doubtful_conditions(
+    material: str, asked: Ranges, fitted: Sequence[Ranges], acting: Sequence[str] = ENVIRONMENT
+) -> tuple[str, ...]:
     """Say which conditions were not fitted, or are unlikely in a material."""
     unlikely = [
         *(unlikely_temperature(material, *asked["temperature"]) if "temperature" in asked else ()),
         *(unlikely_stress(material, asked["stress"][1]) if "stress" in asked else ()),
     ]
     return (
-        *beyond_sentences(asked, fitted),
+        *beyond_sentences(asked, fitted, acting),
         *(f"{sentence[0].upper()}{sentence[1:]}" for sentence in unlikely),
     )
 

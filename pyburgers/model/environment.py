@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.common.errors import InputError, nearest
-from pyburgers.model.parameters import ENVIRONMENT, PARAMETER_BY_NAME
+from pyburgers.model.parameters import ALL_ENVIRONMENT_NUMBERS, ENVIRONMENT, PARAMETER_BY_NAME
 from pyburgers.model.prior_families import Prior, is_fixed_at
 
 
@@ -34,6 +34,18 @@ def check_environment(values: Mapping[str, npt.ArrayLike]) -> None:
             raise InputError(f"environment: unknown name {name!r}, {nearest(name, ENVIRONMENT)}")
     if faults := [*environment_faults(values)]:
         raise InputError(*(f"environment: {fault}" for fault in faults))
+
+
+def acting_environment(values: Mapping[str, npt.ArrayLike]) -> tuple[str, ...]:
+    """Return those of `ENVIRONMENT` on which a rate depends, by the parameters of a material."""
+    return tuple(
+        name
+        for k, name in enumerate(ENVIRONMENT)
+        if any(
+            np.any(values.get(number, 0.0))
+            for number in ALL_ENVIRONMENT_NUMBERS[k :: len(ENVIRONMENT)]
+        )
+    )
 
 
 def environment_law(priors: Mapping[str, Prior], whose: str = "", of: str = "") -> str:

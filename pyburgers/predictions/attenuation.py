@@ -34,10 +34,15 @@ from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.common.units import UNITS
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import A_FIT
-from pyburgers.kinds.conditions import doubtful_conditions, environment_ranges
+from pyburgers.kinds.conditions import (
+    doubtful_conditions,
+    environment_ranges,
+    longer_than_tests,
+)
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.closed_forms import closed_forms, require_no_backstress, require_standard
 from pyburgers.model.display import STRESS_UNIT
+from pyburgers.model.environment import acting_environment
 from pyburgers.model.laws import NONLINEAR_KELVIN_PARAMETERS
 from pyburgers.predictions.material import (
     CRITICAL_SHARE,
@@ -283,10 +288,12 @@ def predict_attenuation(
         [material.temperature], grain_size, frequencies=frequencies, regimes=regimes
     )
     stated = {**fit.experiment.environment, **environment}
-    there = {**asked, **environment_ranges(stated)}
+    there = {**asked, **material.dashpot_rates(regimes), **environment_ranges(stated)}
+    acting = acting_environment(material.parameters)
     cautions = (
         *fit.cautions,
-        *doubtful_conditions(fit.experiment.material, there, fit.fitted_conditions),
+        *doubtful_conditions(fit.experiment.material, there, fit.fitted_conditions, acting),
+        *longer_than_tests(asked, (fit.whole or fit).problem.experiments),
         *([] if fit.experiment.poisson_ratio_in_shear is None else [AXIAL]),
     )
     return spectrum.assign_attrs(cautions="\n".join(cautions))

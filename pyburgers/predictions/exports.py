@@ -18,7 +18,12 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import A_FIT, PRIOR_ALONE, SampledFit
 from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.flow_law_tables.laws import ENHANCEMENTS
-from pyburgers.kinds.conditions import ENVIRONMENT_WORDS, Ranges, doubtful_conditions
+from pyburgers.kinds.conditions import (
+    ENVIRONMENT_WORDS,
+    Ranges,
+    doubtful_conditions,
+    longer_than_tests,
+)
 from pyburgers.model.display import shown_quantity
 from pyburgers.model.priors import FLOW_LAW
 from pyburgers.predictions.code_formats import (
@@ -37,7 +42,13 @@ from pyburgers.predictions.exported import (
     exported,
     fitted_ranges,
 )
-from pyburgers.predictions.stated_laws import Stated, creep_laws, is_logarithm, rate_factors
+from pyburgers.predictions.stated_laws import (
+    Stated,
+    creep_laws,
+    is_logarithm,
+    rate_factors,
+    stated_material,
+)
 from pyburgers.predictions.stress_cycles import Regime, asked_conditions
 
 AnyFit = Fit | RateFit
@@ -111,8 +122,12 @@ def _compliance_texts(
         frequencies=found.frequency,
         regimes=() if stated.regime is None else [stated.regime],
     )
+    assert isinstance(fit, Fit)
+    if stated.regime is not None:
+        asked |= stated_material(fit, stated, form.code).dashpot_rates([stated.regime])
     names = [name for name in one.names if name != LOG_FACTOR]
-    notes = [*_caution_lines(one, names, fit, asked), *found.notes]
+    longer = longer_than_tests(asked, (fit.whole or fit).problem.experiments)
+    notes = [*_caution_lines(one, names, fit, asked), *longer, *found.notes]
     mean = "Mean of the posterior: means of J1 and of J2 over all draws."
     storage, loss = (
         np.vstack([values.mean(axis=0), values[kept]]) for values in (found.storage, found.loss)

@@ -7,7 +7,7 @@ of the smaller critical strain of what still evolves (`critical_strain`). A spec
 elastic modulus, which may be that of the apparatus.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal, get_args
@@ -20,14 +20,20 @@ from pyburgers.common.draws import FloatArray, evenly_spaced
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, number
 from pyburgers.fitting.fit import Fit
-from pyburgers.kinds.conditions import environment_ranges, ranges_text
+from pyburgers.kinds.conditions import Ranges, environment_ranges, ranges_text
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.closed_forms import with_maxwell_modulus
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
-from pyburgers.model.environment import check_environment
-from pyburgers.model.parameters import ALL_ENVIRONMENT_NUMBERS, ENVIRONMENT
+from pyburgers.model.environment import acting_environment, check_environment
+from pyburgers.model.parameters import ENVIRONMENT, ENVIRONMENT_NUMBERS
 from pyburgers.model.variants import variant_of
-from pyburgers.predictions.stress_cycles import EVOLUTION, OTHER_PARAMETERS, PARAMETER_NAMES
+from pyburgers.predictions.stress_cycles import (
+    EVOLUTION,
+    OTHER_PARAMETERS,
+    PARAMETER_NAMES,
+    Regime,
+    flow_rate,
+)
 
 Microstructure = Literal["initial", "steady_state"]
 
@@ -60,6 +66,19 @@ class Material:
         }
         return parameters, size, fabric
 
+    def dashpot_rates(self, regimes: Sequence[Regime]) -> Ranges:
+        """Return the range of median rates (1/s) of the dashpot at the highest stresses."""
+        highest = [one.median_stress + one.amplitude for one in regimes]
+        rates = flow_rate(
+            self.parameters,
+            np.reshape([min(highest), max(highest)], (2, 1, 1)),
+            temperature=self.temperature,
+            grain_size=self.grain_size,
+            fabric_factor=self.fabric_factor,
+        )
+        least, most = np.median(rates, axis=(1, 2))
+        return {"strain rate": (float(least), float(most))}
+
 
 def fitted_material(
     fit: FittedTest,
@@ -88,11 +107,11 @@ def fitted_material(
     check_environment(environment)
     for name, value in environment.items():
         parameters[name] = np.full(shape, value)
-        numbers = ALL_ENVIRONMENT_NUMBERS[ENVIRONMENT.index(name) :: len(ENVIRONMENT)]
-        if not any(np.any(parameters.get(number, 0.0)) for number in numbers):
+        if name not in acting_environment(parameters):
+            number = ENVIRONMENT_NUMBERS[ENVIRONMENT.index(name)]
             raise InputError(
                 f"environment: found {name}, on which no rate of the fit depends, expected none or "
-                f"a fit with a prior of {numbers[0]} or another one of its kind."
+                f"a fit with a prior of {number} or another one of its kind."
             )
     if elastic_modulus is not None:
         given = _modulus_draws(elastic_modulus, elastic_modulus_sd, shape, seed)

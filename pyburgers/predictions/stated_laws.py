@@ -261,12 +261,16 @@ class CreepLaws:
     @property
     def mean(self) -> CreepLaw:
         """The law whose ln(rate) is everywhere the posterior mean of ln(rate)."""
-        sizes, exponents = self.columns["grain_size"], self.columns["grain_size_exponent"]
         means = {name: float(one.mean()) for name, one in self.columns.items()}
-        weights = exponents if exponents.sum() else np.ones(exponents.size)
-        means["grain_size"] = float(
-            np.exp(np.average(np.log(sizes), weights=weights)) if np.ptp(sizes) else sizes[0]
-        )
+        for state, exponent in (
+            ("grain_size", "grain_size_exponent"),
+            ("fabric_factor", "stress_exponent"),
+        ):
+            found, exponents = self.columns[state], self.columns[exponent]
+            weights = exponents if exponents.sum() else np.ones(exponents.size)
+            means[state] = float(
+                np.exp(np.average(np.log(found), weights=weights)) if np.ptp(found) else found[0]
+            )
         return CreepLaw(**means)
 
     def draw(self, k: int) -> CreepLaw:

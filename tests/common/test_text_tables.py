@@ -120,8 +120,7 @@ def test_what_was_done_is_told(tmp_path: Path) -> None:
         "table.txt: line 1 ahead of the table was passed over.",
         "table.txt: line 9 behind the table was passed over.",
         "table.txt: line 4 is a row of units (s, %).",
-        "table.txt: column 'Dehnung': -9999, NaN (in 2 of 4 rows) stands for no reading, as an "
-        "empty cell does.",
+        "table.txt: column 'Dehnung': -9999, NaN (in 2 of 4 rows) stands for no reading.",
         "table.txt: numbers have decimal commas.",
     )
 

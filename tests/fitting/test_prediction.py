@@ -13,6 +13,7 @@ from kind_examples import TWIN_FILE
 from scipy import stats
 from scipy.special import logsumexp
 
+from pyburgers import fixed
 from pyburgers.common.errors import InputError
 from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.fitting.fit import Fit
@@ -21,7 +22,7 @@ from pyburgers.fitting.prediction import Prediction, predict_test
 from pyburgers.fitting.prior_draws import prior_draws
 from pyburgers.fitting.sampled_fit import ORIGINS
 from pyburgers.kinds.attenuation.files import load_attenuation
-from pyburgers.kinds.conditions import conditions_of
+from pyburgers.kinds.conditions import conditions_of, longer_than_tests
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.kinds.experiment import Experiment, Stated, UncertainCondition, of_kind
 from pyburgers.kinds.forced_oscillation.experiment import with_background
@@ -520,3 +521,27 @@ def test_a_test_of_one_temperature_has_the_modulus_there(
     # The strain that is delayed stays as it was.
     assert found["peak_strength"] == pytest.approx(share * 0.1, rel=1e-9)
     assert notes == ["The Maxwell modulus is that at 1473.15 K in the whole test."]
+
+
+@pytest.mark.parametrize("volume", [0.0, 1e-5])
+def test_a_pressure_is_taken_only_where_a_rate_depends_on_it(
+    small_problem: Problem, volume: float
+) -> None:
+    test = replace(small_problem.experiment, environment={"pressure": 3e8})
+    priors = resolved_priors(test).with_(activation_volume=fixed(volume, "m3/mol"))
+    prior = prior_draws(test, priors, draws=3, seed=1)
+    problem, passed = one_test(test, priors), [conditions_of(test, prior.posterior)]
+    source = Source(problem, {test.id: prior}, prior.posterior, passed, ())
+    found = predict_test(source, replace(test, id="another", environment={}))
+    told = "pressure not stated and taken as 0 MPa (fitted: 300)"
+    assert any(told in caution for caution in found.cautions) == (volume > 0)
+
+
+def test_cycles_that_outlast_every_curve_are_told_unless_a_table_was_fitted(
+    small_problem: Problem,
+) -> None:
+    curve, table = small_problem.experiment, load_attenuation(ICE / "attenuation_twin.toml")
+    (told,) = longer_than_tests({"period": (1.0, 1e9)}, [curve])
+    assert told.startswith("Cycles of 1e+09 s last longer than any fitted test (")
+    assert longer_than_tests({"period": (1.0, 1e9)}, [curve, table]) == ()
+    assert longer_than_tests({"period": (1.0, 1.0)}, [curve]) == ()

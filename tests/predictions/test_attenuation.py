@@ -485,3 +485,24 @@ def test_a_saved_spectrum_reads_back(fit: Fit, tmp_path: Path) -> None:
     assert again["frequency"].attrs == {"units": "Hz"}
     assert again.attrs == spectrum.attrs
     assert [path.name for path in tmp_path.iterdir()] == ["spectrum.nc"]
+
+
+@pytest.mark.parametrize(
+    ("segments", "is_told"), [(((0.0, 1.69e-4),), True), (((0.0, 1e-15), (0.1, 0.1)), False)]
+)
+def test_cycles_slower_or_longer_than_what_was_fitted_are_told(
+    segments: tuple[tuple[float, float], ...], is_told: bool, tmp_path: Path
+) -> None:
+    fit = make_fit(tmp_path, chains=2, draws=50, segments=segments)
+    told = predict_attenuation(fit, [1e-9], [Regime(1e6, 1e5), Regime(2e6, 1e5)]).attrs["cautions"]
+    slow, fast = (
+        float(
+            np.median(
+                flow_rate(draws_of(fit), one, temperature=260.0, grain_size=INITIAL_GRAIN_SIZE)
+            )
+        )
+        for one in (1.1e6, 2.1e6)
+    )
+    rates = f"strain rate {slow:.4g} to {fast:.4g} 1/s (fitted: 0.000169)"
+    assert (rates in told) == ("Cycles of 1e+09 s last longer" in told) == is_told
+    assert ("strain rate" in told) == is_told

@@ -6,7 +6,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from combinations import FROZEN, REFUSED, STANDARD, Combination, combinations, materials
+from combinations import REFUSED, STANDARD, TOGETHER_WITH, Combination, combinations, materials
 from conftest import DUNITE, ICE
 from file_keys import Key, KeyTable, key_tables, structures
 from generated_tables import (
@@ -216,13 +216,11 @@ def test_shipped_tests_take_the_laws_that_the_table_allows(
     for c in found:
         if (c.material, c.protocol) != (experiment.material, name):
             continue
-        choice = {c.part: c.law}
+        choice = {**TOGETHER_WITH.get(c.outcome, {}), c.part: c.law}
         if c.outcome == REFUSED:
             with pytest.raises(InputError):
                 with_variant(priors, experiment, choice)
             continue
-        if c.outcome == FROZEN:
-            choice["grain_size"] = "constant"
         assert (
             variant_of(with_variant(priors, experiment, choice), experiment).record()[c.part]
             == c.law
@@ -245,3 +243,14 @@ def test_what_depends_on_readings_stands_above_the_tables() -> None:
         if is_fixed_at(default_priors(material, "attenuation")["attenuation_scatter"], 0.0)
     ]
     assert f"with the priors of {' and '.join(without_scatter)}, which" in said
+
+
+@pytest.mark.parametrize("law", CHOICES["third_mechanism"])
+def test_a_third_mechanism_is_listed_with_its_second_one(
+    law: str, found: list[Combination]
+) -> None:
+    page = (DATA.parent / "docs" / "reference" / "combinations.md").read_text(encoding="utf-8")
+    possible = [c for c in found if (c.part, c.law) == ("third_mechanism", law) and not c.reason]
+    others = [TOGETHER_WITH.get(c.outcome, {}) for c in possible]
+    assert {"second_mechanism" in choice for choice in others} == {law != "none"}
+    assert all(f"with `{part}={own}` too" in page for one in others for part, own in one.items())

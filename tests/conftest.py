@@ -264,6 +264,18 @@ def sketch_pictures(patch: pytest.MonkeyPatch, *, drawn_once: bool = False) -> N
     patch.setattr("pyburgers.drawing.style.image", sketch)
 
 
+def search_little(patch: pytest.MonkeyPatch) -> None:
+    """Search for a mode from one start: for fits that are looked at for something else."""
+    for name in ("N_STARTS", "N_BEST"):
+        patch.setattr(f"pyburgers.fitting.charts_at_modes.{name}", 1)
+
+
+@pytest.fixture
+def little_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`search_little`, for one test."""
+    search_little(monkeypatch)
+
+
 @pytest.fixture
 def sketched(monkeypatch: pytest.MonkeyPatch) -> None:
     """`sketch_pictures`, for tests of what else a page holds."""

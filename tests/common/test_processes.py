@@ -48,35 +48,46 @@ with scratch_folder() as folder:
 """
 
 
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
-@pytest.mark.parametrize(
-    "program",
-    [
-        "while true; do echo x; sleep 0.05; done",
-        "sleep 600",
-        "sleep 600 & sh -c 'sleep 600 & sleep 600' & wait",
-        "trap '' HUP INT TERM; sleep 600; sleep 600",
-    ],
-    ids=["prints", "is silent", "starts others", "ignores signals"],
-)
+RUNNING = {
+    "prints": "while true; do echo x; sleep 0.05; done",
+    "is silent": "sleep 600",
+    "starts others": "sleep 600 & sh -c 'sleep 600 & sleep 600' & wait",
+    "ignores signals": "trap '' HUP INT TERM; sleep 600; sleep 600",
+}
+SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
+
+
 def test_a_whole_tree_ends_when_the_process_that_started_it_does(
-    how: signal.Signals, program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The signal goes to that process alone, and the next one clears its temporary files."""
+    """Each signal goes to that process alone, and the next one clears its temporary files."""
     monkeypatch.setenv("TMPDIR", str(tmp_path))
-    command = [sys.executable, "-c", STARTING, program]
-    process = subprocess.Popen(command, stderr=subprocess.DEVNULL, preexec_fn=hear_interrupts)
+    started = {
+        (name, how): subprocess.Popen(
+            [sys.executable, "-c", STARTING, program],
+            stderr=subprocess.DEVNULL,
+            preexec_fn=hear_interrupts,
+        )
+        for name, program in RUNNING.items()
+        for how in SIGNALS
+    }
     deadline = time.monotonic() + 60
-    while not list(tmp_path.glob("*/console.txt")):
+    while len(list(tmp_path.glob("*/console.txt"))) < len(started):
         assert time.monotonic() < deadline
         time.sleep(0.05)
     time.sleep(0.3)
-    begun = psutil.Process(process.pid).children(recursive=True)
-    assert begun
-    process.send_signal(how)
-    process.wait(timeout=60)
-    _, alive = psutil.wait_procs(begun, timeout=10)
-    assert not [one for one in alive if one.status() != psutil.STATUS_ZOMBIE]
+    begun = {
+        case: psutil.Process(process.pid).children(recursive=True)
+        for case, process in started.items()
+    }
+    assert all(begun.values())
+    for (_, how), process in started.items():
+        process.send_signal(how)
+    for process in started.values():
+        process.wait(timeout=60)
+    _, alive = psutil.wait_procs([one for some in begun.values() for one in some], timeout=10)
+    left = {one for one in alive if one.status() != psutil.STATUS_ZOMBIE}
+    assert [case for case, some in begun.items() if left & {*some}] == []
     make_old(*tmp_path.iterdir())
     subprocess.run([sys.executable, "-c", STARTING, "true"], check=True)
     assert not list(tmp_path.iterdir())

@@ -15,7 +15,8 @@ from pyburgers.kinds.likelihood import likelihoods
 
 def example(protocol: str) -> Experiment:
     """Return a test of a protocol with true parameters."""
-    return EXAMPLES[protocol].load(EXAMPLES[protocol].twins[0])
+    test: Experiment = EXAMPLES[protocol].load(EXAMPLES[protocol].twins[0])
+    return test
 
 
 SPANS = {

@@ -112,7 +112,7 @@ def test_a_bad_table_is_refused_by_name_in_one_sentence(
     assert load_experiment(path).n_points > 0
 
 
-@cases("twins", "quick", of=lambda kind: tuple(EXAMPLES[kind].materials))
+@cases("twins", "stepped", of=lambda kind: tuple(EXAMPLES[kind].materials))
 def test_the_solution_agrees_with_an_independent_solver(kind: str, name: str, what: str) -> None:
     example = EXAMPLES[kind]
     experiment = example.load(name)

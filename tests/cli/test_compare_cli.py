@@ -113,6 +113,7 @@ def test_runs_that_cannot_be_compared_are_refused(
     single_again = str(long_fit.directory.path)
     single, by_test = str(small_fit.directory.path), ("--leave-out", "tests")
     assert_refused(main(["compare", run, single, *out]), capsys, "other data", "PIL40+other")
+    assert_refused(main(["compare", run, single, *by_test, *out]), capsys, "is not a joint fit")
     assert not (tmp_path / "out").exists()
     (tmp_path / "file").write_text("", encoding="utf-8")
     for arguments in ([run, *by_test], [single, single_again, "--no-refit"]):

@@ -77,9 +77,6 @@ def make_cmdstan(folder: Path, version: str = "2.27.0", *, built: bool = True) -
 
 
 class TestFind:
-    def test_nothing_there(self, home: Path) -> None:
-        assert find_cmdstan() is None
-
     def test_newest_usable_of_the_home_folder(self, home: Path) -> None:
         installed = home / ".cmdstan"
         for version in ("2.9.0", "2.26.1", "2.27.0", "2.36.0", "2.37.0-rc1"):
@@ -90,7 +87,8 @@ class TestFind:
         make_cmdstan(installed / "cmdstan-2.37.0", "2.37.0")
         assert find_cmdstan() == installed / "cmdstan-2.37.0"
 
-    def test_too_old_ones_are_not_used(self, home: Path) -> None:
+    def test_nothing_is_there_or_only_one_that_is_too_old(self, home: Path) -> None:
+        assert find_cmdstan() is None
         make_cmdstan(home / ".cmdstan" / "cmdstan-2.26.1", "2.26.1")
         assert find_cmdstan() is None
 

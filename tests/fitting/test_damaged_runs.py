@@ -236,7 +236,8 @@ def test_a_check_writes_tables_again_that_are_not_those_of_the_draws(
     assert contents(copy) == before
     out, log = capsys.readouterr()
     assert log == ""
-    for names in (["summary.csv"], ["checks.json"], ["summary.csv", "checks.json"]):
+    both = ["summary.csv", "checks.json"]
+    for names in ([name] for name in both) if damage is cut else [both]:
         for name in names:
             damage(copy / name)
         assert main(["check", str(copy)]) == code

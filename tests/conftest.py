@@ -88,9 +88,7 @@ LONGEST_FILES = (
     "contract.py",
     "test_study.py",
     "test_fast_solver.py",
-    "test_workers.py",
     "test_baseline.py",
-    "test_processes.py",
     "test_rates.py",
     "test_examples_of_names.py",
     "test_leave_one_test_out.py",
@@ -262,6 +260,18 @@ def sketch_pictures(patch: pytest.MonkeyPatch, *, drawn_once: bool = False) -> N
         return b'<svg viewBox="0 0 576 432"></svg>'
 
     patch.setattr("pyburgers.drawing.style.image", sketch)
+
+
+def search_little(patch: pytest.MonkeyPatch) -> None:
+    """Search for a mode from one start: for fits that are looked at for something else."""
+    for name in ("N_STARTS", "N_BEST"):
+        patch.setattr(f"pyburgers.fitting.charts_at_modes.{name}", 1)
+
+
+@pytest.fixture
+def little_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`search_little`, for one test."""
+    search_little(monkeypatch)
 
 
 @pytest.fixture

@@ -50,10 +50,17 @@ def module_name(file: Path) -> str:
 FILES = {module_name(file): file for file in PACKAGE.rglob("*.py")}
 
 
+@cache
+def nodes_of(name: str) -> tuple[ast.AST, ...]:
+    """All parts of a module's syntax."""
+    return tuple(ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))))
+
+
+@cache
 def imported(name: str) -> set[str]:
     """Modules that a module imports, wherever in its text."""
     found = set()
-    for node in ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))):
+    for node in nodes_of(name):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -119,7 +126,7 @@ KINDS_OF_TEST = frozenset(NAMES) - {"attenuation"}
 
 def decisions(name: str) -> list[str]:
     """Where a module asks what kind of test it has: by the kind's name, or by its class."""
-    nodes = list(ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))))
+    nodes = nodes_of(name)
     classes = {
         alias.name
         for node in nodes

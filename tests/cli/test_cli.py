@@ -6,6 +6,8 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
@@ -22,7 +24,9 @@ from pyburgers.cli.shared import command_line
 from pyburgers.cmdstan.installation import PYPI_VERSION
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.constant_rate.files import load_constant_rate
+from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.likelihood import likelihoods
+from pyburgers.kinds.stan_data import REFERENCE_SOLVER
 from pyburgers.model.priors import default_priors, load_priors
 
 COLUMNS = ["time_s", "strain", "stress_Pa", "kelvin_strain", "grain_size_m", "fabric_factor"]
@@ -86,6 +90,7 @@ def test_without_cmdstan_a_fit_could_not_run(
     assert main(["doctor"]) == 1
 
 
+@pytest.mark.usefixtures("little_search")
 def test_a_fit_prints_table_and_checks_and_check_repeats_the_verdicts(
     small_problem: Problem, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -166,8 +171,15 @@ def test_simulate_writes_the_promised_columns(
 
 
 def test_the_printed_beta_is_warned_about(
-    programs: None, parameters: Parameters, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    programs: None,
+    parameters: Parameters,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    """Solved or not: the solver gives up after a hundredth of its steps here."""
+    hasty = partial(simulate, solver=replace(REFERENCE_SOLVER, max_num_steps=10_000))
+    monkeypatch.setattr("pyburgers.cli.simulate.simulate", hasty)
     files = ["--parameters", str(parameters(beta=7.29e-4)), "--out", str(tmp_path / "curve.csv")]
     code = main(["simulate", str(ICE / "PIL40.toml"), *files])
     error = capsys.readouterr().err

@@ -60,6 +60,7 @@ def joints(joint: Fit, separate_joint: Fit, tmp_path: Path) -> dict[str, str]:
     return {name: str(copy_of(run, tmp_path / name).directory.path) for name, run in runs.items()}
 
 
+@pytest.mark.usefixtures("sketched", "little_search")
 def test_joint_runs_are_compared_by_points(
     joints: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -72,6 +73,7 @@ def test_joint_runs_are_compared_by_points(
     assert re.search(r"(shared|separate) .*these data", capsys.readouterr().out)
 
 
+@pytest.mark.usefixtures("sketched", "little_search")
 def test_joint_runs_are_compared_by_tests(
     joints: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -89,6 +91,7 @@ def test_joint_runs_are_compared_by_tests(
         assert (Path(run) / "leave_out" / "other" / "summary.csv").is_file()
 
 
+@pytest.mark.usefixtures("sketched", "little_search")
 def test_one_joint_run_will_do_to_leave_tests_out(
     joints: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -64,25 +64,27 @@ def test_this_machine_can_fit() -> None:
 
 
 def test_bare_machine_is_told_what_to_get(bare_machine: Path) -> None:
-    findings = diagnose()
-    missing = {finding.name for finding in findings if finding.required and not finding.ok}
+    findings = {one.name: one for one in diagnose()}
+    missing = {name for name, one in findings.items() if one.required and not one.ok}
     assert missing == {"C++ compiler", "make", "CmdStan"}
-    assert not can_fit(findings)
-    assert "apt-get install g++ make" in finding("make").remedy
-    assert "pyburgers install-cmdstan" in finding("CmdStan").remedy
+    assert not can_fit([*findings.values()])
+    assert "apt-get install g++ make" in findings["make"].remedy
+    assert "pyburgers install-cmdstan" in findings["CmdStan"].remedy
 
 
 def test_wrong_cmdstan_variable(bare_machine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CMDSTAN", str(bare_machine / "nowhere"))
-    assert not finding("CmdStan").ok
-    assert "CMDSTAN is set to" in finding("CmdStan").remedy
+    found = finding("CmdStan")
+    assert not found.ok
+    assert "CMDSTAN is set to" in found.remedy
 
 
 def test_unusable_cache_folder(bare_machine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (bare_machine / "file").write_text("")
     monkeypatch.setenv("PYBURGERS_CACHE", str(bare_machine / "file" / "cache"))
-    assert not finding("cache folder").ok
-    assert finding("cache folder").required
+    found = finding("cache folder")
+    assert not found.ok
+    assert found.required
 
 
 @pytest.mark.parametrize(

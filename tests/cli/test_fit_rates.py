@@ -19,9 +19,10 @@ from pyburgers.page.glossary import with_definitions
 from pyburgers.page.rate_section import law_figure, rate_section
 
 RATES = ICE / "rates"
-SHORT = ("--chains", "2", "--warmup", "150", "--draws", "100", "--seed", "1")
+SHORT = ("--chains", "2", "--warmup", "100", "--draws", "60", "--seed", "1")
 
 
+@pytest.mark.usefixtures("sketched")
 def test_tables_are_fitted_held_out_checked_and_shown(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -73,12 +74,13 @@ def test_rows_that_are_left_out_are_told_and_authors_are_no_technical_words(
     assert "(measured data: Prior &amp; " in with_definitions(cited)
 
 
+@pytest.mark.usefixtures("sketched")
 def test_a_run_gets_more_draws_and_is_replaced(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "run"
     command = ["fit-rates", str(RATES / "fan_2020.toml"), "--out", str(out), *SHORT]
-    for further, draws in (([], 100), (["--more-draws", "20"], 120)):
+    for further, draws in (([], 60), (["--more-draws", "20"], 80)):
         main([*command, *further])
         assert RateFit.load(out).posterior["posterior"].sizes["draw"] == draws
     stale = out / "flow_law_prior.json"
@@ -94,9 +96,12 @@ def test_a_run_gets_more_draws_and_is_replaced(
     assert_refused(main(again), capsys, "--more-draws 20: found it beside --overwrite")
 
 
+@pytest.mark.usefixtures("sketched")
 def test_a_softened_table_has_a_prior_to_hand_on_and_is_exported(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    for name, number in (("N_CANDIDATES", 600), ("N_MATERIALS", 30), ("LEAST_MATERIALS", 5)):
+        monkeypatch.setattr(f"pyburgers.flow_law_tables.softening.{name}", number)
     out, table = tmp_path / "run", str(RATES / "qi_goldsby_2021.toml")
     own = ("--without", str(ICE / "PIL40.toml"), "--curve-priors", "ice")
     code = main(["fit-rates", table, "--out", str(out), *own, *SHORT])

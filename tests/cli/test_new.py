@@ -35,22 +35,6 @@ def test_a_number_of_the_sample_is_no_amplitude(tmp_path: Path) -> None:
     assert guess_columns(look_at(path)).keys() == {"amplitude"}
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("strain,strain,stress (MPa)\n0.1,0.1,2\n0.2,0.2,3\n", "rename all of them but one"),
-        ("time,strain\nh,furlong\n1,2\n2,3\n", "looks like stress among h, furlong, "),
-    ],
-)
-def test_a_refusal_says_what_to_do(
-    text: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "curve.csv"
-    path.write_text(text, encoding="utf-8")
-    assert main(["new", str(path), *KNOWN, *RATE, "--protocol", "constant_rate"]) == 2
-    assert words in capsys.readouterr().err
-
-
 def proposed(path: Path) -> str:
     """Text of a file with the keys that it proposes in comments, but for free text."""
     lines = path.read_text(encoding="utf-8").splitlines()

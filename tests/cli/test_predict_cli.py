@@ -58,6 +58,7 @@ def test_a_prediction_is_a_table_all_draws_and_a_figure(
 
 
 @pytest.mark.parametrize(("temperature", "beyond"), [(260.0, False), (271.0, True)])
+@pytest.mark.usefixtures("sketched")
 def test_what_speaks_against_a_prediction_is_said_before_it(
     small_fit: Fit,
     tmp_path: Path,
@@ -88,6 +89,7 @@ def test_measured_points_are_drawn_over_the_prediction(small_fit: Fit, tmp_path:
     assert ">ours<" in out.with_suffix(".svg").read_text(encoding="utf-8")
 
 
+@pytest.mark.usefixtures("sketched")
 def test_options_are_in_the_units_of_their_names(small_fit: Fit, tmp_path: Path) -> None:
     out = tmp_path / "tan_delta.csv"
     code = predict(
@@ -114,6 +116,7 @@ def test_options_are_in_the_units_of_their_names(small_fit: Fit, tmp_path: Path)
     )
 
 
+@pytest.mark.usefixtures("sketched")
 def test_strains_and_their_marks_are_in_table_and_draws(small_fit: Fit, tmp_path: Path) -> None:
     out = tmp_path / "tan_delta.csv"
     options = ("--hold-time-h", "2", "--critical-share", "0.2", "--frequencies-Hz", "1e-4", "1e-2")
@@ -130,6 +133,7 @@ def test_strains_and_their_marks_are_in_table_and_draws(small_fit: Fit, tmp_path
         assert float(draws["hold_time"]) == 7200.0
 
 
+@pytest.mark.usefixtures("sketched")
 def test_an_evolving_microstructure_is_solved_at_chosen_points(
     small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -149,6 +153,7 @@ def test_an_evolving_microstructure_is_solved_at_chosen_points(
     assert len(list(tmp_path.iterdir())) == 6
 
 
+@pytest.mark.usefixtures("sketched")
 def test_the_elastic_modulus_is_given_in_pascal(
     small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -164,6 +169,7 @@ def test_the_elastic_modulus_is_given_in_pascal(
     )
 
 
+@pytest.mark.usefixtures("sketched")
 def test_a_joint_fit_predicts_for_each_of_its_tests(joint: Fit, tmp_path: Path) -> None:
     run, options = joint.directory.path, ("--frequencies-Hz", "1e-3", "1e-2")
     assert predict(run, tmp_path / "all.csv", *options) == 0
@@ -182,6 +188,7 @@ def test_a_joint_fit_predicts_for_each_of_its_tests(joint: Fit, tmp_path: Path) 
         pd.testing.assert_frame_equal(pd.read_csv(one), table)
 
 
+@pytest.mark.usefixtures("sketched")
 def test_temperatures_of_all_tests_of_a_joint_fit_were_fitted(
     joint: Fit,
     tmp_path: Path,
@@ -200,6 +207,7 @@ def test_temperatures_of_all_tests_of_a_joint_fit_were_fitted(
     assert "temperature 266 K (fitted: 260 to 265)" in capsys.readouterr().out
 
 
+@pytest.mark.usefixtures("sketched")
 def test_a_pressure_is_said_to_be_beyond_what_was_fitted(
     small_fit: Fit,
     tmp_path: Path,
@@ -223,6 +231,7 @@ def test_the_pressure_of_a_fitted_test_is_that_of_its_prediction(small_fit: Fit)
     assert "pressure" not in cautions
 
 
+@pytest.mark.usefixtures("sketched")
 def test_the_steady_state_is_softer(small_fit: Fit, tmp_path: Path) -> None:
     options = ("--regimes", "4", "--frequencies-Hz", "1e-4")
     values = {}

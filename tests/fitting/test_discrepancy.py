@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import ICE, SMALL_RUN, Problem, with_fixed
+from conftest import ICE, SMALL_RUN, Problem, search_little, with_fixed
 from history_twins import history_twin
 from test_prediction import creep
 
@@ -39,7 +39,7 @@ ERROR = 3e4
 MISSED = 6.0
 """Amplitude of the smooth term that no parameter follows, over `ERROR`."""
 
-RUN = replace(SMALL_RUN, warmup=300, draws=300)
+RUN = replace(SMALL_RUN, draws=300)
 
 
 def twin(problem: Problem, missed: float) -> ConstantRateExperiment:
@@ -60,16 +60,19 @@ def fits(
     """Fits of a test with and without a wave, by that and by their residuals."""
     folder = tmp_path_factory.mktemp("discrepancy")
     tests = {"missed": twin(small_problem, MISSED), "right": twin(small_problem, 0.0)}
-    return {
-        (name, residuals): fit(
-            test,
-            with_variant(small_problem.priors, test, {"residuals": residuals}),
-            out=folder / name / residuals,
-            options=RUN,
-        )
-        for name, test in tests.items()
-        for residuals in ("independent", "discrepancy")
-    }
+    options = {"independent": SMALL_RUN, "discrepancy": RUN}
+    with pytest.MonkeyPatch.context() as patch:
+        search_little(patch)
+        return {
+            (name, residuals): fit(
+                test,
+                with_variant(small_problem.priors, test, {"residuals": residuals}),
+                out=folder / name / residuals,
+                options=of_residuals,
+            )
+            for name, test in tests.items()
+            for residuals, of_residuals in options.items()
+        }
 
 
 def standard_scores(result: Fit) -> dict[str, float]:

@@ -186,19 +186,6 @@ def test_the_same_call_again_does_nothing_and_is_quick(copy: Path, small_problem
     assert again.manifest["status"] == "complete"
 
 
-def test_the_same_seed_gives_the_same_draws_and_another_seed_others(
-    small_fit: Fit, small_problem: Problem, tmp_path: Path
-) -> None:
-    again, another = (
-        fitted(small_problem, tmp_path / str(options.seed), options)
-        for options in (SMALL_RUN, replace(SMALL_RUN, seed=SMALL_RUN.seed + 1, warmup=50))
-    )
-    first, other = (group(result, "posterior") for result in (small_fit, another))
-    assert not np.any(other["maxwell_modulus"].to_numpy() == first["maxwell_modulus"].to_numpy())
-    for name in ("posterior", "posterior_predictive", "predictions", "sample_stats"):
-        assert group(again, name).equals(group(small_fit, name))
-
-
 def test_more_chains_continue_the_run(copy: Path, small_fit: Fit, small_problem: Problem) -> None:
     before = contents(copy)
     more = fitted(small_problem, copy, replace(SMALL_RUN, chains=3))
@@ -221,8 +208,9 @@ def test_a_saved_copy_is_a_complete_fit(small_fit: Fit, copy: Path) -> None:
         small_fit.save(copy)
 
 
+@pytest.mark.usefixtures("little_search")
 def test_draws_without_solution_at_the_reference_tolerance_do_not_end_the_fit(
-    programs: None, small_problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    small_problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     impossible = SolverOptions(tolerance=1e-10, max_num_steps=5, method="bdf")
     monkeypatch.setattr("pyburgers.posterior.build.REFERENCE_SOLVER", impossible)
@@ -263,8 +251,8 @@ def test_the_solver_check_is_of_the_density_that_was_sampled(
         assert ratios[draw] == pytest.approx(change, abs=1e-3)
 
 
+@pytest.mark.usefixtures("little_search")
 def test_a_tolerance_too_loose_is_tightened_and_the_chains_run_again(
-    programs: None,
     small_problem: Problem,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -297,8 +285,9 @@ def test_a_tolerance_too_loose_is_tightened_and_the_chains_run_again(
     assert changed <= {"manifest.json", "checks.json", "summary.csv"}
 
 
+@pytest.mark.usefixtures("little_search")
 def test_few_draws_are_told_as_such_and_not_sampled_again(
-    programs: None, small_problem: Problem, tmp_path: Path
+    small_problem: Problem, tmp_path: Path
 ) -> None:
     """Five draws have no tail, so that their Pareto k is infinite whatever the tolerance is."""
     options = replace(SMALL_RUN, warmup=50, draws=5)
@@ -335,9 +324,8 @@ def test_a_folder_that_is_no_run_or_has_no_chain_is_refused(copy: Path, tmp_path
         Fit.load(copy)
 
 
-def test_without_likelihood_the_draws_are_the_prior(
-    programs: None, small_problem: Problem, tmp_path: Path
-) -> None:
+@pytest.mark.usefixtures("little_search")
+def test_without_likelihood_the_draws_are_the_prior(small_problem: Problem, tmp_path: Path) -> None:
     longer = replace(SMALL_RUN, draws=500)
     prior = fitted(small_problem, tmp_path / "run", longer, use_likelihood=False)
     table = prior.summary("SI")

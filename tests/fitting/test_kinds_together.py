@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import xarray as xr
-from conftest import ICE, with_fixed
+from conftest import ICE, search_little, with_fixed
 from history_twins import GRAIN_SIZE, TEMPERATURE, TRUTH, history_twin
 from matplotlib.container import ErrorbarContainer
 
@@ -128,7 +128,9 @@ def mixed(programs: None, tmp_path_factory: pytest.TempPathFactory) -> Fit:
     ]
     out = tmp_path_factory.mktemp("mixed") / "run"
     pool = dict.fromkeys(SIZE_AND_FABRIC, "shared")
-    return fit(tests, priors, out=out, pool=pool, options=OPTIONS)
+    with pytest.MonkeyPatch.context() as patch:
+        search_little(patch)
+        return fit(tests, priors, out=out, pool=pool, options=OPTIONS)
 
 
 def test_tests_of_several_protocols_become_histories() -> None:
@@ -179,6 +181,7 @@ def test_new_readings_have_the_noise_of_tests_that_read_the_quantity(mixed: Fit)
     assert not any("the fit has no" in note for note in found.notes)
 
 
+@pytest.mark.usefixtures("little_search")
 def test_a_noise_that_a_separate_fit_takes_as_known_has_no_width_beside_it(
     mixed: Fit, tmp_path: Path
 ) -> None:

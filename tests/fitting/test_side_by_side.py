@@ -4,6 +4,7 @@ import logging
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import xarray as xr
 from conftest import SMALL_RUN, Problem
@@ -50,9 +51,14 @@ def test_draws_and_runs_are_those_of_a_single_fit(
         assert one.experiment.id == name
         assert one.manifest["status"] == "complete"
         assert one.manifest["command"] == "make it"
-    draws = [one.posterior["posterior"].to_dataset() for one in (small_fit, *found.values())]
-    xr.testing.assert_identical(draws[0].drop_attrs(), draws[1].drop_attrs())
-    assert not draws[1].equals(draws[2])
+    for name in ("posterior", "posterior_predictive", "predictions", "sample_stats"):
+        single, same, other = (
+            one.posterior[name].to_dataset() for one in (small_fit, *found.values())
+        )
+        xr.testing.assert_identical(single.drop_attrs(), same.drop_attrs())
+        assert not same.equals(other)
+    moduli = [one.posterior["posterior"]["maxwell_modulus"].to_numpy() for one in found.values()]
+    assert not np.any(moduli[0] == moduli[1])
     # The same inputs in this process continue the run, which lacks nothing.
     before = found["first"].manifest["chains"]
     first = tasks["first"].problem
@@ -60,6 +66,7 @@ def test_draws_and_runs_are_those_of_a_single_fit(
     assert again.manifest["chains"] == before
 
 
+@pytest.mark.usefixtures("little_search")
 def test_a_refused_fit_is_told_and_leaves_the_others_alone(
     programs: None, in_this_process: None, tasks: dict[str, Task], tmp_path: Path
 ) -> None:
@@ -70,6 +77,7 @@ def test_a_refused_fit_is_told_and_leaves_the_others_alone(
     assert Fit.load(tmp_path / "first").manifest["status"] == "complete"
 
 
+@pytest.mark.usefixtures("little_search")
 def test_a_name_may_hold_a_folder(
     programs: None, in_this_process: None, tasks: dict[str, Task], tmp_path: Path
 ) -> None:
@@ -79,6 +87,7 @@ def test_a_name_may_hold_a_folder(
     assert found["ice/first"].directory.path == tmp_path / "ice" / "first"
 
 
+@pytest.mark.usefixtures("little_search")
 def test_a_fit_goes_on_until_its_draws_are_enough(
     programs: None,
     in_this_process: None,
@@ -113,6 +122,7 @@ def test_a_fit_goes_on_until_its_draws_are_enough(
     xr.testing.assert_identical(again.posterior["posterior"], found.posterior["posterior"])
 
 
+@pytest.mark.usefixtures("little_search")
 def test_more_draws_of_a_single_chain_would_not_tell_whether_chains_agree(
     programs: None, in_this_process: None, tasks: dict[str, Task], tmp_path: Path
 ) -> None:

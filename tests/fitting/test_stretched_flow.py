@@ -1,6 +1,6 @@
 """Flow rates that data hardly see are stretched; the posterior stays the same."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -8,6 +8,7 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 from charts_at_modes import chart_at_mode
+from conftest import search_little
 from history_twins import TRUTH, history_twin
 from scipy.optimize import brentq
 
@@ -48,6 +49,13 @@ def density_in_plain(problem: Problem) -> Density:
 
 def chart_of(problem: Problem, wanted: str = "auto") -> ChosenChart:
     return chart_at_mode(problem, dict(density_in_plain(problem).data), wanted=wanted)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _little_search() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        search_little(patch)
+        yield
 
 
 @pytest.fixture(scope="module")

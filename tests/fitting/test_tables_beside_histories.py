@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import ICE, with_fixed
+from conftest import ICE, search_little, with_fixed
 from history_twins import history_twin
 
 from pyburgers.cmdstan.program import load_program
@@ -141,12 +141,14 @@ def fitted(programs: None, tmp_path_factory: pytest.TempPathFactory) -> Fit:
     truth = curve().true_parameters
     assert truth is not None
     known = {name: truth[name] for name in priors().free if name not in FREE}
-    return fit(
-        [curve(), table()],
-        with_fixed(priors(), known),
-        out=tmp_path_factory.mktemp("both") / "run",
-        options=SamplerOptions(chains=2, warmup=100, draws=60, seed=3, adapt_delta=0.8),
-    )
+    with pytest.MonkeyPatch.context() as patch:
+        search_little(patch)
+        return fit(
+            [curve(), table()],
+            with_fixed(priors(), known),
+            out=tmp_path_factory.mktemp("both") / "run",
+            options=SamplerOptions(chains=2, warmup=100, draws=60, seed=3, adapt_delta=0.8),
+        )
 
 
 def test_a_fit_says_of_each_what_it_would_by_itself(fitted: Fit) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import sketch_pictures, with_fixed
+from conftest import search_little, sketch_pictures, with_fixed
 from kind_examples import EXAMPLES
 from log_density import Program, assert_gradient_is_slope, program_with
 from page import Page
@@ -112,7 +112,7 @@ def test_a_bad_table_is_refused_by_name_in_one_sentence(
     assert load_experiment(path).n_points > 0
 
 
-@cases("twins", "quick", of=lambda kind: tuple(EXAMPLES[kind].materials))
+@cases("twins", "stepped", of=lambda kind: tuple(EXAMPLES[kind].materials))
 def test_the_solution_agrees_with_an_independent_solver(kind: str, name: str, what: str) -> None:
     example = EXAMPLES[kind]
     experiment = example.load(name)
@@ -223,7 +223,7 @@ def test_a_fit_is_kept_and_shown(
     kind: str, name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     sketch_pictures(monkeypatch, drawn_once=True)
-    monkeypatch.setattr("pyburgers.fitting.charts_at_modes.N_BEST", 2)
+    search_little(monkeypatch)
     example = EXAMPLES[kind]
     experiment = example.load(name)
     priors = default_priors(experiment.material, experiment.protocol)

@@ -11,7 +11,6 @@ from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, Rat
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.experiment import Experiment, UncertainCondition
-from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import program_data
@@ -64,14 +63,3 @@ def test_the_density_is_that_of_the_test_at_constant_rate(
     one, other = density(curve, known), density(CONSTANT_RATE.as_history(curve), known)
     assert one[0] == pytest.approx(other[0], rel=1e-9)
     np.testing.assert_allclose(one[1], other[1], rtol=1e-6, atol=1e-6)
-
-
-def test_the_solution_is_that_of_the_test_at_constant_rate(curve: ConstantRateExperiment) -> None:
-    truth = load_constant_rate(ICE / "PIL40.toml").true_parameters
-    assert truth is not None
-    history = CONSTANT_RATE.as_history(curve)
-    strain = np.linspace(0.0, 0.2, 41)[1:]
-    one = simulate(curve, dict(truth), at=strain)
-    other = simulate(history, dict(truth), at=one["time_s"].to_numpy())
-    for column in ("strain", "stress_Pa", "kelvin_strain", "grain_size_m", "fabric_factor"):
-        np.testing.assert_allclose(one[column], other[column], rtol=1e-7, err_msg=column)

@@ -173,15 +173,6 @@ class TestReading:
         np.testing.assert_allclose(record.strain_time, record.stress_time)
         np.testing.assert_allclose(record.stress_uncertainty, 4e6)
 
-    def test_the_environment_takes_the_place_of_data_root(
-        self, write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        path = write(("[data]", '[data]\ndata_root = "elsewhere"'))
-        monkeypatch.delenv("PYBURGERS_DATA", raising=False)
-        assert "'strain_file' in [data]" in refusal(path)
-        monkeypatch.setenv("PYBURGERS_DATA", str(tmp_path))
-        assert load_experiment(path).n_points == 60
-
 
 class TestWithBackground:
     def test_there_and_back(self, write: Write) -> None:

@@ -1,32 +1,22 @@
 """At which positions of a test a solution can be asked for, the same in every protocol."""
 
-from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ICE
-from history_twins import history_twin
-from kind_examples import TWIN_FILE
+from kind_examples import EXAMPLES
 
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate
-from pyburgers.kinds.kind import kinds, load_experiment
+from pyburgers.kinds.kind import kinds
 from pyburgers.kinds.likelihood import likelihoods
 
 
-@cache
 def example(protocol: str) -> Experiment:
     """Return a test of a protocol with true parameters."""
-    if protocol == "loading_history":
-        return history_twin("load and unload", 12)
-    files = {
-        "constant_rate": ICE / "PIL40.toml",
-        "forced_oscillation": TWIN_FILE,
-        "attenuation": ICE / "attenuation_twin.toml",
-    }
-    return load_experiment(files[protocol])
+    test: Experiment = EXAMPLES[protocol].load(EXAMPLES[protocol].twins[0])
+    return test
 
 
 SPANS = {

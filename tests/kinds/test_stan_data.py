@@ -1,8 +1,9 @@
 """From experiment and priors to Stan's data: outputs of the solver, coordinates, priors."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.problem import plain_coordinates, problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import REFERENCE_STRESS, Layout, SolverOptions, StanData
-from pyburgers.model.parameters import PARAMETERS, PLACE, PROGRAM_PARAMETERS
+from pyburgers.model.parameters import PARAMETERS, PLACE
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.prior_families import Family, Prior
 from pyburgers.model.priors import PriorSet, default_priors
@@ -48,14 +49,9 @@ def data_of(
     priors: PriorSet | None = None,
     *,
     grid: Sequence[float] = (),
-    use_likelihood: bool = True,
 ) -> StanData:
     return one_test_data(
-        test,
-        priors or ice(),
-        solver=SolverOptions(),
-        grid=np.array(grid, dtype=np.float64),
-        use_likelihood=use_likelihood,
+        test, priors or ice(), solver=SolverOptions(), grid=np.array(grid, dtype=np.float64)
     )
 
 
@@ -96,22 +92,6 @@ def test_without_grid_there_is_nothing_to_report() -> None:
     assert data["grid_end"] == [0, 0]
     assert data["grid_position"] == []
     assert data["n_grid_in_leg"] == [0, 0]
-
-
-def test_the_likelihood_can_be_switched_off() -> None:
-    test = experiment([0.01])
-    assert data_of(test)["use_likelihood"] == 1
-    assert data_of(test, use_likelihood=False)["use_likelihood"] == 0
-
-
-def test_priors_come_in_the_order_of_the_programs() -> None:
-    data = data_of(experiment([0.01]))
-    family, lower, upper = (data[f"prior_{name}"][0] for name in ("family", "lower", "upper"))
-    assert len(family) == len(PROGRAM_PARAMETERS)
-    k = INDEX["stress_exponent"] - 1
-    assert (family[k], lower[k], upper[k]) == (1, 2.7, 4.5)
-    k = INDEX["stress_noise"] - 1
-    assert (family[k], lower[k], upper[k]) == (2, 0.0, np.inf)
 
 
 def test_reference_stress_stands_for_the_enthalpy() -> None:
@@ -161,24 +141,18 @@ def test_with_everything_fixed_there_is_no_coordinate() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "make"),
-    [
-        ("tolerance", lambda: SolverOptions(tolerance=0.0)),
-        ("tolerance", lambda: SolverOptions(tolerance=0.5)),
-        ("tolerance", lambda: SolverOptions(tolerance=float("nan"))),
-        ("max_num_steps", lambda: SolverOptions(max_num_steps=0)),
-    ],
+    "option",
+    [{"tolerance": 0.0}, {"tolerance": 0.5}, {"tolerance": np.nan}, {"max_num_steps": 0}],
+    ids=str,
 )
-def test_solver_options_out_of_range_are_refused(
-    name: str, make: Callable[[], SolverOptions]
-) -> None:
-    with pytest.raises(InputError, match=name):
-        make()
+def test_solver_options_out_of_range_are_refused(option: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match=next(iter(option))):
+        SolverOptions(**option)
 
 
-def joint_data(**pool: str) -> tuple[Layout, StanData]:
+def joint_data() -> tuple[Layout, StanData]:
     tests = [experiment([0.01]), replace(experiment([0.02, 0.03]), id="other")]
-    problem = problem_of(tests, default_priors("ice"), pooling_of(pool))
+    problem = problem_of(tests, default_priors("ice"), pooling_of())
     grids = [np.array([0.05]), np.array([0.04, 0.06])]
     return problem.layout, program_data(problem, solver=SolverOptions(), grids=grids)
 
@@ -214,23 +188,3 @@ def test_index_tables_say_what_each_coordinate_stands_for() -> None:
     every += [*data["centre_position"], *data["spread_position"]]
     assert sorted(every) == list(range(1, layout.size + 1))
     assert data["replaced_parameter"] == [INDEX["activation_enthalpy"], 0]
-
-
-def test_each_prior_is_counted_once_where_it_is_common() -> None:
-    _, data = joint_data()
-    first, second = np.array(data["prior_family"])
-    common = np.array(data["shared_parameter"]) - 1
-    assert (first[common] > 0).all()
-    assert (second[common] == 0).all()
-    k = INDEX["steady_state_grain_size"] - 1
-    assert (first[k], second[k], data["pooled_family"]) == (0, 0, [1])
-    k = INDEX["stress_noise"] - 1
-    assert (first[k], second[k]) == (2, 2)
-
-
-def test_separate_tests_have_nothing_in_common() -> None:
-    layout, data = joint_data(all="separate")
-    assert layout.size == 2 * len(PARAMETERS)
-    assert data["shared_parameter"] == data["pooled_parameter"] == []
-    assert data["replaced_parameter"] == [INDEX["activation_enthalpy"]] * 2
-    assert data["own_position"] == list(range(1, layout.size + 1))

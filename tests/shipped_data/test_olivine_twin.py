@@ -29,19 +29,6 @@ def twin() -> OscillationExperiment:
     return load_forced_oscillation(OLIVINE / "olivine_twin.toml")
 
 
-def test_the_generator_rewrites_the_files_bit_for_bit(
-    generator: ModuleType, tmp_path: Path
-) -> None:
-    written = generator.write_record(tmp_path)
-    assert {path.name for path in written} == {
-        "olivine_twin.toml",
-        "olivine_twin_strain.csv",
-        "olivine_twin_stress.csv",
-    }
-    for path in written:
-        assert path.read_bytes() == (OLIVINE / path.name).read_bytes(), path.name
-
-
 class TestSolver:
     def test_the_imposed_rate_is_the_derivative_of_the_imposed_strain(
         self, generator: ModuleType

@@ -1,7 +1,7 @@
 """Data in the project: the synthetic twins and the published peak stresses."""
 
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import fields, replace
 from pathlib import Path
 from types import ModuleType
@@ -35,15 +35,22 @@ def searcher() -> ModuleType:
     return data_script(ICE / "search_twins.py")
 
 
+@pytest.mark.parametrize(
+    ("script", "write", "names"),
+    [
+        ("ice/generate_twins.py", "write_twins", PUBLISHED),
+        ("olivine/generate_record.py", "write_record", ["olivine_twin_s*", "olivine_twin"]),
+    ],
+)
 def test_the_generator_rewrites_the_files_bit_for_bit(
-    generator: ModuleType, tmp_path: Path
+    script: str, write: str, names: Iterable[str], tmp_path: Path
 ) -> None:
-    written = generator.write_twins(tmp_path)
-    assert {path.name for path in written} == {
-        f"{t}{s}" for t in PUBLISHED for s in (".toml", ".csv")
-    }
+    generator = ICE.parent / script
+    written = getattr(data_script(generator), write)(tmp_path)
+    files = {file for name in names for file in generator.parent.glob(f"{name}.[tc]*")}
+    assert {path.name for path in written} == {file.name for file in files}
     for path in written:
-        assert path.read_bytes() == (ICE / path.name).read_bytes(), path.name
+        assert path.read_bytes() == (generator.parent / path.name).read_bytes(), path.name
 
 
 def of_table(generator: ModuleType, name: str) -> Any:

@@ -46,6 +46,8 @@ class Example(ABC, Generic[E]):
         Of a solution.
     measured : tuple of str
         Tests whose columns are not part of the project.
+    stepped : tuple of str
+        Twins whose conditions change on the way.
     quick : tuple of str
         Synthetic tests that are solved in milliseconds.
     materials : mapping of str to mapping of str to float
@@ -68,6 +70,7 @@ class Example(ABC, Generic[E]):
         "fabric_factor",
     )
     measured: ClassVar[tuple[str, ...]] = ()
+    stepped: ClassVar[tuple[str, ...]] = ()
     quick: ClassVar[tuple[str, ...]]
     materials: ClassVar[Mapping[str, Mapping[str, float]]] = MappingProxyType({"truth": {}})
     few: ClassVar[tuple[str, ...]]
@@ -96,7 +99,8 @@ class ConstantRateExample(Example[ConstantRateExperiment]):
 
     twins = ("PIL40", "PIL72", "PIL105")
     measured = ("dunite_4506", "dunite_4581")
-    quick = ("PIL72", "rate steps")
+    stepped = ("rate steps",)
+    quick = ("PIL72", *stepped)
     few = ("maxwell_modulus", "activation_enthalpy", "stress_noise")
     options = SamplerOptions(seed=20261120)
 

@@ -16,8 +16,6 @@ from importlib import import_module
 from pathlib import Path
 from types import FrameType, ModuleType
 
-import platformdirs
-
 from pyburgers.cli.parser import OneLineParser, ShowVersion
 from pyburgers.common.errors import InputError, PyburgersError, nearest
 from pyburgers.common.messages import PrintableStream, message_text, messages_to
@@ -127,6 +125,8 @@ def _run(arguments: Sequence[str]) -> int:
 
 def _make_cache() -> None:
     """Make the user's cache, which libraries need when they are imported."""
+    import platformdirs  # here, where its absence is told
+
     folder = Path(platformdirs.user_cache_dir())
     try:
         folder.mkdir(parents=True, exist_ok=True)

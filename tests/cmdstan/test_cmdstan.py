@@ -740,8 +740,9 @@ class TestEnvironment:
 class TestCompile:
     """With the CmdStan of this machine."""
 
-    def test_every_method_runs(self, tmp_path: Path) -> None:
-        """Of a program in the cache of this machine, which knows it by its text."""
+    def test_every_method_runs(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Of a program that is compiled once per machine, into a folder with a space."""
+        monkeypatch.setenv("PYBURGERS_CACHE", str(cache_directory() / "of tests"))
         program = tmp_path / "tiny.stan"
         program.write_text(TINY)
         assert_every_method_runs(load_program(program), tmp_path)

@@ -57,7 +57,7 @@ def test_there_and_back(law: str, tmp_path: Path) -> None:
     for place in (-6.0, -1.0, 0.3, 2.0, 40.0):
         point = centre + 0.3 * rng.standard_normal(centre.size)
         point[flow] = place
-        columns = program.columns_at({"coordinate": point.tolist()})
+        columns = program.values_at(point)
         back = [columns[f"stretched_coordinate.{k + 1}"] for k in range(centre.size)]
         np.testing.assert_allclose(back, point, rtol=1e-8, atol=1e-8)
         log_rate = columns["log_reference.1"] - reference.log_seen_rate

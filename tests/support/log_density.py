@@ -56,6 +56,16 @@ class Program:
         """Columns of the output at the given values of the program's parameters."""
         return self._leapfrog(initial_values, 1e-14 * self.scale)[0]
 
+    def values_at(self, point: FloatArray) -> Mapping[str, float]:
+        """Columns of the output at coordinates, without a gradient; `lp__` is no density here."""
+        output = self._run({"coordinate": point.tolist()}, ["algorithm=fixed_param"])
+        return _only_row(output)
+
+    def gradient_at(self, point: FloatArray) -> Evaluation:
+        """Log density and columns at coordinates, with a gradient to six digits."""
+        columns, gradient = self._leapfrog({"coordinate": point.tolist()}, 1e-14 * self.scale)
+        return Evaluation(columns["lp__"], gradient, columns)
+
     def at(self, initial_values: Mapping[str, object]) -> Evaluation:
         """Log density and gradient at the given values of the program's parameters."""
         still, rough = self._leapfrog(initial_values, 1e-14 * self.scale)
@@ -88,32 +98,40 @@ class Program:
         self, initial_values: Mapping[str, object], step: FloatArray
     ) -> tuple[Mapping[str, float], FloatArray]:
         """Columns after one step, and the gradient there to six digits."""
-        files = {
-            name: self.folder / f"{name}.json" for name in ("init", "metric", "output", "trace")
-        }
-        files["init"].write_text(json.dumps(initial_values), encoding="utf-8")
+        metric, trace_file = self.folder / "metric.json", self.folder / "trace.json"
         # A step of size 1 in coordinates scaled by `step`.
-        metric = {"inv_metric": (step**2).tolist()}
-        files["metric"].write_text(json.dumps(metric), encoding="utf-8")
+        metric.write_text(json.dumps({"inv_metric": (step**2).tolist()}), encoding="utf-8")
+        method = [
+            *("num_warmup=0", "adapt", "engaged=0", "algorithm=hmc", "engine=static"),
+            *("int_time=1", "metric=diag_e", f"metric_file={metric}", "stepsize=1"),
+        ]
+        output = self._run(initial_values, method, [f"diagnostic_file={trace_file}"])
+        trace = _only_row(trace_file)
+        # CmdStan gives the gradient of the potential, which is minus the log density.
+        gradient = [-value for name, value in trace.items() if name.startswith("g_")]
+        return _only_row(output), np.array(gradient)
+
+    def _run(
+        self,
+        initial_values: Mapping[str, object],
+        method: Sequence[str],
+        output_options: Sequence[str] = (),
+    ) -> Path:
+        """Take one draw from the given values of the program's parameters; return its file."""
+        init, output = self.folder / "init.json", self.folder / "output.json"
+        init.write_text(json.dumps(initial_values), encoding="utf-8")
         running = CompiledProgram(self.executable).start(
-            [
-                *("method=sample", "num_samples=1", "num_warmup=0"),
-                *("adapt", "engaged=0", "algorithm=hmc", "engine=static", "int_time=1"),
-                *("metric=diag_e", f"metric_file={files['metric']}", "stepsize=1"),
-            ],
+            ["method=sample", "num_samples=1", *method],
             data=self.data_file,
-            init=files["init"],
-            output=files["output"],
+            init=init,
+            output=output,
             seed=5,
             digits=ALL_DIGITS,
-            output_options=[f"diagnostic_file={files['trace']}"],
+            output_options=output_options,
         )
         running.wait()
         assert not running.failed, running.console_tail()
-        trace = _only_row(files["trace"])
-        # CmdStan gives the gradient of the potential, which is minus the log density.
-        gradient = [-value for name, value in trace.items() if name.startswith("g_")]
-        return _only_row(files["output"]), np.array(gradient)
+        return output
 
 
 def assert_gradient_is_slope(
@@ -121,9 +139,10 @@ def assert_gradient_is_slope(
 ) -> None:
     """Compare the gradient with differences of fourth order, along some coordinates or all.
 
-    Densities are those that generated quantities repeat, in one run without gradients.
+    Densities are those that generated quantities repeat, in one run without gradients. The
+    gradient has six digits, of which four are compared.
     """
-    here, step = program.at({"coordinate": point.tolist()}), 1e-3
+    here, step = program.gradient_at(point), 1e-3
     along = range(point.size) if along is None else along
     shifts = step * np.eye(point.size)[along]
     points = np.vstack([point, *(point + m * shifts for m in (1, -1, 2, -2))])

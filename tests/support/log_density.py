@@ -7,7 +7,7 @@ exactly, from positions that are printed with all digits.
 """
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,8 +18,11 @@ from pyburgers.cmdstan.compilation import compile_program
 from pyburgers.cmdstan.program import ALL_DIGITS
 from pyburgers.cmdstan.program import Program as CompiledProgram
 from pyburgers.common.array_types import FloatArray
-from pyburgers.kinds.stan_data import StanData
+from pyburgers.kinds.problem import Problem
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import SolverOptions, StanData
 
+PRECISE = SolverOptions(1e-11, 1_000_000)
 Unconstrain = Callable[[Mapping[str, float]], FloatArray]
 
 
@@ -173,3 +176,21 @@ def program_with(source: Path, data: StanData, folder: Path) -> Program:
         lambda columns: np.array([columns[f"coordinate.{k + 1}"] for k in range(size)]),
         np.ones(size),
     )
+
+
+def program_of(
+    problem: Problem, folder: Path, *, solver: SolverOptions = PRECISE, seed: int, width: float
+) -> tuple[Program, FloatArray]:
+    """Program of a problem with its data, and a point at random about its origin."""
+    data = program_data(problem, solver=solver)
+    point = width * np.random.default_rng(seed).standard_normal(data["n_coordinates"])
+    return program_with(problem.likelihood.program, data, folder), np.array(point)
+
+
+def assert_gradient_along(
+    problem: Problem, names: Collection[str], folder: Path, *, solver: SolverOptions = PRECISE
+) -> None:
+    """Compare the gradient with differences along the coordinates of some parameters."""
+    program, point = program_of(problem, folder, solver=solver, seed=2, width=0.1)
+    free = list(problem.layout.names)
+    assert_gradient_is_slope(program, point, [free.index(name) for name in names])

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pytest
 import xarray as xr
 from conftest import ICE, SMALL_RUN, Problem, with_fixed
-from history_twins import history_twin
+from history_twins import BACKSTRESS, DISLOCATIONS, SECOND, THIRD, TRUTH, history_twin
 from scipy import stats
 from stan_data import one_test_data
 
@@ -24,7 +24,7 @@ from pyburgers.comparison.conclusions import comparison_table
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
-from pyburgers.kinds.forward import check_parameters, simulate, simulate_data
+from pyburgers.kinds.forward import simulate, simulate_data
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.stan_data import SolverOptions
@@ -490,13 +490,33 @@ def test_wrong_tables_are_named(
         load_priors(prior_file(tmp_path, tables))
 
 
-def test_given_parameters_of_a_kelvin_element_are_checked(ice: ConstantRateExperiment) -> None:
-    truth = ice.true_parameters
-    assert truth is not None
-    with pytest.raises(InputError, match="'kelvin_reference_stress' is missing, expected it"):
-        check_parameters(dict(truth) | {"kelvin_stress_exponent": 3.0})
-    with pytest.raises(InputError, match=r"kelvin_stress_exponent is 0.5, expected at least 1."):
-        check_parameters(dict(truth) | {"kelvin_stress_exponent": 0.5})
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"kelvin_stress_exponent": 3.0}, "'kelvin_reference_stress' is missing, expected it"),
+        ({"kelvin_stress_exponent": 0.5}, r"kelvin_stress_exponent is 0\.5, expected at least 1\."),
+        (
+            {**SECOND, "second_stress_exponent": 0.9},
+            r"second_stress_exponent is 0\.9, expected at least 1",
+        ),
+        (
+            {**BACKSTRESS, "recovery_exponent": 0.9},
+            r"recovery_exponent is 0\.9, expected at least 1",
+        ),
+        ({**THIRD, "second_rate": 0.0}, "without a second mechanism"),
+        (
+            {**SECOND, **BACKSTRESS, "second_in_series": 1.0},
+            "can turn the flow of the first mechanism against",
+        ),
+        *(
+            ({**DISLOCATIONS, name: 0.0}, f"found {name} fixed at 0 beside a reference_backstress")
+            for name in ("hardening_modulus", "initial_backstress")
+        ),
+    ],
+)
+def test_given_parameters_are_checked(given: Mapping[str, float], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        simulate(history_twin("creep", 4), {**TRUTH, **given})
 
 
 def test_simulated_residuals_are_correlated(programs: None, ice: ConstantRateExperiment) -> None:

@@ -167,12 +167,6 @@ def test_gradients_are_slopes_of_the_density(
     assert_gradient_along(problem, HARDENING_LAWS[law["hardening"]].parameters, tmp_path)
 
 
-def test_an_exponent_below_one_is_refused() -> None:
-    values = {**TRUTH, **BACKSTRESS, "recovery_exponent": 0.9}
-    with pytest.raises(InputError, match=r"recovery_exponent is 0\.9, expected at least 1"):
-        simulate(history_twin("creep", 4), values)
-
-
 def test_weak_priors_follow_the_test() -> None:
     test, priors = history_twin("mixed", 16), default_priors("ice")
     changed = with_variant(priors, test, CHOICE)

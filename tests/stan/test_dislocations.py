@@ -160,12 +160,6 @@ def test_weak_priors_follow_the_test() -> None:
     assert changed["recovery_exponent"].location == 5.0
 
 
-@pytest.mark.parametrize("name", ["hardening_modulus", "initial_backstress"])
-def test_dislocations_without_a_backstress_are_refused(name: str) -> None:
-    with pytest.raises(InputError, match=f"found {name} fixed at 0 beside a reference_backstress"):
-        simulate(history_twin("creep", 4), {**TRUTH, **DISLOCATIONS, name: 0.0})
-
-
 @pytest.mark.parametrize(
     ("control", "value", "found"),
     [("stress", -5e6, "-5 MPa"), ("strain_rate", -1e-4, "an imposed strain of -0.1")],

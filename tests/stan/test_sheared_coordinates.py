@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -114,7 +115,9 @@ def relaxing() -> OscillationExperiment:
 
 
 @cache
-def set_up(record: str) -> tuple[AtMode[OscillationExperiment], ShearedReference]:
+def set_up(
+    record: Background | Literal["relaxing"],
+) -> tuple[AtMode[OscillationExperiment], ShearedReference]:
     """A record at its truth, and the sheared coordinates there, which take a second."""
     experiment = relaxing() if record == "relaxing" else twin_with(record)
     priors = resolved_priors(experiment)
@@ -358,7 +361,9 @@ def test_the_stretch_of_the_flow_rate_does_not_depend_on_its_slopes_at_the_mode(
 
 
 @pytest.mark.parametrize("record", ["removed", "kept", "relaxing"])
-def test_dashpot_and_kelvin_element_share_the_loss_at_every_flow_rate(record: str) -> None:
+def test_dashpot_and_kelvin_element_share_the_loss_at_every_flow_rate(
+    record: Background | Literal["relaxing"],
+) -> None:
     """Closed form of the Kelvin element: what the shifts know of the dashpot is what is left."""
     test, reference = set_up(record)
     experiment, mode = test.experiment, test.mode

@@ -1,6 +1,6 @@
 """Coordinates, first metric and tolerance of a fit before its chains start."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from conftest import Problem as SmallProblem
 from pyburgers.cmdstan.program import Density, load_program
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_json
+from pyburgers.fitting.charts_at_modes import ChosenChart, ProblemMode, find_mode
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
@@ -19,7 +20,7 @@ from pyburgers.kinds.forward import simulate_data
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.program_data import program_data
-from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions, solver_block
+from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions, StanData, solver_block
 from pyburgers.model.priors import default_priors
 from pyburgers.sampling.modes import noisy_tolerances
 from pyburgers.sampling.run_directory import RunDirectory
@@ -28,23 +29,39 @@ from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
 pytestmark = pytest.mark.usefixtures("programs")
 
 
+@dataclass(frozen=True)
+class Precise:
+    """A curve whose noise is far below a percent, its data and its mode."""
+
+    problem: Problem
+    data: StanData
+    mode: ProblemMode
+
+    def chart(self, wanted: str) -> ChosenChart:
+        return chart_at_mode(self.problem, self.data, wanted=wanted, mode=self.mode)
+
+    @property
+    def density(self) -> Density:
+        return Density(load_program(CONSTANT_RATE.program), self.data)
+
+
 @pytest.fixture(scope="module")
-def precise() -> Problem:
-    """A curve whose noise is far below a percent."""
+def precise() -> Precise:
     twin = load_constant_rate(ICE / "PIL40.toml")
     assert twin.true_parameters is not None
     values = {**twin.true_parameters, "stress_noise": 2e4}
     curve = simulate_data(twin, values, np.random.default_rng(2), source="a test")
-    return problem_of([curve], default_priors("ice"))
+    problem = problem_of([curve], default_priors("ice"))
+    data = program_data(problem, solver=SolverOptions())
+    density = Density(load_program(CONSTANT_RATE.program), data)
+    return Precise(problem, data, find_mode(problem, density, seed=1))
 
 
-def test_the_first_metric_fits_where_noise_is_far_below_a_percent(precise: Problem) -> None:
-    problem, solver = precise, SolverOptions()
-    data = program_data(problem, solver=solver)
-    chart = chart_at_mode(problem, data, wanted="valley")
+def test_the_first_metric_fits_where_noise_is_far_below_a_percent(precise: Precise) -> None:
+    chart = precise.chart("valley")
     assert chart.centre is not None
     assert chart.covariance is not None
-    around = Density(load_program(CONSTANT_RATE.program), {**data, **chart.block})
+    around = precise.density.with_data(chart.block)
     widths = np.asarray(np.linalg.cholesky(chart.covariance), dtype=np.float64)
     curvature = widths.T @ around.curvature(chart.centre, 0.1 * widths) @ widths
     # 1 where the metric is right.
@@ -55,12 +72,9 @@ def test_the_first_metric_fits_where_noise_is_far_below_a_percent(precise: Probl
     assert rise < chart.centre.size / 2
 
 
-def test_the_sampler_moves_in_standard_deviations_of_plain_coordinates(precise: Problem) -> None:
+def test_the_sampler_moves_in_standard_deviations_of_plain_coordinates(precise: Precise) -> None:
     """Stan pulls variances of the adapted metric to 1e-3, above those of precise data."""
-    solver = SolverOptions()
-    data = program_data(precise, solver=solver)
-    density = Density(load_program(CONSTANT_RATE.program), data)
-    chart = chart_at_mode(precise, data, wanted="plain")
+    density, chart = precise.density, precise.chart("plain")
     assert chart.centre is not None
     assert chart.covariance is not None
     assert chart.first_metric is not None

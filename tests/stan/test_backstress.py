@@ -21,7 +21,7 @@ from history_twins import (
     residual_covariance,
 )
 from ice_spectrum import PERIODS, ice_spectrum
-from log_density import assert_gradient_is_slope, program_with
+from log_density import assert_gradient_along, program_of
 from scipy import stats
 from scipy.optimize import brentq
 from stan_data import parameters_in
@@ -34,12 +34,12 @@ from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Control, Stage, legs_of
 from pyburgers.kinds.problem import problem_of
-from pyburgers.kinds.program_data import given_parameters, program_data
+from pyburgers.kinds.program_data import given_parameters
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.laws import HARDENING_LAWS
 from pyburgers.model.priors import default_priors
-from pyburgers.model.variants import variant_of, with_variant
+from pyburgers.model.variants import with_variant
 from pyburgers.predictions.stated_laws import laws_of
 
 FloatArray = npt.NDArray[np.float64]
@@ -79,7 +79,7 @@ def of_one_stage(control: Control, value: float, duration: float) -> HistoryExpe
     )
 
 
-@pytest.mark.parametrize("name", ["creep", "load and unload", "relaxation", "mixed"])
+@pytest.mark.parametrize("name", ["load and unload", "mixed"])
 def test_without_recovery_a_linear_dashpot_is_a_kelvin_element(name: str) -> None:
     test = history_twin(name, 30)
     modulus, viscosity = 0.8e9, 1.2e11
@@ -138,10 +138,8 @@ def test_the_log_likelihood_is_that_of_the_independent_solution(
 ) -> None:
     test = history_twin("mixed", 16)
     problem = problem_of([test], with_variant(default_priors("ice"), test, choices))
-    data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
-    program = program_with(problem.likelihood.program, data, tmp_path / "program")
-    at = np.array(0.2 * np.random.default_rng(4).standard_normal(data["n_coordinates"]))
-    columns = program.columns_at({"coordinate": at.tolist()})
+    program, at = program_of(problem, tmp_path, seed=4, width=0.2)
+    columns = program.values_at(at)
     values = parameters_in(columns)
     assert min(values[name] for name in HARDENING_LAWS[choices["hardening"]].parameters) > 0
     legs = legs_of(test.stages)
@@ -166,24 +164,12 @@ def test_gradients_are_slopes_of_the_density(
     test = history_twin("mixed", 16)
     priors = with_variant(default_priors("ice"), test, {**others, **law})
     problem = problem_of([test], priors)
-    data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
-    program = program_with(problem.likelihood.program, data, tmp_path / "program")
-    point = np.array(0.1 * np.random.default_rng(2).standard_normal(data["n_coordinates"]))
-    names = list(problem.layout.names)
-    freed = HARDENING_LAWS[law["hardening"]].parameters
-    assert_gradient_is_slope(program, point, [names.index(name) for name in freed])
-
-
-def test_an_exponent_below_one_is_refused() -> None:
-    values = {**TRUTH, **BACKSTRESS, "recovery_exponent": 0.9}
-    with pytest.raises(InputError, match=r"recovery_exponent is 0\.9, expected at least 1"):
-        simulate(history_twin("creep", 4), values)
+    assert_gradient_along(problem, HARDENING_LAWS[law["hardening"]].parameters, tmp_path)
 
 
 def test_weak_priors_follow_the_test() -> None:
     test, priors = history_twin("mixed", 16), default_priors("ice")
     changed = with_variant(priors, test, CHOICE)
-    assert variant_of(changed, test) == replace(variant_of(priors, test), hardening="backstress")
     assert set(changed.free) - set(priors.free) == {*PARAMETERS}
     medians = {name: changed[name].location for name in PARAMETERS[:3]}
     modulus = priors["kelvin_modulus"].mean_sd()[0]
@@ -192,29 +178,38 @@ def test_weak_priors_follow_the_test() -> None:
     assert medians == dict(zip(PARAMETERS[:3], rounded, strict=True))
     enthalpy = priors["activation_enthalpy"].mean_sd()[0]
     assert changed["recovery_activation_enthalpy"].location == enthalpy
-    assert with_variant(changed, test, CHOICE) == changed
-    back = with_variant(changed, test, {"hardening": "none"})
-    assert back.free == priors.free
-    assert with_variant(back, test, CHOICE).free == changed.free
 
 
-def test_a_curve_takes_it_as_the_history_that_it_is() -> None:
+@pytest.mark.parametrize(
+    ("law", "numbers", "other", "visible"),
+    [
+        (CHOICE, BACKSTRESS, {"hardening_modulus": 0.0}, 0.1),
+        (OF_DISLOCATIONS, DISLOCATIONS, {"initial_backstress": 2e6}, 3e-3),
+    ],
+)
+def test_a_curve_takes_it_as_the_history_that_it_is(
+    law: Mapping[str, str],
+    numbers: Mapping[str, float],
+    other: Mapping[str, float],
+    visible: float,
+) -> None:
     curve = load_experiment(ICE / "PIL40.toml")
     history = likelihood_of(curve).as_history(curve)
     assert history.duration == curve.duration
     of_curve, of_history = (
-        with_variant(default_priors("ice"), test, CHOICE) for test in (curve, history)
+        with_variant(default_priors("ice"), test, law) for test in (curve, history)
     )
-    assert [of_curve[name] for name in PARAMETERS] == [of_history[name] for name in PARAMETERS]
+    freed = HARDENING_LAWS[law["hardening"]].parameters
+    assert [of_curve[name] for name in freed] == [of_history[name] for name in freed]
     strain = np.array([1e-4, 0.003, 0.03, 0.2])
-    values = {**FROZEN, **BACKSTRESS}
+    values = {**FROZEN, **numbers}
     stress = simulate(curve, values, at=strain)["stress_Pa"]
     # Strain over the one rate of the test is time.
     time = strain * curve.duration / np.ptp(curve.position)
     expected = simulate(history, values, at=time)["stress_Pa"]
     np.testing.assert_allclose(stress, expected, rtol=1e-7)
-    without = simulate(curve, FROZEN, at=strain)["stress_Pa"]
-    assert np.abs(stress / without - 1).max() > 0.1
+    changed = simulate(curve, {**values, **other}, at=strain)["stress_Pa"]
+    assert np.abs(stress / changed - 1).max() > visible
 
 
 LINEAR_FORM = {"hardening_modulus": 2e9, "recovery_rate": 2e-3, "recovery_exponent": 1.0}
@@ -244,7 +239,8 @@ def test_small_cycles_in_time_have_the_compliance_of_a_table(place: int, tmp_pat
     log_tan_delta, log_modulus = both["log_reading"].to_numpy().reshape(2, 3)[:, place]
     # As many cycles as the slowest part needs to settle.
     n_cycles = 10 + int(np.ceil(2e3 / period))
-    knots = np.linspace(0.0, n_cycles, 200 * n_cycles + 1)
+    # Chords of a sine have other harmonics, and compliances are of the fundamental alone.
+    knots = np.linspace(0.0, n_cycles, 40 * n_cycles + 1)
     stress = 100.0 * np.sin(2 * np.pi * knots)
     test = of_one_stage("stress_series", 0.0, n_cycles * period)
     legs = tuple(zip(knots * period, stress, strict=True))

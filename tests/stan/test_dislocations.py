@@ -9,20 +9,17 @@ import pytest
 from conftest import ICE
 from history_twins import DISLOCATIONS, GRAIN_SIZE, TEMPERATURE, TRUTH, history_twin
 from ice_spectrum import PERIODS, SPECTRUM
-from log_density import assert_gradient_is_slope, program_with
+from log_density import assert_gradient_along
 from scipy.optimize import brentq
 from test_backstress import EXACT, FROZEN, STIFF, complex_compliance, flowing, of_one_stage
 from truth_as_mode import at_truth
 
-from pyburgers import load_experiment
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.forward import simulate
-from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.stages import Control
 from pyburgers.kinds.problem import problem_of
-from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.hardening import extension_sentences
@@ -30,7 +27,7 @@ from pyburgers.model.laws import HARDENING_LAWS
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.prior_families import fixed_prior
 from pyburgers.model.priors import default_priors
-from pyburgers.model.variants import variant_of, with_variant
+from pyburgers.model.variants import with_variant
 
 pytestmark = pytest.mark.usefixtures("programs")
 
@@ -154,7 +151,6 @@ def test_sources_take_a_stress_of_dislocations_alone() -> None:
 def test_weak_priors_follow_the_test() -> None:
     test, priors = history_twin("mixed", 16), default_priors("ice")
     changed = with_variant(priors, test, CHOICE)
-    assert variant_of(changed, test) == replace(variant_of(priors, test), hardening="dislocations")
     assert set(changed.free) - set(priors.free) == {*PARAMETERS}
     largest, modulus = test.largest_stress, priors["maxwell_modulus"].mean_sd()[0]
     medians = [5 * largest, 0.1 * largest, 4e-10 * modulus / test.initial_grain_size]
@@ -162,30 +158,6 @@ def test_weak_priors_follow_the_test() -> None:
     assert found == [float(f"{one:.0e}") for one in medians]  # to one digit
     assert changed["reference_backstress"].location == float(f"{largest:.0e}")
     assert changed["recovery_exponent"].location == 5.0
-    assert with_variant(changed, test, CHOICE) == changed
-    for law in ("none", "backstress"):
-        other = with_variant(changed, test, {"hardening": law})
-        assert other.free == with_variant(priors, test, {"hardening": law}).free
-        assert with_variant(other, test, CHOICE).free == changed.free
-
-
-def test_a_curve_takes_it_as_the_history_that_it_is() -> None:
-    curve = load_experiment(ICE / "PIL40.toml")
-    history = likelihood_of(curve).as_history(curve)
-    strain = np.array([1e-4, 0.003, 0.03, 0.2])
-    values = {**FROZEN, **DISLOCATIONS}
-    stress = simulate(curve, values, at=strain)["stress_Pa"]
-    time = strain * curve.duration / np.ptp(curve.position)
-    expected = simulate(history, values, at=time)["stress_Pa"]
-    np.testing.assert_allclose(stress, expected, rtol=1e-7)
-    denser = {**values, "initial_backstress": 2e6}
-    assert np.abs(simulate(curve, denser, at=strain)["stress_Pa"] / stress - 1).max() > 3e-3
-
-
-@pytest.mark.parametrize("name", ["hardening_modulus", "initial_backstress"])
-def test_dislocations_without_a_backstress_are_refused(name: str) -> None:
-    with pytest.raises(InputError, match=f"found {name} fixed at 0 beside a reference_backstress"):
-        simulate(history_twin("creep", 4), {**TRUTH, **DISLOCATIONS, name: 0.0})
 
 
 @pytest.mark.parametrize(
@@ -247,7 +219,7 @@ def test_small_cycles_about_steady_flow_have_the_compliance_of_a_table(
     log_tan_delta, log_modulus = read.reshape(2, 3)[:, PERIODS.index(period)]
     # First to the steady state, then as many cycles as the slowest part needs to settle.
     n_cycles = 12 + int(np.ceil(4e3 / period))
-    knots = np.linspace(0.0, n_cycles, 200 * n_cycles + 1)
+    knots = np.linspace(0.0, n_cycles, 40 * n_cycles + 1)
     cycles = 4e6 + 100.0 * np.sin(2 * np.pi * knots)
     test = of_one_stage("stress_series", 0.0, 1e5 + n_cycles * period)
     at = np.concatenate([[0.0], 1e5 + knots * period])
@@ -276,12 +248,8 @@ def test_tables_take_it_about_steady_flow_alone() -> None:
 def test_gradients_of_a_table_are_slopes_of_its_density(tmp_path: Path) -> None:
     table = load_attenuation(ICE / "attenuation_twin.toml")
     problem = problem_of([table], with_variant(default_priors("ice", "attenuation"), table, CHOICE))
-    data = program_data(problem, solver=SolverOptions())
-    program = program_with(problem.likelihood.program, data, tmp_path / "program")
-    point = np.array(0.1 * np.random.default_rng(2).standard_normal(data["n_coordinates"]))
     freed = [name for name in PARAMETERS if name != "initial_backstress"]
-    names = list(problem.layout.names)
-    assert_gradient_is_slope(program, point, [names.index(name) for name in freed])
+    assert_gradient_along(problem, freed, tmp_path, solver=SolverOptions())
 
 
 def test_stresses_of_either_sign_are_refused() -> None:

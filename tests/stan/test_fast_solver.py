@@ -278,7 +278,7 @@ def sets_of(case: Case, n_sets: int) -> Sets:
     return sets.part(np.flatnonzero(strain < 1.0))
 
 
-@pytest.fixture(params=[5, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.fixture(params=[3, pytest.param(1000, marks=pytest.mark.slow)])
 def n_sets(request: pytest.FixtureRequest) -> int:
     """Number of parameter sets: few, and many in the slow suite."""
     number: int = request.param

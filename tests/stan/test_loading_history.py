@@ -268,13 +268,16 @@ MATERIALS: Mapping[str, Mapping[str, float]] = {
 }
 
 
-@pytest.mark.parametrize("material", MATERIALS)
-def test_random_histories_agree_with_an_independent_solver(material: str) -> None:
-    """100 of the standard material: 0.1 % is asked for, much less is found."""
+@pytest.mark.parametrize(
+    ("material", "number"),
+    [*((one, 8) for one in MATERIALS), pytest.param("standard", 100, marks=pytest.mark.slow)],
+)
+def test_random_histories_agree_with_an_independent_solver(material: str, number: int) -> None:
+    """0.1 % is asked for, much less is found."""
     rng = np.random.default_rng(18)
     values = {**ICE, **MATERIALS[material]}
     one_sign = values["reference_backstress"] > 0  # of dislocations
-    for _ in range(100 if material == "standard" else 8):
+    for _ in range(number):
         legs, times = random_history(rng)
         if one_sign:
             legs = [

@@ -55,7 +55,7 @@ def test_a_point_without_solution_has_no_density_and_the_others_keep_theirs(
 def test_the_marginal_likelihood_is_that_of_quadrature(long_fit: Fit, tmp_path: Path) -> None:
     """Gauss and Hermite's, in three coordinates scaled by the draws."""
     draws = coordinates_of(long_fit)
-    node, weight = np.polynomial.hermite_e.hermegauss(14)
+    node, weight = np.polynomial.hermite_e.hermegauss(10)
     grid = np.array(np.meshgrid(node, node, node)).reshape(3, -1).T
     weights = np.prod(np.meshgrid(weight, weight, weight), axis=0).ravel()
     factor = 1.1 * np.linalg.cholesky(np.cov(draws.T))

@@ -1,6 +1,8 @@
 """Peaks of the model and what has softened at them: against scipy, and as priors of a table."""
 
 from dataclasses import replace
+from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 import oracle
@@ -8,13 +10,15 @@ import pytest
 from conftest import ICE, TABLE_RUN
 from independent_table import TRUTHS
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.flow_law_tables import softening
 from pyburgers.flow_law_tables.fit import RateFit
+from pyburgers.flow_law_tables.fit_rates import fit_rates
 from pyburgers.flow_law_tables.softening import simulate_peaks, softening_prior
 from pyburgers.flow_law_tables.table_files import load_rate_table
-from pyburgers.flow_law_tables.tables import PeakStrain
-from pyburgers.model.priors import default_priors
+from pyburgers.flow_law_tables.tables import PeakStrain, RateTable
+from pyburgers.model.priors import PriorSet, default_priors
 
 pytestmark = pytest.mark.usefixtures("programs")
 
@@ -58,9 +62,8 @@ def test_the_prior_of_the_softening_is_that_of_materials_with_the_table_s_peak(
     table = load_rate_table(ICE / "rates" / "qi_goldsby_2021.toml")
     curve = default_priors("ice")
     anywhere = softening_prior(replace(table, peak_strain=None), curve, seed=1)
-    late = softening_prior(table, curve, seed=TABLE_RUN.seed)
-    assert peaks.softening is not None
-    np.testing.assert_array_equal(late.coefficients, peaks.softening.coefficients)
+    late = peaks.softening
+    assert late is not None
     # Table 1's priors have their peaks before 2 % strain; three hundredths are stated.
     assert anywhere.peak_strain[1] < 0.012
     assert anywhere.peak_strain[1] < 0.5 * late.peak_strain[1]
@@ -71,9 +74,28 @@ def test_the_prior_of_the_softening_is_that_of_materials_with_the_table_s_peak(
         assert 0.02 < np.exp(prior.coefficients[0, 0]) < 0.12
         assert 0.3 < prior.factor[0, 0] < 1.0
     monkeypatch.setattr(softening, "MOST_CANDIDATES", softening.N_CANDIDATES)
-    few = softening_prior(table, curve, seed=1)
+    few = softening_prior(table, curve, seed=TABLE_RUN.seed)
     assert softening.LEAST_MATERIALS < few.n_effective < softening.N_MATERIALS
     monkeypatch.setattr(softening, "N_CANDIDATES", 300)  # none of which has such a peak
     impossible = replace(table, peak_strain=PeakStrain(0.15, 0.005))
     with pytest.raises(InputError, match=r"key 'peak_strain': found 0\.15, but nine in ten peaks"):
         softening_prior(impossible, curve, seed=1)
+
+
+def test_a_fit_simulates_its_softening_with_its_seed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(softening, "N_MATERIALS", 20)
+    table = replace(load_rate_table(ICE / "rates" / "qi_goldsby_2021.toml"), peak_strain=None)
+    found: list[FloatArray] = []
+
+    def simulated(data: RateTable, curve: PriorSet, *, seed: int) -> NoReturn:
+        found.extend(softening_prior(data, curve, seed=k).coefficients for k in (seed, 9, 3))
+        raise SamplingError("simulated")
+
+    monkeypatch.setattr("pyburgers.flow_law_tables.fit_rates.softening_prior", simulated)
+    options = replace(TABLE_RUN, seed=9)
+    with pytest.raises(SamplingError, match="simulated"):
+        fit_rates(table, out=tmp_path / "run", curve=default_priors("ice"), options=options)
+    np.testing.assert_array_equal(found[0], found[1])
+    assert (found[2] != found[0]).all()

@@ -11,7 +11,7 @@ from conftest import ICE, TABLE_RUN, Problem
 from evaluated_laws import value_of
 from history_twins import BACKSTRESS, GRAIN_SIZE, SECOND, TEMPERATURE, THIRD, TRUTH, history_twin
 from ice_spectrum import ice_spectrum
-from log_density import assert_gradient_is_slope, program_with
+from log_density import assert_gradient_along
 from rate_oracle import GAS_CONSTANT
 from table_ranks import conditions
 
@@ -39,7 +39,7 @@ from pyburgers.kinds.forced_oscillation.experiment import with_background
 from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forward import simulate, with_stated
 from pyburgers.kinds.problem import problem_of
-from pyburgers.kinds.program_data import given_parameters, program_data
+from pyburgers.kinds.program_data import given_parameters
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.parameters import (
     ALL_ENVIRONMENT_NUMBERS,
@@ -144,7 +144,7 @@ def assert_same(test: Experiment, values: Mapping[str, float], columns: tuple[st
     ],
     ids=["one", "two", "three", "backstress", "a band of times"],
 )
-@pytest.mark.parametrize("name", ["creep", "load and unload", "mixed"])
+@pytest.mark.parametrize("name", ["load and unload", "mixed"])
 def test_a_history_is_that_of_other_enthalpies_and_factors(
     name: str, others: Mapping[str, float]
 ) -> None:
@@ -215,11 +215,7 @@ def test_gradients_are_slopes_of_the_density(tmp_path: Path) -> None:
     }
     problem = problem_of([test], default_priors("ice").with_(**free, **held))
     assert problem.priors[0]["pressure"].location == PLACE["pressure"]
-    data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
-    program = program_with(problem.likelihood.program, data, tmp_path / "program")
-    point = np.array(0.1 * np.random.default_rng(2).standard_normal(data["n_coordinates"]))
-    names = list(problem.layout.names)
-    assert_gradient_is_slope(program, point, [names.index(name) for name in values])
+    assert_gradient_along(problem, values, tmp_path)
 
 
 TRUE_TABLE = {
@@ -255,10 +251,11 @@ def wet_table() -> RateTable:
 
 def test_a_table_tells_volume_exponent_and_factor(tmp_path: Path) -> None:
     table, law = wet_table(), rate_law("olivine_wet")
-    found = fit_rates(table, law, out=tmp_path / "run", options=TABLE_RUN)
+    options = replace(TABLE_RUN, draws=400)
+    found = fit_rates(table, law, out=tmp_path / "run", options=options)
     assert found.describes_data.value == "yes"
     assert {"along pressure", "along melt fraction"} < {one.name for one in found.checks()}
-    dry = fit_rates(table, rate_law("olivine_composite"), out=tmp_path / "dry", options=TABLE_RUN)
+    dry = fit_rates(table, rate_law("olivine_composite"), out=tmp_path / "dry", options=options)
     outcomes = {one.name: one.outcome for one in dry.checks()}
     assert outcomes["along water fugacity"] is Outcome.NO
     assert outcomes["along stress"] is Outcome.YES

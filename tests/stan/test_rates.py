@@ -350,7 +350,7 @@ def test_a_composite_twin_is_recovered_and_a_held_out_source_predicted(
         rate_law("ice_composite"),
         out=tmp_path / "run",
         held_out=["paper-2"],
-        options=TABLE_RUN,
+        options=replace(TABLE_RUN, draws=300),
     )
     assert fit.used.n_rows == 80
     # Rows keep the places that they have in the program's data.

@@ -2,7 +2,9 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -34,7 +36,7 @@ from pyburgers.kinds.forced_oscillation.likelihood import (
     ShearedReference,
 )
 from pyburgers.kinds.forced_oscillation.preparation import Background, prepare
-from pyburgers.kinds.likelihood import likelihood_of
+from pyburgers.kinds.likelihood import AtMode, likelihood_of
 from pyburgers.kinds.problem import one_test, plain_coordinates, problem_of
 from pyburgers.kinds.program_data import chart_block
 from pyburgers.kinds.stan_data import (
@@ -73,16 +75,9 @@ FREE = (
 NARROW_PRIORS = Path(__file__).parents[1] / "data" / "narrow_olivine_priors.toml"
 """Those of Table 2 narrowed about the shipped twin."""
 
-SHEARED_SYSTEMS = {"plain": None, "sheared": REFERENCE}
-
 
 def twin_with(background: Background) -> OscillationExperiment:
     return with_background(load_forced_oscillation(TWIN_FILE), background).to_be_solved()
-
-
-@pytest.fixture(params=["removed", "kept"])
-def twin(request: pytest.FixtureRequest) -> OscillationExperiment:
-    return twin_with(request.param)
 
 
 @pytest.fixture(params=["removed", "kept"])
@@ -109,8 +104,43 @@ def truth_in(experiment: OscillationExperiment, priors: PriorSet) -> Mode:
     return Mode(values, at, np.empty(0))
 
 
+def relaxing() -> OscillationExperiment:
+    """Return a record whose bias falls from 98 MPa within cycles."""
+    template = load_forced_oscillation(KEPT_TEMPLATE)
+    priors = calibration_priors(template.material)
+    simulated = simulate_from_prior(one_test(template, priors), seed=10, stress_range=(5e7, 5e8))
+    (drawn,) = simulated.problem.experiments
+    assert isinstance(drawn, OscillationExperiment)
+    return drawn.to_be_solved()
+
+
+@cache
+def set_up(
+    record: Background | Literal["relaxing"],
+) -> tuple[AtMode[OscillationExperiment], ShearedReference]:
+    """A record at its truth, and the sheared coordinates there, which take a second."""
+    experiment = relaxing() if record == "relaxing" else twin_with(record)
+    priors = resolved_priors(experiment)
+    mode = truth_in(experiment, priors)
+    test = at_mode(problem_of([experiment], priors), mode, SolverOptions(tolerance=1e-6))
+    return test, ShearedChart().reference(test)[0]
+
+
 def model_of(experiment: OscillationExperiment) -> CompiledProgram:
     return load_program(likelihood_of(experiment).program)
+
+
+def two_points(data: StanData) -> StanData:
+    """Data of a record that is cut after its second reading: a quick solution."""
+    return {
+        **data,
+        "start_tau": [data["first_tau"][0] - 0.1],
+        "point_end": [0, 2],
+        **{name: data[name][:2] for name in ("tau", "stress_observed", "relative_noise")},
+        "n_trend": [0],
+        "trend_shape": [[], []],
+        "trend_fit": [[], []],
+    }
 
 
 def program_in(
@@ -119,9 +149,14 @@ def program_in(
     sheared: ShearedReference | None,
     folder: Path,
 ) -> Program:
+    """The density of two readings: coordinates know of the record, and of no solution."""
     data = one_test_data(experiment, priors, solver=TIGHT, reference=sheared)
     folder /= "plain" if sheared is None else "sheared"
-    return program_with(likelihood_of(experiment).program, data, folder)
+    return program_with(likelihood_of(experiment).program, two_points(data), folder)
+
+
+def density_less_jacobian(columns: Mapping[str, float]) -> float:
+    return columns["log_density"] - columns["log_jacobian"]
 
 
 def vector(columns: Mapping[str, float], name: str, size: int) -> FloatArray:
@@ -148,21 +183,17 @@ def scattered(centre: FloatArray, seed: int, number: int) -> FloatArray:
 
 
 def test_plain_and_sheared_densities_differ_by_the_jacobian(
-    twin: OscillationExperiment, tmp_path: Path
+    short: OscillationExperiment, tmp_path: Path
 ) -> None:
-    priors = resolved_priors(twin)
-    plain, sheared = (
-        program_in(twin, priors, system, tmp_path) for system in SHEARED_SYSTEMS.values()
-    )
-    for point in scattered(sheared_truth(twin, priors), seed=6, number=8):
-        there = sheared.columns_at({"coordinate": point.tolist()})
-        position = vector(there, "plain_coordinate", point.size)
-        here = plain.columns_at({"coordinate": position.tolist()})
+    """That of a whole record is held by tests/kinds/contract.py, in either system."""
+    priors = resolved_priors(short)
+    plain, sheared = (program_in(short, priors, system, tmp_path) for system in (None, REFERENCE))
+    for point in scattered(sheared_truth(short, priors), seed=6, number=8):
+        there = sheared.values_at(point)
+        here = plain.values_at(vector(there, "plain_coordinate", point.size))
         for name in FREE:
             assert parameter_in(there, name) == pytest.approx(parameter_in(here, name), rel=1e-9)
-        assert there["lp__"] - there["log_jacobian"] == pytest.approx(
-            here["lp__"] - here["log_jacobian"], rel=1e-6
-        )
+        assert density_less_jacobian(there) == pytest.approx(density_less_jacobian(here), rel=1e-6)
         # The generated coordinates invert the map, from either side.
         np.testing.assert_allclose(
             vector(there, "sheared_coordinate", point.size), point, rtol=1e-7, atol=1e-7
@@ -191,29 +222,14 @@ def plain_log_jacobian(experiment: OscillationExperiment, values: Mapping[str, f
 def test_log_jacobian_is_that_of_the_map(short: OscillationExperiment, tmp_path: Path) -> None:
     """Closed form of the plain map, numerical determinant of the shears."""
     priors = resolved_priors(short)
-    data = one_test_data(short, priors, solver=SolverOptions(1e-3), reference=REFERENCE)
-    program = program_with(likelihood_of(short).program, two_points(data), tmp_path)
+    program = program_in(short, priors, REFERENCE, tmp_path)
     for point in scattered(sheared_truth(short, priors), seed=7, number=2):
         assert_jacobian_is_that_of_the_map(
             program,
             point,
             lambda columns: vector(columns, "plain_coordinate", len(FREE)),
             beside=lambda columns: plain_log_jacobian(short, parameters_in(columns)),
-            within=1e-6,
         )
-
-
-def two_points(data: StanData) -> StanData:
-    """Data of a record that is cut after its second reading: a quick solution."""
-    return {
-        **data,
-        "start_tau": [data["first_tau"][0] - 0.1],
-        "point_end": [0, 2],
-        **{name: data[name][:2] for name in ("tau", "stress_observed", "relative_noise")},
-        "n_trend": [0],
-        "trend_shape": [[], []],
-        "trend_fit": [[], []],
-    }
 
 
 def assert_coordinates_work(
@@ -228,13 +244,10 @@ def assert_coordinates_work(
     plain, sheared = (
         program_in(experiment, priors, system, folder) for system in (None, reference)
     )
-    here = plain.columns_at({"coordinate": mode.coordinate.tolist()})
-    there = sheared.columns_at({"coordinate": centre.tolist()})
+    here, there = plain.values_at(mode.coordinate), sheared.values_at(centre)
     for name in FREE:
         assert parameter_in(there, name) == pytest.approx(mode.values[name], rel=1e-8), name
-    assert there["lp__"] - there["log_jacobian"] == pytest.approx(
-        here["lp__"] - here["log_jacobian"], rel=1e-6
-    )
+    assert density_less_jacobian(there) == pytest.approx(density_less_jacobian(here), rel=1e-6)
     return reference
 
 
@@ -335,11 +348,8 @@ def test_a_record_without_loss_does_not_suit() -> None:
 
 def test_the_stretch_of_the_flow_rate_does_not_depend_on_its_slopes_at_the_mode() -> None:
     """Large slopes once put the mode where the coordinate was e^8 times too large."""
-    experiment = twin_with("removed")
-    priors = resolved_priors(experiment)
-    mode = truth_in(experiment, priors)
-    test = at_mode(problem_of([experiment], priors), mode, SolverOptions(tolerance=1e-6))
-    reference, _ = ShearedChart().reference(test)
+    test, reference = set_up("removed")
+    experiment, priors = test.experiment, test.priors
     flow = test.coordinates.quantities.index(REFERENCE_FLOW_RATE)
     moderate, large = (
         sheared_truth(experiment, priors, replace(reference, flow_slope=np.array(slope)))[flow]
@@ -350,30 +360,13 @@ def test_the_stretch_of_the_flow_rate_does_not_depend_on_its_slopes_at_the_mode(
     assert -5 < moderate < 10
 
 
-def relaxing() -> OscillationExperiment:
-    """Return a record whose bias falls from 98 MPa within cycles."""
-    template = load_forced_oscillation(KEPT_TEMPLATE)
-    priors = calibration_priors(template.material)
-    simulated = simulate_from_prior(one_test(template, priors), seed=10, stress_range=(5e7, 5e8))
-    (drawn,) = simulated.problem.experiments
-    assert isinstance(drawn, OscillationExperiment)
-    return drawn.to_be_solved()
-
-
-@pytest.mark.parametrize(
-    "experiment_of",
-    [lambda: twin_with("removed"), lambda: twin_with("kept"), relaxing],
-    ids=["removed", "kept", "relaxing"],
-)
+@pytest.mark.parametrize("record", ["removed", "kept", "relaxing"])
 def test_dashpot_and_kelvin_element_share_the_loss_at_every_flow_rate(
-    experiment_of: Callable[[], OscillationExperiment],
+    record: Background | Literal["relaxing"],
 ) -> None:
     """Closed form of the Kelvin element: what the shifts know of the dashpot is what is left."""
-    experiment = experiment_of()
-    priors = resolved_priors(experiment)
-    mode = truth_in(experiment, priors)
-    test = at_mode(problem_of([experiment], priors), mode, SolverOptions(tolerance=1e-7))
-    reference, _ = ShearedChart().reference(test)
+    test, reference = set_up(record)
+    experiment, mode = test.experiment, test.mode
     rates = reference.first_log_rate + LOG_RATE_STEP * np.arange(N_SOLUTIONS)
     flow = test.coordinates.quantities.index(REFERENCE_FLOW_RATE)
     prepared = experiment.prepared

@@ -1,5 +1,6 @@
 """Stretched coordinates of tables of attenuation: the same posterior, and as wide as they say."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from truth_as_mode import at_truth
 from pyburgers.cmdstan.program import Density, load_program
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import load_attenuation
-from pyburgers.kinds.attenuation.likelihood import StretchedChart
+from pyburgers.kinds.attenuation.likelihood import StretchedChart, StretchedReference
 from pyburgers.kinds.likelihood import AtMode, ChartUnsuited, likelihoods
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import chart_block, program_data
@@ -45,11 +46,19 @@ def simulated(law: str, seed: int = 1, **fixed: float) -> AtMode[AttenuationExpe
     return at_truth(test, priors, SolverOptions())
 
 
+@cache
+def set_up(
+    law: str, seed: int = 1
+) -> tuple[AtMode[AttenuationExperiment], StretchedReference, FloatArray]:
+    """A simulated table, its stretched coordinates, and those of its draw: seconds of work."""
+    test = simulated(law, seed)
+    return test, *StretchedChart().reference(test)
+
+
 @pytest.mark.parametrize("law", LAWS)
 def test_there_and_back(law: str, tmp_path: Path) -> None:
     """Far into the flow rates that nothing sees, and those that the dashpot alone would explain."""
-    test = simulated(law)
-    reference, centre = StretchedChart().reference(test)
+    test, reference, centre = set_up(law)
     flow = test.coordinates.parameters.index(str(test.coordinates.replaced_parameter))
     data = one_test_data(test.experiment, test.priors, solver=SolverOptions(), reference=reference)
     program = program_with(PROGRAM, data, tmp_path)
@@ -57,7 +66,7 @@ def test_there_and_back(law: str, tmp_path: Path) -> None:
     for place in (-6.0, -1.0, 0.3, 2.0, 40.0):
         point = centre + 0.3 * rng.standard_normal(centre.size)
         point[flow] = place
-        columns = program.columns_at({"coordinate": point.tolist()})
+        columns = program.values_at(point)
         back = [columns[f"stretched_coordinate.{k + 1}"] for k in range(centre.size)]
         np.testing.assert_allclose(back, point, rtol=1e-8, atol=1e-8)
         log_rate = columns["log_reference.1"] - reference.log_seen_rate
@@ -82,13 +91,12 @@ def test_coordinates_are_as_wide_with_a_dashpot_as_without(scatter: float) -> No
 
 def test_the_density_of_two_tables_is_that_in_plain_coordinates(tmp_path: Path) -> None:
     """Less the logarithms of the Jacobians, at the same parameters."""
-    tests = [simulated("extended", seed) for seed in (1, 2)]
+    tests, references, _ = zip(*(set_up("extended", seed) for seed in (1, 2)), strict=True)
     problem = problem_of(
         [test.experiment for test in tests],
         priors_of("extended"),
         pooling_of({"all": "shared", "kelvin_viscosity": "separate", "beta": "separate"}),
     )
-    references = [StretchedChart().reference(test)[0] for test in tests]
     data = program_data(problem, solver=SolverOptions())
     stretched = program_with(
         PROGRAM, {**data, **chart_block(problem, references)}, tmp_path / "stretched"

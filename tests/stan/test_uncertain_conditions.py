@@ -146,7 +146,7 @@ def program_in(
         )
         centre[places] = mode.coordinate
         if system != "plain":
-            test = at_mode(one, mode, solver)
+            test = at_mode(one, mode, SolverOptions())  # whatever the chart, the posterior is one
             assert problem.likelihood.chart is not None
             reference, centre[places] = problem.likelihood.chart.reference(test)
             covariance = 0.04 * np.eye(len(places))
@@ -170,7 +170,7 @@ def test_the_density_is_the_same_in_both_coordinates(source: Path, tmp_path: Pat
     name = problem.likelihood.reference.name
     for width in (0.1, 0.3, 0.6):
         point = centre + width * rng.standard_normal(centre.size)
-        there = chart.columns_at({"coordinate": point.tolist()})
+        there = chart.values_at(point)
         values = parameters_in(there)
         assert values[TEMPERATURE] != 0
         assert values[CALIBRATION] != 0
@@ -178,9 +178,9 @@ def test_the_density_is_the_same_in_both_coordinates(source: Path, tmp_path: Pat
         assert there["lprior"] == pytest.approx(prior, rel=1e-8)
         same = coordinates.at({**values, name: float(np.exp(there["log_reference.1"]))})
         same = np.append(same, point[point.size - experiment.n_driving_errors :])
-        here = plain.columns_at({"coordinate": same.tolist()})
+        here = plain.values_at(same)
         assert parameters_in(here) == pytest.approx(values, rel=1e-9)
-        densities = [one["lp__"] - one["log_jacobian"] for one in (here, there)]
+        densities = [one["log_density"] - one["log_jacobian"] for one in (here, there)]
         assert densities[0] == pytest.approx(densities[1], rel=1e-9)
 
 
@@ -234,7 +234,7 @@ def test_tests_of_one_furnace_have_one_value_and_one_prior(tmp_path: Path) -> No
     problem = problem_of(tests, default_priors("ice"), pooling)
     program, centre = program_in(problem, "chart", tmp_path)
     point = centre + 0.2 * np.random.default_rng(9).standard_normal(centre.size)
-    columns = program.columns_at({"coordinate": point.tolist()})
+    columns = program.values_at(point)
     values = [parameters_in(columns, e) for e in (1, 2, 3)]
     errors = [own[TEMPERATURE] for own in values]
     assert errors[0] == errors[2] != errors[1]

@@ -7,7 +7,7 @@ exactly, from positions that are printed with all digits.
 """
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,8 +18,11 @@ from pyburgers.cmdstan.compilation import compile_program
 from pyburgers.cmdstan.program import ALL_DIGITS
 from pyburgers.cmdstan.program import Program as CompiledProgram
 from pyburgers.common.array_types import FloatArray
-from pyburgers.kinds.stan_data import StanData
+from pyburgers.kinds.problem import Problem
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import SolverOptions, StanData
 
+PRECISE = SolverOptions(1e-11, 1_000_000)
 Unconstrain = Callable[[Mapping[str, float]], FloatArray]
 
 
@@ -56,6 +59,16 @@ class Program:
         """Columns of the output at the given values of the program's parameters."""
         return self._leapfrog(initial_values, 1e-14 * self.scale)[0]
 
+    def values_at(self, point: FloatArray) -> Mapping[str, float]:
+        """Columns of the output at coordinates, without a gradient; `lp__` is no density here."""
+        output = self._run({"coordinate": point.tolist()}, ["algorithm=fixed_param"])
+        return _only_row(output)
+
+    def gradient_at(self, point: FloatArray) -> Evaluation:
+        """Log density and columns at coordinates, with a gradient to six digits."""
+        columns, gradient = self._leapfrog({"coordinate": point.tolist()}, 1e-14 * self.scale)
+        return Evaluation(columns["lp__"], gradient, columns)
+
     def at(self, initial_values: Mapping[str, object]) -> Evaluation:
         """Log density and gradient at the given values of the program's parameters."""
         still, rough = self._leapfrog(initial_values, 1e-14 * self.scale)
@@ -88,32 +101,40 @@ class Program:
         self, initial_values: Mapping[str, object], step: FloatArray
     ) -> tuple[Mapping[str, float], FloatArray]:
         """Columns after one step, and the gradient there to six digits."""
-        files = {
-            name: self.folder / f"{name}.json" for name in ("init", "metric", "output", "trace")
-        }
-        files["init"].write_text(json.dumps(initial_values), encoding="utf-8")
+        metric, trace_file = self.folder / "metric.json", self.folder / "trace.json"
         # A step of size 1 in coordinates scaled by `step`.
-        metric = {"inv_metric": (step**2).tolist()}
-        files["metric"].write_text(json.dumps(metric), encoding="utf-8")
+        metric.write_text(json.dumps({"inv_metric": (step**2).tolist()}), encoding="utf-8")
+        method = [
+            *("num_warmup=0", "adapt", "engaged=0", "algorithm=hmc", "engine=static"),
+            *("int_time=1", "metric=diag_e", f"metric_file={metric}", "stepsize=1"),
+        ]
+        output = self._run(initial_values, method, [f"diagnostic_file={trace_file}"])
+        trace = _only_row(trace_file)
+        # CmdStan gives the gradient of the potential, which is minus the log density.
+        gradient = [-value for name, value in trace.items() if name.startswith("g_")]
+        return _only_row(output), np.array(gradient)
+
+    def _run(
+        self,
+        initial_values: Mapping[str, object],
+        method: Sequence[str],
+        output_options: Sequence[str] = (),
+    ) -> Path:
+        """Take one draw from the given values of the program's parameters; return its file."""
+        init, output = self.folder / "init.json", self.folder / "output.json"
+        init.write_text(json.dumps(initial_values), encoding="utf-8")
         running = CompiledProgram(self.executable).start(
-            [
-                *("method=sample", "num_samples=1", "num_warmup=0"),
-                *("adapt", "engaged=0", "algorithm=hmc", "engine=static", "int_time=1"),
-                *("metric=diag_e", f"metric_file={files['metric']}", "stepsize=1"),
-            ],
+            ["method=sample", "num_samples=1", *method],
             data=self.data_file,
-            init=files["init"],
-            output=files["output"],
+            init=init,
+            output=output,
             seed=5,
             digits=ALL_DIGITS,
-            output_options=[f"diagnostic_file={files['trace']}"],
+            output_options=output_options,
         )
         running.wait()
         assert not running.failed, running.console_tail()
-        trace = _only_row(files["trace"])
-        # CmdStan gives the gradient of the potential, which is minus the log density.
-        gradient = [-value for name, value in trace.items() if name.startswith("g_")]
-        return _only_row(files["output"]), np.array(gradient)
+        return output
 
 
 def assert_gradient_is_slope(
@@ -121,9 +142,10 @@ def assert_gradient_is_slope(
 ) -> None:
     """Compare the gradient with differences of fourth order, along some coordinates or all.
 
-    Densities are those that generated quantities repeat, in one run without gradients.
+    Densities are those that generated quantities repeat, in one run without gradients. The
+    gradient has six digits, of which four are compared.
     """
-    here, step = program.at({"coordinate": point.tolist()}), 1e-3
+    here, step = program.gradient_at(point), 1e-3
     along = range(point.size) if along is None else along
     shifts = step * np.eye(point.size)[along]
     points = np.vstack([point, *(point + m * shifts for m in (1, -1, 2, -2))])
@@ -154,3 +176,21 @@ def program_with(source: Path, data: StanData, folder: Path) -> Program:
         lambda columns: np.array([columns[f"coordinate.{k + 1}"] for k in range(size)]),
         np.ones(size),
     )
+
+
+def program_of(
+    problem: Problem, folder: Path, *, solver: SolverOptions = PRECISE, seed: int, width: float
+) -> tuple[Program, FloatArray]:
+    """Program of a problem with its data, and a point at random about its origin."""
+    data = program_data(problem, solver=solver)
+    point = width * np.random.default_rng(seed).standard_normal(data["n_coordinates"])
+    return program_with(problem.likelihood.program, data, folder), np.array(point)
+
+
+def assert_gradient_along(
+    problem: Problem, names: Collection[str], folder: Path, *, solver: SolverOptions = PRECISE
+) -> None:
+    """Compare the gradient with differences along the coordinates of some parameters."""
+    program, point = program_of(problem, folder, solver=solver, seed=2, width=0.1)
+    free = list(problem.layout.names)
+    assert_gradient_is_slope(program, point, [free.index(name) for name in names])

@@ -196,11 +196,11 @@ def test_what_is_saved_holds_every_marginal_likelihood(
     assert tests.equals(table_of_tests(compared).astype(tests.dtypes))
     record = json.loads((tmp_path / "comparison.json").read_text(encoding="utf-8"))
     assert record["command"] == "pyburgers compare one"
-    for name, fit in fits.items():
+    for name, own in fits.items():
         likelihoods = record["marginal_likelihoods"][name]
         without = likelihoods["without"]["other"]["log"]
         assert likelihoods["all"]["log"] - without == pytest.approx(tests[f"{name} elpd"]["other"])
-        assert record["fits"][name]["pooling"] == fit.problem.pooling.record()
+        assert record["fits"][name]["pooling"] == own.problem.pooling.record()
 
 
 def test_points_of_joint_fits_are_those_of_all_their_tests(joint: Fit, separate_joint: Fit) -> None:

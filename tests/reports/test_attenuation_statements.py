@@ -36,7 +36,7 @@ FLUIDITY = 6e-31
 """Dashpot (n = 4, Pa^-4 s^-1) that with `KELVIN` leaves a falling stretch at 1 MPa alone."""
 
 KELVIN = MappingProxyType({"kelvin_modulus": 1e9, "kelvin_viscosity": 3e11})
-N_DRAWS = 200
+N_DRAWS = 100
 
 
 def drawn(

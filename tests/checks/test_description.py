@@ -394,11 +394,9 @@ def test_residuals_that_correlate_do_not_take_misfit_for_a_yes(leftover: str, st
 
 
 def test_white_noise_passes_where_residuals_may_correlate() -> None:
-    passed = 0
-    for seed in range(20):
+    for seed in range(10):
         own = groups(white(seed), segment=np.zeros(POINTS)) | {CORRELATED: xr.Dataset()}
-        passed += check_size(draws_of(one=own)).outcome is Outcome.YES
-    assert passed == 20
+        assert check_size(draws_of(one=own)).outcome is Outcome.YES
 
 
 def test_a_few_readings_cannot_tell_misfit_from_errors_that_correlate() -> None:
@@ -539,7 +537,7 @@ def test_a_family_counts_its_worst_number_once() -> None:
 SIZES = st.sampled_from([0.01, 1.0, 30.0])
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     n_replicates=st.sampled_from([100, 150, 400, 1000]),
@@ -608,7 +606,7 @@ def test_the_mean_at_which_a_check_fails_is_told() -> None:
 @pytest.mark.parametrize(
     ("points", "steps", "degree", "n_fits", "draws"),
     [
-        (POINTS, 1, 3, 30, 400),
+        (POINTS, 1, 3, 15, 400),
         *(
             pytest.param(*shape, 500, 1000, marks=pytest.mark.slow)
             for shape in ((30, 0, 4), (60, 2, 2), (150, 3, 5))

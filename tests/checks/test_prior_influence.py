@@ -250,17 +250,19 @@ def counted(
     return sum(map(bool, telling)), len(found)
 
 
-@pytest.mark.parametrize("n", [50, pytest.param(200, marks=pytest.mark.slow)])
-def test_correct_models_hardly_ever_report_a_conflict(n: int) -> None:
+@pytest.mark.parametrize(
+    ("n", "most", "most_uniform"), [(20, 2, 1), pytest.param(200, 6, 3, marks=pytest.mark.slow)]
+)
+def test_correct_models_hardly_ever_report_a_conflict(n: int, most: int, most_uniform: int) -> None:
     """4 of 200 are 1 in 50; at the level of 0.01 more than 6 come once in 250 times."""
     told, of = counted(normal_fits(n, 11, draws=200))
-    assert told <= (6 if n == 200 else 3)
+    assert told <= most
     assert of == n
-    assert counted(uniform_fits(n * 3 // 10, 12, draws=200, noise=0.1))[0] <= (3 if n == 200 else 1)
+    assert counted(uniform_fits(n * 3 // 10, 12, draws=200, noise=0.1))[0] <= most_uniform
 
 
 def test_a_truth_four_standard_deviations_out_is_told() -> None:
-    told, of = counted(normal_fits(40, 13, draws=200, away=4.0), NAMES[0])
+    told, of = counted(normal_fits(20, 13, draws=200, away=4.0), NAMES[0])
     assert told >= 0.8 * of
 
 

@@ -45,23 +45,17 @@ from pyburgers.sampling.options import SamplerOptions
 pytestmark = pytest.mark.usefixtures("in_this_process")
 
 
-@pytest.fixture
-def shared(joint: Fit, tmp_path: Path) -> Fit:
-    """Fit of two tests of one material, with those without each; a test may change it."""
-    return copy_of(joint, tmp_path / "shared")
-
-
-@pytest.fixture
-def separate(separate_joint: Fit, tmp_path: Path) -> Fit:
-    """The same of tests that share nothing."""
-    return copy_of(separate_joint, tmp_path / "separate")
+@pytest.fixture(scope="module")
+def compared(joint: Fit, separate_joint: Fit) -> ComparisonByTest:
+    """Comparison of fits that share the material, or nothing, of which nothing is fitted again."""
+    return compare_by_test({"apart": separate_joint, "together": joint}, command="test")
 
 
 def test_tests_that_share_nothing_are_predicted_from_their_priors(
-    separate: Fit, small_fit: Fit, other_fit: Fit
+    compared: ComparisonByTest, small_fit: Fit, other_fit: Fit
 ) -> None:
     """Each has the marginal likelihood of a fit of it alone."""
-    (found,) = compare_by_test({"fit": separate}, command="test").results.values()
+    found = compared.results["apart"]
     assert found.tests == ("PIL40", "other")
     for test, alone in zip(found.tests, (small_fit, other_fit), strict=True):
         exact = log_marginal_likelihood(alone)
@@ -72,19 +66,19 @@ def test_tests_that_share_nothing_are_predicted_from_their_priors(
 
 
 def test_a_test_like_the_others_is_predicted_better_where_the_material_is_shared(
-    shared: Fit, separate: Fit
+    compared: ComparisonByTest,
 ) -> None:
-    comparison = compare_by_test({"apart": separate, "together": shared}, command="test")
-    assert list(comparison.results) == ["together", "apart"]
-    table = table_of_fits(comparison)
+    assert list(compared.results) == ["together", "apart"]
+    table = table_of_fits(compared)
     assert table["difference"]["apart"] < -2
     assert table["difference_monte_carlo_error"]["together"] == 0
-    assert comparison.weights.sum() == pytest.approx(1.0)
+    assert compared.weights.sum() == pytest.approx(1.0)
 
 
 def test_fits_without_a_test_are_kept_and_say_how_they_came_about(
-    shared: Fit, capfd: pytest.CaptureFixture[str]
+    joint: Fit, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
+    shared = copy_of(joint, tmp_path / "shared")
     shutil.rmtree(shared.directory.path / "leave_out" / "other")
     (first,) = compare_by_test({"fit": shared}, command="pyburgers compare X").results.values()
     run = Fit.load(shared.directory.path / "leave_out" / "other")
@@ -193,22 +187,25 @@ def test_figures_are_drawn_of_one_fit_and_of_several() -> None:
         assert image(drawn, "png").startswith(b"\x89PNG")
 
 
-def test_what_is_saved_holds_every_marginal_likelihood(shared: Fit, tmp_path: Path) -> None:
-    comparison = compare_by_test({"one": shared}, command="test")
-    save_comparison_by_test(comparison, {"one": shared}, tmp_path, command="pyburgers compare one")
+def test_what_is_saved_holds_every_marginal_likelihood(
+    compared: ComparisonByTest, joint: Fit, separate_joint: Fit, tmp_path: Path
+) -> None:
+    fits = {"apart": separate_joint, "together": joint}
+    save_comparison_by_test(compared, fits, tmp_path, command="pyburgers compare one")
     tests = pd.read_csv(tmp_path / "left_out_tests.csv", index_col="test")
-    assert tests.equals(table_of_tests(comparison).astype(tests.dtypes))
+    assert tests.equals(table_of_tests(compared).astype(tests.dtypes))
     record = json.loads((tmp_path / "comparison.json").read_text(encoding="utf-8"))
-    of_all = record["marginal_likelihoods"]["one"]["all"]["log"]
-    without = record["marginal_likelihoods"]["one"]["without"]["other"]["log"]
-    assert of_all - without == pytest.approx(tests["one elpd"]["other"])
     assert record["command"] == "pyburgers compare one"
-    assert record["fits"]["one"]["pooling"] == shared.problem.pooling.record()
+    for name, own in fits.items():
+        likelihoods = record["marginal_likelihoods"][name]
+        without = likelihoods["without"]["other"]["log"]
+        assert likelihoods["all"]["log"] - without == pytest.approx(tests[f"{name} elpd"]["other"])
+        assert record["fits"][name]["pooling"] == own.problem.pooling.record()
 
 
-def test_points_of_joint_fits_are_those_of_all_their_tests(shared: Fit, separate: Fit) -> None:
-    comparison = compare({"together": shared, "apart": separate})
-    sizes = [experiment.n_points for experiment in shared.problem.experiments]
+def test_points_of_joint_fits_are_those_of_all_their_tests(joint: Fit, separate_joint: Fit) -> None:
+    comparison = compare({"together": joint, "apart": separate_joint})
+    sizes = [experiment.n_points for experiment in joint.problem.experiments]
     points = pointwise_table(comparison)
     assert points["test"].value_counts().tolist() == sizes
     assert points["together elpd"].sum() == pytest.approx(comparison.results["together"].total)
@@ -218,19 +215,19 @@ def test_points_of_joint_fits_are_those_of_all_their_tests(shared: Fit, separate
 
 
 def test_points_of_a_part_of_a_joint_fit_stay_flagged(
-    shared: Fit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    joint: Fit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(LeaveOneOut, "unreliable", property(lambda one: ~one.exact))
-    part = shared["other"]
+    part = joint["other"]
     comparison = compare({"one": part, "same": part}, refits=tmp_path / "refits")
     assert not comparison.results["one"].exact.any()
     assert not (tmp_path / "refits").exists()
 
 
-def test_a_part_of_a_joint_fit_has_no_marginal_likelihood(shared: Fit, creep: RateFit) -> None:
+def test_a_part_of_a_joint_fit_has_no_marginal_likelihood(joint: Fit, creep: RateFit) -> None:
     for refused in (log_marginal_likelihood, lambda one: compare_by_test({"one": one})):
         with pytest.raises(InputError, match=r"says of other, expected the whole joint fit\.$"):
-            refused(shared["other"])
+            refused(joint["other"])
     with pytest.raises(InputError, match=r"^fit: found RateFit, expected a fit, as of"):
         log_marginal_likelihood(creep)  # type: ignore[arg-type]  # as untyped scripts may
 
@@ -260,7 +257,7 @@ def test_the_order_of_the_tests_does_not_matter(small_problem: Problem, tmp_path
 
 
 def test_a_page_sets_joint_fits_of_the_same_tests_side_by_side(
-    joint: Fit, separate_joint: Fit, tmp_path: Path
+    compared: ComparisonByTest, joint: Fit, separate_joint: Fit, tmp_path: Path
 ) -> None:
     """By points; by tests as soon as they were left out, without fitting anything."""
     joints = [
@@ -273,8 +270,8 @@ def test_a_page_sets_joint_fits_of_the_same_tests_side_by_side(
     shutil.copytree(joint.directory.path / "leave_out", run / "leave_out")
     *_, by_tests = comparison_sections(joints)
     assert by_tests.key == "left_out_together"
-    (exact,) = compare_by_test({"fit": joints[0]}, command="test").results.values()
-    assert by_tests.tables[1].saved["together elpd"].tolist() == exact.elpd.tolist()
+    exact = compared.results["together"].elpd.tolist()
+    assert by_tests.tables[1].saved["together elpd"].tolist() == exact
     run = joints[1].directory.path
     assert not (run / "leave_out").exists()
     shutil.copytree(separate_joint.directory.path / "leave_out", run / "leave_out")
@@ -296,11 +293,11 @@ def test_joint_fits_of_the_same_tests_have_sections_of_their_own(
     assert set(other["pooling"]) == {"separate", "derived"}
 
 
-def test_a_sampled_prior_and_a_test_alone_are_refused(shared: Fit) -> None:
-    prior = replace(shared, manifest={**shared.manifest, "use_likelihood": False})
+def test_a_sampled_prior_and_a_test_alone_are_refused(joint: Fit) -> None:
+    prior = replace(joint, manifest={**joint.manifest, "use_likelihood": False})
     with pytest.raises(InputError, match=r"^prior: was sampled without likelihood"):
         compare_by_test({"prior": prior}, command="test")
-    alone = Fit.load(shared.directory.path / "leave_out" / "other")
+    alone = Fit.load(joint.directory.path / "leave_out" / "other")
     with pytest.raises(InputError, match=r"is a fit of PIL40 alone, expected at least two tests"):
         compare_by_test({"fit": alone}, command="test")
 

@@ -1,10 +1,10 @@
 """The example scripts run from any folder and give what they promise."""
 
 import ast
+import inspect
 import runpy
 import sys
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +12,12 @@ import oracle
 import pandas as pd
 import pytest
 import xarray as xr
-from conftest import SMALL_RUN, Problem
+from conftest import Problem
 from matplotlib import pyplot as plt
 
 import pyburgers
 from pyburgers.fitting.fit import Fit, fit
+from pyburgers.kinds.experiment import Experiment
 from pyburgers.predictions.attenuation import predict_attenuation, quantile_table
 from pyburgers.predictions.stress_cycles import Regime
 
@@ -58,15 +59,21 @@ def test_a_curve_is_fitted(
     assert (fit.directory.path / "fit.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.fixture
+def no_fit(small_fit: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Return the same fit for any test that `fit` can be called with."""
+
+    def found(test: Experiment, **given: object) -> Fit:
+        inspect.signature(fit).bind(test, **given)
+        assert (test.id, test.n_points, test.material) == ("PIL40", 61, "ice")
+        return small_fit
+
+    monkeypatch.setattr(pyburgers, "fit", found)
+
+
 def test_a_table_becomes_a_page_and_draws(
-    script: Script,
-    small_problem: Problem,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    sketched: None,
+    script: Script, no_fit: None, tmp_path: Path, sketched: None
 ) -> None:
-    short = partial(fit, priors=small_problem.priors, options=SMALL_RUN)
-    monkeypatch.setattr(pyburgers, "fit", short)
     printed = script("table_to_page.py")
     assert "maxwell_modulus" in printed
     assert printed.splitlines()[-1] == str(tmp_path / "page.html")
@@ -77,13 +84,11 @@ def test_a_table_becomes_a_page_and_draws(
 
 
 def test_the_landing_page_goes_from_readings_to_a_page_in_eight_lines(
-    small_problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sketched: None
+    no_fit: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sketched: None
 ) -> None:
     landing = (EXAMPLES.parent / "docs" / "index.md").read_text(encoding="utf-8")
     code = landing.split("```python\n")[1].split("```")[0]
     assert len(code.split("\n\n", 1)[1].splitlines()) + 1 == 8  # a blank line below the import
-    short = partial(fit, priors=small_problem.priors, options=SMALL_RUN)
-    monkeypatch.setattr(pyburgers, "fit", short)
     monkeypatch.chdir(tmp_path)
     exec(compile(code, "index.md", "exec"), {})
     assert "PIL40" in (tmp_path / "page.html").read_text(encoding="utf-8")

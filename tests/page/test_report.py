@@ -365,12 +365,6 @@ def test_columns_are_explained_where_a_table_has_them(page: Page, passing_page: 
     assert set(ORIGIN_RULES) == set(Origin)
 
 
-def test_the_page_names_the_laws_of_the_model(page: Page, shown: Page) -> None:
-    for text in ("Kelvin part linear", "grain size evolving", "residuals independent"):
-        assert text.lower() in page.text.lower()
-    assert "grain size piezometric, fabric constant" in shown.text
-
-
 def test_the_page_says_how_to_make_everything_again(page: Page, fits: list[Fit]) -> None:
     assert COMMAND in page.text
     manifest = fits[0].manifest

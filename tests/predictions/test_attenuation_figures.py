@@ -45,7 +45,7 @@ each_figure = pytest.mark.parametrize("draw", DRAWERS, ids=lambda draw: draw.__n
 @pytest.fixture(scope="module")
 def spectrum(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     """Five regimes that share a median stress."""
-    fit = make_fit(tmp_path_factory.mktemp("run"), chains=2, draws=100)
+    fit = make_fit(tmp_path_factory.mktemp("run"), chains=2, draws=80)
     regimes = [Regime(2e6, amplitude) for amplitude in (0.5e6, 0.1e6, 1e6, 1.5e6, 2e6)]
     return predict_attenuation(fit, np.geomspace(1e-4, 1.0, 20), regimes)
 
@@ -166,7 +166,7 @@ def test_the_same_spectrum_in_any_order_gives_the_same_bytes(
     shuffled = spectrum.isel(frequency=[3, 1, 0, 2, *range(19, 3, -1)])
     assert image(draw(shuffled, "a heading"), "svg") == rendered[draw]
     for one in ({"regime": [0]}, {"frequency": [3]}):
-        assert image(draw(spectrum.isel(one), ""), "png").startswith(b"\x89PNG")
+        draw(spectrum.isel(one), "").draw_without_rendering()
 
 
 POINTS = """# made up for a test

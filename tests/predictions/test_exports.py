@@ -42,6 +42,9 @@ POWER_LAWS = [name for name, law in DASHPOT_LAWS.items() if not law.own_stress]
 OTHER_LAWS = [name for name in DASHPOT_LAWS if name not in POWER_LAWS]
 REGIME = Regime(1e6, 0.3e6)
 SHEAR: dict[str, Any] = {"regime": REGIME, "poisson_ratio": 0.3}
+N_DRAWS = 12
+"""Of 120 that are exported."""
+
 NOTHING: Mapping[str, float] = {}
 FROZEN: Mapping[str, Any] = {"grain_size": "constant", "fabric": "constant"}
 CHANGES: Mapping[str, float] = {
@@ -125,10 +128,10 @@ def test_each_code_gives_the_rate_of_the_program(law: str, state: str, made: Fit
     expected = {one: rates(fit, one, size, fabric) for one in TEMPERATURES}
     for code, read in READERS.items():
         at: dict[str, Any] = {"temperatures": TEMPERATURES} if code == "icepack" else {}
-        mean, *texts = map(read, export(fit, code, draws=100, seed=3, **STATES[state], **at))
-        assert len(texts) == 100
+        mean, *texts = map(read, export(fit, code, draws=N_DRAWS, seed=3, **STATES[state], **at))
+        assert len(texts) == N_DRAWS
         for temperature, of_all in expected.items():
-            kept = of_all[chosen(fit, 100, 3)]
+            kept = of_all[chosen(fit, N_DRAWS, 3)]
             found = [rate(STRESS, own, temperature) for rate, own in zip(texts, kept, strict=True)]
             np.testing.assert_allclose(found, kept, rtol=1e-10, err_msg=code)
             typical = float(np.exp(np.log(of_all).mean()))
@@ -207,14 +210,14 @@ def test_tables_in_shear_have_the_compliances_of_the_program(
     fit = fit_of(made, LAWS[kelvin], maxwell=maxwell, **FROZEN)
     frequencies = [1e-5, 1e-3, 0.1]
     given: dict[str, Any] = {**SHEAR, "frequencies": frequencies, "temperatures": [250.0]}
-    given |= {"draws": 100, "seed": 3}
+    given |= {"draws": N_DRAWS, "seed": 3}
     mean, *texts = export(fit, "tidalpy", **given)
     q_of_mean, *q_texts = export(fit, "specfem", **given)
     spectrum = pyburgers.predict_attenuation(fit, frequencies, [REGIME], temperature=250.0)
     axial = (spectrum["storage_compliance"] - 1j * spectrum["loss_compliance"]).to_numpy()
     spring = 1 / columns(fit)["maxwell_modulus"][:, np.newaxis]
     shear = 2 * 1.3 * spring + 3 * (axial.reshape(120, 3) - spring)
-    kept = shear[chosen(fit, 100, 3)]
+    kept = shear[chosen(fit, N_DRAWS, 3)]
     np.testing.assert_allclose([compliances(text) for text in texts], kept, rtol=1e-10)
     read = table(texts[7])
     np.testing.assert_allclose(read["J1_per_Pa"] - 1j * read["J2_per_Pa"], kept[7], rtol=1e-10)

@@ -90,7 +90,7 @@ def test_what_is_expected_is_what_happens_where_the_draws_are_right() -> None:
     rng = np.random.default_rng(5)
     shares = [
         float(score_table(made)["share_below"][DENSITY])
-        for k in range(30)
+        for k in range(12)
         for made in [make_prediction(spread=5e5, off=5e5 * rng.normal(), n_draws=100, seed=k)]
     ]
     assert 0.3 < np.mean(shares) < 0.7
@@ -115,9 +115,7 @@ def test_the_band_of_a_replicated_test_is_made_without_its_own_draw(n_draws: int
 
 
 def test_known_noise_alone_gives_the_nominal_coverage() -> None:
-    tables = [
-        score_table(make_prediction(spread=0.0, n_draws=100, seed=seed)) for seed in range(20)
-    ]
+    tables = [score_table(make_prediction(spread=0.0, n_draws=100, seed=seed)) for seed in range(8)]
     for band in (50, 90):
         rows = [table.loc[f"coverage of the {band} % band"] for table in tables]
         assert rows[0]["expected"] == pytest.approx(band / 100, abs=0.02)

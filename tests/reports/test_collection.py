@@ -23,7 +23,6 @@ from collection import (
     write_records,
 )
 from league import (
-    PREDICTED_DRAWS,
     Contest,
     draw_league,
     last_part_sentence,
@@ -238,8 +237,9 @@ def test_the_league_has_a_row_for_each_law_and_a_figure(fits: dict[str, Fit]) ->
 
 
 def test_the_last_part_is_scored_by_what_its_draws_expect(
-    long_fit: Fit, programs: None, fits: dict[str, Fit]
+    long_fit: Fit, fits: dict[str, Fit], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("league.PREDICTED_DRAWS", 100)
     test = long_fit.experiment
     assert isinstance(test, ConstantRateExperiment)
     wrong = replace(test, stress=test.stress + 5e6)
@@ -248,7 +248,7 @@ def test_the_last_part_is_scored_by_what_its_draws_expect(
         table = league_table([contest]).set_index("law")
         assert table.loc["standard", "last_as_expected"] == as_expected
         assert table.loc["autocorrelated", "last_as_expected"] == ""
-        score = pyburgers.score_table(long_fit.predict(last, draws=PREDICTED_DRAWS))["found"]
+        score = pyburgers.score_table(long_fit.predict(last, draws=100))["found"]
         assert table.loc["standard", "last_in_band"] == score["coverage of the 90 % band"]
     said = last_part_sentence(table.reset_index())
     assert "Of 1 such predictions, by fits that were sampled well, 0 are as good" in said

@@ -25,7 +25,7 @@ PEAK = 8e6
 
 @pytest.fixture(scope="module")
 def fit(tmp_path_factory: pytest.TempPathFactory) -> Fit:
-    return make_fit(tmp_path_factory.mktemp("ice"), draws=50)
+    return make_fit(tmp_path_factory.mktemp("ice"), draws=20)
 
 
 @pytest.fixture(scope="module")

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -262,10 +263,15 @@ def test_a_few_minutes_are_ten_at_most(ice: Fit) -> None:
 
 
 def test_strength_is_sensitive_where_its_exponent_is_large(
-    ice: Fit, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("maor.ice.rates_of_undeformed", rates_of_undeformed)
-    statement = of_ice("sensitivity", PIL40=ice)
+    ice = make_fit(tmp_path, draws=30)
+
+    def judged(fit: Fit) -> Statement:
+        return by_key(ice_statements({"PIL40": make_known(fit, n_draws=100)}))["sensitivity"]
+
+    statement = judged(ice)
     assert statement.verdict is Verdict.CANNOT_FAIL
     n, enthalpy, beta = (
         ice.posterior["posterior"][name].to_numpy()
@@ -274,7 +280,7 @@ def test_strength_is_sensitive_where_its_exponent_is_large(
     changed = np.abs(np.exp(-0.01 * enthalpy * beta / n) - 1)
     assert f"PIL40 {100 * np.median(changed):.0f} % and" in statement.evidence
     cold = redrawn(ice, activation_enthalpy=normal(ice, 1e3, 1.0))
-    assert of_ice("sensitivity", PIL40=cold).beliefs["PIL40"].posterior == 0
+    assert judged(cold).beliefs["PIL40"].posterior == 0
 
 
 def test_first_draws_that_differ_from_chain_to_chain_need_a_burn_in(ice: Fit) -> None:

@@ -162,7 +162,7 @@ def strain_of(test: Experiment) -> float:
     ("template", "limit", "low", "high", "number", "largest"),
     [
         # Half of the draws of Table 1 lie above 70 MPa.
-        (ICE / "PIL40.toml", "stress_range", 5e6, 20e6, 6, stress_of),
+        (ICE / "PIL40.toml", "stress_range", 5e6, 20e6, 2, stress_of),
         # At one imposed stress the whole priors creep from nothing to many times the length.
         (TEMPLATES / "ice_creep.toml", "strain_range", 0.01, 0.3, 2, strain_of),
     ],
@@ -197,9 +197,18 @@ def test_tests_of_a_joint_template_share_what_is_shared(programs: None) -> None:
     assert simulated.problem.pooling == template.pooling
 
 
-@pytest.mark.parametrize("number", [20, pytest.param(60, marks=pytest.mark.slow)])
-def test_partially_pooled_parameters_lie_about_their_centre(number: int, programs: None) -> None:
-    """On the real line, where the spread is that of the tests."""
+def test_partially_pooled_parameters_lie_about_their_centre(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """On the real line, where the spread is that of the tests; the tests are not solved."""
+
+    def with_truth(
+        experiment: Experiment, values: dict[str, float], *_: object, **__: object
+    ) -> Experiment:
+        return replace(experiment, true_parameters=values)
+
+    monkeypatch.setattr("pyburgers.sbc.data_sets.simulate", lambda *_, **__: None)
+    monkeypatch.setattr("pyburgers.sbc.data_sets.simulate_data", with_truth)
     pair = [load_constant_rate(ICE / f"{name}.toml") for name in ("PIL40", "PIL72")]
     pooling = pooling_of({"all": "separate", "stress_exponent": "partial:0.3"})
     template = problem_of(pair, calibration_priors("ice"), pooling)
@@ -207,7 +216,7 @@ def test_partially_pooled_parameters_lie_about_their_centre(number: int, program
     coordinates = template.coordinates[0]
     k = coordinates.parameters.index("stress_exponent")
     distances, spreads = [], []
-    for seed in range(number):
+    for seed in range(60):
         simulated = simulate_from_prior(template, seed=seed)
         centre, spread = (
             simulated.pooled[f"stress_exponent[{owner}]"] for owner in ("centre", "spread")
@@ -233,7 +242,7 @@ def test_every_quantity_of_a_joint_fit_is_ranked(tmp_path: Path, programs: None)
     )
     template = problem_of(pair, priors, pooling)
     simulated = simulate_from_prior(template, seed=2)
-    options = SamplerOptions(chains=1, warmup=20, draws=40, max_treedepth=3)
+    options = SamplerOptions(chains=1, warmup=20, draws=40, max_treedepth=3, coordinates="plain")
     result = fit_problem(simulated.problem, out=tmp_path, options=options, command="test")
     ranks = rank_truth(result, simulated, template, 39)
     own = ("maxwell_modulus", "stress_noise", "reference_stress")

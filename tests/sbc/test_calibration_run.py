@@ -229,7 +229,11 @@ def test_parts_that_run_at_the_same_time_come_to_the_same_result(
 
 
 def test_an_unfinished_calibration_is_shown_as_far_as_it_has_come(
-    finished: Path, outcomes: dict[str, bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    finished: Path,
+    outcomes: dict[str, bytes],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    sketched: None,
 ) -> None:
     part = tmp_path / "part"
     shutil.copytree(finished, part)

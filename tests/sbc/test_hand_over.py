@@ -144,7 +144,13 @@ def test_the_curve_is_of_the_material_of_its_table_but_for_the_scatter(
     np.testing.assert_array_equal(one.response, fitted[1].problem.experiments[0].response)
 
 
-def test_a_table_that_was_not_sampled_well_is_fitted_longer_and_not_ranked(tmp_path: Path) -> None:
+def test_a_table_that_was_not_sampled_well_is_fitted_longer_and_not_ranked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a softening from few materials, which hardly changes how tables sample."""
+    few = {"N_MATERIALS": 30, "N_CANDIDATES": 200, "LEAST_MATERIALS": 5}
+    for name, number in few.items():
+        monkeypatch.setattr(softening, name, number)
     ranked = rank_hand_over(
         template(),
         law_with_scatter(0.4),

@@ -44,6 +44,9 @@ def changes_of_residuals(
     has_discrepancy = not is_standard(priors, DISCREPANCY)
     if has_discrepancy and choice != "discrepancy":
         changed.append(fixed_prior(PARAMETER_BY_NAME[DISCREPANCY], 0.0, source))
+    has_share = not is_standard(priors, SHARE)
+    if has_share and choice in ("independent", "discrepancy") and law != choice:
+        changed.append(fixed_prior(PARAMETER_BY_NAME[SHARE], 1.0, source))
     if choice == "independent":
         # In time residuals correlate unless priors say otherwise.
         if law != choice or (length == TIME and length not in priors):
@@ -56,11 +59,8 @@ def changes_of_residuals(
         changed.append(correlation)
     if law == choice:
         return changed
-    has_share = not is_standard(priors, SHARE)
     if choice == "discrepancy":
         changed += [] if has_discrepancy else [freed[DISCREPANCY]]
-        if has_share:
-            changed.append(fixed_prior(PARAMETER_BY_NAME[SHARE], 1.0, source))
     elif not has_share:
         changed.append(freed[SHARE])
     return changed

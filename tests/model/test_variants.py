@@ -121,7 +121,10 @@ def test_an_argument_of_another_type_is_refused(
 REVERSIBLE: Mapping[str, tuple[str, ...]] = {
     "kelvin": tuple(law for law in CHOICES["kelvin"] if law != "andrade"),
     "maxwell": tuple(law for law in CHOICES["maxwell"] if law != "linear"),
-    **{part: CHOICES[part] for part in ("hardening", "second_mechanism", "third_mechanism")},
+    **{
+        part: CHOICES[part]
+        for part in ("residuals", "hardening", "second_mechanism", "third_mechanism")
+    },
 }
 """Laws that leave the priors of the others as they are."""
 

@@ -1,5 +1,6 @@
 """What may lie behind the errors of an experiment file, and what its names of columns say."""
 
+import logging
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -9,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from pyburgers.common.cells import DECIMAL_COMMA, ODD_MINUS
+from pyburgers.common.cells import DECIMAL_COMMA, ODD_MINUS, THOUSANDS
 from pyburgers.common.columns import may_be_quoted
 from pyburgers.common.errors import InputError
 from pyburgers.common.text_tables import TextTable, look_at
+from pyburgers.common.toml_files import read_tables
 from pyburgers.common.units import UNITS, span_text
 from pyburgers.flow_law_tables.tables import IN_SHEAR, SI_COLUMNS
 from pyburgers.flow_law_tables.tables import KIND as RATES
@@ -37,6 +39,8 @@ from pyburgers.kinds.conditions import temperature_range
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.guessed_columns import BY_NAME, guess_columns
 from pyburgers.kinds.new_file import NAMED_SEPARATORS, Columns, facts_of, new_files
+
+logger = logging.getLogger(__name__)
 
 SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "white space", ",": "commas"}
 
@@ -82,6 +86,14 @@ def hints(tables: Sequence[TextTable], content: Mapping[str, Any]) -> list[str]:
     return list(dict.fromkeys(found))
 
 
+def log_hints(paths: Sequence[Path]) -> None:
+    """Tell what the text files of some input files say beside them."""
+    for path in paths:
+        content = read_tables(path)
+        for hint in hints([*looks(path, content)], content):
+            logger.info(f"hint: {hint}")
+
+
 def _hints_of(look: TextTable, data: Mapping[str, Any], small_strain: float) -> Iterator[str]:
     named = any(key.endswith("_column") and isinstance(data[key], str) for key in data)
     header = data.get("header")
@@ -110,7 +122,10 @@ def _hints_of(look: TextTable, data: Mapping[str, Any], small_strain: float) -> 
     found = [(ODD_MINUS, "starts with a character that is no minus sign", "write '-'")]
     if not look.has_decimal_commas:
         what = "has a comma that separates thousands or decimals"
-        found.append((DECIMAL_COMMA, what, "write a decimal point and no other mark"))
+        remedy = "write a decimal point and no other mark"
+        if all(THOUSANDS.fullmatch(cell) for _, cell in look.cells_like(DECIMAL_COMMA)):
+            remedy = "remove a comma between thousands, write a point for a decimal comma"
+        found.append((DECIMAL_COMMA, what, remedy))
     for looks_like, what, remedy in found:
         cells = look.cells_like(looks_like)
         if cells:

@@ -15,7 +15,6 @@ from pyburgers.common.columns import may_be_quoted
 from pyburgers.common.errors import InputError
 from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.common.toml_files import read_tables
-from pyburgers.common.units import UNITS, span_text
 from pyburgers.flow_law_tables.tables import IN_SHEAR, SI_COLUMNS
 from pyburgers.flow_law_tables.tables import KIND as RATES
 from pyburgers.kinds.column_names import (
@@ -35,10 +34,8 @@ from pyburgers.kinds.column_names import (
     quantity_in,
     unit_in_name,
 )
-from pyburgers.kinds.conditions import temperature_range
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.guessed_columns import BY_NAME, guess_columns
-from pyburgers.kinds.new_file import NAMED_SEPARATORS, Columns, facts_of, new_files
+from pyburgers.kinds.new_file import NAMED_SEPARATORS, new_files
 
 logger = logging.getLogger(__name__)
 
@@ -179,9 +176,6 @@ NO_CONFLICTS = {
 
 ONE_LETTER = re.compile(r"[a-z](?![a-z'\"′’”])")
 """Pattern of names such as t, which may be a time or a temperature."""
-
-MAX_TEMPERATURE_DIFFERENCE, MAX_RATE_RATIO = 5.0, 2.0
-"""Kelvin, and ratio, by which a column that is not read may lie outside what a file states."""
 
 
 @dataclass(frozen=True)
@@ -329,87 +323,3 @@ def _are_axial(tests: object) -> bool:
         for one in tests
         if isinstance(one, dict)
     )
-
-
-def unread_columns(look: TextTable, content: Mapping[str, Any]) -> list[str | int]:
-    """Return the columns of a table that a file does not name."""
-    named = {column for key, column in content["data"].items() if key.endswith("_column")}
-    for rows in _selections(content):
-        named |= rows.keys()
-    return [column for column in look.columns if column != "" and column not in named]
-
-
-def unread_note(look: TextTable, content: Mapping[str, Any]) -> str | None:
-    """Say which columns of a table a file does not read, and what they hold; None without any."""
-    found = []
-    for column in unread_columns(look, content):
-        numbers = [] if look.is_time_stamps(column) else look.numbers(column)
-        ends = f" ({span_text((min(numbers), max(numbers)), digits=6)})" if numbers else ""
-        found.append(f"{column!r}{ends}")
-    return f"{look.path.name}: columns not read: {', '.join(found)}." if found else None
-
-
-def _selections(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Return the keys `rows` of a file, which say by columns which rows are read."""
-    tables = [content["data"]]
-    for key in ("segments", "tests"):
-        own = content.get(key)
-        tables += own if isinstance(own, list) else []
-    for table in tables:
-        if isinstance(table, dict) and isinstance(table.get("rows"), dict):
-            yield table["rows"]
-
-
-def rates_told(look: TextTable, columns: Columns) -> str | None:
-    """Say where rows look like tests of their own, each with a rate; None where they do not."""
-    if "time" in columns or "stress" not in columns:
-        return None
-    if "strain" in columns and not facts_of(columns["strain"]).turns:
-        return None
-    for column in look.columns:
-        name = plain(look.described(column))
-        if look.numbers(column) and unit_in_name(name, "strain rate"):
-            return (
-                f"column {column!r} holds strain rates, and no time is read. If each row is a "
-                "test, write the file of a table of rates (docs/rates.md)"
-            )
-    return None
-
-
-def contradictions(
-    look: TextTable, content: Mapping[str, Any], experiment: Experiment
-) -> Iterator[str]:
-    """Say where columns that are not read hold another temperature or rate than the test has."""
-    unread = unread_columns(look, content)
-    if any(_selections(content)):  # other rows are of other tests
-        return
-    guessed = guess_columns(look).get("temperature")
-    if (
-        guessed is not None
-        and guessed.column in unread
-        and guessed.told_by == BY_NAME
-        and guessed.unit
-    ):
-        ends = float(np.nanmin(guessed.si)), float(np.nanmax(guessed.si))
-        own = temperature_range(experiment)
-        words = COLUMN_NAMES["temperature"].words
-        is_beside = any(place > 2 and re.search(word, plain(guessed.name)) for word, place in words)
-        outside = max(own[0] - ends[0], ends[1] - own[1])
-        if outside >= MAX_TEMPERATURE_DIFFERENCE and not is_beside:
-            yield (
-                f"{look.path.name}: column {guessed.column!r} holds {span_text(ends, digits=6)} K, "
-                f"but the test is at {span_text(own, digits=6)} K; check both."
-            )
-    strains = "|".join(COLUMN_NAMES["strain"].names)
-    rates = [segment["strain_rate_per_s"] for segment in content.get("segments", ())]
-    for column in unread:
-        name, numbers = plain(look.described(column)), look.numbers(column)
-        unit = unit_in_name(name, "strain rate")
-        if not (unit and numbers and rates and re.search(strains, name)):
-            continue
-        rate = float(np.median(np.abs(numbers))) * UNITS["strain rate"][unit]
-        if rate > MAX_RATE_RATIO * max(rates) or 0 < rate < min(rates) / MAX_RATE_RATIO:
-            yield (
-                f"{look.path.name}: column {column!r} holds {rate:.3g} 1/s in the median, but the "
-                f"stated rates are {span_text((min(rates), max(rates)), digits=3)} 1/s; check both."
-            )

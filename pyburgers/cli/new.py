@@ -14,7 +14,13 @@ from typing import Any
 from pyburgers.cli.check_file import all_errors, check
 from pyburgers.cli.parser import is_text
 from pyburgers.cli.shared import writing
-from pyburgers.cli.unread_columns import proposed_temperature, rates_told, temperature_use
+from pyburgers.cli.unread_columns import (
+    proposed_temperature,
+    rates_told,
+    refuse_obstacle,
+    require_numbers,
+    temperature_use,
+)
 from pyburgers.common.atomic_files import write_atomically
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
@@ -210,6 +216,8 @@ def _column_named(table: TextTable, question: Question, name: str) -> str | int:
     """Return the column that an option names."""
     numbered = (column for k, column in enumerate(table.columns, start=1) if str(k) == name)
     found = name if name in table.columns else next(numbered, None)
+    if found is not None:
+        require_numbers(table, found)
     if found is None or not table.numbers(found):
         names = ", ".join(repr(str(column)) for column in table.columns)
         raise InputError(
@@ -247,6 +255,8 @@ def _require_columns(
 ) -> None:
     for quantities in new_file.needed:
         if not any(name in columns for name in quantities):
+            for column in table.columns:
+                refuse_obstacle(table, column, quantities)
             names = " or ".join(quantities).replace("_", " ")
             among = f" among {', '.join(map(str, table.columns))}" if table.columns else ""
             raise InputError(

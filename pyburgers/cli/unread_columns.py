@@ -1,26 +1,40 @@
 """Columns of a table that a file does not read: what they hold, and what is against the file."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from scipy.ndimage import median_filter
 
 from pyburgers.common.array_types import FloatArray
+from pyburgers.common.errors import InputError
 from pyburgers.common.text_tables import TextTable
 from pyburgers.common.units import UNITS, span_text
-from pyburgers.kinds.column_names import COLUMN_NAMES, LOGARITHM, RATE, plain, unit_in_name
+from pyburgers.kinds.column_names import (
+    COLUMN_NAMES,
+    LOGARITHM,
+    RATE,
+    plain,
+    quantity_in,
+    unit_in_name,
+)
 from pyburgers.kinds.conditions import temperature_range
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.guessed_columns import BY_NAME, guess_columns
-from pyburgers.kinds.new_file import Columns, NewFile, facts_of
+from pyburgers.kinds.new_file import MIN_RUN_READINGS, Columns, NewFile, facts_of
 
 MAX_TEMPERATURE_DIFFERENCE, MAX_RATE_RATIO, MAX_MODULUS_RATIO = 2.0, 2.0, 1.1
 """Kelvin, and ratios, by which a column that is not read may lie outside what a file states."""
 
 NEARLY_ALL = (5.0, 95.0)
 """Percentiles between which readings are compared: a few of them may be of another state."""
+
+START_OF_LOGARITHM = re.compile(rf"^-? ?(?:{LOGARITHM.pattern})_?(?:10)?[\W_]*")
+"""Pattern of what stands ahead of the quantity in the name of a column of its logarithms."""
+
+WITH_ERROR = re.compile(r"\d ?(?:±|\+/?-|\(\d+\))")
+"""Pattern of cells that hold a number with its error."""
 
 
 def unread_columns(look: TextTable, content: Mapping[str, Any]) -> list[str | int]:
@@ -58,7 +72,8 @@ def rates_told(look: TextTable, columns: Columns) -> str | None:
         return None
     if "strain" in columns and not facts_of(columns["strain"]).turns:
         stress = facts_of(columns["stress"])
-        if stress.held_from > 1 or not stress.is_steady:  # read on its way up, or no level
+        is_read_on_its_way_up = stress.held_from > 1
+        if is_read_on_its_way_up or stress.values.size < MIN_RUN_READINGS or not stress.is_steady:
             return None
         return (
             f"column {columns['stress'].column!r} stays the same while the strain grows, and no "
@@ -176,3 +191,34 @@ def temperature_use(
         "temperatures of stages as temperature_K"
     ) * is_wide
     return {"temperature": f"{use}; it holds {span_text(ends, digits=6)} K{further}"}
+
+
+def refuse_obstacle(
+    table: TextTable, column: str | int, quantities: Collection[str | None]
+) -> None:
+    """Refuse a column of some quantities by its name that holds logarithms, or no numbers."""
+    name = plain(table.described(column))
+    bare = START_OF_LOGARITHM.sub("", name)
+    if quantity_in(bare) not in quantities:
+        return
+    if bare != name and table.numbers(column):
+        raise InputError(
+            f"{table.path}: column {column!r} is a logarithm by its name, expected the numbers "
+            "themselves: write 10 to its power, or e to that of ln."
+        )
+    require_numbers(table, column)
+
+
+def require_numbers(table: TextTable, column: str | int) -> None:
+    """Refuse a column without any number, but for an empty one."""
+    index = table.columns.index(column)
+    filled = (
+        (line, cell) for (line, _), cell in zip(table.rows, table.cells(index), strict=True) if cell
+    )
+    line, cell = next(filled, (0, ""))
+    if cell and not table.numbers(column):
+        remedy = "; write the error in a column of its own" * bool(WITH_ERROR.search(cell))
+        raise InputError(
+            f"{table.path}: {table.row_name} {line}, column {column!r}: found {cell!r}, expected "
+            f"a number{remedy}."
+        )

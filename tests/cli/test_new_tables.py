@@ -154,3 +154,25 @@ def test_a_loss_modulus_that_contradicts_the_attenuation_is_told(
     assert (said in capsys.readouterr().out) == is_told
     main(["check-file", str(path.with_suffix(".toml"))])
     assert (said in capsys.readouterr().out) == is_told
+
+
+@pytest.mark.parametrize(
+    ("head", "row", "words"),
+    [
+        ("Strain (%),Stress (MPa)", "0.1,0.78 ± 0.05", "; write the error in a column of its own"),
+        ("Strain (%),Stress (MPa)", "0.1,0.78(5)", "; write the error in a column of its own"),
+        ("Strain (%),Stress (MPa)", "0.1,high", "line 2, column 'Stress (MPa)': found 'high'"),
+        ("log10 t (s),stress (MPa)", "-1,11", "column 'log10 t (s)' is a logarithm by its name"),
+        ("log10 To (s),log10 Q^-1", "0.4,-1.8", "column 'log10 To (s)' is a logarithm by its name"),
+    ],
+)
+def test_what_keeps_a_column_of_the_right_name_from_being_read_is_named(
+    head: str, row: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(tmp_path, head, [row] * 3)
+    assert main(["new", str(path), *AT_263]) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    if "line 2" in error:
+        assert main(["new", str(path), *AT_263, "--stress-column", "Stress (MPa)"]) == 2
+        assert capsys.readouterr().err == error

@@ -29,10 +29,12 @@ from pyburgers.kinds.column_names import (
     RATE,
     SHARES,
     SHEAR,
+    contradicted_unit,
     deformation_in,
     plain,
     quantity_in,
     unit_in_name,
+    unit_stated,
 )
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.new_file import NAMED_SEPARATORS, new_files
@@ -159,9 +161,6 @@ def _hints_of_signs(look: TextTable, data: Mapping[str, Any]) -> Iterator[str]:
         )
 
 
-DEFAULT_UNITS = {"temperature": "K", "stress": "MPa"}
-"""Units of columns whose unit need not be stated, but in tables of rates."""
-
 OTHER_THAN_RATES = {"strain_rate": r"viscos|complian", "grain_size": r"radi(?:us|i)|area|flache"}
 """Patterns of what columns of tables of rates are not."""
 
@@ -198,11 +197,7 @@ class _Named:
 def hints_of_names(look: TextTable, content: Mapping[str, Any]) -> Iterator[str]:
     """Name columns whose names say something else than the file that names them."""
     for one in _named(look, content):
-        named = unit_in_name(one.name, one.kind)
-        if named is not None and named != str(one.unit).removeprefix("deg" * (named == "C")):
-            said = f"unit {one.unit!r} is stated" if one.unit else "no unit is stated"
-            other = f"the unit {named!r}" if named else "another unit, a factor, or a logarithm"
-            yield f"{said} for column {one.column!r}, whose name says {other}: check it."
+        yield from contradicted_unit(one.column, one.name, one.kind, one.unit)
         if other := _other_quantity(one, content):
             yield (
                 f"column {one.column!r} is read as the {one.quantity.replace('_', ' ')}, but its "
@@ -225,9 +220,7 @@ def _named(look: TextTable, content: Mapping[str, Any]) -> Iterator[_Named]:
         if stem == key or quantity not in kinds or not is_there:
             continue
         kind = kinds[quantity]
-        shared = "modulus_unit" if "modulus" in of else f"{kind}_unit"
-        default = None if content.get("protocol") == RATES else DEFAULT_UNITS.get(kind)
-        unit = data.get(f"{of}_unit", data.get(shared, default))
+        unit = unit_stated(of, kind, data, has_default=content.get("protocol") != RATES)
         yield _Named(column, plain(look.described(column)), quantity, kind, stem != of, unit)
 
 

@@ -256,6 +256,11 @@ def test_a_data_frame_is_a_table_too(write: Write) -> None:
     data = load_rate_table(given)
     assert data.stress.tolist() == [1e6, 2e6, 3e6]
     assert np.isnan(data.grain_size).all()
+    assert not data.notices
+    renamed = {"T": frame["T"], "s (psi)": frame["s"], "r": frame["r"]}
+    own = {**dict[str, Any](given["data"]), "file": renamed, "stress_column": "s (psi)"}
+    (notice,) = load_rate_table({**given, "data": own}).notices
+    assert "for column 's (psi)', whose name says another unit" in notice
 
 
 @pytest.mark.parametrize("path", MEASURED, ids=lambda path: path.stem)

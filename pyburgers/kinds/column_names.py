@@ -5,7 +5,7 @@ Names are compared in lower case and without accents; units are in `pyburgers.co
 
 import re
 import unicodedata
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -191,6 +191,17 @@ ERRORS = re.compile(
 """Pattern of columns of standard deviations; beside a German time, std are hours."""
 
 
+ERROR_AHEAD = re.compile(
+    r"^(?:abs\w* )?(?:err(?:or)?|unc(?:ert\w*)?|s[de]|st(?:d|andard)[ _.]*dev\w*|std)"
+    r"(?![a-z])\.?[ _]*(?:(?:of|in|on|von|de)[ _]+)?(?:the )?"
+)
+"""Pattern of what stands ahead of the quantity in the name of a column of its errors."""
+
+
+ERROR_SIGN = re.compile(r"^[dδσ][ _]?\(?([^()\[\] /]+)\)?(?=$|[ (\[])")
+"""Pattern of a sign of an error ahead of a symbol: σ_G, dG; a stress may have such a name."""
+
+
 OTHER_ERRORS = re.compile(r"(?<![\d.])2 ?_?(?:σ|sigma|s\.?[de](?![a-z]))|95 ?(?:%|percent|_?ci)")
 """Pattern of errors that are another multiple than one standard deviation."""
 
@@ -248,6 +259,16 @@ def quantity_in(name: str) -> str | None:
             if re.search(FOREIGN_UNIT_NAMES.get(patterns.kind, "$^"), name):
                 return quantity
     return None
+
+
+def error_in(name: str, others: Collection[str | None]) -> str | None:
+    """Return the quantity whose errors a column holds by its name; `others`: what is beside it."""
+    if ERRORS.search(name):
+        return quantity_in(ERROR_AHEAD.sub("", name)) or quantity_in(name)
+    found = ERROR_SIGN.match(name)
+    quantity = quantity_in(found[1]) if found else None
+    is_modulus = quantity in ("modulus", "storage_modulus", "loss_modulus", "attenuation")
+    return quantity if is_modulus and quantity in others else None
 
 
 def kinds_in(name: str) -> set[str]:

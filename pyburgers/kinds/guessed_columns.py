@@ -16,12 +16,12 @@ from pyburgers.kinds.column_names import (
     ALONG_AXIS,
     COLUMN_NAMES,
     CONFINING,
-    ERRORS,
     LOGARITHM,
     OTHER_QUANTITIES,
     OTHER_WORDS,
     SET_POINT,
     SHEAR,
+    error_in,
     kinds_in,
     plain,
     quantity_in,
@@ -300,13 +300,15 @@ def _named(table: TextTable) -> dict[str | int, str]:
         in_order = zip(columns, order.get(len(columns), ()), strict=False)
         return {column: quantity for column, quantity in in_order if table.numbers(column)}
     found: dict[str | int, str] = {}
-    for column in columns:
-        name = plain(table.described(column))
-        quantity = None if OTHER_QUANTITIES.search(name) else quantity_in(name)
+    names = {column: plain(table.described(column)) for column in columns}
+    own = {column: quantity_in(name) for column, name in names.items()}
+    for column, name in names.items():
+        of = error_in(name, [one for other, one in own.items() if other != column])
+        quantity = None if OTHER_QUANTITIES.search(name) else of or own[column]
         if quantity is None and table.is_time_stamps(column):
             quantity = "time"
         if quantity is not None and table.numbers(column):
-            found[column] = quantity + "_uncertainty" * bool(ERRORS.search(name))
+            found[column] = quantity + "_uncertainty" * (of is not None)
     held = {*found.values()}
     if "temperature" not in held and held & {"period", "frequency"}:
         # Beside periods a T is no time.

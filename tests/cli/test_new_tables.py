@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from pyburgers.cli.main import main
+from pyburgers.common.text_tables import look_at
+from pyburgers.kinds.guessed_columns import guess_columns
 
 KNOWN = ("--material", "ice", "--grain-size-m", "1e-3")
 AT_263 = (*KNOWN, "--temperature-K", "263")
@@ -176,3 +178,32 @@ def test_what_keeps_a_column_of_the_right_name_from_being_read_is_named(
     if "line 2" in error:
         assert main(["new", str(path), *AT_263, "--stress-column", "Stress (MPa)"]) == 2
         assert capsys.readouterr().err == error
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity"),
+    [
+        ("err G (GPa)", "modulus"),
+        ("sd G (GPa)", "modulus"),
+        ("uncertainty of G (GPa)", "modulus"),
+        ("Std. dev. G (GPa)", "modulus"),
+        ("dG (GPa)", "modulus"),
+        ("σ_G (GPa)", "modulus"),
+        ("G err (GPa)", "modulus"),
+        ("σ(Q-1)", "attenuation"),
+        ("err 1/Q", "attenuation"),
+    ],
+)
+def test_words_and_signs_of_an_error_may_stand_ahead(
+    name: str, quantity: str, tmp_path: Path
+) -> None:
+    rows = np.c_[[1.0, 10.0], [0.02, 0.03], [60.0, 58.0], [0.001, 0.001]]
+    columns = guess_columns(look_at(written(tmp_path, f"Period (s),1/Q,G (GPa),{name}", rows)))
+    assert columns[f"{quantity}_uncertainty"].column == name
+    assert not columns[quantity].rivals
+
+
+def test_a_difference_of_stresses_is_no_error(tmp_path: Path) -> None:
+    rows = np.c_[GROWING, RISING, 2 * RISING]
+    columns = guess_columns(look_at(written(tmp_path, "Strain (%),dσ (MPa),σ (MPa)", rows)))
+    assert columns["stress"].column == "dσ (MPa)"

@@ -8,7 +8,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from pyburgers.cli.hints import contradictions, hints, looks, text_files, unread_note
+from pyburgers.cli.hints import hints, looks, text_files
+from pyburgers.cli.unread_columns import contradictions, unread_note
 from pyburgers.common.errors import InputError, StructureError
 from pyburgers.common.paths import shown
 from pyburgers.common.scratch import scratch_folder

@@ -1,11 +1,10 @@
 """`pyburgers fit`: one test, or several in a joint fit."""
 
 import argparse
-import logging
 from dataclasses import replace
 from pathlib import Path
 
-from pyburgers.cli.hints import hints, looks
+from pyburgers.cli.hints import log_hints
 from pyburgers.cli.shared import (
     add_model_options,
     add_options_of_runs_there,
@@ -17,7 +16,6 @@ from pyburgers.cli.shared import (
 from pyburgers.cli.terminal import print_checks, print_lines, print_table
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
-from pyburgers.common.toml_files import read_tables
 from pyburgers.comparison.conclusions import what_a_yes_leaves_open
 from pyburgers.fitting.fit import fit
 from pyburgers.kinds.experiment import Experiment
@@ -34,8 +32,6 @@ from pyburgers.model.variants import parse_choices, with_variant
 from pyburgers.page.joint_section import pooling_table, shown_pooling_table
 from pyburgers.page.tables import parameter_table
 from pyburgers.sampling.run_directory import RunDirectory
-
-logger = logging.getLogger(__name__)
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -81,10 +77,7 @@ def run(options: argparse.Namespace) -> int:
     experiments = of_one_program([load_experiment(path) for path in options.experiments])
     if pool and len(experiments) == 1:
         raise InputError(f"--pool {options.pool[0]}: found one experiment, expected several.")
-    for path in options.experiments:
-        content = read_tables(path)
-        for hint in hints([*looks(path, content)], content):
-            logger.info(f"hint: {hint}")
+    log_hints(options.experiments)
     priors = with_variant(priors_for(experiments, options.priors, choices), experiments[0], choices)
     source: Path | None = options.priors_from
     if source is not None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
+from pyburgers.cli.hints import log_hints
 from pyburgers.cli.shared import (
     DEFAULT_OPTIONS,
     add_options_of_runs_there,
@@ -80,6 +81,7 @@ def run(options: argparse.Namespace) -> int:
         options.hold_out,
         softened=options.curve_priors is not None,
     )
+    log_hints(options.data)
     for path in options.without:
         before = data.n_rows
         data = without_test(data, load_experiment(path))

@@ -1,5 +1,6 @@
 """What may lie behind the errors of an experiment file, and what its names of columns say."""
 
+import logging
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -9,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from pyburgers.common.cells import DECIMAL_COMMA, ODD_MINUS
+from pyburgers.common.cells import DECIMAL_COMMA, ODD_MINUS, THOUSANDS
 from pyburgers.common.columns import may_be_quoted
 from pyburgers.common.errors import InputError
 from pyburgers.common.text_tables import TextTable, look_at
-from pyburgers.common.units import UNITS, span_text
+from pyburgers.common.toml_files import read_tables
 from pyburgers.flow_law_tables.tables import IN_SHEAR, SI_COLUMNS
 from pyburgers.flow_law_tables.tables import KIND as RATES
 from pyburgers.kinds.column_names import (
@@ -28,15 +29,17 @@ from pyburgers.kinds.column_names import (
     RATE,
     SHARES,
     SHEAR,
+    contradicted_unit,
     deformation_in,
     plain,
     quantity_in,
     unit_in_name,
+    unit_stated,
 )
-from pyburgers.kinds.conditions import temperature_range
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.guessed_columns import BY_NAME, guess_columns
-from pyburgers.kinds.new_file import NAMED_SEPARATORS, Columns, facts_of, new_files
+from pyburgers.kinds.new_file import NAMED_SEPARATORS, new_files
+
+logger = logging.getLogger(__name__)
 
 SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "white space", ",": "commas"}
 
@@ -82,6 +85,14 @@ def hints(tables: Sequence[TextTable], content: Mapping[str, Any]) -> list[str]:
     return list(dict.fromkeys(found))
 
 
+def log_hints(paths: Sequence[Path]) -> None:
+    """Tell what the text files of some input files say beside them."""
+    for path in paths:
+        content = read_tables(path)
+        for hint in hints([*looks(path, content)], content):
+            logger.info(f"hint: {hint}")
+
+
 def _hints_of(look: TextTable, data: Mapping[str, Any], small_strain: float) -> Iterator[str]:
     named = any(key.endswith("_column") and isinstance(data[key], str) for key in data)
     header = data.get("header")
@@ -110,7 +121,10 @@ def _hints_of(look: TextTable, data: Mapping[str, Any], small_strain: float) -> 
     found = [(ODD_MINUS, "starts with a character that is no minus sign", "write '-'")]
     if not look.has_decimal_commas:
         what = "has a comma that separates thousands or decimals"
-        found.append((DECIMAL_COMMA, what, "write a decimal point and no other mark"))
+        remedy = "write a decimal point and no other mark"
+        if all(THOUSANDS.fullmatch(cell) for _, cell in look.cells_like(DECIMAL_COMMA)):
+            remedy = "remove a comma between thousands, write a point for a decimal comma"
+        found.append((DECIMAL_COMMA, what, remedy))
     for looks_like, what, remedy in found:
         cells = look.cells_like(looks_like)
         if cells:
@@ -147,9 +161,6 @@ def _hints_of_signs(look: TextTable, data: Mapping[str, Any]) -> Iterator[str]:
         )
 
 
-DEFAULT_UNITS = {"temperature": "K", "stress": "MPa"}
-"""Units of columns whose unit need not be stated, but in tables of rates."""
-
 OTHER_THAN_RATES = {"strain_rate": r"viscos|complian", "grain_size": r"radi(?:us|i)|area|flache"}
 """Patterns of what columns of tables of rates are not."""
 
@@ -164,9 +175,6 @@ NO_CONFLICTS = {
 
 ONE_LETTER = re.compile(r"[a-z](?![a-z'\"′’”])")
 """Pattern of names such as t, which may be a time or a temperature."""
-
-MAX_TEMPERATURE_DIFFERENCE, MAX_RATE_RATIO = 5.0, 2.0
-"""Kelvin, and ratio, by which a column that is not read may lie outside what a file states."""
 
 
 @dataclass(frozen=True)
@@ -189,11 +197,7 @@ class _Named:
 def hints_of_names(look: TextTable, content: Mapping[str, Any]) -> Iterator[str]:
     """Name columns whose names say something else than the file that names them."""
     for one in _named(look, content):
-        named = unit_in_name(one.name, one.kind)
-        if named is not None and named != str(one.unit).removeprefix("deg" * (named == "C")):
-            said = f"unit {one.unit!r} is stated" if one.unit else "no unit is stated"
-            other = f"the unit {named!r}" if named else "another unit, a factor, or a logarithm"
-            yield f"{said} for column {one.column!r}, whose name says {other}: check it."
+        yield from contradicted_unit(one.column, one.name, one.kind, one.unit)
         if other := _other_quantity(one, content):
             yield (
                 f"column {one.column!r} is read as the {one.quantity.replace('_', ' ')}, but its "
@@ -216,9 +220,7 @@ def _named(look: TextTable, content: Mapping[str, Any]) -> Iterator[_Named]:
         if stem == key or quantity not in kinds or not is_there:
             continue
         kind = kinds[quantity]
-        shared = "modulus_unit" if "modulus" in of else f"{kind}_unit"
-        default = None if content.get("protocol") == RATES else DEFAULT_UNITS.get(kind)
-        unit = data.get(f"{of}_unit", data.get(shared, default))
+        unit = unit_stated(of, kind, data, has_default=content.get("protocol") != RATES)
         yield _Named(column, plain(look.described(column)), quantity, kind, stem != of, unit)
 
 
@@ -314,87 +316,3 @@ def _are_axial(tests: object) -> bool:
         for one in tests
         if isinstance(one, dict)
     )
-
-
-def unread_columns(look: TextTable, content: Mapping[str, Any]) -> list[str | int]:
-    """Return the columns of a table that a file does not name."""
-    named = {column for key, column in content["data"].items() if key.endswith("_column")}
-    for rows in _selections(content):
-        named |= rows.keys()
-    return [column for column in look.columns if column != "" and column not in named]
-
-
-def unread_note(look: TextTable, content: Mapping[str, Any]) -> str | None:
-    """Say which columns of a table a file does not read, and what they hold; None without any."""
-    found = []
-    for column in unread_columns(look, content):
-        numbers = [] if look.is_time_stamps(column) else look.numbers(column)
-        ends = f" ({span_text((min(numbers), max(numbers)), digits=6)})" if numbers else ""
-        found.append(f"{column!r}{ends}")
-    return f"{look.path.name}: columns not read: {', '.join(found)}." if found else None
-
-
-def _selections(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Return the keys `rows` of a file, which say by columns which rows are read."""
-    tables = [content["data"]]
-    for key in ("segments", "tests"):
-        own = content.get(key)
-        tables += own if isinstance(own, list) else []
-    for table in tables:
-        if isinstance(table, dict) and isinstance(table.get("rows"), dict):
-            yield table["rows"]
-
-
-def rates_told(look: TextTable, columns: Columns) -> str | None:
-    """Say where rows look like tests of their own, each with a rate; None where they do not."""
-    if "time" in columns or "stress" not in columns:
-        return None
-    if "strain" in columns and not facts_of(columns["strain"]).turns:
-        return None
-    for column in look.columns:
-        name = plain(look.described(column))
-        if look.numbers(column) and unit_in_name(name, "strain rate"):
-            return (
-                f"column {column!r} holds strain rates, and no time is read. If each row is a "
-                "test, write the file of a table of rates (docs/rates.md)"
-            )
-    return None
-
-
-def contradictions(
-    look: TextTable, content: Mapping[str, Any], experiment: Experiment
-) -> Iterator[str]:
-    """Say where columns that are not read hold another temperature or rate than the test has."""
-    unread = unread_columns(look, content)
-    if any(_selections(content)):  # other rows are of other tests
-        return
-    guessed = guess_columns(look).get("temperature")
-    if (
-        guessed is not None
-        and guessed.column in unread
-        and guessed.told_by == BY_NAME
-        and guessed.unit
-    ):
-        ends = float(np.nanmin(guessed.si)), float(np.nanmax(guessed.si))
-        own = temperature_range(experiment)
-        words = COLUMN_NAMES["temperature"].words
-        is_beside = any(place > 2 and re.search(word, plain(guessed.name)) for word, place in words)
-        outside = max(own[0] - ends[0], ends[1] - own[1])
-        if outside >= MAX_TEMPERATURE_DIFFERENCE and not is_beside:
-            yield (
-                f"{look.path.name}: column {guessed.column!r} holds {span_text(ends, digits=6)} K, "
-                f"but the test is at {span_text(own, digits=6)} K; check both."
-            )
-    strains = "|".join(COLUMN_NAMES["strain"].names)
-    rates = [segment["strain_rate_per_s"] for segment in content.get("segments", ())]
-    for column in unread:
-        name, numbers = plain(look.described(column)), look.numbers(column)
-        unit = unit_in_name(name, "strain rate")
-        if not (unit and numbers and rates and re.search(strains, name)):
-            continue
-        rate = float(np.median(np.abs(numbers))) * UNITS["strain rate"][unit]
-        if rate > MAX_RATE_RATIO * max(rates) or 0 < rate < min(rates) / MAX_RATE_RATIO:
-            yield (
-                f"{look.path.name}: column {column!r} holds {rate:.3g} 1/s in the median, but the "
-                f"stated rates are {span_text((min(rates), max(rates)), digits=3)} 1/s; check both."
-            )

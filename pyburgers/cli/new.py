@@ -11,19 +11,23 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from pyburgers.cli.check_file import all_errors, check
-from pyburgers.cli.hints import rates_told
 from pyburgers.cli.parser import is_text
 from pyburgers.cli.shared import writing
+from pyburgers.cli.unread_columns import (
+    proposed_temperature,
+    rates_told,
+    refuse_obstacle,
+    require_numbers,
+    temperature_use,
+)
 from pyburgers.common.atomic_files import write_atomically
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
 from pyburgers.common.scratch import scratch_folder
 from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.common.toml_files import read_tables
-from pyburgers.common.units import UNIT_TABLE, span_text, units_text
+from pyburgers.common.units import UNIT_TABLE, units_text
 from pyburgers.kinds.column_names import ALONG_AXIS, COLUMN_NAMES
 from pyburgers.kinds.guessed_columns import (
     GuessedColumn,
@@ -137,13 +141,13 @@ def run(options: argparse.Namespace) -> int:
         print(f"guessed: protocol {new_file.experiment.protocol}, because {reason}")
     for sentence in units_in_comments(table, read):
         print(f"check: {sentence}")
-    for sentence in left_out(table, columns, read, _temperature_use(columns, given)):
+    for sentence in left_out(table, columns, read, temperature_use(new_file, columns, given)):
         print(f"left out: {sentence}")
     named = [one for one in new_file.quantities if vars(options).get(f"{one}_column") is not None]
     _require_units(options.csv, {**read, **{quantity: columns[quantity] for quantity in named}})
     _refuse_needless_options(new_file, read, vars(options))
     file = _check_file_name(os.path.relpath(options.csv, out.parent))
-    proposed = {"id": _identifier(table), "temperature_K": _temperature(columns)}
+    proposed = {"id": _identifier(table), "temperature_K": proposed_temperature(new_file, columns)}
     draft = _Draft(new_file, Description(file, table, read, given), proposed)
     answers = _answers(draft)
     for sentence in new_file.describe_decisions(replace(draft.test, values=answers)):
@@ -212,6 +216,8 @@ def _column_named(table: TextTable, question: Question, name: str) -> str | int:
     """Return the column that an option names."""
     numbered = (column for k, column in enumerate(table.columns, start=1) if str(k) == name)
     found = name if name in table.columns else next(numbered, None)
+    if found is not None:
+        require_numbers(table, found)
     if found is None or not table.numbers(found):
         names = ", ".join(repr(str(column)) for column in table.columns)
         raise InputError(
@@ -249,6 +255,8 @@ def _require_columns(
 ) -> None:
     for quantities in new_file.needed:
         if not any(name in columns for name in quantities):
+            for column in table.columns:
+                refuse_obstacle(table, column, quantities)
             names = " or ".join(quantities).replace("_", " ")
             among = f" among {', '.join(map(str, table.columns))}" if table.columns else ""
             raise InputError(
@@ -319,26 +327,6 @@ def _identifier(table: TextTable) -> str:
     """Return a name of the test that its text file suggests."""
     name = re.sub(r"[^A-Za-z0-9._-]", "_", table.path.stem)[:100]
     return name if re.match(r"[A-Za-z0-9_]", name) else f"_{name}"
-
-
-def _temperature(columns: Columns) -> float | None:
-    """Highest temperature (K) of the table."""
-    column = columns.get("temperature")
-    if column is None or column.is_foreign or not column.is_decided:
-        return None
-    return round(float(np.nanmax(column.si)), 6)
-
-
-def _temperature_use(columns: Columns, given: Mapping[str, Any]) -> Mapping[str, str]:
-    """Say what becomes of a column of temperatures, by the quantity."""
-    highest, stated = _temperature(columns), given["temperature_K"]
-    if highest is None:
-        return {}
-    use = "its highest value alone is used, as the temperature of the test"
-    if stated is not None:
-        use = f"--temperature-K {stated:g} takes its place"
-    ends = float(np.nanmin(columns["temperature"].si)), highest
-    return {"temperature": f"{use}; it holds {span_text(ends, digits=6)} K"}
 
 
 @dataclass(frozen=True)

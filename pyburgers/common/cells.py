@@ -26,6 +26,9 @@ THOUSANDS = re.compile(r"^[+-]?[1-9][0-9]{0,2},[0-9]{3}$")
 HUNDREDS = re.compile(r"[1-9][0-9]{2}")
 """A decimal comma that may separate thousands, and a number that comes before the first of them."""
 
+THOUSANDS_POINTS = re.compile(r"^[+-]?[1-9][0-9]{0,2}(?:\.[0-9]{3})+(?:,[0-9]+)?$")
+"""A number whose points may separate thousands: beside decimal commas no point is a decimal one."""
+
 NOTHING = re.compile(r"nan|n/?a|#n/?a|null|none|n\.a\.|-+", re.IGNORECASE)
 """Words that stand for no reading."""
 

@@ -21,6 +21,7 @@ from pyburgers.common.cells import (
     NOTHING,
     NUMBER,
     THOUSANDS,
+    THOUSANDS_POINTS,
     Row,
     as_number,
     has_clock,
@@ -135,6 +136,10 @@ class TextTable:
         missing = self._missing[index]
         cells = ["" if cell in missing else cell for cell in self.cells(index)]
         if self.has_decimal_commas:
+            cells = [
+                cell.replace(".", "") if THOUSANDS_POINTS.fullmatch(cell) else cell
+                for cell in cells
+            ]
             return [
                 cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell for cell in cells
             ]
@@ -150,13 +155,17 @@ class TextTable:
 
     @cached_property
     def has_decimal_commas(self) -> bool:
-        """Whether commas stand for points: they separate no cells, and no number has a point."""
+        """Whether commas stand for points: they separate no cells, and no number has a point.
+
+        A point that may separate thousands counts for none beside a comma that does not.
+        """
         if self.separator == ",":
             return False
         cells = [cell for _, row in self.rows for cell in row]
-        if not any("," in cell and DECIMAL_COMMA.fullmatch(cell) for cell in cells):
-            return False
-        return not any("." in cell and NUMBER.fullmatch(cell) for cell in cells)
+        commas = [cell for cell in cells if "," in cell and DECIMAL_COMMA.fullmatch(cell)]
+        points = [cell for cell in cells if "." in cell and NUMBER.fullmatch(cell)]
+        are_decimal = not points or not all(map(THOUSANDS.fullmatch, commas))
+        return bool(commas) and are_decimal and all(map(THOUSANDS_POINTS.fullmatch, points))
 
     @cached_property
     def _missing(self) -> list[set[str]]:
@@ -347,7 +356,7 @@ def _table_in(
         *layout.problems,
         *_open_quotes(path, [n for n in broken if n >= layout.first_line]),
         *(() if layout.problems else _long_rows(table, layout.width)),
-        *_doubtful_commas(table),
+        *_doubtful_marks(table),
     )
     return replace(table, problems=problems)
 
@@ -394,12 +403,22 @@ def _long_rows(table: TextTable, width: int) -> Iterator[str]:
         )
 
 
-def _doubtful_commas(table: TextTable) -> Iterator[str]:
-    """Name a comma that may separate thousands or decimals.
+def _doubtful_marks(table: TextTable) -> Iterator[str]:
+    """Name a point beside decimal commas, and a comma that may separate thousands or decimals.
 
     Between semicolons such commas are of decimals, unless whole hundreds stand in their column.
     """
     if not table.has_decimal_commas:
+        return
+    points = table.cells_like(THOUSANDS_POINTS)
+    if points:
+        line, cell = points[0]
+        more = _and_more(len({number for number, _ in points}) - 1)
+        yield (
+            f"{table.path}: line {line}: found {cell!r}{more} "
+            "beside decimal commas, expected no points in numbers: remove a point that separates "
+            "thousands, write a comma for a decimal one."
+        )
         return
     commas = table.cells_like(DECIMAL_COMMA)
     columns = (table.cells(index) for index in range(len(table.columns)))

@@ -38,6 +38,7 @@ from pyburgers.flow_law_tables.tables import (
     number_of_copies,
     rows_alike,
 )
+from pyburgers.kinds.column_names import contradicted_unit, plain
 from pyburgers.kinds.conditions import unlikely_grain_size, unlikely_stress, unlikely_temperature
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.kinds.experiment_file import ProvenanceTable
@@ -166,8 +167,21 @@ def load_rate_table(source: str | Path | Mapping[str, Any]) -> RateTable:
         **values,
         provenance=Provenance(**file.provenance.model_dump()),
         peak_strain=None if peak is None else PeakStrain(peak.mean, peak.sd),
-        notices=(*notes, *(f"{file.id}: {one}" for one in _doubts(file.material, values))),
+        notices=(
+            *notes,
+            *_contradicted_names(file.data),
+            *(f"{file.id}: {one}" for one in _doubts(file.material, values)),
+        ),
     )
+
+
+def _contradicted_names(data: _DataTable) -> Iterator[str]:
+    """Say where names of columns in memory say other units; of files, commands say so."""
+    for name, (kind, _) in SI_COLUMNS.items():
+        column = getattr(data, f"{name}_column")
+        if isinstance(data.file, Mapping) and column is not None:
+            unit = getattr(data, f"{name}_unit")
+            yield from contradicted_unit(column, plain(str(column)), kind, unit)
 
 
 def _doubts(material: str, values: Mapping[str, FloatArray]) -> Iterator[str]:

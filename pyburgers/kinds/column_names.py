@@ -5,8 +5,9 @@ Names are compared in lower case and without accents; units are in `pyburgers.co
 
 import re
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from pyburgers.common.units import FOREIGN_UNIT_NAMES, unit_in, unit_spelled
 
@@ -190,6 +191,17 @@ ERRORS = re.compile(
 """Pattern of columns of standard deviations; beside a German time, std are hours."""
 
 
+ERROR_AHEAD = re.compile(
+    r"^(?:abs\w* )?(?:err(?:or)?|unc(?:ert\w*)?|s[de]|st(?:d|andard)[ _.]*dev\w*|std)"
+    r"(?![a-z])\.?[ _]*(?:(?:of|in|on|von|de)[ _]+)?(?:the )?"
+)
+"""Pattern of what stands ahead of the quantity in the name of a column of its errors."""
+
+
+ERROR_SIGN = re.compile(r"^[dδσ][ _]?\(?([^()\[\] /]+)\)?(?=$|[ (\[])")
+"""Pattern of a sign of an error ahead of a symbol: σ_G, dG; a stress may have such a name."""
+
+
 OTHER_ERRORS = re.compile(r"(?<![\d.])2 ?_?(?:σ|sigma|s\.?[de](?![a-z]))|95 ?(?:%|percent|_?ci)")
 """Pattern of errors that are another multiple than one standard deviation."""
 
@@ -249,6 +261,16 @@ def quantity_in(name: str) -> str | None:
     return None
 
 
+def error_in(name: str, others: Collection[str | None]) -> str | None:
+    """Return the quantity whose errors a column holds by its name; `others`: what is beside it."""
+    if ERRORS.search(name):
+        return quantity_in(ERROR_AHEAD.sub("", name)) or quantity_in(name)
+    found = ERROR_SIGN.match(name)
+    quantity = quantity_in(found[1]) if found else None
+    is_modulus = quantity in ("modulus", "storage_modulus", "loss_modulus", "attenuation")
+    return quantity if is_modulus and quantity in others else None
+
+
 def kinds_in(name: str) -> set[str]:
     """Return kinds of the unit in brackets of a name; strain and angles alone count for none."""
     units = re.findall(r"[(\[] ?([^()\[\]]+?) ?[)\]]", name)
@@ -280,6 +302,39 @@ def unit_of_name(name: str, kind: str, *, is_chosen: bool) -> str | None:
     if unit is None and (needs_unit or re.search(FOREIGN_UNIT_NAMES.get(looks, "$^"), name)):
         return ""
     return unit
+
+
+DEFAULT_UNITS = {"temperature": "K", "stress": "MPa"}
+"""Units of columns whose unit need not be stated, but in tables of rates."""
+
+
+def unit_stated(of: str, kind: str, keys: Mapping[str, Any], *, has_default: bool) -> Any:
+    """Return the unit that keys state for a quantity, or for several of its kind."""
+    shared = "modulus_unit" if "modulus" in of else f"{kind}_unit"
+    default = DEFAULT_UNITS.get(kind) if has_default else None
+    return keys.get(f"{of}_unit", keys.get(shared, default))
+
+
+def contradicted_unit(column: str | int, name: str, kind: str, unit: object) -> Iterator[str]:
+    """Say where the plain name of a column says another unit than is stated."""
+    named = unit_in_name(name, kind)
+    if named is not None and named != str(unit).removeprefix("deg" * (named == "C")):
+        said = f"unit {unit!r} is stated" if unit else "no unit is stated"
+        other = f"the unit {named!r}" if named else "another unit, a factor, or a logarithm"
+        yield f"{said} for column {column!r}, whose name says {other}: check it."
+
+
+def contradicted_units(arguments: Mapping[str, Any]) -> Iterator[str]:
+    """Say where names of columns of pandas among arguments contradict the units beside them."""
+    for key, values in arguments.items():
+        of = key.removeprefix("stress_").removesuffix("_uncertainty")
+        name, dtype = getattr(values, "name", None), getattr(values, "dtype", None)
+        # Time stamps and texts have no unit of their own to be named.
+        if name is None or of not in COLUMN_NAMES or getattr(dtype, "kind", "") not in "iuf":
+            continue
+        kind = COLUMN_NAMES[of].kind
+        unit = unit_stated(of, kind, arguments, has_default=True)
+        yield from contradicted_unit(name, plain(str(name)), kind, unit)
 
 
 def _stated_unit(name: str) -> str:

@@ -16,12 +16,12 @@ from pyburgers.kinds.column_names import (
     ALONG_AXIS,
     COLUMN_NAMES,
     CONFINING,
-    ERRORS,
     LOGARITHM,
     OTHER_QUANTITIES,
     OTHER_WORDS,
     SET_POINT,
     SHEAR,
+    error_in,
     kinds_in,
     plain,
     quantity_in,
@@ -39,6 +39,10 @@ BY_NAME, BY_NUMBERS, BY_NOTHING = "its name", "its numbers", "nothing; check it"
 
 DIFFERENTIAL_PLACE, MIN_CONFINING_SHARE = 0, 0.05
 """Place of names of differential stresses; a stress beside the axis below this share is none."""
+
+
+MAX_START_SHARE, MIN_END_SHARE = 0.05, 0.5
+"""Of the largest stress: what the first of a test has at most, and the one before it at least."""
 
 
 MAX_RELATIVE_DIFFERENCE = 1e-3
@@ -126,6 +130,14 @@ class GuessedColumn:
         return there[1:][np.diff(self.numbers[there]) < 0]
 
     @property
+    def starts_again(self) -> IntArray:
+        """Rows, from 0, whose number is about zero, as the first one, and far below the last."""
+        size = np.abs(self.numbers)
+        largest = float(np.nanmax(size))
+        low, high = MAX_START_SHARE * largest, MIN_END_SHARE * largest
+        return np.flatnonzero((size[1:] <= low) & (size[:-1] >= high) & (size[0] <= low)) + 1
+
+    @property
     def sentence(self) -> str:
         """What was guessed."""
         unit = "" if self.unit is None else f" in {self.unit} (by {self.told_by})"
@@ -172,7 +184,6 @@ def left_out(
     """Say which columns a file does not name, and why, a sentence each."""
     taken = {guessed.column for guessed in read.values()}
     reasons: dict[str | int, str] = {}
-    storage = columns.get("storage_modulus")
     for guessed in columns.values():
         beside = f"such a file names no {guessed.says} beside the columns that are taken"
         if guessed.is_foreign and guessed.quantity not in used:
@@ -181,8 +192,6 @@ def left_out(
             cycles = read["period"].si * guessed.si
             if not _are_alike(np.ones(cycles.size), cycles):
                 beside += f"; times the period it is {np.nanmedian(cycles):.3g}, expected 1"
-        if guessed.quantity == "loss_modulus" and "attenuation" in read and storage is not None:
-            beside += _difference(read["attenuation"].tan_delta * storage.si, guessed.si)
         reasons.setdefault(guessed.column, used.get(guessed.quantity, beside))
         for rival in guessed.rivals:
             reason = f"{guessed.column!r} is taken as the {guessed.says}"
@@ -237,12 +246,16 @@ def first_of_tests(
 ) -> tuple[Mapping[str, GuessedColumn], str | None]:
     """Return columns of the first of several tests, and what to check where the time goes back.
 
-    Tests are told apart by a column that changes wherever the time, or else the strain, goes back.
+    Tests are told apart by a column that changes wherever the time, or else the strain, goes back,
+    or else a stress starts again.
     """
     guide = columns.get("time", columns.get("strain"))
     if guide is None or {"period", "frequency"} & columns.keys():
         return columns, None
-    back = guide.goes_back
+    back, does = guide.goes_back, "goes back"
+    if not back.size and "time" not in columns and "stress" in columns:
+        guide, does = columns["stress"], "starts again"
+        back = guide.starts_again
     if not back.size:
         return columns, None
     line = f"{table.row_name} {table.rows[back[0]][0]}"
@@ -253,7 +266,7 @@ def first_of_tests(
         if np.array_equal(back, np.flatnonzero(cells[1:] != cells[:-1]) + 1):
             key, cell = (json.dumps(str(text), ensure_ascii=False) for text in (column, cells[0]))
             return {name: one.at(np.arange(back[0])) for name, one in columns.items()}, (
-                f"the {guide.says} goes back in {line}, where column {column!r} changes. If it "
+                f"the {guide.says} {does} in {line}, where column {column!r} changes. If it "
                 f"tells tests apart, read the first with rows = {{ {key} = {cell} }} in [data]"
             )
     if "time" not in columns:  # a strain may go back
@@ -287,13 +300,15 @@ def _named(table: TextTable) -> dict[str | int, str]:
         in_order = zip(columns, order.get(len(columns), ()), strict=False)
         return {column: quantity for column, quantity in in_order if table.numbers(column)}
     found: dict[str | int, str] = {}
-    for column in columns:
-        name = plain(table.described(column))
-        quantity = None if OTHER_QUANTITIES.search(name) else quantity_in(name)
+    names = {column: plain(table.described(column)) for column in columns}
+    own = {column: quantity_in(name) for column, name in names.items()}
+    for column, name in names.items():
+        of = error_in(name, [one for other, one in own.items() if other != column])
+        quantity = None if OTHER_QUANTITIES.search(name) else of or own[column]
         if quantity is None and table.is_time_stamps(column):
             quantity = "time"
         if quantity is not None and table.numbers(column):
-            found[column] = quantity + "_uncertainty" * bool(ERRORS.search(name))
+            found[column] = quantity + "_uncertainty" * (of is not None)
     held = {*found.values()}
     if "temperature" not in held and held & {"period", "frequency"}:
         # Beside periods a T is no time.

@@ -128,3 +128,15 @@ def test_a_softened_table_has_a_prior_to_hand_on_and_is_exported(
     capsys.readouterr()
     code = main(["export", str(out), "--test", "PIL40"])
     assert_refused(code, capsys, "--test: found PIL40, expected none")
+
+
+def test_names_that_say_something_else_than_the_file_are_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for end in ("csv", "toml"):
+        text = (RATES / f"fan_2020.{end}").read_text("utf-8")
+        text = text.replace("temperature_C", "temperature_F")
+        (tmp_path / f"fan_2020.{end}").write_text(text, encoding="utf-8")
+    command = ["fit-rates", str(tmp_path / "fan_2020.toml"), "--law", str(tmp_path / "none.toml")]
+    assert main(command) == 2
+    assert "hint: " in capsys.readouterr().err

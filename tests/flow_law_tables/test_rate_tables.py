@@ -235,7 +235,7 @@ def test_arrays_with_numbers_that_no_test_has_are_refused(
 
 def test_a_data_frame_is_a_table_too(write: Write) -> None:
     frame = pd.DataFrame({"T": [260.0, 250.0, 240.0], "s": [1.0, 2, 3], "r": [1e-7, 1e-7, 1e-8]})
-    given = {
+    given: dict[str, Any] = {
         "id": "frame",
         "material": "ice",
         "protocol": "rates",
@@ -254,6 +254,11 @@ def test_a_data_frame_is_a_table_too(write: Write) -> None:
     data = load_rate_table(given)
     assert data.stress.tolist() == [1e6, 2e6, 3e6]
     assert np.isnan(data.grain_size).all()
+    assert not data.notices
+    renamed = {"T": frame["T"], "s (psi)": frame["s"], "r": frame["r"]}
+    own = {**given["data"], "file": renamed, "stress_column": "s (psi)"}
+    (notice,) = load_rate_table({**given, "data": own}).notices
+    assert "for column 's (psi)', whose name says another unit" in notice
 
 
 @pytest.mark.parametrize("path", MEASURED, ids=lambda path: path.stem)

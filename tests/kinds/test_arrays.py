@@ -384,3 +384,33 @@ def test_columns_may_stand_in_a_toml_file(tmp_path: Path) -> None:
     path.write_text("\n".join(inside).replace("[data.file]", "[data.files]"), encoding="utf-8")
     with pytest.raises(InputError, match="unknown key 'files'"):
         load_experiment(path)
+
+
+@pytest.mark.parametrize(
+    ("make", "arguments", "column", "name", "is_told"),
+    [
+        (pyburgers.ConstantRateTest, CURVE, "stress", "Stress (ksi)", True),
+        (pyburgers.ConstantRateTest, CURVE, "stress", "Stress (MPa)", False),
+        (pyburgers.ConstantRateTest, CURVE, "strain", "Strain", False),
+        (pyburgers.CreepTest, CREEP, "time", "t (min)", True),
+        (pyburgers.AttenuationTable, TABLE, "modulus", "G (MPa)", True),
+        (pyburgers.AttenuationTable, TABLE, "modulus", 3, False),
+    ],
+)
+def test_a_column_of_pandas_whose_name_says_another_unit_is_told(
+    make: Callable[..., Experiment],
+    arguments: dict[str, Any],
+    column: str,
+    name: object,
+    is_told: bool,
+) -> None:
+    series = pd.Series(arguments[column], name=name)
+    test = make(**{**COMMON, **arguments, column: series})
+    said = [one for one in test.notices if f"for column {name!r}, whose name says" in one]
+    assert len(said) == is_told
+
+
+def test_elapsed_times_of_pandas_have_no_unit_in_their_name() -> None:
+    times = pd.Series(pd.to_timedelta(CREEP["time"], unit="h"), name="Time (h)")
+    test = pyburgers.CreepTest(**{**COMMON, **CREEP, "time": times, "time_unit": "s"})
+    assert "whose name says" not in repr(test)

@@ -128,13 +128,12 @@ class LoadingHistoryFile(NewFile):
         if strain is None or strain.oscillates:
             return None
         # A load comes on at once: where the stress is read on its way up, a straight line of the
-        # strain from there on is a rate that is imposed.
+        # strain from there on is a rate that is imposed, also behind slack or friction.
         rises = stress.held_from > 1 and is_at_one_rate(*_rows(columns, "time", "strain"))
         if stress.is_steady and not rises:
             return "the stress stays the same while strain grows"
-        if stress.is_in_levels and not is_driven_by_rates(
-            *_rows(columns, "time", "strain", "stress")
-        ):
+        by_rates = rises or is_driven_by_rates(*_rows(columns, "time", "strain", "stress"))
+        if stress.is_in_levels and not by_rates:
             return "the stress goes in steps and stays the same between"
         return "the strain turns back" if strain.turns else None
 

@@ -14,8 +14,8 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
+from io import BufferedReader
 from pathlib import Path
-from typing import IO
 
 from pyburgers.common.errors import InputError, SystemFailureError
 
@@ -107,13 +107,16 @@ class Running:
             self._pipe.close()
 
     @property
-    def _pipe(self) -> IO[bytes]:
-        assert self.process.stdout is not None  # as `start` makes it
+    def _pipe(self) -> BufferedReader:
+        assert isinstance(self.process.stdout, BufferedReader)  # as `start` makes it
         return self.process.stdout
 
     def _copy_printed(self) -> None:
-        """Copy what the program has printed since the last call to its file."""
-        if text := self._pipe.read():
+        """Copy what the program has printed since the last call to its file.
+
+        An interrupt is heard between two parts, though the program prints without an end.
+        """
+        while text := self._pipe.read1():
             with self.console.open("ab") as file:
                 file.write(text)
 

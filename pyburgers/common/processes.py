@@ -14,8 +14,8 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
-from io import BufferedReader
 from pathlib import Path
+from typing import IO
 
 from pyburgers.common.errors import InputError, SystemFailureError
 
@@ -27,6 +27,9 @@ FREE_MEMORY = (
 
 POLL_SECONDS = 0.03
 """Time between two looks at programs that run side by side."""
+
+PART = 1 << 16
+"""Bytes that are read at once of what a program has printed."""
 
 
 GUARDED = 'exec 3<&0 </dev/null; (read -r _ <&3; kill -9 0) >/dev/null 2>&1 & exec "$@" 3<&-'
@@ -107,8 +110,8 @@ class Running:
             self._pipe.close()
 
     @property
-    def _pipe(self) -> BufferedReader:
-        assert isinstance(self.process.stdout, BufferedReader)  # as `start` makes it
+    def _pipe(self) -> IO[bytes]:
+        assert self.process.stdout is not None  # as `start` makes it
         return self.process.stdout
 
     def _copy_printed(self) -> None:
@@ -116,7 +119,7 @@ class Running:
 
         An interrupt is heard between two parts, though the program prints without an end.
         """
-        while text := self._pipe.read1():
+        while text := self._pipe.read(PART):
             with self.console.open("ab") as file:
                 file.write(text)
 

@@ -114,7 +114,7 @@ def _run(arguments: Sequence[str]) -> int:
             f"memory is limited to {limit / 1e6:.0f} MB, expected at least "
             f"{LEAST_MEMORY / 1e6:.0f} MB; raise the limit (ulimit -v)."
         )
-    if arguments[:1] != ["doctor"]:  # which tells of folders itself
+    if {*arguments[:1]} & (COMMANDS.keys() - {"doctor"}):  # which tells of folders itself
         _make_cache()
     options = _parse(arguments)
     _hear((one for one in ENDING if signal.getsignal(one) is _end_at_once), _interrupt)

@@ -242,8 +242,9 @@ def test_a_home_that_holds_no_cache_is_told(home: str, tmp_path: Path) -> None:
             "there; set HOME, or XDG_CACHE_HOME, to a folder that you can write to.\n",
             error,
         )
-    code, error = ended("sys.exit(main(['doctor']))", environment=environment)
-    assert (code, error) == (1, "")
+    for argument, expected in (("doctor", 1), ("--help", 0)):
+        code, error = ended(f"sys.exit(main(['{argument}']))", environment=environment)
+        assert (code, error) == (expected, "")
 
 
 def test_a_full_disk_is_told_and_what_was_there_stays(tmp_path: Path) -> None:

@@ -164,7 +164,7 @@ def prior_influence(
         # It is normal in its flow rate, not in Q_M, which follows from that.
         del own["activation_enthalpy"]
         values[JOINT_PRIOR] = priors.flow_law.log_flow_rate(values)
-        own[JOINT_PRIOR] = priors.flow_law.flow_rate_scores(values)
+        own[JOINT_PRIOR] = priors.flow_law.flow_rate_scores(values[JOINT_PRIOR])
     columns = prior_scores(posterior, priors)
     of_all = posterior.root["posterior"].to_dataset()
     for name, scale in spread_scales.items():

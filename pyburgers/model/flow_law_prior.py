@@ -149,11 +149,10 @@ class FlowLawPrior:
         solved = np.linalg.solve(self.factor, (beside - self.mean)[..., np.newaxis])
         return np.asarray(solved[..., 0], dtype=np.float64)
 
-    def flow_rate_scores(self, values: Mapping[str, npt.ArrayLike]) -> FloatArray:
-        """Return standard normal scores of `log_flow_rate` by itself."""
+    def flow_rate_scores(self, log_flow_rate: FloatArray) -> FloatArray:
+        """Return standard normal scores of what `log_flow_rate` gives, by itself."""
         k = PRIOR_QUANTITIES.index("log_reference_flow_rate")
-        far = self.log_flow_rate(values) - self.mean[k]
-        return np.asarray(far / np.sqrt(self.covariance[k, k]))
+        return np.asarray((log_flow_rate - self.mean[k]) / np.sqrt(self.covariance[k, k]))
 
     def activation_enthalpy(
         self,

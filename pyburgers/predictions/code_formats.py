@@ -18,6 +18,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.kinds.attenuation.table import Elasticity
+from pyburgers.kinds.conditions import Ranges
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.predictions.attenuation import DEFAULT_FREQUENCIES, material_spectrum
 from pyburgers.predictions.material import (
@@ -238,11 +239,15 @@ ANY_REGIME = Regime(0.0, 1.0)
 
 @dataclass(frozen=True, eq=False)
 class ShearCompliances:
-    """Storage and loss of all draws in shear (n_draws, n), 1/Pa, at frequencies (n,), Hz."""
+    """Storage and loss of all draws in shear (n_draws, n), 1/Pa, at frequencies (n,), Hz.
+
+    `rates`: those of the dashpot under the regime, of which there may be none.
+    """
 
     frequency: FloatArray
     storage: FloatArray
     loss: FloatArray
+    rates: Ranges
     notes: tuple[str, ...]
 
 
@@ -311,6 +316,7 @@ def shear_compliances(fit: SampledFit, stated: Stated, code: str) -> ShearCompli
         frequency=np.asarray(frequency, dtype=np.float64),
         storage=of_spring * spring - less + of_creep * (storage[:, 0] - spring),
         loss=of_creep * loss[:, 0],
+        rates={} if regime is None else material.dashpot_rates([regime]),
         notes=tuple(notes),
     )
 

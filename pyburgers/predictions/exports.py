@@ -42,13 +42,7 @@ from pyburgers.predictions.exported import (
     exported,
     fitted_ranges,
 )
-from pyburgers.predictions.stated_laws import (
-    Stated,
-    creep_laws,
-    is_logarithm,
-    rate_factors,
-    stated_material,
-)
+from pyburgers.predictions.stated_laws import Stated, creep_laws, is_logarithm, rate_factors
 from pyburgers.predictions.stress_cycles import Regime, asked_conditions
 
 AnyFit = Fit | RateFit
@@ -116,15 +110,14 @@ def _compliance_texts(
             f"{form.code}: found {len(stated.temperatures)} temperatures, expected one in a table."
         )
     found, one = shear_compliances(fit, stated, form.code), exported(fit)
-    asked = asked_conditions(
+    assert isinstance(fit, Fit)
+    given = asked_conditions(
         stated.temperatures,
         stated.grain_size,
         frequencies=found.frequency,
         regimes=() if stated.regime is None else [stated.regime],
     )
-    assert isinstance(fit, Fit)
-    if stated.regime is not None:
-        asked |= stated_material(fit, stated, form.code).dashpot_rates([stated.regime])
+    asked = {**given, **found.rates}
     names = [name for name in one.names if name != LOG_FACTOR]
     longer = longer_than_tests(asked, (fit.whole or fit).problem.experiments)
     notes = [*_caution_lines(one, names, fit, asked), *longer, *found.notes]

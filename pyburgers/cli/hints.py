@@ -61,11 +61,13 @@ def looks(path: Path, content: Mapping[str, Any]) -> Iterator[TextTable]:
     data = content.get("data")
     if not isinstance(data, dict):
         return
+    stated = data.get("missing")
+    missing = [str(cell) for cell in stated] if isinstance(stated, list) else None
     for table, key in text_files(content):
         with suppress(InputError):  # the error itself is told
             file = path.parent / str(data.get("data_root", "")) / table[key]
             if may_be_quoted(file, path):
-                yield look_at(file)
+                yield look_at(file, missing=missing)
 
 
 def hints(tables: Sequence[TextTable], content: Mapping[str, Any]) -> list[str]:

@@ -114,10 +114,13 @@ def bad_verdicts(table: pd.DataFrame) -> dict[str, list[bool]]:
     }
 
 
+UNSURE_BEST = "highest, not sampled well"
+
+
 def against_best(comparison: Comparison) -> dict[str, tuple[float, float, str]]:
     """Return by fit the difference of elpd to the best, its standard error, and the outcome.
 
-    The outcome of the best itself is "best".
+    The outcome of the best itself is "best", or `UNSURE_BEST` if a check of its draws failed.
     """
     best = next(iter(comparison.results))
     worse = {
@@ -129,7 +132,8 @@ def against_best(comparison: Comparison) -> dict[str, tuple[float, float, str]]:
         for pair in comparison.pairs()
         if pair.better == best
     }
-    return {best: (0.0, 0.0, "best"), **worse}
+    outcome = UNSURE_BEST if comparison.results[best].doubts else "best"
+    return {best: (0.0, 0.0, outcome), **worse}
 
 
 def shown_differences(table: pd.DataFrame) -> list[str]:

@@ -326,8 +326,8 @@ def _tell_offset(leftover: Leftover, row: Row) -> Told:
     where = leftover.place(int(points[0]), int(points[-1]))
     offset = (
         f"residuals of {leftover.name}, {where}, lie on average "
-        f"{beside(leftover, mean, points[0])}, {row['found']:.1f} standard errors "
-        f"{expected_text(row)}"
+        f"{beside(leftover, mean, points[0])}; in single draws they lie {row['found']:.1f} "
+        f"standard errors off, a mean over the draws {expected_text(row)}"
     )
     return Told(
         f"Nothing is displaced as a whole: {offset}.",
@@ -347,8 +347,9 @@ def _tell_largest(leftover: Leftover, row: Row) -> Told:
     beyond = int(np.sum(sizes > row["at_most"] * others))
     far = (
         f"the reading of {leftover.name} at {where} lies "
-        f"{beside(leftover, leftover.residual[point], point)}, {row['found']:.1f} times the root "
-        f"mean square of the others {expected_text(row)}"
+        f"{beside(leftover, leftover.residual[point], point)}; the largest of a draw is "
+        f"{row['found']:.1f} times the root mean square of the others, a mean over the draws "
+        f"{expected_text(row)}"
     )
     if beyond > 1:
         bad = f"{beyond} readings lie too far off: {far}"

@@ -287,7 +287,7 @@ def check_divergences(draws: CheckedDraws) -> Finding:
         return Finding(Outcome.YES, table, none)
     again = f" ({before} with longer steps)" if before else ""
     found = f"{total} of {diverging.size} trajectories diverged{again}"
-    remedy = "raise --adapt-delta closer to 1 and look where they sit in the pairs figure"
+    remedy = "raise --adapt-delta closer to 1; a figure of pairs of parameters shows where they sit"
     curved = "so a strongly curved region may be missed"
     if MISSED_DRAWS * total > MAX_MISSED * diverging.size:
         return Finding(Outcome.NO, table, f"{found}, {curved}", remedy)

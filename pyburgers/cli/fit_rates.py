@@ -18,7 +18,7 @@ from pyburgers.cli.shared import (
 from pyburgers.cli.terminal import print_checks, print_lines, print_table
 from pyburgers.common.paths import shown
 from pyburgers.drawing.style import write_images
-from pyburgers.flow_law_tables.fit_rates import WARMUP, fit_rates
+from pyburgers.flow_law_tables.fit_rates import TARGET_ACCEPTANCE, WARMUP, fit_rates
 from pyburgers.flow_law_tables.laws import load_rate_law, rate_law
 from pyburgers.flow_law_tables.table_files import load_rate_table
 from pyburgers.flow_law_tables.tables import joined, without_test
@@ -30,7 +30,7 @@ logger = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
-RATE_OPTIONS = ("chains", "warmup", "draws", "seed")
+RATE_OPTIONS = ("chains", "warmup", "draws", "seed", "adapt_delta", "max_treedepth")
 """Settings of the sampler that suit these fits."""
 
 
@@ -70,7 +70,8 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "flow law of the others; may be repeated",
     )
     command.add_argument("--out", type=Path, help="run directory (default: runs/ID)")
-    add_sampler_options(command, RATE_OPTIONS, replace(DEFAULT_OPTIONS, warmup=WARMUP))
+    defaults = replace(DEFAULT_OPTIONS, warmup=WARMUP, adapt_delta=TARGET_ACCEPTANCE)
+    add_sampler_options(command, RATE_OPTIONS, defaults)
     add_options_of_runs_there(command)
 
 

@@ -163,9 +163,9 @@ def left_out_tests(comparison: ComparisonByTest) -> Figure:
         if others:
             axes.axvline(0.0, color=BLACK, linewidth=0.8)
         axes.set_xlabel(
-            "difference of the log density of the left-out test (–)"
+            f"difference of the log density of the left-out {best.kind} (–)"
             if others
-            else "log density of the left-out test per reading (stress in Pa)"
+            else f"log density of the left-out {best.kind} per reading (readings in SI units)"
         )
         axes.set_yticks(lines, list(best.tests))
         axes.set_ylim(lines.size - 0.5, -0.5)

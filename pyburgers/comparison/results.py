@@ -120,11 +120,11 @@ COMPARISON_TEXT = (
 )
 
 BY_TEST_TEXT = (
-    "Measure: log density of each whole test given the others, stresses in Pa; higher is better. "
-    "The fits were repeated without each test, and the density is a ratio of marginal likelihoods, "
-    "by bridge sampling. A test's own parameters are averaged under their priors, which costs as "
-    "much as the test narrows them. With two tests, or if a fit was not sampled well, the data "
-    "cannot tell which fit is better."
+    "Measure: log density of each whole test given the others, readings in SI units; higher is "
+    "better. The fits were repeated without each test, and the density is a ratio of marginal "
+    "likelihoods, by bridge sampling. A test's own parameters are averaged under their priors, "
+    "which costs as much as the test narrows them. With two tests, or if a fit was not sampled "
+    "well, the data cannot tell which fit is better."
 )
 
 
@@ -146,7 +146,7 @@ class LogIntegral:
 class LeaveOneOut:
     """How well a fit predicts each point from the others; arrays have the shape (n_points,).
 
-    The elpd is the log predictive density of each point given all others, of a stress in Pa. A
+    The elpd is the log predictive density of each point given all others, readings in SI. A
     point is exact if it was left out by fitting again, so that its Pareto k does not matter.
     The lppd is the log density of the points that the fit has seen, summed. Doubts name fits
     whose draws failed a check, notes the priors that were read off the data.
@@ -300,7 +300,7 @@ class LeaveOneTestOut:
     """How well a joint fit predicts each test from the others; arrays have the shape (n_tests,).
 
     Kept are the log marginal likelihoods of the fit of all tests and of those without each, of
-    stresses in Pa. The kind names in the plural what is left out: tests, or parts of a single
+    readings in SI units. The kind names in the plural what is left out: tests, or parts of a single
     one. Doubts name fits whose draws failed a check, notes the priors that were read off the
     data.
     """
@@ -315,7 +315,7 @@ class LeaveOneTestOut:
 
     @property
     def elpd(self) -> FloatArray:
-        """Log density of each test given the others (stresses in Pa), shape (n_tests,)."""
+        """Log density of each test given the others (readings in SI), shape (n_tests,)."""
         return self.all_tests.value - np.array([one.value for one in self.without])
 
     @property

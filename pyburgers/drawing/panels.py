@@ -218,12 +218,17 @@ def draw_thin_lines(
 
 
 def draw_band(
-    axes: Axes, position: FloatArray, values: FloatArray, colour: str, label: str
+    axes: Axes,
+    position: FloatArray,
+    values: FloatArray,
+    colour: str,
+    label: str,
+    linestyle: str = "-",
 ) -> None:
     """Draw the median and the 90 % band of draws, shape (n_draws, n); the label is the line's."""
     low, median, high = central_band(values)
     axes.fill_between(position, low, high, color=colour, alpha=0.22, linewidth=0)
-    axes.plot(position, median, color=colour, linewidth=1.6, label=label)
+    axes.plot(position, median, color=colour, linewidth=1.6, linestyle=linestyle, label=label)
 
 
 def draw_band_panel(

@@ -1,6 +1,7 @@
 """What the page of a campaign shows: complete fits, how far all are, and whether seeds agree."""
 
 import logging
+import math
 from collections.abc import Mapping
 from itertools import groupby
 from pathlib import Path
@@ -55,7 +56,9 @@ def shown_fits(campaign: Campaign, out: Path) -> tuple[list[Fit], PageSection]:
 
 
 def _between_seeds(fits: Mapping[int, Fit]) -> float:
-    """Largest difference of a posterior mean between seeds, in posterior standard deviations."""
+    """Largest difference of a posterior mean between seeds, in posterior sd; NaN of one seed."""
+    if len(fits) == 1:
+        return math.nan
     tables = [fit.summary("SI") for fit in fits.values()]
     means = pd.concat([table["mean"] for table in tables], axis=1)
     spread = (means.max(axis=1) - means.min(axis=1)) / tables[0]["sd"]
@@ -65,7 +68,9 @@ def _between_seeds(fits: Mapping[int, Fit]) -> float:
 def _section(status: pd.DataFrame, models: pd.DataFrame) -> PageSection:
     """Return the part of the page about how far the campaign is and whether seeds agree."""
     n_done = int((status["status"] == COMPLETE).sum())
-    between = models["between_seeds"].map("{:.2f}".format)
+    between = [
+        "one seed" if math.isnan(found) else f"{found:.2f}" for found in models["between_seeds"]
+    ]
     shown_models = models.drop(columns="between_seeds")
     return PageSection(
         key="campaign",

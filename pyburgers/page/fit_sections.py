@@ -187,6 +187,13 @@ class SameData:
         ]
 
     @property
+    def left_open(self) -> tuple[str, ...]:
+        """What a yes does not exclude, and commands; nothing beside a fit of another law."""
+        if any(section.fit.variant != self.first.fit.variant for section in self.others):
+            return ()
+        return next((section.left_open for section in self.sections if section.left_open), ())
+
+    @property
     def conflicts(self) -> list[Said]:
         """Say what prior and data disagree about, alike sentences once."""
         told = [section.entry.conflict for section in self.sections]

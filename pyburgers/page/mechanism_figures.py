@@ -23,12 +23,15 @@ from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_FACTOR, S
 
 MECHANISM_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE)
 
+MOST_LINES = 12
+"""Of equal strain rate on a map."""
+
 MAP_CAPTION = (
     "The mechanism that leads, by colour. The colour is full if the mechanism leads in all draws, "
     "and white if every mechanism leads equally often. Lines are log10 of the strain rate (1/s). "
     "Dots are the tests within a factor of 3 of the grain size, or within 10 K. Hatched: no test "
     "lies within 10 K and within a factor of 3 of stress and grain size, so that the law alone "
-    "speaks. Boxes are conditions in nature: {natural}."
+    "speaks. A box stands where a map passes through conditions in nature: {natural}."
 )
 
 
@@ -64,7 +67,10 @@ def _draw_map(axes: Axes, used: RateTable, found: MechanismMap) -> None:
     up = found.stress * STRESS_FACTOR
     axes.pcolormesh(across, up, _colours(found.probability), shading="nearest", rasterized=True)
     axes.set_yscale("log")
-    lines = axes.contour(across, up, found.log_rate / np.log(10.0), colors="black", linewidths=0.7)
+    powers = found.log_rate / np.log(10.0)
+    whole = np.arange(np.ceil(powers.min()), np.floor(powers.max()) + 1)
+    levels = whole[:: 1 + whole.size // MOST_LINES]
+    lines = axes.contour(across, up, powers, levels=levels, colors="black", linewidths=0.7)
     axes.clabel(lines, fontsize="x-small", fmt="%.0f")
     if not found.is_supported.all():
         axes.contourf(

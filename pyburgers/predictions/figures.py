@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
 from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -100,7 +101,8 @@ def attenuation(
         ]
         points = [] if measured is None else _draw_measured(axes, measured)
         handles: list[Handle] = [*lines, *areas, *_failing_handles(spectrum), *solved, *points]
-        _legend_above(figure, handles, title)
+        cautions = spectrum.attrs.get("cautions", "").splitlines()
+        _legend_above(figure, handles, _wrapped(title, *cautions))
     return figure
 
 
@@ -294,20 +296,20 @@ def prediction_figure(prediction: Prediction) -> Figure:
         panels = figure.subplots(len(shown), 1, sharex=sharex, squeeze=False)[:, 0]
         for axes, quantity in zip(panels, shown, strict=True):
             _draw(axes, prediction, quantity)
-        said = [
-            line
-            for sentence in (prediction.title, *prediction.cautions)
-            for line in textwrap.wrap(sentence, TITLE_WIDTH)
-        ]
         figure.legend(
             *panels[0].get_legend_handles_labels(),
             loc="outside upper left",
             ncols=3,
-            title="\n".join(said),
+            title=_wrapped(prediction.title, *prediction.cautions),
             alignment="left",
         )
         panels[-1].set_xlabel(_clock(prediction.experiment).label)
     return figure
+
+
+def _wrapped(*sentences: str) -> str:
+    """Return lines no longer than a figure is wide, each sentence on lines of its own."""
+    return "\n".join(line for text in sentences for line in textwrap.wrap(text, TITLE_WIDTH))
 
 
 def _clock(experiment: Experiment) -> Quantity:
@@ -329,7 +331,7 @@ def _draw(axes: Axes, prediction: Prediction, quantity: ReadQuantity) -> None:
     )
     _fill(axes, position, new, 90, ORANGE, 0.35, "90 % of new readings")
     _fill(axes, position, solved, 90, BLUE, 0.25, "90 % of solutions")
-    _fill(axes, position, solved, 50, BLUE, 0.45, "50 % of solutions")
+    _fill(axes, position, solved, 50, BLUE, 0.6, "50 % of solutions")
     median = np.median(solved, axis=0)
     axes.plot(position, median, color=VERMILION, linewidth=1.6, label="predictive median")
     own = np.array([one == quantity for one in read_quantities(experiment)], dtype=bool)
@@ -357,7 +359,8 @@ def _fill(
     opacity: float,
     label: str,
 ) -> None:
-    """Fill the central part of draws."""
+    """Fill the central part of draws, in the colour that `opacity` gives on white."""
     tail = (1 - percent / 100) / 2
     low, high = np.quantile(draws, [tail, 1 - tail], axis=0)
-    axes.fill_between(position, low, high, color=colour, alpha=opacity, linewidth=0, label=label)
+    tint = tuple(1 - opacity * (1 - part) for part in to_rgb(colour))
+    axes.fill_between(position, low, high, color=tint, linewidth=0, label=label)

@@ -289,7 +289,7 @@ def test_a_quantity_that_is_displaced_as_a_whole_is_told(n: int) -> None:
     assert trend["found"] < trend["at_most"]
     result = check_segments(draws)
     assert result.outcome is Outcome.NO
-    assert "standard errors (at most" in result.sentence
+    assert "standard errors off, a mean over the draws (at most" in result.sentence
     assert "% above the model" in result.sentence
     aside = groups(3.0 + 0.5 * white(2), 3.0 * draws_of_noise())
     result = check_segments(draws_of(good=groups(white()), aside=aside))

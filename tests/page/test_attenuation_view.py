@@ -65,6 +65,20 @@ def test_a_law_without_longest_time_has_no_relaxation_time(
     assert drawn == {*times, "Maxwell time of the dashpot"}
 
 
+def test_a_line_of_relaxation_times_is_of_one_stress(fit: Drawn) -> None:
+    """The dashpot's time depends on it, so that a line through two would have a false slope."""
+    conditions = fit.experiment.conditions
+    hot = conditions.temperature > np.median(conditions.temperature)
+    of_two = replace(conditions, median_stress=np.where(hot, 2e6, 1e6))
+    experiment = replace(fit.experiment, conditions=of_two)
+    lines = arrhenius(replace(fit, experiment=experiment)).axes[0].lines
+    temperatures = [set(np.round(1e4 / np.asarray(line.get_xdata()), 3)) for line in lines]
+    assert len(lines) == 4
+    assert all(min(one) > max(other) for one, other in (temperatures[1::-1], temperatures[3:1:-1]))
+    named = {line.get_label() for line in lines}
+    assert {name.split(", ")[1].split(" ")[0] for name in named} == {"1", "2"}
+
+
 def test_residuals_are_over_the_error_of_each_reading_and_leave_limits_out(fit: Drawn) -> None:
     figure = residuals(fit)
     for axes, count in zip(

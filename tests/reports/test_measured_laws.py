@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from common import UNSURE_BEST
 from dunite import (
     APPARATUS,
     JOINT_RUN,
@@ -121,10 +122,15 @@ def test_a_law_is_not_said_to_be_worse_where_an_elpd_may_be_far_off(fits: dict[s
     far = replace(sure, elpd=np.full(9, -9.0))
     compared = compare(fits)
     nine = replace(compared, position=compared.position[:9])
-    for best, outcome in ((sure, "worse"), (unsure, "cannot tell")):
+    doubtful = replace(sure, doubts=("R-hat failed",))
+    for best, outcomes in (
+        (sure, ["best", "worse"]),
+        (unsure, ["best", "cannot tell"]),
+        (doubtful, [UNSURE_BEST, "cannot tell"]),
+    ):
         results = dict(zip(fits, (best, far), strict=True))
         table = LawsTried(fits, replace(nine, results=results)).table()
-        assert table["outcome"].tolist() == ["best", outcome]
+        assert table["outcome"].tolist() == outcomes
         assert table["elpd_difference"].tolist() == [0.0, 81.0]
 
 

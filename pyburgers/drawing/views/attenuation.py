@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from pyburgers.common.array_types import IntArray
 from pyburgers.common.draws import FloatArray
+from pyburgers.common.units import number
 from pyburgers.drawing.page_parts import PageTable, recipe, text_table
 from pyburgers.drawing.panels import (
     HALF_WIDTH,
@@ -26,14 +27,18 @@ from pyburgers.drawing.view import View, curve_of, positions, predicted, reading
 from pyburgers.drawing.view import residuals as residuals_of
 from pyburgers.drawing.views.relaxation_spectrum import is_endless, relaxation_spectrum
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment, range_text
-from pyburgers.kinds.attenuation.table import ATTENUATION, MODULUS
+from pyburgers.kinds.attenuation.table import ATTENUATION, MODULUS, CycleConditions
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.kind import FittedTest
+from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
 
 GPA = 1e-9
 PERIOD_LABEL = "period (s)"
 PLACE_LABEL = "spectra of attenuation, then of modulus, each along log period"
 TAN_DELTA_LABEL = r"$\tan\delta$ (–)"
+LINES = ("-", "--", ":", "-.")
+"""Of the stresses of a table, in rising order."""
+
 MODULUS_NAMES = {"axial": "Young's modulus", "shear": "shear modulus"}
 
 
@@ -41,17 +46,24 @@ MODULUS_NAMES = {"axial": "Young's modulus", "shear": "shear modulus"}
 class _Spectrum:
     """One temperature and stress, as measured and as a fit has it."""
 
-    temperature: float  # K
+    label: str  # of its lines and dots
     colour: str
+    linestyle: str
     period: FloatArray  # s, of the predictions, shape (n,)
     tan_delta: FloatArray  # of draws, shape (n_draws, n)
     modulus: FloatArray  # Pa, of draws, shape (n_draws, n)
     rows: IntArray  # of the table
 
-    @property
-    def label(self) -> str:
-        """Of its lines and dots."""
-        return f"{self.temperature:.0f} K"
+
+def _stresses(conditions: CycleConditions) -> tuple[IntArray, list[str]]:
+    """Return which stress each spectrum was read under, and words on each; none on a single one."""
+    both = np.stack([conditions.median_stress, conditions.amplitude])[:, conditions.first_rows]
+    each, number_of = np.unique(both, axis=1, return_inverse=True)
+    words = [
+        f", {number(median * STRESS_FACTOR)} ± {number(amplitude * STRESS_FACTOR)} {STRESS_UNIT}"
+        for median, amplitude in each.T
+    ]
+    return number_of.ravel(), words if len(words) > 1 else [""]
 
 
 def _spectra(fit: FittedTest) -> list[_Spectrum]:
@@ -60,6 +72,7 @@ def _spectra(fit: FittedTest) -> list[_Spectrum]:
     solutions = np.exp(predicted(fit, "log_reading"))
     temperature = conditions.temperature[conditions.first_rows]
     coolest, span = temperature.min(), float(np.ptp(temperature)) or 1.0
+    of_spectrum, stresses = _stresses(conditions)
     found = []
     for k, own in enumerate(temperature):
         here = {q: (spectrum == k) & (quantity == q) for q in (ATTENUATION, MODULUS)}
@@ -67,8 +80,9 @@ def _spectra(fit: FittedTest) -> list[_Spectrum]:
         shade = colormaps["plasma"](0.05 + 0.6 * float((own - coolest) / span))
         found.append(
             _Spectrum(
-                float(own),
+                f"{own:.0f} K{stresses[of_spectrum[k]]}",
                 "#" + "".join(f"{round(255 * part):02x}" for part in shade[:3]),
+                LINES[of_spectrum[k] % len(LINES)],
                 period[here[ATTENUATION]],
                 solutions[:, here[ATTENUATION]],
                 solutions[:, here[MODULUS]],
@@ -95,8 +109,9 @@ def master_curves(fit: FittedTest) -> Figure:
     with figure_of(8.6, 8.6, f"{experiment.title}\n{LINES_AND_AREAS}") as figure:
         upper, lower = figure.subplots(2, 1, sharex=True)
         for own in _spectra(fit):
-            draw_band(upper, own.period, own.tan_delta, own.colour, own.label)
-            draw_band(lower, own.period, own.modulus * GPA, own.colour, own.label)
+            look = own.colour, own.label, own.linestyle
+            draw_band(upper, own.period, own.tan_delta, *look)
+            draw_band(lower, own.period, own.modulus * GPA, *look)
             limit = readings.is_limit[own.rows]
             for which, marker in ((~limit, "o"), (limit, "v")):
                 rows = own.rows[which]
@@ -135,7 +150,8 @@ def cole_cole(fit: FittedTest) -> Figure:
         for own in _spectra(fit):
             solved = compliances(own.tan_delta, own.modulus * GPA)
             medians = (np.median(values, axis=0) for values in solved)
-            axes.plot(*medians, color=own.colour, linewidth=1.6, label=own.label)
+            look = {"color": own.colour, "linestyle": own.linestyle, "label": own.label}
+            axes.plot(*medians, linewidth=1.6, **look)
             if readings.modulus.size:
                 rows = own.rows[~readings.is_limit[own.rows]]
                 measured = compliances(readings.tan_delta[rows], readings.modulus[rows] * GPA)
@@ -168,7 +184,7 @@ def arrhenius(fit: FittedTest) -> Figure:
     _, spectrum, quantity = conditions.at(positions(fit))
     first = np.unique(spectrum[quantity == ATTENUATION], return_index=True)[1]
     temperature = conditions.temperature[conditions.first_rows]
-    order = np.argsort(temperature)
+    of_spectrum, stresses = _stresses(conditions)
     with figure_of(8.0, 5.2, f"{experiment.title}\n{LINES_AND_AREAS}") as figure:
         axes = figure.subplots()
         seen = conditions.period.min(), conditions.period.max()
@@ -179,7 +195,11 @@ def arrhenius(fit: FittedTest) -> Figure:
             ("log_maxwell_time", VERMILION, "Maxwell time of the dashpot"),
         )[is_endless(fit) :]:
             times = np.exp(predicted(fit, name)[:, first])
-            draw_band(axes, 1e4 / temperature[order], times[:, order], colour, label)
+            for k, stress in enumerate(stresses):
+                here = np.flatnonzero(of_spectrum == k)
+                here = here[np.argsort(temperature[here])]
+                look = colour, label + stress, LINES[k % len(LINES)]
+                draw_band(axes, 1e4 / temperature[here], times[:, here], *look)
         axes.set(yscale="log", xlabel=r"$10^4/T$ (1/K)", ylabel="time (s)")
         axes.legend(loc="best")
     return figure
@@ -215,6 +235,7 @@ def residuals(fit: FittedTest) -> Figure:
                     marker="o",
                     markersize=3.5,
                     linewidth=0.8,
+                    linestyle=own.linestyle,
                     color=own.colour,
                     label=own.label,
                 )

@@ -57,7 +57,7 @@ def relaxation_spectrum(fit: FittedTest) -> Figure:
             _draw_elements(axes, part["elements"], elastic)
         axes.set(xscale="log", yscale="log")
         least, most = axes.get_ylim()
-        axes.set_ylim(min(max(least, LEAST), 0.1), max(most, 1.0))
+        axes.set_ylim(min(max(least, LEAST), 0.1), max(1.5 * most, 1.0))
         axes.set_xlabel(f"relaxation time at {experiment.temperature:g} K (s)")
         axes.set_ylabel("compliance / elastic compliance (–)")
         axes.legend(loc="best")

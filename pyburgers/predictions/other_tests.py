@@ -240,9 +240,10 @@ def score_sentence(prediction: Prediction, scores: pd.DataFrame) -> str:
     ]
     density = scores.loc[DENSITY]
     unit = likelihood_of(prediction.experiment).response.si_unit
+    per = "" if unit == "1" else f" (per {unit})"
     return (
         f"Of {count_points(prediction.experiment.n_points)} lie {' and '.join(said)}; the "
-        f"{DENSITY} (per {unit}) is {density['found']:.2f} (expected {density['expected']:.2f}, "
+        f"{DENSITY}{per} is {density['found']:.2f} (expected {density['expected']:.2f}, "
         f"{density['expected_q5']:.2f} to {density['expected_q95']:.2f})."
     )
 

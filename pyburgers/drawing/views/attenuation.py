@@ -1,7 +1,7 @@
 """View of tables of attenuation and modulus: figures and tables of a fit, facts of a test."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -322,7 +322,9 @@ def fitted_curve(fit: FittedTest) -> FittedCurve:
         label="ln tan δ, ln(modulus/Pa)",
         heading=experiment.title,
     )
-    return curve_of(fit, read, "log_reading", "attenuation_scatter", "residual")
+    curve = curve_of(fit, read, "log_reading", "attenuation_scatter", "residual / its sd")
+    # Attenuation and modulus have noises of their own, and readings stated errors.
+    return replace(curve, residuals=curve.residuals / reading_errors(fit), noise_band=HALF_WIDTH)
 
 
 def rms_result(fit: FittedTest) -> str:

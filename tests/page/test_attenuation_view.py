@@ -75,8 +75,8 @@ def test_a_line_of_relaxation_times_is_of_one_stress(fit: Drawn) -> None:
     temperatures = [set(np.round(1e4 / np.asarray(line.get_xdata()), 3)) for line in lines]
     assert len(lines) == 4
     assert all(min(one) > max(other) for one, other in (temperatures[1::-1], temperatures[3:1:-1]))
-    named = {line.get_label() for line in lines}
-    assert {name.split(", ")[1].split(" ")[0] for name in named} == {"1", "2"}
+    named = {str(line.get_label()).split(", ")[1] for line in lines}
+    assert {name.split(" ")[0] for name in named} == {"1", "2"}
 
 
 def test_residuals_are_over_the_error_of_each_reading_and_leave_limits_out(fit: Drawn) -> None:

@@ -49,7 +49,7 @@ from pyburgers.sampling.repetitions import (
     shortened,
     tighten_solver,
 )
-from pyburgers.sampling.run import complete_chains, fingerprint, run_record, way_out
+from pyburgers.sampling.run import as_recorded, complete_chains, fingerprint, run_record, way_out
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
@@ -105,12 +105,13 @@ def run_chains(
         if not run.stan_data_file.is_file():
             chart = choose_chart(problem, density, wanted=settled.coordinates, seed=settled.seed)
             _write_chart(run, density.with_data(chart.block), chart, seed=settled.seed)
+        settled, command = as_recorded(run, settled, command, more_draws)
         known, data = run.read_manifest(), run.read_stan_data()
         run.update_manifest(
             {
                 **run_record(
                     run,
-                    wanted,
+                    {**wanted, "sampler": asdict(settled)},
                     name=problem.name,
                     data_kind=problem.data_kind,
                     identity=identity,

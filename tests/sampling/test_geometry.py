@@ -77,7 +77,7 @@ def test_the_first_metric_fits_where_noise_is_far_below_a_percent(precise: Preci
 def test_a_covariance_has_a_root_however_far_apart_curvatures_are(largest: float) -> None:
     rng = np.random.default_rng(1)
     axes = np.linalg.qr(rng.standard_normal((12, 12)))[0]
-    hessian = (axes * np.geomspace(1.0, largest, 12)) @ axes.T
+    hessian: FloatArray = (axes * np.geomspace(1.0, largest, 12)) @ axes.T
 
     class Known(Density):
         def curvature(self, centre: FloatArray, steps: FloatArray | None = None) -> FloatArray:

@@ -162,5 +162,5 @@ def _write(calibration: Calibration, out: Path) -> int:
         print(shown_verdict_table(calibration).to_string(index=False))
     for sentence in count_sentences(calibration):
         print(sentence)
-    print(shown(f"tables and figure: {out}"))
+    print(shown(f"tables{' and figure' * bool(calibration.ranks)}: {out}"))
     return exit_code(calibration.passed)

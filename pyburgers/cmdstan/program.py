@@ -50,6 +50,9 @@ N_REFINEMENTS = 4
 LEAST_CURVATURE = 0.15
 """Floor of the eigenvalues: flat directions are about as wide as a logistic prior, sd 1.8-2.6."""
 
+LEAST_RATIO = 1e-12
+"""Floor of the eigenvalues over the largest, where digits do not hold the scales of all."""
+
 
 class Unsolved(SamplingError):  # noqa: N818 - an outcome, at some points
     """A program stopped at some of the points that it was given, but not at all."""
@@ -329,13 +332,18 @@ class Density:
         """Return the covariance of the Laplace approximation at a mode, a square matrix.
 
         It is the inverse of the Hessian of minus the log density, whose eigenvalues are kept above
-        `LEAST_CURVATURE`.
+        `LEAST_CURVATURE`, and above `LEAST_RATIO` of the largest if its digits have no root else.
         """
         steps: FloatArray = DIFFERENCE * np.eye(mode.size)
         for _ in range(1 + N_REFINEMENTS):
             curvature, axes = np.linalg.eigh(self.curvature(mode, steps))
-            covariance: FloatArray = (axes / np.maximum(curvature, LEAST_CURVATURE)) @ axes.T
-            widths = np.linalg.cholesky(covariance)
+            curvature = np.maximum(curvature, LEAST_CURVATURE)
+            covariance: FloatArray = (axes / curvature) @ axes.T
+            try:
+                widths = np.linalg.cholesky(covariance)
+            except np.linalg.LinAlgError:
+                covariance = (axes / np.maximum(curvature, LEAST_RATIO * curvature.max())) @ axes.T
+                widths = np.linalg.cholesky(covariance)
             if np.linalg.norm(np.linalg.solve(widths, steps), axis=0).max() <= LARGEST_STEP:
                 break
             steps = np.asarray(SMALL_STEP * widths, dtype=np.float64)

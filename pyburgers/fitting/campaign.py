@@ -11,7 +11,7 @@ import os
 import sys
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -23,18 +23,28 @@ from pyburgers.common.errors import InputError, PyburgersError
 from pyburgers.common.messages import messages_to
 from pyburgers.common.paths import given_path
 from pyburgers.common.processes import cores
+from pyburgers.common.scratch import scratch_folder
 from pyburgers.common.tasks import ALL_HERE, Workers, run_tasks
 from pyburgers.common.toml_files import NAME, Table, read_json, read_toml
 from pyburgers.fitting.fit import Fit, fit_problem
+from pyburgers.fitting.problem_run import (
+    input_texts,
+    problem_record,
+    recorded_problem,
+    settled_options,
+    write_inputs,
+)
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import Problem, of_one_program, problem_of
-from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions
 from pyburgers.kinds.together import pooling_for, priors_for
 from pyburgers.model.priors import PriorSet, note_other_material
 from pyburgers.model.variants import with_variant
-from pyburgers.sampling.manifest import COMPLETE
-from pyburgers.sampling.options import SamplerOptions, options_table
+from pyburgers.sampling.manifest import COMPLETE, FitManifest
+from pyburgers.sampling.options import SamplerOptions, options_table, recorded_options
+from pyburgers.sampling.run import fingerprint
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
@@ -213,6 +223,7 @@ def _do(name: str, task: Task, out: Path, command: str, keep_going: bool) -> Pyb
                 options=task.options,
                 solver=task.solver,
                 command=f"{command} {task.remark}".rstrip(),
+                remedy="remove the folder, or choose another --out",
             )
         except PyburgersError as error:
             if not keep_going:
@@ -224,8 +235,8 @@ def _do(name: str, task: Task, out: Path, command: str, keep_going: bool) -> Pyb
 SHIPPED = "default"
 """Stands in a plan for the priors that come with the package."""
 
-NOT_BEGUN, DAMAGED = "not begun", "damaged"
-"""Status of runs that have no manifest, or cannot be read."""
+NOT_BEGUN, DAMAGED, OF_OTHERS = "not begun", "damaged", "of other inputs"
+"""Status of runs that have no manifest, cannot be read, or are of other inputs than the plan's."""
 
 LONGEST_NAME = 200
 """Letters of the name of a run, which is that of a folder."""
@@ -341,7 +352,7 @@ def status_table(campaign: Campaign, out: Path) -> pd.DataFrame:
     """Return how far each fit of a campaign is, by the name of its run, from its run directory.
 
     Verdicts (yes, no, cannot tell) are empty before a fit is complete. `chains` counts the finished
-    chains of `of_chains`; `chain_seconds` is their wall time (s).
+    chains of `of_chains`, none of a run of other inputs; `chain_seconds` is their wall time (s).
     """
     rows = {
         one.name: _status(run_folder(out, one), one, task) for one, task in campaign.tasks.items()
@@ -355,8 +366,12 @@ def _status(folder: Path, one: Combination, task: Task) -> dict[str, Any]:
     status, chains, verdicts = NOT_BEGUN, dict[str, Any](), dict[str, Any]()
     try:
         if run.manifest_file.is_file():
-            status = run.read_manifest().get("status", NOT_BEGUN)
-        chains = run.chain_records()
+            manifest = run.read_manifest()
+            status = manifest.get("status", NOT_BEGUN)
+            if "experiments" in manifest and not _is_run_of(run, task.problem, task.options):
+                status = OF_OTHERS
+        if status != OF_OTHERS:
+            chains = run.chain_records()
         if status == COMPLETE and run.checks_file.is_file():
             verdicts = read_json(run.checks_file).get("verdicts", {})
     except (InputError, OSError) as error:
@@ -369,7 +384,7 @@ def _status(folder: Path, one: Combination, task: Task) -> dict[str, Any]:
         "seed": one.seed,
         "status": status,
         "chains": len(chains),
-        "of_chains": task.options.chains,
+        "of_chains": max([task.options.chains, *map(int, chains)]),
         **{
             column: verdicts.get(kind.name.lower(), {}).get("outcome", "")
             for column, kind in (
@@ -379,6 +394,23 @@ def _status(folder: Path, one: Combination, task: Task) -> dict[str, Any]:
         },
         "chain_seconds": round(sum(record["wall_seconds"] for record in chains.values()), 1),
     }
+
+
+def _is_run_of(run: RunDirectory, problem: Problem, options: SamplerOptions) -> bool:
+    """Tell whether a run has the inputs of a fit, whatever compiler and solver it has."""
+    settled = asdict(settled_options(problem, options))
+    wanted = {**problem_record(problem), "sampler": settled, "use_likelihood": True}
+    with scratch_folder() as folder:
+        copy = RunDirectory(folder)
+        write_inputs(copy, input_texts(problem.experiments, problem.given_priors))
+        return _hash_of_inputs(copy, wanted) == _hash_of_inputs(run, run.read_manifest(FitManifest))
+
+
+def _hash_of_inputs(run: RunDirectory, record: Mapping[str, Any]) -> str:
+    """Return the `fingerprint` of a run, but for its program and solver."""
+    problem, use_likelihood = recorded_problem(run, record), record["use_likelihood"]
+    data = program_data(problem, solver=REFERENCE_SOLVER, use_likelihood=use_likelihood)
+    return fingerprint(data, recorded_options(record["sampler"]), "")
 
 
 def shown_status_table(table: pd.DataFrame) -> pd.DataFrame:

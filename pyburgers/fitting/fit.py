@@ -22,13 +22,13 @@ from pyburgers.fitting.prediction import Prediction, predict_test
 from pyburgers.fitting.prior_draws import prior_groups, scores_beside
 from pyburgers.fitting.problem_run import (
     put_aside_where_tolerance_matters,
+    recorded_problem,
     run_chains,
     sample_until_good,
 )
 from pyburgers.fitting.sampled_fit import SampledFit, data_words, in_passing, write_tables
 from pyburgers.kinds.conditions import Ranges, conditions_of, doubts
 from pyburgers.kinds.experiment import A_TEST, Experiment, Provenance
-from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import Problem, one_test, problem_of
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.kinds.together import default_priors_for, pooling_for
@@ -37,7 +37,6 @@ from pyburgers.model.priors import (
     FLOW_LAW,
     JOINT_PRIOR,
     PriorSet,
-    load_priors,
     note_other_material,
 )
 from pyburgers.model.unlikely_numbers import unlikely_priors
@@ -343,11 +342,7 @@ class Fit(SampledFit):
         run.require_a_chain()
         manifest = run.read_manifest(FitManifest)
         with run.unchanged_copy(manifest) as copy:
-            problem = problem_of(
-                [load_experiment(copy.test_file(name)) for name in manifest["experiments"]],
-                load_priors(copy.priors_file),
-                pooling_from(manifest["pooling"]),
-            )
+            problem = recorded_problem(copy, manifest)
         posterior = load_posterior(run, manifest)
         if posterior is None:
             posterior = build_posterior(run, problem, manifest)
@@ -467,8 +462,12 @@ def fit_problem(
     command: str,
     more_draws: int | None = None,
     overwrite: bool = False,
+    remedy: str | None = None,
 ) -> Fit:
-    """Fit the tests, priors and pooling of a problem; `fit` describes the options and errors."""
+    """Fit the tests, priors and pooling of a problem; `fit` describes the options and errors.
+
+    If a run of other inputs is in the folder, `remedy` says what to do, by default `way_out`.
+    """
     run = RunDirectory(given_path(out))
     if more_draws is not None:
         require_extendable(run, more_draws, overwrite=overwrite)
@@ -487,6 +486,7 @@ def fit_problem(
                 command=command,
                 more_draws=more,
                 overwrite=overwrite,
+                remedy=remedy,
             )
             more = None  # chains that are run again get the same number
             result = Fit.load(run.path)

@@ -33,10 +33,12 @@ from pyburgers.common.units import counted, duration_text
 from pyburgers.fitting.charts_at_modes import ChosenChart, choose_chart, draw_start
 from pyburgers.fitting.sampled_fit import FitT, SampledFit
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.problem import Problem
+from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.program_data import density_of
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions, solver_block, solver_in
-from pyburgers.model.priors import PriorSet, priors_text
+from pyburgers.model.pooling import pooling_from
+from pyburgers.model.priors import PriorSet, load_priors, priors_text
 from pyburgers.posterior.labelled_draws import convergence_table
 from pyburgers.sampling.chains import chains_at_once
 from pyburgers.sampling.manifest import FitManifest, NoisyTolerance
@@ -49,7 +51,7 @@ from pyburgers.sampling.repetitions import (
     shortened,
     tighten_solver,
 )
-from pyburgers.sampling.run import complete_chains, fingerprint, run_record, way_out
+from pyburgers.sampling.run import as_recorded, complete_chains, fingerprint, run_record, way_out
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
@@ -68,14 +70,16 @@ def run_chains(
     command: str,
     more_draws: int | None = None,
     overwrite: bool = False,
+    remedy: str | None = None,
 ) -> None:
     """Run the chains that a run directory lacks, and record everything in it.
 
     The directory is new, or of an earlier run with the same inputs; if a run of others is there,
-    `overwrite` has it removed. Every chain is extended by `more_draws`. `command` regenerates the
-    run, for its manifest. Raises `InputError` if the directory holds a different run or cannot be
-    written, `SamplingError` if no chain finished, or one could not be extended. On a
-    `KeyboardInterrupt` the chains are stopped; the same call continues the run.
+    `overwrite` has it removed, and `remedy` stands in the error for `way_out`. Every chain is
+    extended by `more_draws`. `command` regenerates the run, for its manifest. Raises `InputError`
+    if the directory holds a different run or cannot be written, `SamplingError` if no chain
+    finished, or one could not be extended. On a `KeyboardInterrupt` the chains are stopped; the
+    same call continues the run.
     """
     settled = settled_options(problem, options)
     density = density_of(problem, solver, use_likelihood=use_likelihood)
@@ -98,19 +102,20 @@ def run_chains(
                 "a new folder, or one of an earlier fit; choose another --out."
             )
         if not overwrite:
-            raise InputError(refusal(run, wanted, inputs, problem.free, more_draws))
+            raise InputError(refusal(run, wanted, inputs, problem.free, more_draws, remedy))
         run.clear(identity)
     with run.claimed(identity):
         write_inputs(run, inputs)
         if not run.stan_data_file.is_file():
             chart = choose_chart(problem, density, wanted=settled.coordinates, seed=settled.seed)
             _write_chart(run, density.with_data(chart.block), chart, seed=settled.seed)
+        settled, command = as_recorded(run, settled, command, more_draws)
         known, data = run.read_manifest(), run.read_stan_data()
         run.update_manifest(
             {
                 **run_record(
                     run,
-                    wanted,
+                    {**wanted, "sampler": asdict(settled)},
                     name=problem.name,
                     data_kind=problem.data_kind,
                     identity=identity,
@@ -219,6 +224,15 @@ def input_texts(experiments: Sequence[Experiment], priors: PriorSet) -> dict[str
     return {**tests, RunDirectory(Path()).priors_file.as_posix(): priors_text(priors)}
 
 
+def recorded_problem(run: RunDirectory, record: Mapping[str, Any]) -> Problem:
+    """Return what a run fits, from its copies of tests and priors and its `problem_record`."""
+    return problem_of(
+        [load_experiment(run.test_file(name)) for name in record["experiments"]],
+        load_priors(run.priors_file),
+        pooling_from(record["pooling"]),
+    )
+
+
 def write_inputs(run: RunDirectory, texts: Mapping[str, str]) -> None:
     """Save `input_texts`, those of a test once."""
     for name, text in texts.items():
@@ -238,10 +252,12 @@ def refusal(
     inputs: Mapping[str, str],
     free: Sequence[str],
     more_draws: int | None,
+    remedy: str | None = None,
 ) -> str:
     """Say what differs in a run from what is `wanted` and `input_texts`, and what to do.
 
-    `free` names the parameters that are inferred, `more_draws` is what chains were to get.
+    `free` names the parameters that are inferred, `more_draws` is what chains were to get, `remedy`
+    is what to do if not `way_out`.
     """
     try:
         manifest = run.read_manifest(FitManifest)
@@ -252,11 +268,11 @@ def refusal(
         found = ["Stan programs, CmdStan or the compiler are others now"]
     more = [f"and {len(found) - MAX_TOLD} more"] if len(found) > MAX_TOLD else []
     longer = ""
-    if more_draws is None and len(found) == 1 and re.match(r"draws \d", found[0]):
+    if (remedy or more_draws) is None and len(found) == 1 and re.match(r"draws \d", found[0]):
         longer = ", or --more-draws N to add draws to its chains"
     return (
         f"{run.path}: holds a run of other inputs: {'; '.join([*found[:MAX_TOLD], *more])}; "
-        f"{way_out(run, more_draws)}{longer}."
+        f"{remedy or way_out(run, more_draws)}{longer}."
     )
 
 

@@ -35,6 +35,7 @@ from pyburgers.model.priors import PriorSet, note_other_material, shipped_prior_
 from pyburgers.posterior.labelled_draws import own_name
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run import (
+    as_recorded,
     complete_chains,
     fingerprint,
     require_extendable,
@@ -156,11 +157,12 @@ def fit_rates(
                 softening.save(run.inputs / SOFTENING_FILE)
             write_json(run.stan_data_file, stan_data)
             write_json(run.metric_file, {"inv_metric": first_metric(stan_data)})
+            recorded, made_by = as_recorded(run, options, command, more)
             run.update_manifest(
                 run_record(
                     run,
                     {
-                        "sampler": asdict(options),
+                        "sampler": asdict(recorded),
                         "use_likelihood": use_likelihood,
                         "held_out": sorted(held_out),
                         "first_window": FIRST_WINDOW,
@@ -168,13 +170,13 @@ def fit_rates(
                     name=data.id,
                     data_kind=data.provenance.kind,
                     identity=identity,
-                    command=command,
+                    command=made_by,
                 )
             )
             complete_chains(
                 model,
                 run,
-                options,
+                recorded,
                 lambda chain: start_of_chain(stan_data, options.seed, chain),
                 more_draws=more,
             )

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
-from pyburgers.checks.prior_influence import READ_OFF, Origin, influence_numbers
+from pyburgers.checks.prior_influence import Origin, influence_numbers
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.csv_tables import csv_text
 from pyburgers.comparison.conclusions import shift_sentences, what_a_yes_leaves_open
@@ -287,7 +287,7 @@ class SameData:
             for symbol, decided in zip(
                 section.parameters["symbol"], _decided_by(section.parameters), strict=True
             )
-            if not _is_own_prior(decided)
+            if not tables.is_own_prior(decided)
         }
         is_left = ~table["symbol"].isin(by_data)
         return table[is_left if left_to_prior else ~is_left].reset_index(drop=True)
@@ -316,13 +316,8 @@ def _in_one_cell(parameters: pd.DataFrame) -> list[str]:
     cells = []
     for value, decided in zip(parameters[tables.VALUE], _decided_by(parameters), strict=True):
         doubted = f"{value} [{decided}]" if decided.startswith((*DOUBTFUL, Origin.BOTH)) else value
-        cells.append(decided if _is_own_prior(decided) else doubted)
+        cells.append(decided if tables.is_own_prior(decided) else doubted)
     return cells
-
-
-def _is_own_prior(decided: str) -> bool:
-    """Whether its own prior alone decides a number, be it read off the data or not."""
-    return decided.removesuffix(READ_OFF) == Origin.PRIOR
 
 
 def _union(parts: Iterable[pd.DataFrame]) -> pd.DataFrame:

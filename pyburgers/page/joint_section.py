@@ -13,7 +13,7 @@ from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.checks.prior_influence import decision_columns, decision_text
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.draws import BAND, TAIL, all_draws, value_text
-from pyburgers.common.units import number, with_error
+from pyburgers.common.units import number
 from pyburgers.comparison.same_data import fits_alone
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import draw_curve, figure_of, legend_above
@@ -25,7 +25,7 @@ from pyburgers.model.display import axis_label, shown_quantity, symbol_text
 from pyburgers.page.decades import spans_decades
 from pyburgers.page.names import joint_key, page_keys, page_names
 from pyburgers.page.overview import joint_entry
-from pyburgers.page.tables import DECISION, checks_page_table, decided_cell, named
+from pyburgers.page.tables import DECISION, checks_page_table, decided_cell, named, quoted_or_prior
 from pyburgers.posterior.labelled_draws import own_name
 
 
@@ -34,11 +34,14 @@ def pooling_table(joint: Fit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
 
     Columns quantity, test, pooling (`Problem.kind`, or "derived" for the reference), mean, sd,
     decided_by and by_prior_of (empty without likelihood); separate_mean, separate_sd and sd_ratio
-    of the first separate fit of the same data, NaN where there is none.
+    of the first separate fit of the same data, NaN where there is none. `quoted` and
+    `separate_quoted` are texts in display units (`quoted_or_prior`).
     """
     tests, alone = joint.tests(), fits_alone(joint, separate)
     problem, reference = joint.problem, joint.problem.likelihood.reference.name
     influences = joint.influences()
+    texts = {name: quoted_or_prior(fit) for name, fit in tests.items()}
+    alone_texts = {name: quoted_or_prior(fit) for name, fit in alone.items()}
     rows = []
     for quantity in (*problem.free, reference):
         kind = "derived" if quantity == reference else problem.kind(quantity)
@@ -61,6 +64,8 @@ def pooling_table(joint: Fit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
                     "separate_mean": alone_mean,
                     "separate_sd": alone_sd,
                     "sd_ratio": sd / alone_sd,
+                    "quoted": texts[name].get(quantity, ""),
+                    "separate_quoted": alone_texts[name].get(quantity, ""),
                 }
             )
     return pd.DataFrame(rows)
@@ -88,13 +93,9 @@ def shown_pooling_table(table: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for name, group in table.groupby("quantity", sort=False):
         quantity = shown_quantity(str(name))
-        by_test = group.set_index("test")[["mean", "sd", "separate_mean", "separate_sd"]] * float(
-            quantity.display_factor
-        )
+        by_test = group.set_index("test")
         pooling = group["pooling"].iloc[0]
-        joint = {
-            test: with_error(by_test["mean"][test], by_test["sd"][test]) for test in by_test.index
-        }
+        joint = {str(test): text for test, text in by_test["quoted"].items()}
         if pooling == "shared":
             joint |= dict.fromkeys(tests[1:], "the same")
         row = {
@@ -108,11 +109,7 @@ def shown_pooling_table(table: pd.DataFrame) -> pd.DataFrame:
         rows.append(
             {**row, "fit": "joint", **joint, "sd joint / alone": f"{ratios[str(name)]:.2f}"}
         )
-        alone = {
-            test: with_error(by_test["separate_mean"][test], by_test["separate_sd"][test])
-            for test in by_test.index
-            if np.isfinite(by_test["separate_sd"][test])
-        }
+        alone = by_test["separate_quoted"][np.isfinite(by_test["separate_sd"])].to_dict()
         rows.append({"fit": "alone", **alone})
     return pd.DataFrame(rows).fillna("")
 
@@ -194,7 +191,7 @@ def joint_section(key: str, name: str, joint: Fit, separate: Sequence[Fit]) -> P
         tables=(
             PageTable(
                 "pooling",
-                "Mean ± standard deviation, test by test",
+                "Values, test by test",
                 shown_pooling_table(table),
                 table,
                 words=("quantity", "unit", "pooling", DECISION, "fit"),

@@ -12,7 +12,13 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckResult, Outcome
-from pyburgers.checks.prior_influence import ORIGIN_RULES, Influence, decision_text
+from pyburgers.checks.prior_influence import (
+    ORIGIN_RULES,
+    READ_OFF,
+    Influence,
+    Origin,
+    decision_text,
+)
 from pyburgers.common.draws import band_text, is_misled_by_sd
 from pyburgers.common.units import number, rounded
 from pyburgers.drawing.page_parts import PageTable
@@ -107,6 +113,24 @@ def quoted(
             text = f"{cells['mean']} ± {cells['sd']}"
         texts.append(text + at * (name in law.redefines))
     return texts
+
+
+def quoted_or_prior(fit: Fit | None) -> dict[str, str]:
+    """Return what is `quoted` of each quantity, or the word prior if its own prior decides it."""
+    if fit is None:
+        return {}
+    summary = fit.summary("SI")
+    texts = quoted(fit, summary, result_table(summary, fit.priors, None), fit.decisions())
+    decided = [decided_cell(str(name), row.to_dict()) or "" for name, row in summary.iterrows()]
+    return {
+        str(name): Origin.PRIOR.value if is_own_prior(by) else text
+        for name, text, by in zip(summary.index, texts, decided, strict=True)
+    }
+
+
+def is_own_prior(decided: str) -> bool:
+    """Whether its own prior alone decides a number, be it read off the data or not."""
+    return decided.removesuffix(READ_OFF) == Origin.PRIOR
 
 
 def table_of_deciders() -> pd.DataFrame:

@@ -3,7 +3,7 @@
 import logging
 import platform
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -162,6 +162,26 @@ def _asked(run: RunDirectory, more_draws: int | None) -> list[int]:
     asked.append(more_draws)
     run.update_manifest({"more_draws": asked})
     return asked
+
+
+def as_recorded(
+    run: RunDirectory, options: SamplerOptions, command: str, more_draws: int | None
+) -> tuple[SamplerOptions, str]:
+    """Return options and command that make the draws of a claimed run, for its record.
+
+    If the run has more chains, finished or put aside, than are asked for, it keeps their number and
+    its command. It also keeps its command if nothing is to be sampled.
+    """
+    known, finished = run.read_manifest(), run.finished_chains()
+    if "command" not in known:
+        return options, command
+    aside = [int(one.name.split("_")[1]) for one in run.path.glob("superseded/*/chain_*")]
+    is_done = more_draws is None and {*range(1, options.chains + 1)} <= {*finished}
+    if max([*finished, *aside], default=0) > options.chains:
+        chains = max(known["sampler"]["chains"], *finished, *aside)
+        logger.info(f"The run keeps its {chains} chains, although chains is {options.chains}.")
+        options, is_done = replace(options, chains=chains), more_draws is None
+    return options, known["command"] if is_done else command
 
 
 def run_record(

@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from pydantic import Field
 
@@ -24,15 +23,19 @@ from pyburgers.common.locks import process_lock
 from pyburgers.common.tasks import ALL_HERE, Workers, run_tasks
 from pyburgers.common.toml_files import Table, read_json_table
 from pyburgers.common.units import UNITS
-from pyburgers.fitting.problem_run import input_texts, problem_record, settled_options, write_inputs
+from pyburgers.fitting.problem_run import (
+    input_texts,
+    problem_record,
+    recorded_problem,
+    settled_options,
+    write_inputs,
+)
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.kinds.together import pooling_for
-from pyburgers.model.pooling import pooling_from
-from pyburgers.model.priors import PriorSet, load_priors, note_other_material
+from pyburgers.model.priors import PriorSet, note_other_material
 from pyburgers.sampling.manifest import COMPLETE, PoolingRecord, RecordedHashes, SamplerRecord
 from pyburgers.sampling.options import INDECISIVE, recorded_options
 from pyburgers.sampling.run import decisive, files_in, origin_record
@@ -213,7 +216,7 @@ def load_calibration(folder: Path) -> Calibration:
         raise InputError(f"{folder}: holds no calibration, expected a folder of pyburgers sbc.")
     manifest = run.read_manifest(_CalibrationManifest)
     with run.unchanged_copy(manifest) as copy:
-        template = _template(copy, manifest)
+        template = recorded_problem(copy, manifest)
     content = manifest["plan"]
     given = {name: content.get(name) for name in ("stress_range", "strain_range")}
     ranges = {name: tuple(limits) for name, limits in given.items() if limits is not None}
@@ -225,12 +228,6 @@ def load_calibration(folder: Path) -> Calibration:
         replications(run, plan.seeds, plan.n_ranked),
         manifest["command"],
     )
-
-
-def _template(run: RunDirectory, manifest: Mapping[str, Any]) -> Problem:
-    """Read what data sets are simulated from."""
-    tests = [load_experiment(run.test_file(name)) for name in manifest["experiments"]]
-    return problem_of(tests, load_priors(run.priors_file), pooling_from(manifest["pooling"]))
 
 
 def _fingerprint(problem: Problem, plan: CalibrationPlan, recipe: str) -> str:
@@ -327,7 +324,7 @@ def _replicate(
     run: RunDirectory, out: Path, seed: int, plan: CalibrationPlan, before: Replication | None
 ) -> Replication:
     """Do one data set in a folder of its own, where fits of an earlier attempt go on."""
-    template = _template(run, run.read_manifest())
+    template = recorded_problem(run, run.read_manifest())
     tries_left = SYSTEM_ATTEMPTS
     while True:
         tries_left -= 1

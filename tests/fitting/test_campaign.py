@@ -123,11 +123,14 @@ def test_a_damaged_run_does_not_hide_the_others(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """The first run is whole, and of each other one a file is damaged."""
-    seeds = [SMALL_RUN.seed + k for k in range(1 + len(DAMAGED))]
-    plan = make_plan((f"seeds = [{SMALL_RUN.seed}, 12]", f"seeds = {seeds}"))
+    tests = [f"test{k}" for k in range(1 + len(DAMAGED))]
+    plan = make_plan(
+        (f"seeds = [{SMALL_RUN.seed}, 12]", f"seeds = [{SMALL_RUN.seed}]"),
+        ('alone = ["inputs/PIL40.toml"]', "".join(f'{t} = ["inputs/PIL40.toml"]\n' for t in tests)),
+    )
     whole, *damaged = (
-        copy_of(small_fit, tmp_path / "out" / "runs" / f"alone-standard-own-seed{seed}")
-        for seed in seeds
+        copy_of(small_fit, tmp_path / "out" / "runs" / f"{test}-standard-own-seed{SMALL_RUN.seed}")
+        for test in tests
     )
     folders = [one.directory.path for one in damaged]
     for folder, name in zip(folders, DAMAGED, strict=True):
@@ -144,9 +147,54 @@ def test_a_damaged_run_does_not_hide_the_others(
     out = capsys.readouterr().out
     assert all(f"{folder.name}: could not be done: " in out for folder in folders)
     page = (tmp_path / "out" / "report" / "index.html").read_text(encoding="utf-8")
-    assert f"1 of {len(seeds)} fits are complete." in page
+    assert f"1 of {len(tests)} fits are complete." in page
     assert "damaged" in page
+    for folder in folders:
+        (folder / ".lock").unlink(missing_ok=True)
     assert [contents(folder) for folder in folders] == before
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "is_same"),
+    [
+        ("inputs/PIL40.toml", 'source = "', 'source = "My own. ', True),
+        ("inputs/PIL40.toml", "temperature_K = 26", "temperature_K = 25", False),
+        ("plan.toml", f"draws = {SMALL_RUN.draws}", f"draws = {SMALL_RUN.draws + 1}", False),
+    ],
+)
+def test_a_run_of_other_inputs_is_no_fit_of_the_plan(
+    file: str,
+    old: str,
+    new: str,
+    is_same: bool,
+    make_plan: MakePlan,
+    small_fit: Fit,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """What decides the draws is changed after the run, or what does not."""
+    plan, out = make_plan((f"seeds = [{SMALL_RUN.seed}, 12]", "seeds = [11]")), tmp_path / "out"
+    folder = out / "runs" / NAMES[0]
+    copy_of(small_fit, folder)
+    before = contents(folder)
+    text = (tmp_path / file).read_text(encoding="utf-8")
+    assert old in text
+    (tmp_path / file).write_text(text.replace(old, new), encoding="utf-8")
+    campaign = ["campaign", str(plan), "--out", str(out)]
+    assert main([*campaign, "--status"]) == 0
+    said = capsys.readouterr().out
+    assert ("complete" in said, "of other inputs" in said) == (is_same, not is_same)
+    if is_same:
+        return
+    assert main(campaign) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"{folder}: holds a run of other inputs: " in said
+    assert "; remove the folder, or choose another --out." in said
+    (row,) = pd.read_csv(out / "status.csv").to_dict("records")
+    assert (row["status"], row["chains"], row["of_chains"]) == ("of other inputs", 0, 2)
+    assert pd.isna(row["sampled_well"])
+    assert not (out / "report").exists()
+    assert contents(folder) == before
 
 
 def test_a_plan_is_every_combination(make_plan: MakePlan) -> None:

@@ -27,6 +27,7 @@ from pyburgers.page.joint_section import (
 )
 from pyburgers.page.names import joint_key, page_keys, page_names
 from pyburgers.page.page import write_report
+from pyburgers.page.tables import quoted_or_prior
 
 
 def test_manifest_names_tests_pooling_and_inputs(joint: Fit) -> None:
@@ -53,7 +54,14 @@ def test_every_number_of_a_joint_fit_says_who_decides_it(joint: Fit) -> None:
         name, test = row["quantity"], row["test"]
         key = name if name in summary.index else f"{name}[{test}]"
         assert row["decided_by"] == summary["decided_by"][key]
-    assert (shown_pooling_table(table)["decided by"] != "").all()
+    shown = shown_pooling_table(table)
+    assert (shown["decided by"] != "").all()
+    # A number stands as it does where a fit of one test is shown.
+    for name, one in joint.tests().items():
+        told = quoted_or_prior(one)
+        of_test = table[table["test"] == name].set_index("quantity")["quoted"]
+        assert of_test.to_dict() == {quantity: told[quantity] for quantity in of_test.index}
+    assert shown["PIL40"].tolist() == table[table["test"] == "PIL40"]["quoted"].tolist()
 
 
 def test_loading_gives_the_same_fit(joint: Fit) -> None:

@@ -141,6 +141,23 @@ def test_what_to_quote_is_a_limit_at_a_bound_and_a_median_of_a_wide_number(fit: 
     assert quoted("kelvin_viscosity", **tail).endswith(" (97000 to 103000)")
 
 
+def test_the_word_prior_or_a_limit_takes_the_place_of_a_number(
+    fit: Fit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    at_zero = Bound("lower", 0.0, 0.4, is_physical=True)
+    decided = {
+        "stress_exponent": Influence("stress_exponent", {"stress_exponent": 1.0}),
+        "maxwell_modulus": Influence("maxwell_modulus", {"stress_exponent": 1.0}),
+        "grain_size_exponent": Influence("grain_size_exponent", {}, bound=at_zero),
+    }
+    monkeypatch.setattr(Fit, "decisions", lambda _: decided)
+    texts = tables.quoted_or_prior(fit)
+    assert texts["stress_exponent"] == "prior"
+    assert "±" in texts["maxwell_modulus"]
+    assert texts["grain_size_exponent"].startswith("< ")
+    assert tables.quoted_or_prior(None) == {}
+
+
 @pytest.mark.parametrize("middle", [0.54, 0.2, -0.54])
 def test_a_few_far_draws_are_not_the_width_of_a_number(middle: float) -> None:
     draws = middle + 0.012 * norm.ppf(np.linspace(0.0005, 0.9995, 1000))

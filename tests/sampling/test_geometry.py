@@ -9,7 +9,8 @@ from charts_at_modes import chart_at_mode
 from conftest import ICE, SMALL_RUN, TESTS
 from conftest import Problem as SmallProblem
 
-from pyburgers.cmdstan.program import Density, load_program
+from pyburgers.cmdstan.program import LEAST_RATIO, Density, Program, load_program
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_json
 from pyburgers.fitting.charts_at_modes import ChosenChart, ProblemMode, find_mode
@@ -70,6 +71,22 @@ def test_the_first_metric_fits_where_noise_is_far_below_a_percent(precise: Preci
     # each coordinate below the mode.
     rise = around.expected_rise(chart.centre, chart.covariance)
     assert rise < chart.centre.size / 2
+
+
+@pytest.mark.parametrize("largest", [1e3, 1e18])
+def test_a_covariance_has_a_root_however_far_apart_curvatures_are(largest: float) -> None:
+    rng = np.random.default_rng(1)
+    axes = np.linalg.qr(rng.standard_normal((12, 12)))[0]
+    hessian: FloatArray = (axes * np.geomspace(1.0, largest, 12)) @ axes.T
+
+    class Known(Density):
+        def curvature(self, centre: FloatArray, steps: FloatArray | None = None) -> FloatArray:
+            return hessian
+
+    covariance = Known(Program(Path()), {}).laplace(np.zeros(12))
+    assert np.isfinite(np.linalg.cholesky(covariance)).all()
+    widest = np.linalg.eigvalsh(covariance)[-1]
+    assert widest == pytest.approx(1.0 / max(1.0, LEAST_RATIO * largest), rel=1e-6)
 
 
 def test_the_sampler_moves_in_standard_deviations_of_plain_coordinates(precise: Precise) -> None:

@@ -30,6 +30,32 @@ def again(problem: Problem, out: Path, more_draws: int | None = None) -> Fit:
     )
 
 
+def test_a_repeated_command_leaves_the_record_of_draws_that_stay(
+    extended: Fit, small_problem: Problem, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The options of a record are those of its draws, and its command makes as many chains."""
+    path, command = tmp_path / "run", extended.manifest["command"]
+    extended.save(path)
+
+    def repeated(chains: int) -> Fit:
+        test, priors = small_problem.experiment, small_problem.priors
+        options = replace(SMALL_RUN, chains=chains)
+        return fit(test, priors, out=path, options=options, command=f"{chains} chains")
+
+    caplog.set_level(logging.INFO, "pyburgers.sampling.run")
+    for chains in (SMALL_RUN.chains, 1):
+        same = repeated(chains)
+        assert same.manifest["sampler"]["chains"] == SMALL_RUN.chains
+        assert same.manifest["command"] == command
+        assert draws_in(same.directory) == draws_in(extended.directory)
+    assert "The run keeps its 2 chains, although chains is 1." in caplog.messages
+    # Chain 1 is sampled again, as one of both.
+    shutil.rmtree(same.directory.chain_folder(1))
+    assert repeated(1).manifest["sampler"]["chains"] == SMALL_RUN.chains
+    more = repeated(3)
+    assert (more.manifest["sampler"]["chains"], more.manifest["command"]) == (3, "3 chains")
+
+
 def draws_in(run: RunDirectory) -> dict[str, bytes]:
     files = sorted((run.path / "chains").rglob("draws.csv"))
     return {file.relative_to(run.path).as_posix(): file.read_bytes() for file in files}

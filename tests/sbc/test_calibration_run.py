@@ -241,11 +241,19 @@ def test_an_unfinished_calibration_is_shown_as_far_as_it_has_come(
     (part / "ranks.csv").unlink()  # written at the end
     out = tmp_path / "shown"
     main(["sbc", "--results-of", str(part), "--out", str(out)])
-    assert "2 of 3 data sets" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "2 of 3 data sets" in said
+    assert f"tables and figure: {out}" in said
     assert pd.read_csv(out / "ranks.csv")["seed"].tolist() == [1, 2]
     whole = tmp_path / "whole"
     main(["sbc", "--results-of", str(finished), "--out", str(whole)])
     assert (whole / "ranks.csv").read_bytes() == outcomes["ranks.csv"]
+    shutil.rmtree(part / "simulations")
+    none = tmp_path / "none"
+    capsys.readouterr()
+    main(["sbc", "--results-of", str(part), "--out", str(none)])
+    assert f"tables: {none}" in capsys.readouterr().out
+    assert not (none / "ranks.png").exists()
 
 
 def test_a_calibration_goes_on_from_its_table(

@@ -27,7 +27,7 @@ HIDDEN = ("symbol", "ESS tail", "prior")
 """Columns of tables for a page that a terminal has no room for."""
 
 FOLDED, LEAST_FOLDED = "quantity", 20
-"""Column whose cells may take several lines, and how narrow it may become."""
+"""Column whose cells may take several lines, as those of too wide ones, and its least width."""
 
 
 def print_table(table: pd.DataFrame, keys: Sequence[str]) -> None:
@@ -35,15 +35,17 @@ def print_table(table: pd.DataFrame, keys: Sequence[str]) -> None:
     console = _console()
     named = [name for name in keys if name in table]
     room = console.width + 1 - sum(_width(table, name) for name in named)
+    others = [str(name) for name in table if name not in (*named, *HIDDEN)]
+    too_wide = [name for name in others if _width(table, name) > max(room, LEAST_FOLDED + 1)]
     blocks: list[list[str]] = [[]]
-    for name in (str(name) for name in table if name not in (*named, *HIDDEN)):
+    for name in others:
         if blocks[-1] and sum(_width(table, one) for one in [*blocks[-1], name]) > room:
             blocks.append([])
         blocks[-1].append(name)
     for number, block in enumerate(blocks):
         if number:
             console.print()
-        console.print(_drawn(table[[*named, *block]], named))
+        console.print(_drawn(table[[*named, *block]], named, too_wide))
 
 
 def print_checks(
@@ -97,13 +99,13 @@ def _width(table: pd.DataFrame, name: str) -> int:
     return max(len(SHORT_TITLES.get(name, name)), cells) + 1
 
 
-def _drawn(table: pd.DataFrame, keys: Sequence[str]) -> Table:
+def _drawn(table: pd.DataFrame, keys: Sequence[str], too_wide: Sequence[str]) -> Table:
     drawn = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold")
     for name in map(str, table):
         drawn.add_column(
             SHORT_TITLES.get(name, name),
-            justify="left" if name in keys else "right",
-            no_wrap=name != FOLDED,
+            justify="left" if name in (*keys, *too_wide) else "right",
+            no_wrap=name not in (FOLDED, *too_wide),
         )
     for row in table.itertuples(index=False):
         drawn.add_row(*(Text(printable(str(cell))) for cell in row))

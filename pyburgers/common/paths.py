@@ -5,7 +5,7 @@ import os
 import re
 from pathlib import Path
 
-from pyburgers.common.errors import require_type
+from pyburgers.common.errors import InputError, require_type
 
 
 def given_path(path: str | Path) -> Path:
@@ -38,11 +38,18 @@ def shipped_folder(name: str) -> Path:
     Path
         The folder inside an installed package, else that of the checkout.
 
+    Raises
+    ------
+    InputError
+        If `name` is another one.
+
     Examples
     --------
     >>> (pyburgers.shipped_folder("data") / "ice" / "PIL40.toml").is_file()
     True
     """
+    if name not in ("data", "stan"):
+        raise InputError(f"name: found {name!r}, expected 'data' or 'stan'.")
     package = Path(str(importlib.resources.files("pyburgers")))
     inside = package / name
     return inside if inside.is_dir() else package.parent / name

@@ -162,6 +162,11 @@ def number(value: float) -> str:
     return f"{value:.6g}"
 
 
+def two_digits(value: float) -> str:
+    """Return a number with two significant digits, such as ``120`` and ``0.0012``."""
+    return number(float(f"{value:.2g}"))
+
+
 def span_text(ends: Iterable[float], digits: int) -> str:
     """Return two numbers as ``first to last``, or one where so many digits tell no difference."""
     return " to ".join(dict.fromkeys(f"{end:.{digits}g}" for end in ends))

@@ -19,7 +19,7 @@ import pandas as pd
 from pydantic import Field
 
 from pyburgers.checks.fit_checks import CheckKind
-from pyburgers.common.errors import InputError, PyburgersError
+from pyburgers.common.errors import InputError, PyburgersError, require_type
 from pyburgers.common.messages import messages_to
 from pyburgers.common.paths import given_path
 from pyburgers.common.processes import cores
@@ -39,11 +39,16 @@ from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import Problem, of_one_program, problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions
-from pyburgers.kinds.together import pooling_for, priors_for
-from pyburgers.model.priors import PriorSet, note_other_material
+from pyburgers.kinds.together import given_tests, pooling_for, priors_for
+from pyburgers.model.priors import SOME_PRIORS, PriorSet, note_other_material
 from pyburgers.model.variants import with_variant
 from pyburgers.sampling.manifest import COMPLETE, FitManifest
-from pyburgers.sampling.options import SamplerOptions, options_table, recorded_options
+from pyburgers.sampling.options import (
+    SOME_OPTIONS,
+    SamplerOptions,
+    options_table,
+    recorded_options,
+)
 from pyburgers.sampling.run import fingerprint
 from pyburgers.sampling.run_directory import RunDirectory
 
@@ -80,7 +85,7 @@ class Task:
 
 
 def task_of(
-    experiments: Sequence[Experiment],
+    experiments: Experiment | Sequence[Experiment],
     priors: PriorSet,
     options: SamplerOptions,
     pool: Mapping[str, str] | None = None,
@@ -104,9 +109,12 @@ def task_of(
 
     Examples
     --------
-    >>> task = pyburgers.task_of([test], priors, options)
+    >>> task = pyburgers.task_of(test, priors, options)
     """
-    return Task(problem_of(experiments, priors, pooling_for(experiments, pool)), options)
+    tests = given_tests(experiments)
+    require_type("priors", priors, PriorSet, SOME_PRIORS)
+    require_type("options", options, SamplerOptions, SOME_OPTIONS)
+    return Task(problem_of(tests, priors, pooling_for(tests, pool)), options)
 
 
 def run_fits(

@@ -28,14 +28,15 @@ from pyburgers.fitting.problem_run import (
 )
 from pyburgers.fitting.sampled_fit import SampledFit, data_words, in_passing, write_tables
 from pyburgers.kinds.conditions import Ranges, conditions_of, doubts
-from pyburgers.kinds.experiment import A_TEST, Experiment, Provenance
+from pyburgers.kinds.experiment import Experiment, Provenance
 from pyburgers.kinds.problem import Problem, one_test, problem_of
 from pyburgers.kinds.stan_data import SolverOptions
-from pyburgers.kinds.together import default_priors_for, pooling_for
+from pyburgers.kinds.together import default_priors_for, given_tests, pooling_for
 from pyburgers.model.pooling import pooling_from
 from pyburgers.model.priors import (
     FLOW_LAW,
     JOINT_PRIOR,
+    SOME_PRIORS,
     PriorSet,
     note_other_material,
 )
@@ -45,7 +46,7 @@ from pyburgers.posterior.build import build_posterior
 from pyburgers.posterior.groups import load_posterior
 from pyburgers.posterior.labelled_draws import draws_table, groups_of_tests, own_name, summary_table
 from pyburgers.sampling.manifest import FitManifest
-from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.options import SOME_OPTIONS, SamplerOptions
 from pyburgers.sampling.run import require_extendable
 from pyburgers.sampling.run_directory import RunDirectory
 
@@ -422,15 +423,15 @@ def fit(
     >>> result = pyburgers.fit(test, priors, out="runs/mine", options=options)
     >>> table = result.summary()
     """
-    require_type("experiments", experiments, (Experiment, list, tuple), A_TEST)
-    tests = [experiments] if isinstance(experiments, Experiment) else list(experiments)
-    if not tests:
-        raise InputError("experiments: found none, expected a test or several.")
-    for test in tests:
-        require_type("experiments", test, Experiment, A_TEST)
+    tests = given_tests(experiments)
     if priors is None:
         priors = default_priors_for(tests)
-    require_type("priors", priors, PriorSet, "a set of priors, as of pyburgers.priors('ice')")
+    require_type("priors", priors, PriorSet, SOME_PRIORS)
+    if more_draws is not None and out is None:
+        raise InputError(
+            f"more_draws: found {more_draws} without out, expected the folder of the run to which "
+            "draws are added."
+        )
 
     def fit_in(folder: Path) -> Fit:
         note_other_material(priors, tests[0].material)
@@ -473,7 +474,7 @@ def fit_problem(
         require_extendable(run, more_draws, overwrite=overwrite)
 
     settings = options or SamplerOptions()
-    require_type("options", settings, SamplerOptions, "options, as of pyburgers.SamplerOptions")
+    require_type("options", settings, SamplerOptions, SOME_OPTIONS)
 
     def sample(more: int | None) -> Fit:
         while True:

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pyburgers.common.errors import InputError, nearest
+from pyburgers.common.errors import InputError, nearest, require_type
 from pyburgers.drawing.panels import (
     FittedCurve,
     draw_curve,
@@ -18,12 +18,12 @@ from pyburgers.drawing.panels import (
 )
 from pyburgers.drawing.style import BLUE, VERMILION, style
 from pyburgers.drawing.view import view_of
-from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.experiment import A_TEST, Experiment
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.model.display import axis_label, shown_quantity
 from pyburgers.model.prior_families import Prior
-from pyburgers.model.priors import PriorSet
+from pyburgers.model.priors import SOME_PRIORS, PriorSet
 from pyburgers.posterior.labelled_draws import free_parameters
 
 PRIORS_IN_A_ROW = 4
@@ -53,6 +53,7 @@ def plot(experiment: Experiment, ax: Axes | None = None) -> Axes:
     --------
     >>> axes = pyburgers.plot(test)
     """
+    require_type("experiment", experiment, Experiment, A_TEST)
     if not experiment.n_points:
         raise InputError(f"{experiment.id}: found no readings to draw, expected some.")
     curve, axes = view_of(experiment).read(experiment), ax or _new_axes()
@@ -80,6 +81,7 @@ def plot_priors(priors: PriorSet) -> Figure:
     --------
     >>> figure = pyburgers.plot_priors(pyburgers.priors("ice").resolved(2e6))
     """
+    require_type("priors", priors, PriorSet, SOME_PRIORS)
     shown = [priors[name] for name in priors.free if not priors[name].relative_to_max_stress]
     rows = -(-len(shown) // PRIORS_IN_A_ROW)
     with figure_of(9.0, 0.6 + 1.9 * rows, priors.title) as figure:

@@ -31,9 +31,9 @@ from pyburgers.flow_law_tables.softening import softening_prior
 from pyburgers.flow_law_tables.table_files import save_rate_table
 from pyburgers.flow_law_tables.tables import RateTable, in_order_of_tests, joined
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE
-from pyburgers.model.priors import PriorSet, note_other_material, shipped_prior_files
+from pyburgers.model.priors import SOME_PRIORS, PriorSet, note_other_material, shipped_prior_files
 from pyburgers.posterior.labelled_draws import own_name
-from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.options import SOME_OPTIONS, SamplerOptions
 from pyburgers.sampling.run import (
     as_recorded,
     complete_chains,
@@ -43,6 +43,8 @@ from pyburgers.sampling.run import (
     way_out,
 )
 from pyburgers.sampling.run_directory import RunDirectory
+
+A_TABLE = "a table, as of pyburgers.load_rate_table"
 
 WARMUP, TARGET_ACCEPTANCE = 1000, 0.95
 """Defaults where the options leave them open."""
@@ -76,7 +78,7 @@ def fit_rates(
         or with `curve` its flow law with beta.
     out : path
         Run directory. An earlier run with the same inputs there is continued.
-    held_out : collection of str
+    held_out : list of str
         Sources that are predicted in place of being fitted.
     curve : PriorSet, optional
         Priors of every parameter of a curve. They soften the tests
@@ -105,11 +107,19 @@ def fit_rates(
     run = RunDirectory(given_path(out))
     if more_draws is not None:
         require_extendable(run, more_draws, overwrite=overwrite)
+    require_type("tables", tables, (RateTable, list, tuple), A_TABLE)
     tables = [tables] if isinstance(tables, RateTable) else list(tables)
     if not tables:
         raise InputError("tables: found none, expected a table or several.")
     for table in tables:
-        require_type("tables", table, RateTable, "a table, as of pyburgers.load_rate_table")
+        require_type("tables", table, RateTable, A_TABLE)
+    require_type("held_out", held_out, (list, tuple, set, frozenset), "a list of sources")
+    for name, given, of_type, expected in (
+        ("law", law, RateLaw, "a law, as of pyburgers.rate_law('ice_composite')"),
+        ("curve", curve, PriorSet, SOME_PRIORS),
+    ):
+        if given is not None:
+            require_type(name, given, of_type, expected)
     data = joined(tables, held_out, softened=curve is not None)
     kind = "power_law" if curve is None else "flow_law"
     law = _default_law(data.material, kind) if law is None else law
@@ -122,7 +132,7 @@ def fit_rates(
         )
     data = in_order_of_tests(usable_rows(data, law))
     options = options or SamplerOptions()
-    require_type("options", options, SamplerOptions, "options, as of pyburgers.SamplerOptions")
+    require_type("options", options, SamplerOptions, SOME_OPTIONS)
     softening = None
     if curve is not None:
         note_other_material(curve, data.material)

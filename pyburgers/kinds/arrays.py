@@ -132,6 +132,10 @@ def LoadingHistory(  # noqa: N802
     ... )
     """
     given = _named("LoadingHistory", locals(), "stages")
+    expected = "a list of tables [[stages]] of an experiment file"
+    require_type("LoadingHistory: argument 'stages'", stages, (list, tuple), expected)
+    for stage in stages:
+        require_type("LoadingHistory: argument 'stages'", stage, Mapping, expected)
     return _history("LoadingHistory", {"stages": list(map(dict, stages)), **given})
 
 

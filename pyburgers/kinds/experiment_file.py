@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import Field
 
 from pyburgers.common.array_types import FloatArray
-from pyburgers.common.errors import InputError, nearest
+from pyburgers.common.errors import InputError, nearest, require_type
 from pyburgers.common.toml_files import NAME, Table, all_of, factor_to_si, nested_table
 from pyburgers.kinds.experiment import (
     CONDITION_KEYS,
@@ -338,14 +338,16 @@ def test_of(called: str, kind: Kind[E], arguments: Mapping[str, Any]) -> E:
     given = {"kind": "measured", "source": f"arrays given to {called}", **arguments}
     if not {"kind", "provenance"} & arguments.keys():
         given["notices"] = [*arguments.get("notices", []), UNSTATED_KIND]
-    tables = {"protocol": protocol, **_tables(kind.structure, given)}
+    tables = {"protocol": protocol, **_tables(called, kind.structure, given)}
     try:
         return kind.load(Path(called), tables)
     except InputError as error:
         raise InputError(*map(_of_arguments, error.sentences)) from None
 
 
-def _tables(structure: type[ExperimentFile], arguments: Mapping[str, Any]) -> dict[str, Any]:
+def _tables(
+    called: str, structure: type[ExperimentFile], arguments: Mapping[str, Any]
+) -> dict[str, Any]:
     """Return arguments as tables of a file, each in that which has its key, arrays as columns."""
     nested = {
         name: table
@@ -360,6 +362,8 @@ def _tables(structure: type[ExperimentFile], arguments: Mapping[str, Any]) -> di
         data = nested["data"].model_fields
         if value is None:
             continue
+        if f"{key}_column" in data and not homes and not np.ndim(value):
+            require_type(f"{called}: argument {key!r}", value, list, "a list of readings")
         if f"{key}_column" in data and np.ndim(value):
             columns[key] = value
             tables.setdefault("data", {})[f"{key}_column"] = key

@@ -7,6 +7,7 @@ parameter, needs no change of Stan code.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
 
@@ -16,7 +17,7 @@ from scipy import stats
 from scipy.special import ndtri_exp
 
 from pyburgers.common.array_types import FloatArray
-from pyburgers.common.errors import InputError
+from pyburgers.common.errors import InputError, require_type
 from pyburgers.common.toml_files import Table, factor_to_si
 from pyburgers.model.laws import DASHPOT_STRESSES, HARDENING_SWITCH, NONLINEAR_KELVIN_PARAMETERS
 from pyburgers.model.parameters import (
@@ -200,13 +201,19 @@ class Prior:
         >>> low, high = prior.distribution().ppf([0.05, 0.95])
         """
         if self.relative_to_max_stress:
-            raise ValueError(f"the prior of {self.parameter} needs PriorSet.resolved first")
+            raise InputError(
+                f"{self.parameter}: found a prior that is a share of the largest stress, expected "
+                "one in Pa, as of PriorSet.resolved."
+            )
         if self.family == "uniform":
             return stats.uniform(loc=self.lower, scale=self.upper - self.lower)
         if self.family == "lognormal":
             return stats.lognorm(s=self.scale, scale=self.location)
         if self.family == "fixed":
-            raise ValueError(f"{self.parameter} is fixed and has no distribution")
+            raise InputError(
+                f"{self.parameter}: found a fixed prior, which has no distribution, expected a "
+                "free one."
+            )
         lower, upper = ((end - self.location) / self.scale for end in (self.lower, self.upper))
         return stats.truncnorm(lower, upper, loc=self.location, scale=self.scale)
 
@@ -255,6 +262,9 @@ class Prior:
         """Return the prior in Pa, where it is a share of the largest stress (Pa)."""
         if not self.relative_to_max_stress:
             return self
+        require_type("max_stress", max_stress, Real, "a stress in Pa")
+        if not 0 < max_stress < math.inf:
+            raise InputError(f"max_stress: found {max_stress:g} Pa, expected a positive stress.")
         numbers = _scaled(self.numbers(), max_stress, self.family)
         return Prior.of_family(
             self.parameter,

@@ -58,6 +58,9 @@ TAKEN_OUT: Mapping[tuple[str, str], tuple[str, ...]] = {
 """Parameters that the law of a part takes out of the model at constant rate, by part and law."""
 
 
+SOME_PRIORS = "a set of priors, as of pyburgers.priors('ice')"
+
+
 @dataclass(frozen=True, repr=False)
 class PriorSet:
     """Priors of all parameters for one material.

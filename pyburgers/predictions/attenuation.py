@@ -54,6 +54,7 @@ from pyburgers.predictions.material import (
     strain_fails,
 )
 from pyburgers.predictions.stress_cycles import (
+    A_REGIME,
     DRAW_DIMENSIONS,
     HOLD_TIME,
     PAPER_REGIMES,
@@ -262,6 +263,8 @@ def predict_attenuation(
     >>> middle = spectrum["tan_delta"].median(("chain", "draw"))
     """
     require_type("regimes", regimes, Sequence, "a list, such as [pyburgers.Regime(1e6, 1e5)]")
+    for one in regimes:
+        require_type("regimes", one, Regime, A_REGIME)
     require_type("fit", fit, FittedTest, A_FIT)
     material = fitted_material(
         fit,

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from numbers import Integral
 from pathlib import Path
 from types import MappingProxyType
 
@@ -290,6 +291,7 @@ def _kept(fit: AnyFit, draws: int, seed: int) -> Kept:
     """Return the numbers of chosen draws, counted from 0 along all chains."""
     sizes = fit.posterior["posterior"].sizes
     there = sizes["chain"] * sizes["draw"]
+    require_type("draws", draws, Integral, "a whole number")
     if not 0 <= draws <= there:
         raise InputError(f"draws: found {draws}, expected at most {there}, the draws of the fit.")
     return np.sort(np.random.default_rng(seed).choice(there, draws, replace=False))

@@ -16,6 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pyburgers.common.draws import FloatArray, evenly_spaced
+from pyburgers.common.errors import require_type
 from pyburgers.drawing.panels import draw_data, draw_thin_lines, figure_of
 from pyburgers.drawing.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY_BLUE, VERMILION, style
 from pyburgers.fitting.prediction import Prediction
@@ -289,6 +290,7 @@ def prediction_figure(prediction: Prediction) -> Figure:
     --------
     >>> figure = pyburgers.prediction_figure(fit.predict(test))
     """
+    require_type("prediction", prediction, Prediction, "a prediction, as of Fit.predict")
     shown = answers(prediction)
     with figure_of(8.0, 1.6 + 3.6 * len(shown)) as figure:
         # Tables of cycles have each quantity at places of its own.

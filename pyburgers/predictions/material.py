@@ -9,6 +9,7 @@ elastic modulus, which may be that of the apparatus.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from types import MappingProxyType
 from typing import Literal, get_args
 
@@ -17,7 +18,7 @@ import xarray as xr
 
 from pyburgers.common.array_types import BoolArray, IntArray
 from pyburgers.common.draws import FloatArray, evenly_spaced
-from pyburgers.common.errors import InputError
+from pyburgers.common.errors import InputError, require_type
 from pyburgers.common.units import UNITS, number
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.conditions import Ranges, environment_ranges, ranges_text
@@ -96,6 +97,15 @@ def fitted_material(
     if microstructure not in get_args(Microstructure):
         expected = " or ".join(map(repr, get_args(Microstructure)))
         raise InputError(f"microstructure: found {microstructure!r}, expected {expected}.")
+    for name, given in (
+        ("temperature", temperature),
+        ("grain_size", grain_size),
+        ("fabric_factor", fabric_factor),
+        ("elastic_modulus", elastic_modulus),
+        ("elastic_modulus_sd", elastic_modulus_sd),
+    ):
+        if given is not None:
+            require_type(name, given, Real, "one number")
     experiment = fit.experiment
     draws = fit.posterior["posterior"].to_dataset().transpose("chain", "draw", ...)
     parameters = {
@@ -114,8 +124,8 @@ def fitted_material(
                 f"a fit with a prior of {number} or another one of its kind."
             )
     if elastic_modulus is not None:
-        given = _modulus_draws(elastic_modulus, elastic_modulus_sd, shape, seed)
-        parameters = with_maxwell_modulus(parameters, given)
+        moduli = _modulus_draws(elastic_modulus, elastic_modulus_sd, shape, seed)
+        parameters = with_maxwell_modulus(parameters, moduli)
     elif elastic_modulus_sd:
         raise InputError(
             f"elastic_modulus_sd: found {elastic_modulus_sd:g} Pa without elastic_modulus, "

@@ -40,7 +40,7 @@ from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import ModelVariant, variant_of
 from pyburgers.posterior.labelled_draws import own_name
 from pyburgers.predictions.material import Material, fitted_material
-from pyburgers.predictions.stress_cycles import Regime, check_state, flow_rate
+from pyburgers.predictions.stress_cycles import A_REGIME, Regime, check_state, flow_rate
 
 LOGARITHM = "ln_"
 """What names of logarithms of quantities begin with, in SI units."""
@@ -203,6 +203,8 @@ class Stated:
             value = getattr(self, name)
             if value is not None:
                 require_type(name, value, Real, "a number")
+        if self.regime is not None:
+            require_type("regime", self.regime, Regime, A_REGIME)
         none: Sequence[float] = ()
         check_state(
             self.temperatures,

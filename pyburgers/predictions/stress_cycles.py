@@ -125,6 +125,8 @@ def asked_conditions(
     return {name: (float(min(one)), float(max(one))) for name, one in given.items() if len(one)}
 
 
+A_REGIME = "stresses, as of pyburgers.Regime(1e6, 1e5)"
+
 PAPER_REGIMES = (
     Regime(1e6, 0.17e6),
     Regime(1.5e6, 0.5e6),
@@ -330,7 +332,14 @@ def flow_rate(
         if name in parameters
     }
     state = [np.asarray(one, dtype=np.float64) for one in (grain_size, fabric_factor, stress)]
-    shape = np.broadcast_shapes(*(one.shape for one in (*draws.values(), *state)))
+    shapes = {one.shape: str(one.shape) for one in (*draws.values(), *state)}
+    try:
+        shape = np.broadcast_shapes(*shapes)
+    except ValueError:
+        raise InputError(
+            f"parameters, stress, grain_size and fabric_factor: found the shapes "
+            f"{', '.join(shapes.values())}, expected ones that broadcast against each other."
+        ) from None
     if 0 in shape:
         return np.empty(shape)
     found = closed_forms(

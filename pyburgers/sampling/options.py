@@ -46,6 +46,9 @@ def _option(name: str) -> str:
     return f" (option --{name.replace('_', '-')})"
 
 
+SOME_OPTIONS = "options, as of pyburgers.SamplerOptions"
+
+
 @dataclass(frozen=True)
 class SamplerOptions:
     """How NUTS runs.

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from pyburgers.common.errors import (
     SamplingError,
     SystemFailureError,
     ToolchainError,
+    require_type,
 )
 from pyburgers.common.units import counted
 from pyburgers.sampling.chains import Extension, run_side_by_side
@@ -122,6 +124,7 @@ def require_extendable(run: RunDirectory, more_draws: int, *, overwrite: bool) -
 
     The number may be out of range, there may be no run, or it may be removed.
     """
+    require_type("more_draws", more_draws, Integral, "a whole number")
     option = f"--more-draws {more_draws}"
     if not 1 <= more_draws <= MOST_DRAWS:
         raise InputError(f"{option}: expected a number from 1 to {MOST_DRAWS}.")

@@ -257,13 +257,13 @@ def test_a_segment_that_lies_aside_is_named_with_its_place_and_size() -> None:
 
 def test_a_single_outlier_is_told_as_such() -> None:
     residual = white(4)
-    residual[30] = -8.0
+    residual[30] = -104.0
     results = failed(draws_of(one=groups(residual, 1.4 * draws_of_noise())))
     assert list(results) == ["largest residual"]
     sentence = results["largest residual"].sentence
     assert "A single reading is an outlier" in sentence
     assert "strain 31 %" in sentence
-    assert "8 MPa below the model" in sentence
+    assert "100 MPa below the model" in sentence
     assert "too narrow" not in sentence
 
 

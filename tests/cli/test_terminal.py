@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from terminal import Terminal
 
-from pyburgers.cli.terminal import WIDTH, print_checks, print_table
+from pyburgers.cli.terminal import LEAST_FOLDED, WIDTH, print_checks, print_table
 from pyburgers.fitting.fit import Fit
 from pyburgers.page.tables import parameter_table
 
@@ -36,6 +36,28 @@ def test_many_columns_come_in_blocks_that_repeat_what_a_row_is_about(
     assert all(line.startswith("quantity ") for line in shown)
     assert all(sum(f"test {k}" in line for line in shown) == 1 for k in range(9))
     assert max(len(line) for block in blocks for line in block.splitlines()) <= WIDTH
+
+
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_a_column_that_is_too_wide_takes_several_lines(
+    width: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pyburgers.cli.terminal.WIDTH", width)
+    decided = ", ".join(f"test_{k}: both (of E_K, ε_c1)" for k in range(5))
+    row = {"quantity": "critical strain of the grain size", "unit": "fraction"}
+    found = {"pooling": "separate", "decided by": decided, "test_1": "0.6 ± 0.2"}
+    print_table(pd.DataFrame([{**row, **found}]), ["quantity", "unit", "pooling"])
+    first, *others = capsys.readouterr().out.rstrip("\n").split("\n\n")
+    starts = {name: first.index(name) for name in first.splitlines()[0].split()}
+    ends = [*list(starts.values())[1:4], width]
+    texts = [
+        " ".join(line[start:end].strip() for line in first.splitlines()[1:]).strip()
+        for start, end in zip(list(starts.values())[:4], ends, strict=True)
+    ]
+    assert texts == [*row.values(), "separate", decided]
+    assert ends[0] > LEAST_FOLDED
+    assert all(block.startswith("quantity ") for block in others)
+    assert max(map(len, first.splitlines())) <= width
 
 
 CONFLICTS = ("A: Prior and data disagree about this.", "B: Prior and data disagree about that.")

@@ -2,11 +2,14 @@
 
 import ast
 import json
+import math
 import re
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from sentences import documents
 
@@ -91,6 +94,15 @@ def other(value: object) -> Any:
     return value
 
 
+RATES = pyburgers.load_rate_table(
+    pyburgers.shipped_folder("data") / "ice" / "rates" / "fan_2020.toml"
+)
+
+
+def resolved(stress: object, _: Fit) -> object:
+    return pyburgers.priors("ice").resolved(other(stress))
+
+
 @pytest.mark.parametrize(
     ("call", "told"),
     [
@@ -162,6 +174,72 @@ def other(value: object) -> Any:
             lambda _: pyburgers.fit_rates(other(["table.toml"]), out="run"),
             "tables: found 'table.toml', expected a table",
         ),
+        (
+            lambda _: pyburgers.fit_rates(other("table.toml"), out="run"),
+            "tables: found 'table.toml', expected a table",
+        ),
+        (
+            lambda _: pyburgers.fit_rates(RATES, other("ice_composite"), out="run"),
+            "law: found 'ice_composite', expected a law",
+        ),
+        (
+            lambda _: pyburgers.fit_rates(RATES, out="run", held_out="fan_2020"),
+            "held_out: found 'fan_2020', expected a list",
+        ),
+        (
+            lambda _: pyburgers.fit_rates(RATES, out="run", curve=other("ice")),
+            "curve: found 'ice', expected a set of priors",
+        ),
+        (
+            lambda _: pyburgers.fit_rates(RATES, out="run", more_draws=other("3")),
+            "more_draws: found '3', expected a whole number",
+        ),
+        (
+            lambda fit: pyburgers.fit(fit.experiment, more_draws=100),
+            "more_draws: found 100 without out, expected the folder of the run",
+        ),
+        (
+            lambda fit: pyburgers.task_of(fit.experiment, other("ice"), pyburgers.SamplerOptions()),
+            "priors: found 'ice', expected a set",
+        ),
+        (
+            lambda fit: pyburgers.task_of(fit.experiment, fit.priors, other({"chains": 2})),
+            "options: found dict, expected options",
+        ),
+        (
+            lambda fit: pyburgers.predict_attenuation(fit, [1], temperature=other([260, 270])),
+            "temperature: found list, expected one number",
+        ),
+        (
+            lambda fit: pyburgers.predict_attenuation(fit, [1], other([(1e6, 1e5)])),
+            "regimes: found tuple, expected stresses",
+        ),
+        (
+            lambda fit: pyburgers.export(fit, "tidalpy", regime=other((1e6, 1e5))),
+            "regime: found tuple, expected stresses",
+        ),
+        (
+            lambda fit: pyburgers.export(fit, "json", draws=other(2.5)),
+            "draws: found 2.5, expected a whole number",
+        ),
+        (
+            lambda fit: pyburgers.prediction_figure(other(fit)),
+            "prediction: found Fit, expected a prediction",
+        ),
+        (lambda _: pyburgers.plot(other("ice")), "experiment: found 'ice', expected a test"),
+        (lambda _: pyburgers.plot_priors(other("ice")), "priors: found 'ice', expected a set"),
+        (
+            lambda _: pyburgers.priors("ice").sample(np.random.default_rng(1)),
+            "stress_noise: found a prior that is a share of the largest stress, expected one in Pa",
+        ),
+        *(
+            (partial(resolved, wrong), f"max_stress: found {found}, expected a")
+            for wrong, found in (("2 MPa", "'2 MPa'"), (-2e6, "-2e+06 Pa"), (math.nan, "nan Pa"))
+        ),
+        (
+            lambda _: pyburgers.shipped_folder("foo"),
+            "name: found 'foo', expected 'data' or 'stan'",
+        ),
         (lambda _: pyburgers.fit_rates([], out="run"), "tables: found none, expected a table"),
         (
             lambda fit: pyburgers.design(fit, pyburgers.DesignPlan(("maxwell_modulus",), {})),
@@ -178,6 +256,12 @@ def other(value: object) -> Any:
                 {**LAW}, 1e6, temperature=other([260.0, 270.0]), grain_size=1e-3
             ),
             "temperature: found list, expected one number",
+        ),
+        (
+            lambda _: pyburgers.flow_rate(
+                LAW, [1e6, 2e6, 3e6], temperature=263.0, grain_size=[1e-3, 1e-2]
+            ),
+            "found the shapes (), (2,), (3,), expected ones that broadcast",
         ),
     ],
 )

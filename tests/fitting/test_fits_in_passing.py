@@ -34,7 +34,7 @@ def test_a_fit_that_fails_leaves_no_folder(
 ) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     with pytest.raises(InputError):
-        fit(small_problem.experiment, small_problem.priors, more_draws=5)
+        fit(small_problem.experiment, small_problem.priors, pool={"beta": "none"})
     assert not list(tmp_path.iterdir())
 
 

@@ -20,7 +20,7 @@ from pyburgers.posterior.labelled_draws import convergence_table
 def tasks(small_problem: Problem) -> dict[str, Task]:
     experiment, priors = small_problem.experiment, small_problem.priors
     return {
-        name: task_of([replace(experiment, id=name)], priors, replace(SMALL_RUN, seed=seed))
+        name: task_of(replace(experiment, id=name), priors, replace(SMALL_RUN, seed=seed))
         for name, seed in (("first", SMALL_RUN.seed), ("second", SMALL_RUN.seed + 1))
     }
 

@@ -296,6 +296,8 @@ REFUSED: list[tuple[Callable[..., Experiment], dict[str, Any], dict[str, Any], s
         ({"temprature": 3}, "unknown argument 'temprature', did you mean 'temperature_K'?"),
         ({"stress": [1, 2, "high", 4]}, "row 3, column 'stress': found 'high', expected a number"),
         ({"stress": [1, 2, np.inf, 4]}, "row 3, column 'stress': found 'inf', expected a finite"),
+        ({"strain": 0.01}, "argument 'strain': found 0.01, expected a list of readings"),
+        ({"stress": "a.csv"}, "argument 'stress': found 'a.csv', expected a list of readings"),
         ({"stress": [[1, 2]]}, "column 'stress': found 2 dimensions"),
         ({"name": "a b"}, "argument 'name': found 'a b'"),
         ({"strain": None, "strain_unit": None}, "needs the argument 'strain' or 'time'"),
@@ -320,6 +322,9 @@ REFUSED += [
     for change, words in (
         ({"stress_unit": None}, "argument 'stress_unit' is missing, expected it because a stage"),
         ({"time_unit": None}, "argument 'time_unit' is missing, expected it because a stage"),
+        ({"strain": 0.01}, "argument 'strain': found 0.01, expected a list of readings"),
+        ({"stages": 3}, "argument 'stages': found 3, expected a list of tables"),
+        ({"stages": [3]}, "argument 'stages': found 3, expected a list of tables"),
         ({"stages": [{**STAGE, "control": "strain_rate"}]}, "argument 'strain_rate_per_s' in [["),
     )
 ]
@@ -338,6 +343,8 @@ REFUSED += [
     (pyburgers.RelaxationTest, RELAXATION, {"strain": ".06"}, "argument 'strain': found '.06'"),
     (pyburgers.RelaxationTest, RELAXATION, {"strain_unit": "mm"}, "argument 'strain_unit'"),
     (pyburgers.AttenuationTable, TABLE, {"deformation": "shear"}, "argument 'deformation'"),
+    (pyburgers.AttenuationTable, TABLE, {"attenuation": 0.02}, "found 0.02, expected a list of"),
+    (pyburgers.AttenuationTable, TABLE, {"temperature": 1300}, "found 1300, expected a list of"),
     (pyburgers.AttenuationTable, TABLE, {"period": [1.0, 1.0, 2.0]}, "found the period 1 twice"),
 ]
 

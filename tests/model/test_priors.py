@@ -203,13 +203,13 @@ class TestDistributions:
         assert prior.sample(np.random.default_rng(0)) == 4.0
         assert "stress_exponent" not in priors.free
         assert len(priors.free) == len(PARAMETERS) - 1
-        with pytest.raises(ValueError, match="fixed"):
+        with pytest.raises(InputError, match="fixed"):
             prior.distribution()
 
     def test_noise_relative_to_the_largest_stress(self) -> None:
         priors = default_priors("ice")
         assert priors["stress_noise"].relative_to_max_stress
-        with pytest.raises(ValueError, match="resolved"):
+        with pytest.raises(InputError, match="resolved"):
             priors["stress_noise"].distribution()
         resolved = priors.resolved(8e6)
         assert resolved["stress_noise"].scale == pytest.approx(0.4e6)

@@ -208,12 +208,14 @@ def _microstructure_text(
     microstructure: str, grain_size: float | None, fabric_factor: float | None
 ) -> str:
     """Say in words what was frozen."""
-    text = f"{microstructure.replace('_', '-')} microstructure"
+    said = []
+    if grain_size is None or fabric_factor is None:
+        said.append(f"{microstructure.replace('_', '-')} microstructure")
     if grain_size is not None:
-        text += f", grain size {number(grain_size * LENGTH_FACTOR)} {LENGTH_UNIT}"
+        said.append(f"grain size {number(grain_size * LENGTH_FACTOR)} {LENGTH_UNIT}")
     if fabric_factor is not None:
-        text += f", fabric factor {number(fabric_factor)}"
-    return text
+        said.append(f"fabric factor {number(fabric_factor)}")
+    return ", ".join(said)
 
 
 CRITICAL_SHARE = 0.1

@@ -431,6 +431,23 @@ def test_a_noise_that_the_fit_took_as_known_is_that_of_new_readings(
         assert "of the fit, 0.1 MPa" in notes[0]
 
 
+def test_scatters_of_a_table_are_told_without_a_unit_and_none_without_readings(
+    small_problem: Problem,
+) -> None:
+    table = load_attenuation(ICE / "attenuation_twin.toml")
+    fitted = one_test(table, resolved_priors(table))
+    values = {"attenuation_scatter": np.full(4, 0.19), "modulus_scatter": np.full(4, 0.05)}
+    _, notes = add_noises(values, fitted, table)
+    assert notes[0] == (
+        "New readings scatter by the scatter of ln tan delta of the fit, 0.19 on average."
+    )
+    curve = one_test(small_problem.experiment, small_problem.priors)
+    _, notes = add_noises({"stress_noise": np.full(4, 1e5)}, curve, table.to_be_solved())
+    assert notes[0] == (
+        "The fit has no scatter of ln tan delta, so that new readings have no noise here."
+    )
+
+
 @pytest.fixture(scope="module")
 def strained_and_loaded(small_fit: Fit, small_problem: Problem) -> Prediction:
     """A test that reads stress in its first stages and strain in the last."""

@@ -24,7 +24,7 @@ from pyburgers.model.parameters import (
     RESIDUAL_CORRELATION,
     STANDARD_VALUES,
 )
-from pyburgers.model.prior_families import Prior, fixed_prior
+from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.read_quantities import BY_NOISE
 from pyburgers.model.variants import ModelVariant, variant_of, with_variant
@@ -401,7 +401,15 @@ def transfer_laws(
             for name in RESIDUAL_CORRELATION
         )
         priors = priors.exchanging(*standard)
-    priors = with_variant(priors, experiment, laws_of_grains(laws))
+    grains = laws_of_grains(laws)
+    is_piezometric = variant_of(priors, experiment).grain_size == "piezometric"
+    if not grains and is_piezometric and is_fixed_at(priors["piezometer_reference_grain_size"], 0):
+        raise InputError(
+            f"{experiment.id}: the grain size of tests of the protocol {experiment.protocol} "
+            "follows a piezometer, which the fit has not, expected a fit with priors of a "
+            "piezometer, or pyburgers simulate with --from RUN --variant grain_size=constant."
+        )
+    priors = with_variant(priors, experiment, grains)
     here = variant_of(priors, experiment).record()
     notes += [
         f"{part.replace('_', ' ').capitalize()}: {here[part]} in such a test, {law} in the fit."

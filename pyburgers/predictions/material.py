@@ -20,6 +20,7 @@ from pyburgers.common.draws import FloatArray, evenly_spaced
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, number
 from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.prediction import MODULUS_OF_MACHINE
 from pyburgers.kinds.conditions import Ranges, environment_ranges, ranges_text
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.closed_forms import with_maxwell_modulus
@@ -363,11 +364,9 @@ def elastic_modulus_sentence(spectrum: xr.Dataset) -> str:
     given = spectrum.attrs["elastic_modulus"]
     if given:
         return f"The elastic modulus is given: {given}."
-    of_the_fit = "The elastic modulus is E_M of the fit."
     if spectrum.attrs["apparatus"] == "unseen":
-        return of_the_fit
+        return "The elastic modulus is E_M of the fit."
     return (
-        f"{of_the_fit} If strain was read off the machine, as in most "
-        "tests at constant rate, E_M is mostly the stiffness of the apparatus. Then tan δ at high "
-        "frequency is too small; --elastic-modulus-Pa gives a modulus of the material instead."
+        f"{MODULUS_OF_MACHINE} Then tan δ at high frequency is too small; --elastic-modulus-Pa "
+        "gives a modulus of the material instead."
     )

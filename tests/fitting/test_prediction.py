@@ -323,7 +323,7 @@ def test_what_cannot_be_predicted_is_refused(joint: Fit, small_fit: Fit) -> None
     ice_record = replace(load_forced_oscillation(TWIN_FILE), material="ice")
     for fit, experiment, options, words in (
         (small_fit, replace(target, material="olivine"), {}, "expected ice like PIL40"),
-        (small_fit, ice_record, {}, "follows a piezometer, found none"),
+        (small_fit, ice_record, {}, "the fit has not, .* simulate .* grain_size=constant"),
         (small_fit, target, {"draws": 0}, "expected at least 1"),
         (joint, target, {"separate_from": "nobody"}, "expected one of PIL40, other"),
     ):
@@ -402,6 +402,31 @@ def test_creep_that_lasts_longer_than_fitted_cycles_is_doubted(
     told = "The test lasts 1e+05 s, longer than any fitted period (1e+04 s)"
     assert any(one.startswith(told) for one in cautions) is longer
     assert any("longer than" in one for one in cautions) is longer
+
+
+def test_creep_that_lasts_longer_than_a_fitted_curve_and_is_molten_is_doubted(
+    small_fit: Fit, small_problem: Problem
+) -> None:
+    for duration, temperature, n_told in ((600.0, 270.0, 0), (3e9, 300.0, 1)):
+        stages = (Stage("stress", 0.0, duration, temperature, 1e4),)
+        target = creep(small_problem.experiment, stages=stages)
+        cautions = small_fit.predict(target, draws=3).cautions
+        molten = [one for one in cautions if "ice at 300 K is molten" in one]
+        told = [one for one in cautions if "lasts" in one]
+        assert (len(molten), len(told)) == (n_told, n_told)
+    assert told[0].startswith("The test lasts 3e+09 s, longer than any fitted test (")
+
+
+def test_a_table_of_cycles_of_a_curve_has_the_modulus_of_the_machine(
+    small_fit: Fit, small_problem: Problem
+) -> None:
+    table = load_attenuation(ICE / "attenuation_twin.toml").to_be_solved()
+    told = "E_M is mostly the stiffness of the apparatus"
+    assert any(told in one for one in small_fit.predict(table, draws=2).cautions)
+    apart = creep(small_problem.experiment, apparatus_compliance=Stated(1e-11, 0.0))
+    for fitted in (table, apart):
+        cautions = predict_test(prior_source(fitted), table).cautions
+        assert not any(told in one for one in cautions)
 
 
 def test_readings_need_a_noise_that_somebody_knows(small_fit: Fit, small_problem: Problem) -> None:

@@ -407,7 +407,7 @@ def test_creep_that_lasts_longer_than_fitted_cycles_is_doubted(
 def test_creep_that_lasts_longer_than_a_fitted_curve_and_is_molten_is_doubted(
     small_fit: Fit, small_problem: Problem
 ) -> None:
-    for duration, temperature, n_told in ((600.0, 270.0, 0), (3e9, 300.0, 1)):
+    for duration, temperature, n_told in ((60.0, 270.0, 0), (3e9, 300.0, 1)):
         stages = (Stage("stress", 0.0, duration, temperature, 1e4),)
         target = creep(small_problem.experiment, stages=stages)
         cautions = small_fit.predict(target, draws=3).cautions

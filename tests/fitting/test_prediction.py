@@ -39,6 +39,7 @@ from pyburgers.predictions.figures import prediction_figure
 from pyburgers.predictions.other_tests import (
     DENSITY,
     QUANTILES,
+    ROUNDED,
     answers,
     band_table,
     overview_table,
@@ -264,11 +265,25 @@ def test_a_table_of_cycles_is_predicted_in_its_own_quantities(programs: None) ->
         readings["quantity"].tolist()
         == np.repeat(["tan δ", "modulus"], len(table.readings.tan_delta)).tolist()
     )
+    solved = prediction.posterior["model_response"]["log_reading"].to_numpy()[0]
+    n = len(table.readings.tan_delta)
+    for column, rows in (("tan_delta", slice(0, n)), ("modulus_Pa", slice(n, 2 * n))):
+        there = readings[column + "_q50"].notna().to_numpy()
+        np.testing.assert_array_equal(np.flatnonzero(there), np.arange(2 * n)[rows])
+        measured = readings[f"measured_{column}"][there]
+        np.testing.assert_allclose(measured, np.exp(table.response[rows]), rtol=1e-12)
+        expected = np.quantile(np.exp(solved[:, rows]), 0.95, axis=0)
+        np.testing.assert_allclose(readings[f"{column}_q95"][there], expected, rtol=1e-6)
     for shown in (readings, overview_table(prediction)):
         assert {"period_s", "temperature_K"} < {*shown}
     panels = prediction_figure(prediction).axes
     assert [axes.get_ylabel() for axes in panels] == ["tan δ (1)", "modulus (GPa)"]
     assert panels[0].get_xlim()[1] < panels[1].get_xlim()[1]
+    named = [float(text.get_text()) for text in panels[0].get_xticklabels()]
+    assert named == pytest.approx(own_temperature, rel=1e-3)
+    assert panels[1].get_xlabel() == (
+        "temperature (K) of spectra over periods of 1 to 10000 s (logarithmic)"
+    )
     breaks = np.isnan(np.asarray(panels[0].get_lines()[0].get_xdata(), dtype=np.float64))
     assert breaks.sum() == len(table.conditions.first_rows) - 1 > 0
 
@@ -296,13 +311,21 @@ def test_an_upper_limit_is_scored_with_the_probability_of_being_below_it(program
     limit = np.full(2 * at_limit.size, -np.inf)
     limit[: at_limit.size][at_limit] = np.log(1.2 * tan_delta[at_limit])
     new = prediction.posterior["posterior_predictive"]["log_reading"].to_numpy()[0]
+    assert ((new > limit) & (new < limit + ROUNDED)).any()  # rounded by the program
+    new = np.where(new <= limit + ROUNDED, limit, new)
 
     def score(reading: FloatArray, without: list[int]) -> float:
         law = stats.norm(np.delete(solved, without, 0), np.delete(noise, without, 0))
         density = np.where(reading <= limit, law.logcdf(limit), law.logpdf(reading))
         return float(np.mean(logsumexp(density, axis=0) - np.log(len(density))))
 
-    scores = score_table(prediction).loc[DENSITY]
+    scores, told = score_table(prediction).loc[DENSITY], reading_table(prediction)
+    np.testing.assert_array_equal(told["is_limit"], limit > -np.inf)
+    share = np.mean(new <= limit, axis=0)[limit > -np.inf]
+    np.testing.assert_array_equal(told["share_below"][told["is_limit"]], share)
+    assert share.any()
+    _, labels = prediction_figure(prediction).axes[0].get_legend_handles_labels()
+    assert labels[-2:] == ["synthetic data", "upper limits"]
     assert (new <= limit).any()
     assert scores["found"] == pytest.approx(score(prediction.experiment.response, []), rel=1e-6)
     expected = np.mean([score(own, [k]) for k, own in enumerate(new)])
@@ -323,7 +346,7 @@ def test_what_cannot_be_predicted_is_refused(joint: Fit, small_fit: Fit) -> None
     ice_record = replace(load_forced_oscillation(TWIN_FILE), material="ice")
     for fit, experiment, options, words in (
         (small_fit, replace(target, material="olivine"), {}, "expected ice like PIL40"),
-        (small_fit, ice_record, {}, "the fit has not, .* simulate .* grain_size=constant"),
+        (small_fit, ice_record, {}, r"the fit has not, .* simulate .* grain_size=constant"),
         (small_fit, target, {"draws": 0}, "expected at least 1"),
         (joint, target, {"separate_from": "nobody"}, "expected one of PIL40, other"),
     ):

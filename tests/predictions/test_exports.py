@@ -405,7 +405,7 @@ def test_softened_tests_have_a_law_of_undeformed_material(
 ) -> None:
     with pytest.raises(InputError, match="no grain size of undeformed material"):
         export(peaks, "geoparams")
-    with pytest.raises(InputError, match="'steady_state', of which .* tells nothing"):
+    with pytest.raises(InputError, match=r"'steady_state', of which .* tells nothing"):
         export(peaks, "geoparams", grain_size=1e-3, microstructure="steady_state")
     with pytest.raises(InputError, match="no temperature"):
         export(peaks, "icepack", grain_size=1e-3)

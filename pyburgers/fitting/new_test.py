@@ -16,7 +16,7 @@ from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import Problem, stated_priors
 from pyburgers.kinds.stan_data import CENTRE, SPREAD
 from pyburgers.model.closed_forms import MODULUS_CHANGE, maxwell_modulus_at, with_maxwell_modulus
-from pyburgers.model.display import unit_text
+from pyburgers.model.display import unit_after_number
 from pyburgers.model.parameters import (
     CONDITIONS,
     ENVIRONMENT,
@@ -24,7 +24,7 @@ from pyburgers.model.parameters import (
     RESIDUAL_CORRELATION,
     STANDARD_VALUES,
 )
-from pyburgers.model.prior_families import Prior, fixed_prior
+from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.read_quantities import BY_NOISE
 from pyburgers.model.variants import ModelVariant, variant_of, with_variant
@@ -329,11 +329,11 @@ def add_noises(
         noise = PARAMETER_BY_NAME[name]
         if name in read and name in values:
             size, origin = float(values[name].mean()), "of the fit"
-        elif stated == 0:
+        elif stated == 0 and experiment.n_points > 0:
             found[name] = np.zeros(n_draws)
             notes.append(f"New readings have no {noise.label} beside their stated errors.")
             continue
-        elif stated is not None:
+        elif stated:
             size, origin = stated, "that the file of the test states"
             found[name] = np.full(n_draws, stated)
         elif experiment.n_points > 0:
@@ -345,7 +345,7 @@ def add_noises(
             found[name] = np.full(n_draws, BY_NOISE[name].negligible_noise)
             notes.append(f"The fit has no {noise.label}, so that new readings have no noise here.")
             continue
-        shown = f"{size * noise.display_factor:.3g} {unit_text(noise)}"
+        shown = f"{size * noise.display_factor:.3g}{unit_after_number(noise)}"
         notes.append(f"New readings scatter by the {noise.label} {origin}, {shown} on average.")
     return found, notes
 
@@ -401,7 +401,15 @@ def transfer_laws(
             for name in RESIDUAL_CORRELATION
         )
         priors = priors.exchanging(*standard)
-    priors = with_variant(priors, experiment, laws_of_grains(laws))
+    grains = laws_of_grains(laws)
+    is_piezometric = variant_of(priors, experiment).grain_size == "piezometric"
+    if not grains and is_piezometric and is_fixed_at(priors["piezometer_reference_grain_size"], 0):
+        raise InputError(
+            f"{experiment.id}: the grain size of tests of the protocol {experiment.protocol} "
+            "follows a piezometer, which the fit has not, expected a fit with priors of a "
+            "piezometer, or pyburgers simulate with --from RUN --variant grain_size=constant."
+        )
+    priors = with_variant(priors, experiment, grains)
     here = variant_of(priors, experiment).record()
     notes += [
         f"{part.replace('_', ' ').capitalize()}: {here[part]} in such a test, {law} in the fit."

@@ -3,7 +3,7 @@
 The discrepancy of a law in a test that was not fitted is the same share of the response.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral
 
@@ -29,8 +29,9 @@ from pyburgers.fitting.new_test import (
 from pyburgers.kinds.conditions import (
     beyond_sentences,
     conditions_of,
-    longer_than_cycles,
+    longer_history,
     longer_than_tests,
+    unlikely_in,
 )
 from pyburgers.kinds.experiment import A_TEST, Experiment
 from pyburgers.kinds.likelihood import likelihood_of
@@ -46,6 +47,10 @@ from pyburgers.model.read_quantities import BY_NOISE
 from pyburgers.posterior.groups import drawn_at_points, grid_group, groups_at_points
 from pyburgers.posterior.labelled_draws import label_draws
 
+MODULUS_OF_MACHINE = (
+    "The elastic modulus is E_M of the fit. If strain was read off the machine, as in most "
+    "tests at constant rate, E_M is mostly the stiffness of the apparatus."
+)
 NONE_HERE = " have none here, and their bands are too narrow."
 
 
@@ -325,15 +330,29 @@ def _fitted_itself(source: Source, experiment: Experiment) -> list[str]:
 
 
 def _beyond(source: Source, experiment: Experiment, posterior: xr.DataTree) -> tuple[str, ...]:
-    """Say where a test leaves the conditions that were fitted."""
+    """Say where a test leaves what was fitted, or is unlikely."""
     drawn = posterior["posterior"].to_dataset()
     acting = acting_environment({str(name): one.to_numpy() for name, one in drawn.items()})
     passed = conditions_of(experiment, posterior)
     return (
         *beyond_sentences(passed, source.conditions, acting),
-        *longer_than_cycles(experiment, source.conditions),
+        *unlikely_in(experiment),
+        *longer_history(experiment, source.problem.experiments, source.conditions),
         *longer_than_tests(passed, source.problem.experiments),
+        *_modulus_of_machine(source.problem.experiments, experiment),
     )
+
+
+def _modulus_of_machine(fitted: Sequence[Experiment], experiment: Experiment) -> list[str]:
+    """Say where a table of cycles takes its modulus from tests that saw it with the apparatus."""
+    compliance = "apparatus_compliance"
+    is_known = any(compliance in one.without_effect or compliance in one.stated for one in fitted)
+    if is_known or compliance not in experiment.without_effect:
+        return []
+    return [
+        f"{MODULUS_OF_MACHINE} Then modulus and tan δ of fast cycles are too small; `pyburgers "
+        "predict attenuation` has --elastic-modulus-Pa."
+    ]
 
 
 def _extended(posterior: xr.DataTree) -> list[str]:

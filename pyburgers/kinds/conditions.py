@@ -27,12 +27,19 @@ MIN_LIKELY_STRESS = 1e3
 
 
 def doubts(experiment: Experiment) -> list[str]:
-    """Say which numbers of a test are unlikely; each sentence starts with its name."""
-    found = [*_of_conditions(experiment), *experiment.doubts]
+    """Say which numbers of a test are unlikely, and whether its material has no default priors."""
+    found = unlikely_in(experiment)
     if plausible_ranges(experiment.material) is None:
         found.append(
-            f"there are no default priors of {experiment.material!r}, so that a fit needs --priors."
+            f"{experiment.id}: there are no default priors of {experiment.material!r}, so that a "
+            "fit needs --priors."
         )
+    return found
+
+
+def unlikely_in(experiment: Experiment) -> list[str]:
+    """Say which numbers of a test are unlikely; each sentence starts with its name."""
+    found = (*_of_conditions(experiment), *experiment.doubts)
     return [f"{experiment.id}: {sentence}" for sentence in found]
 
 
@@ -212,16 +219,21 @@ def beyond_sentences(
     return (f"Beyond what was fitted: {'; '.join(beyond)}.",) if beyond else ()
 
 
-def longer_than_cycles(experiment: Experiment, fitted: Sequence[Ranges]) -> tuple[str, ...]:
-    """Say whether a history lasts longer than all cycles of tables, if those alone were fitted."""
-    periods = [one["period"][1] for one in fitted if "period" in one]
-    if not isinstance(experiment, HistoryExperiment) or len(periods) < len(fitted):
+def longer_history(
+    experiment: Experiment, fitted: Sequence[Experiment], passed: Sequence[Ranges]
+) -> tuple[str, ...]:
+    """Say whether a history lasts longer than all fitted tests, and all periods that they passed.
+
+    A table of cycles lasts as long as its longest period.
+    """
+    periods = [one["period"][1] for one in passed if "period" in one]
+    lasts, *others = (hours_of(one) * UNITS["time"]["h"] for one in (experiment, *fitted))
+    longest = max([*others, *periods])
+    if not isinstance(experiment, HistoryExperiment) or lasts <= longest * (1 + ROUNDING):
         return ()
-    lasts, longest = experiment.end_time, max(periods)
-    if lasts <= longest:
-        return ()
+    known = "period" if len(periods) == len(fitted) else "test"
     return (
-        f"The test lasts {lasts:.4g} s, longer than any fitted period ({longest:.4g} s): slower "
+        f"The test lasts {lasts:.4g} s, longer than any fitted {known} ({longest:.4g} s): slower "
         "delayed strain was not fitted.",
     )
 

@@ -17,16 +17,24 @@ from matplotlib.patches import Patch
 
 from pyburgers.common.draws import FloatArray, evenly_spaced
 from pyburgers.common.errors import require_type
-from pyburgers.drawing.panels import draw_data, draw_thin_lines, figure_of
+from pyburgers.drawing.panels import draw_dots, draw_thin_lines, figure_of
 from pyburgers.drawing.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY_BLUE, VERMILION, style
 from pyburgers.fitting.prediction import Prediction
+from pyburgers.kinds.attenuation.experiment import AttenuationExperiment, range_text
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.model.read_quantities import Quantity, ReadQuantity
 from pyburgers.predictions.attenuation import evolving_quantiles, flat_draws
 from pyburgers.predictions.material import likely_fails
 from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
-from pyburgers.predictions.other_tests import answers, clock_of, read_quantities, shown_draws
+from pyburgers.predictions.other_tests import (
+    answers,
+    as_shown,
+    clock_of,
+    is_upper_limit,
+    read_quantities,
+    shown_draws,
+)
 
 Handle = Patch | Line2D | ErrorbarContainer
 """What a legend names."""
@@ -305,7 +313,7 @@ def prediction_figure(prediction: Prediction) -> Figure:
             title=_wrapped(prediction.title, *prediction.cautions),
             alignment="left",
         )
-        panels[-1].set_xlabel(_clock(prediction.experiment).label)
+        panels[-1].set_xlabel(_clock_label(prediction.experiment))
     return figure
 
 
@@ -316,6 +324,13 @@ def _wrapped(*sentences: str) -> str:
 
 def _clock(experiment: Experiment) -> Quantity:
     return likelihood_of(experiment).shown_clock(experiment.span[1])
+
+
+def _clock_label(experiment: Experiment) -> str:
+    if not isinstance(experiment, AttenuationExperiment):
+        return _clock(experiment).label
+    periods = range_text(experiment.conditions.period)
+    return f"temperature (K) of spectra over periods of {periods} s (logarithmic)"
 
 
 def _draw(axes: Axes, prediction: Prediction, quantity: ReadQuantity) -> None:
@@ -337,15 +352,19 @@ def _draw(axes: Axes, prediction: Prediction, quantity: ReadQuantity) -> None:
     median = np.median(solved, axis=0)
     axes.plot(position, median, color=VERMILION, linewidth=1.6, label="predictive median")
     own = np.array([one == quantity for one in read_quantities(experiment)], dtype=bool)
-    if own.any():
-        response = experiment.response[own]
-        draw_data(
-            axes,
-            experiment.position[own] * clock.display_factor,
-            (response if quantity.logarithm_of is None else np.exp(response)) * factor,
-            None,
-            f"{experiment.provenance.kind} data",
-        )
+    limit = is_upper_limit(experiment)
+    for some, marker, label in (
+        (own & ~limit, "o", f"{experiment.provenance.kind} data"),
+        (own & limit, "v", "upper limits"),
+    ):
+        if some.any():
+            measured = as_shown(quantity, experiment.response[some]) * factor
+            at = experiment.position[some] * clock.display_factor
+            draw_dots(axes, at, measured, marker=marker, label=label)
+    if isinstance(experiment, AttenuationExperiment):
+        spectra, first = np.unique(np.floor(places), return_index=True)
+        temperature = experiment.conditions_at(places[first])["temperature_K"]
+        axes.set_xticks(spectra + 0.5, [f"{one:.4g}" for one in temperature], rotation=45)
     axes.margins(x=0.01)
     axes.set(
         ylabel=quantity.shown.label, yscale="linear" if quantity.logarithm_of is None else "log"

@@ -21,6 +21,7 @@ from pyburgers.common.draws import FloatArray, evenly_spaced
 from pyburgers.common.errors import InputError, require_type
 from pyburgers.common.units import UNITS, number
 from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.prediction import MODULUS_OF_MACHINE
 from pyburgers.kinds.conditions import Ranges, environment_ranges, ranges_text
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.closed_forms import with_maxwell_modulus
@@ -218,12 +219,14 @@ def _microstructure_text(
     microstructure: str, grain_size: float | None, fabric_factor: float | None
 ) -> str:
     """Say in words what was frozen."""
-    text = f"{microstructure.replace('_', '-')} microstructure"
+    said = []
+    if grain_size is None or fabric_factor is None:
+        said.append(f"{microstructure.replace('_', '-')} microstructure")
     if grain_size is not None:
-        text += f", grain size {number(grain_size * LENGTH_FACTOR)} {LENGTH_UNIT}"
+        said.append(f"grain size {number(grain_size * LENGTH_FACTOR)} {LENGTH_UNIT}")
     if fabric_factor is not None:
-        text += f", fabric factor {number(fabric_factor)}"
-    return text
+        said.append(f"fabric factor {number(fabric_factor)}")
+    return ", ".join(said)
 
 
 CRITICAL_SHARE = 0.1
@@ -371,11 +374,9 @@ def elastic_modulus_sentence(spectrum: xr.Dataset) -> str:
     given = spectrum.attrs["elastic_modulus"]
     if given:
         return f"The elastic modulus is given: {given}."
-    of_the_fit = "The elastic modulus is E_M of the fit."
     if spectrum.attrs["apparatus"] == "unseen":
-        return of_the_fit
+        return "The elastic modulus is E_M of the fit."
     return (
-        f"{of_the_fit} If strain was read off the machine, as in most "
-        "tests at constant rate, E_M is mostly the stiffness of the apparatus. Then tan δ at high "
-        "frequency is too small; --elastic-modulus-Pa gives a modulus of the material instead."
+        f"{MODULUS_OF_MACHINE} Then tan δ at high frequency is too small; --elastic-modulus-Pa "
+        "gives a modulus of the material instead."
     )

@@ -29,6 +29,9 @@ OVERVIEW = 8
 MIXED = 1000
 """Draws at most that give a density together."""
 
+ROUNDED = 1e-4
+"""By how much draws of logarithms at an upper limit may lie above it, for they are rounded."""
+
 DENSITY = "log predictive density a reading"
 
 
@@ -65,7 +68,17 @@ def draws_of(prediction: Prediction, answer: ReadQuantity) -> tuple[FloatArray, 
 def shown_draws(prediction: Prediction, answer: ReadQuantity) -> tuple[FloatArray, FloatArray]:
     """Return `draws_of` an answer as tables and figures show it (`ReadQuantity.shown`), SI."""
     solved, new = draws_of(prediction, answer)
-    return (solved, new) if answer.logarithm_of is None else (np.exp(solved), np.exp(new))
+    return as_shown(answer, solved), as_shown(answer, new)
+
+
+def as_shown(quantity: ReadQuantity, values: FloatArray) -> FloatArray:
+    """Return values of a quantity that is read (SI) as those that are shown of it, SI."""
+    return values if quantity.logarithm_of is None else np.exp(values)
+
+
+def is_upper_limit(experiment: Experiment) -> npt.NDArray[np.bool_]:
+    """Return whether each reading is an upper limit, shape (n_points,)."""
+    return np.asarray(experiment.response <= experiment.response_limit)
 
 
 def _places(prediction: Prediction, answer: ReadQuantity) -> npt.NDArray[np.bool_]:
@@ -133,31 +146,30 @@ def overview_table(prediction: Prediction) -> pd.DataFrame:
 def reading_table(prediction: Prediction) -> pd.DataFrame:
     """Return what each reading of a test is predicted to be, and what it is, in SI units.
 
-    Columns are those of the clock, the name if several quantities are read, measured_RESPONSE,
-    those of `band_table` at the readings, and share_below, the share of predicted readings below
-    the measured one. Raises `InputError` if the test has no data.
+    Columns are those of the clock, the name if several quantities are read, and of each quantity
+    measured_RESPONSE and those of `band_table` at its readings, else NaN. is_limit marks upper
+    limits. share_below is the share of predicted readings below the measured one, or at most at its
+    limit. Raises `InputError` if the test has no data.
     """
     experiment = _with_data(prediction)
     likelihood = likelihood_of(experiment)
-    response = likelihood.response.column
     new = _new_readings(prediction)
     solved = all_draws(response_in(prediction.posterior, "model_response"))
-    quantities = read_quantities(experiment)
-    return pd.DataFrame(
-        {
-            likelihood.clock.column: experiment.position,
-            **experiment.conditions_at(experiment.position),
-            **(
-                {"quantity": [one.shown.name for one in quantities]}
-                if len(likelihood.read) > 1
-                else {}
-            ),
-            f"measured_{response}": experiment.response,
-            **_quantiles(solved, response),
-            **_quantiles(new, f"new_{response}"),
-            "share_below": np.mean(new < experiment.response, axis=0),
-        }
-    )
+    quantities, is_limit = read_quantities(experiment), is_upper_limit(experiment)
+    columns = {likelihood.clock.column: experiment.position}
+    columns |= experiment.conditions_at(experiment.position)
+    if len(likelihood.read) > 1:
+        columns["quantity"] = np.array([one.shown.name for one in quantities])
+    for one in dict.fromkeys(quantities):
+        name, is_of_it = one.shown.column, np.array([other == one for other in quantities])
+        measured, of_solutions, of_new = (
+            as_shown(one, np.where(is_of_it, values, np.nan))
+            for values in (experiment.response, solved, new)
+        )
+        columns[f"measured_{name}"] = measured
+        columns |= {**_quantiles(of_solutions, name), **_quantiles(of_new, f"new_{name}")}
+    is_below = np.where(is_limit, new <= experiment.response, new < experiment.response)
+    return pd.DataFrame({**columns, "is_limit": is_limit, "share_below": is_below.mean(axis=0)})
 
 
 def read_quantities(experiment: Experiment) -> list[ReadQuantity]:
@@ -284,7 +296,9 @@ def _with_data(prediction: Prediction) -> Experiment:
 
 def _new_readings(prediction: Prediction) -> FloatArray:
     """Return readings with noise at the observed positions, shape (n_draws, n_points)."""
-    return all_draws(response_in(prediction.posterior, "posterior_predictive"))
+    new = all_draws(response_in(prediction.posterior, "posterior_predictive"))
+    limit = prediction.experiment.response_limit
+    return np.where(new <= limit + ROUNDED, limit, new)
 
 
 def _quantiles(draws: FloatArray, column: str) -> dict[str, FloatArray]:
@@ -345,8 +359,7 @@ def _mean_log_density(
     values = {str(name): all_draws(column) for name, column in group.items()}
     noise = likelihood_of(experiment).reading_noise(experiment, values)
     solved, noise = solved[kept], noise[kept]
-    limit = experiment.response_limit
-    bounded = experiment.response <= limit
+    limit, bounded = experiment.response_limit, is_upper_limit(experiment)
     if bounded.any():
         # A solution stops at a limit: how far below it the model lies, the likelihood there knows.
         log_share = all_draws(response_in(prediction.posterior, "log_likelihood"))[kept]

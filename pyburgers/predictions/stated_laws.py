@@ -306,7 +306,12 @@ def creep_laws(fit: SampledFit, stated: Stated, code: str) -> CreepLaws:
                 "--format json."
             )
         draws = fit.power_law()
-        if stated.grain_size is None or stated.microstructure == "steady_state":
+        if stated.microstructure == "steady_state":
+            raise InputError(
+                f"{code}: found the microstructure 'steady_state', of which {fit.data.id} tells "
+                "nothing, expected 'initial' or none."
+            )
+        if stated.grain_size is None:
             raise InputError(
                 f"{code}: found no grain size of undeformed material, expected --grain-size-um "
                 "because the law of a table holds for that."

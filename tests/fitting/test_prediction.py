@@ -39,6 +39,7 @@ from pyburgers.predictions.figures import prediction_figure
 from pyburgers.predictions.other_tests import (
     DENSITY,
     QUANTILES,
+    ROUNDED,
     answers,
     band_table,
     overview_table,
@@ -264,11 +265,25 @@ def test_a_table_of_cycles_is_predicted_in_its_own_quantities(programs: None) ->
         readings["quantity"].tolist()
         == np.repeat(["tan δ", "modulus"], len(table.readings.tan_delta)).tolist()
     )
+    solved = prediction.posterior["model_response"]["log_reading"].to_numpy()[0]
+    n = len(table.readings.tan_delta)
+    for column, rows in (("tan_delta", slice(0, n)), ("modulus_Pa", slice(n, 2 * n))):
+        there = readings[column + "_q50"].notna().to_numpy()
+        np.testing.assert_array_equal(np.flatnonzero(there), np.arange(2 * n)[rows])
+        measured = readings[f"measured_{column}"][there]
+        np.testing.assert_allclose(measured, np.exp(table.response[rows]), rtol=1e-12)
+        expected = np.quantile(np.exp(solved[:, rows]), 0.95, axis=0)
+        np.testing.assert_allclose(readings[f"{column}_q95"][there], expected, rtol=1e-6)
     for shown in (readings, overview_table(prediction)):
         assert {"period_s", "temperature_K"} < {*shown}
     panels = prediction_figure(prediction).axes
     assert [axes.get_ylabel() for axes in panels] == ["tan δ (1)", "modulus (GPa)"]
     assert panels[0].get_xlim()[1] < panels[1].get_xlim()[1]
+    named = [float(text.get_text()) for text in panels[0].get_xticklabels()]
+    assert named == pytest.approx(own_temperature, rel=1e-3)
+    assert panels[1].get_xlabel() == (
+        "temperature (K) of spectra over periods of 1 to 10000 s (logarithmic)"
+    )
     breaks = np.isnan(np.asarray(panels[0].get_lines()[0].get_xdata(), dtype=np.float64))
     assert breaks.sum() == len(table.conditions.first_rows) - 1 > 0
 
@@ -296,13 +311,21 @@ def test_an_upper_limit_is_scored_with_the_probability_of_being_below_it(program
     limit = np.full(2 * at_limit.size, -np.inf)
     limit[: at_limit.size][at_limit] = np.log(1.2 * tan_delta[at_limit])
     new = prediction.posterior["posterior_predictive"]["log_reading"].to_numpy()[0]
+    assert ((new > limit) & (new < limit + ROUNDED)).any()  # rounded by the program
+    new = np.where(new <= limit + ROUNDED, limit, new)
 
     def score(reading: FloatArray, without: list[int]) -> float:
         law = stats.norm(np.delete(solved, without, 0), np.delete(noise, without, 0))
         density = np.where(reading <= limit, law.logcdf(limit), law.logpdf(reading))
         return float(np.mean(logsumexp(density, axis=0) - np.log(len(density))))
 
-    scores = score_table(prediction).loc[DENSITY]
+    scores, told = score_table(prediction).loc[DENSITY], reading_table(prediction)
+    np.testing.assert_array_equal(told["is_limit"], limit > -np.inf)
+    share = np.mean(new <= limit, axis=0)[limit > -np.inf]
+    np.testing.assert_array_equal(told["share_below"][told["is_limit"]], share)
+    assert share.any()
+    _, labels = prediction_figure(prediction).axes[0].get_legend_handles_labels()
+    assert labels[-2:] == ["synthetic data", "upper limits"]
     assert (new <= limit).any()
     assert scores["found"] == pytest.approx(score(prediction.experiment.response, []), rel=1e-6)
     expected = np.mean([score(own, [k]) for k, own in enumerate(new)])
@@ -323,7 +346,7 @@ def test_what_cannot_be_predicted_is_refused(joint: Fit, small_fit: Fit) -> None
     ice_record = replace(load_forced_oscillation(TWIN_FILE), material="ice")
     for fit, experiment, options, words in (
         (small_fit, replace(target, material="olivine"), {}, "expected ice like PIL40"),
-        (small_fit, ice_record, {}, "follows a piezometer, found none"),
+        (small_fit, ice_record, {}, r"the fit has not, .* simulate .* grain_size=constant"),
         (small_fit, target, {"draws": 0}, "expected at least 1"),
         (joint, target, {"separate_from": "nobody"}, "expected one of PIL40, other"),
     ):
@@ -404,6 +427,31 @@ def test_creep_that_lasts_longer_than_fitted_cycles_is_doubted(
     assert any("longer than" in one for one in cautions) is longer
 
 
+def test_creep_that_lasts_longer_than_a_fitted_curve_and_is_molten_is_doubted(
+    small_fit: Fit, small_problem: Problem
+) -> None:
+    for duration, temperature, n_told in ((60.0, 270.0, 0), (3e9, 300.0, 1)):
+        stages = (Stage("stress", 0.0, duration, temperature, 1e4),)
+        target = creep(small_problem.experiment, stages=stages)
+        cautions = small_fit.predict(target, draws=3).cautions
+        molten = [one for one in cautions if "ice at 300 K is molten" in one]
+        told = [one for one in cautions if "lasts" in one]
+        assert (len(molten), len(told)) == (n_told, n_told)
+    assert told[0].startswith("The test lasts 3e+09 s, longer than any fitted test (")
+
+
+def test_a_table_of_cycles_of_a_curve_has_the_modulus_of_the_machine(
+    small_fit: Fit, small_problem: Problem
+) -> None:
+    table = load_attenuation(ICE / "attenuation_twin.toml").to_be_solved()
+    told = "E_M is mostly the stiffness of the apparatus"
+    assert any(told in one for one in small_fit.predict(table, draws=2).cautions)
+    apart = creep(small_problem.experiment, apparatus_compliance=Stated(1e-11, 0.0))
+    for fitted in (table, apart):
+        cautions = predict_test(prior_source(fitted), table).cautions
+        assert not any(told in one for one in cautions)
+
+
 def test_readings_need_a_noise_that_somebody_knows(small_fit: Fit, small_problem: Problem) -> None:
     readings = {
         "time": np.array([300.0, 900.0]),
@@ -429,6 +477,23 @@ def test_a_noise_that_the_fit_took_as_known_is_that_of_new_readings(
         found, notes = add_noises(values, known, target)
         np.testing.assert_array_equal(found["stress_noise"], 1e5)
         assert "of the fit, 0.1 MPa" in notes[0]
+
+
+def test_scatters_of_a_table_are_told_without_a_unit_and_none_without_readings(
+    small_problem: Problem,
+) -> None:
+    table = load_attenuation(ICE / "attenuation_twin.toml")
+    fitted = one_test(table, resolved_priors(table))
+    values = {"attenuation_scatter": np.full(4, 0.19), "modulus_scatter": np.full(4, 0.05)}
+    _, notes = add_noises(values, fitted, table)
+    assert notes[0] == (
+        "New readings scatter by the scatter of ln tan delta of the fit, 0.19 on average."
+    )
+    curve = one_test(small_problem.experiment, small_problem.priors)
+    _, notes = add_noises({"stress_noise": np.full(4, 1e5)}, curve, table.to_be_solved())
+    assert notes[0] == (
+        "The fit has no scatter of ln tan delta, so that new readings have no noise here."
+    )
 
 
 @pytest.fixture(scope="module")

@@ -318,6 +318,8 @@ def test_comments_say_what_was_not_fitted_and_what_state_it_is(made: Fit) -> Non
         assert told in text
     (text,) = export(made, "aspect", microstructure="steady_state")
     assert "steady_state_fabric_factor" in text
+    (text,) = export(made, "aspect", grain_size=size, fabric_factor=0.7)
+    assert "State of the material: grain size 1000 µm, fabric factor 0.7." in text
 
 
 @pytest.mark.parametrize(
@@ -403,6 +405,8 @@ def test_softened_tests_have_a_law_of_undeformed_material(
 ) -> None:
     with pytest.raises(InputError, match="no grain size of undeformed material"):
         export(peaks, "geoparams")
+    with pytest.raises(InputError, match=r"'steady_state', of which .* tells nothing"):
+        export(peaks, "geoparams", grain_size=1e-3, microstructure="steady_state")
     with pytest.raises(InputError, match="no temperature"):
         export(peaks, "icepack", grain_size=1e-3)
     with pytest.raises(InputError, match="fit of a table"):

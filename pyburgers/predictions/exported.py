@@ -26,6 +26,7 @@ from pyburgers.kinds.experiment import Experiment
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.display import shown_quantity, unit_text
 from pyburgers.model.parameters import CONDITIONS, ENVIRONMENT, RESIDUAL_CORRELATION
+from pyburgers.model.prior_families import UNSIGNED
 from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR
 from pyburgers.model.read_quantities import BY_NOISE
 from pyburgers.posterior.labelled_draws import own_name
@@ -74,8 +75,8 @@ class Exported:
 
     Names hold parameters, sampled ones and fixed ones, `LOG_FACTOR`, and logarithms in the place
     of the rates of mechanisms; a fixed one has no covariance and is decided by "fixed". Notes are
-    conflicts, and numbers that the data alone do not decide. Laws are those that were fitted
-    (`laws_of`). Draws have shape (n, n_draws).
+    conflicts, numbers that the data alone do not decide, and those that need draws. Laws are those
+    that were fitted (`laws_of`). Draws have shape (n, n_draws).
     """
 
     test: str
@@ -141,6 +142,7 @@ def exported(fit: Fit | RateFit) -> Exported:
         columns[LOG_FACTOR] = columns["beta"] * columns["activation_enthalpy"]
     values = np.stack(list(columns.values()))
     fixed = np.ptp(values, axis=1) == 0
+    mean = np.where(fixed, values[:, 0], values.mean(axis=1))
     covariance = np.atleast_2d(np.cov(values))
     # Rounding would give what never varies a spread, and correlations of 1.
     covariance[fixed, :] = covariance[:, fixed] = 0.0
@@ -159,7 +161,7 @@ def exported(fit: Fit | RateFit) -> Exported:
         sampled_well=fit.sampled_well.value,
         describes_data=fit.describes_data.value,
         names=tuple(columns),
-        mean=np.where(fixed, values[:, 0], values.mean(axis=1)),
+        mean=mean,
         covariance=covariance,
         n_draws=values.shape[1],
         decided_by=tuple(
@@ -175,9 +177,29 @@ def exported(fit: Fit | RateFit) -> Exported:
             *fit.origins,
             *fit.prior_conflicts(),
             *fit.prior_decisions(),
+            *wide_notes([*columns], mean, covariance),
         ),
         laws=laws,
         draws=values,
+    )
+
+
+def wide_notes(names: Sequence[str], mean: FloatArray, covariance: FloatArray) -> tuple[str, ...]:
+    """Say which positive quantities are not described by mean (n,) and covariance (n, n), if any.
+
+    A normal law of them would have negative values in more than two percent of draws.
+    """
+    wide = [
+        name
+        for name, middle, variance in zip(names, mean, np.diag(covariance), strict=True)
+        if not (is_logarithm(name) or name.partition("[")[0] in UNSIGNED)
+        and np.sqrt(variance) > middle / 2
+    ]
+    if not wide:
+        return ()
+    return (
+        "Mean and covariance are not enough for a positive quantity with a standard deviation "
+        f"above half of its mean ({', '.join(wide)}): use draws (sample).",
     )
 
 

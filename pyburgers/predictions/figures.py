@@ -17,10 +17,10 @@ from matplotlib.patches import Patch
 
 from pyburgers.common.draws import FloatArray, evenly_spaced
 from pyburgers.common.errors import require_type
+from pyburgers.common.units import span_text
 from pyburgers.drawing.panels import draw_dots, draw_thin_lines, figure_of
 from pyburgers.drawing.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY_BLUE, VERMILION, style
 from pyburgers.fitting.prediction import Prediction
-from pyburgers.kinds.attenuation.experiment import AttenuationExperiment, range_text
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.model.read_quantities import Quantity, ReadQuantity
@@ -313,7 +313,7 @@ def prediction_figure(prediction: Prediction) -> Figure:
             title=_wrapped(prediction.title, *prediction.cautions),
             alignment="left",
         )
-        panels[-1].set_xlabel(_clock_label(prediction.experiment))
+        panels[-1].set_xlabel(_clock_label(prediction, shown[-1]))
     return figure
 
 
@@ -326,10 +326,12 @@ def _clock(experiment: Experiment) -> Quantity:
     return likelihood_of(experiment).shown_clock(experiment.span[1])
 
 
-def _clock_label(experiment: Experiment) -> str:
-    if not isinstance(experiment, AttenuationExperiment):
+def _clock_label(prediction: Prediction, quantity: ReadQuantity) -> str:
+    experiment = prediction.experiment
+    period = experiment.conditions_at(clock_of(prediction, quantity)).get("period_s")
+    if period is None:
         return _clock(experiment).label
-    periods = range_text(experiment.conditions.period)
+    periods = span_text((period.min(), period.max()), 2)
     return f"temperature (K) of spectra over periods of {periods} s (logarithmic)"
 
 
@@ -339,7 +341,8 @@ def _draw(axes: Axes, prediction: Prediction, quantity: ReadQuantity) -> None:
     clock, factor = _clock(experiment), quantity.shown.display_factor
     places = clock_of(prediction, quantity)
     # Lines end with a spectrum: the next one begins at its shortest period.
-    period = experiment.conditions_at(places).get("period_s", places)
+    conditions = experiment.conditions_at(places)
+    period = conditions.get("period_s", places)
     ends = np.flatnonzero(np.diff(period) < 0) + 1
     position = np.insert(places * clock.display_factor, ends, np.nan)
     solved, new = (
@@ -361,9 +364,9 @@ def _draw(axes: Axes, prediction: Prediction, quantity: ReadQuantity) -> None:
             measured = as_shown(quantity, experiment.response[some]) * factor
             at = experiment.position[some] * clock.display_factor
             draw_dots(axes, at, measured, marker=marker, label=label)
-    if isinstance(experiment, AttenuationExperiment):
+    if "temperature_K" in conditions:
         spectra, first = np.unique(np.floor(places), return_index=True)
-        temperature = experiment.conditions_at(places[first])["temperature_K"]
+        temperature = conditions["temperature_K"][first]
         axes.set_xticks(spectra + 0.5, [f"{one:.4g}" for one in temperature], rotation=45)
     axes.margins(x=0.01)
     axes.set(

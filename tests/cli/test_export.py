@@ -20,7 +20,7 @@ from pyburgers.kinds.problem import problem_of
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.pooling import DEFAULT_KINDS
 from pyburgers.model.variants import with_variant
-from pyburgers.predictions.exported import LEFT_OUT, LOG_FACTOR, as_latex, exported
+from pyburgers.predictions.exported import LEFT_OUT, LOG_FACTOR, as_latex, exported, wide_notes
 from pyburgers.predictions.stated_laws import POWER_LAW
 
 
@@ -99,6 +99,28 @@ def test_latex_is_a_table_with_a_row_for_each(
     arguments = ["export", str(small_fit.directory.path), "--format", "latex", "--out", str(out)]
     assert main(arguments) == 0
     assert out.read_text(encoding="utf-8") == text
+
+
+def test_exports_say_which_quantities_mean_and_covariance_do_not_describe(
+    small_fit: Fit,
+) -> None:
+    posterior = small_fit.posterior.copy()
+    group = posterior["posterior"].to_dataset()
+    spread = np.exp(np.random.default_rng(1).normal(size=group["kelvin_viscosity"].shape))
+    wide = group.assign(kelvin_viscosity=group["kelvin_viscosity"] * spread)
+    posterior["posterior"] = xr.DataTree(wide)
+    (told,) = [
+        note
+        for note in exported(replace(small_fit, posterior=posterior)).notes
+        if "use draws" in note
+    ]
+    assert told == (
+        "Mean and covariance are not enough for a positive quantity with a standard deviation "
+        "above half of its mean (kelvin_viscosity): use draws (sample)."
+    )
+    assert told not in exported(small_fit).notes
+    for name, mean in (("kelvin_modulus", 4.0), ("beta", -2.0), ("ln_flow_law_factor", -2.0)):
+        assert wide_notes([name], np.array([mean]), np.array([[3.9]])) == ()
 
 
 def test_every_format_says_who_decides_a_number(

@@ -11,6 +11,7 @@ import pytest
 from collection import (
     BEFORE,
     DRAWS,
+    HALITE,
     MATERIALS,
     OPTIONS,
     ROCK_PHYSICS,
@@ -43,6 +44,7 @@ from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.model.variants import variant_of, with_variant
 from pyburgers.predictions.collection import LAWS
+from pyburgers.predictions.exported import wide_notes
 from pyburgers.predictions.stated_laws import laws_of
 
 DATA = pyburgers.shipped_folder("data")
@@ -352,6 +354,9 @@ def test_a_shipped_law_is_whole(name: str) -> None:
     distance = np.abs(rock.draws.mean(axis=0) - rock.mean)[free] / scale
     assert distance.max() < 5 / np.sqrt(DRAWS / 2)
     np.testing.assert_array_equal(rock.draws[:, ~free], np.tile(rock.mean[~free], (DRAWS, 1)))
+    told = wide_notes(rock.names, rock.mean, rock.covariance)
+    assert {*told} == {note for note in rock.record["notes"] if "use draws" in note}
+    assert bool(told) is (name != HALITE)
     origin = experiment_of(name).provenance
     assert (rock.source, rock.doi, rock.licence) == (origin.source, origin.doi, origin.licence)
     about = rock.record["collection"]

@@ -381,7 +381,7 @@ GIVEN: dict[str, Any] = {"temperature": 250.0, "grain_size": 1e-3, "fabric_facto
     [
         ("initial", {}, "PIL40 (ice, fitted to synthetic data): 260 K, initial microstructure"),
         ("steady_state", {}, "PIL40 (ice, fitted to synthetic data): 260 K, steady-state"),
-        ("steady_state", GIVEN, "250 K, steady-state microstructure, grain size 1000 µm"),
+        ("steady_state", GIVEN, "250 K, grain size 1000 µm"),
     ],
 )
 def test_a_fit_predicts_each_draw_with_its_microstructure_or_the_given_one(

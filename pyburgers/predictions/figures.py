@@ -17,7 +17,7 @@ from matplotlib.patches import Patch
 
 from pyburgers.common.draws import FloatArray, evenly_spaced
 from pyburgers.common.errors import require_type
-from pyburgers.common.units import span_text
+from pyburgers.common.units import two_digits
 from pyburgers.drawing.panels import draw_dots, draw_thin_lines, figure_of
 from pyburgers.drawing.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY_BLUE, VERMILION, style
 from pyburgers.fitting.prediction import Prediction
@@ -327,11 +327,12 @@ def _clock(experiment: Experiment) -> Quantity:
 
 
 def _clock_label(prediction: Prediction, quantity: ReadQuantity) -> str:
+    """Return what the clock of a test shows; of tables of cycles, spectra and their periods (s)."""
     experiment = prediction.experiment
     period = experiment.conditions_at(clock_of(prediction, quantity)).get("period_s")
     if period is None:
         return _clock(experiment).label
-    periods = span_text((period.min(), period.max()), 2)
+    periods = " to ".join(map(two_digits, (period.min(), period.max())))
     return f"temperature (K) of spectra over periods of {periods} s (logarithmic)"
 
 

@@ -282,7 +282,7 @@ def test_a_table_of_cycles_is_predicted_in_its_own_quantities(programs: None) ->
     named = [float(text.get_text()) for text in panels[0].get_xticklabels()]
     assert named == pytest.approx(own_temperature, rel=1e-3)
     assert panels[1].get_xlabel() == (
-        "temperature (K) of spectra over periods of 0.74 to 1.4e+04 s (logarithmic)"
+        "temperature (K) of spectra over periods of 0.74 to 14000 s (logarithmic)"
     )
     breaks = np.isnan(np.asarray(panels[0].get_lines()[0].get_xdata(), dtype=np.float64))
     assert breaks.sum() == len(table.conditions.first_rows) - 1 > 0

@@ -345,7 +345,7 @@ def test_a_chain_that_the_system_killed_is_run_again(
         "pyburgers.sbc.data_sets.simulate_from_prior",
         lambda *_, **__: Simulated(whole.problem, {}, 0, 0),
     )
-    monkeypatch.setattr("pyburgers.sbc.run._template", lambda *_: whole.problem)
+    monkeypatch.setattr("pyburgers.sbc.run.recorded_problem", lambda *_: whole.problem)
     plan = CalibrationPlan(simulations=1, sampler=SamplerOptions(warmup=100, adapt_delta=0.8))
     outcomes = []
     for out, fits[:] in (("a", [lost, lost, whole]), ("b", [whole])):

@@ -106,7 +106,8 @@ def test_separate_density_is_the_sum_of_single_ones(
         data = one_test_data(test, resolved_priors(test), solver=SOLVER, reference=reference)
         single = program_with(joint.likelihood.program, data, tmp_path)
         total += single.columns_at({"coordinate": own.tolist()})["lp__"]
-    assert density == pytest.approx(total, rel=1e-9)
+    # Steps of the solver make more of the last digit of a parameter.
+    assert density == pytest.approx(total, rel=1e-8)
 
 
 def log_likelihood_of(test: Experiment, stress: FloatArray, noise: float) -> float:

@@ -359,8 +359,8 @@ def test_a_composite_twin_is_recovered_and_a_held_out_source_predicted(
     assert sum(covered(fit).values()) >= 9
     summary = fit.summary("SI")
     assert summary["sd"]["stress_exponent[dislocation]"] < 0.25
-    # Sliding is the slower step in these rows, which tell at most that basal slip is faster: half of
-    # a normal prior is 0.6 as wide as the whole.
+    # Sliding is the slower step in these rows, which tell at most that basal slip is faster: half
+    # of a normal prior is 0.6 as wide as the whole.
     assert summary["width_beside_prior"]["mechanism_rate[basal_slip]"] > 0.5
     predicted = fit.held_out_table()
     assert predicted["rows"]["paper-2"] == 40

@@ -44,7 +44,7 @@ from pyburgers.checks.residual_numbers import (
     straight_line,
 )
 from pyburgers.common.draws import TAIL
-from pyburgers.common.units import two_digits
+from pyburgers.common.units import rounded_to
 from pyburgers.posterior.labelled_draws import response_in
 
 LARGEST_LEVEL_SQUARED = 12.5
@@ -99,7 +99,7 @@ def beside(leftover: Leftover, residual: float, point: int) -> str:
     """Return how far data lie from the model at a point, such as ``12 MPa above it``."""
     read = leftover.likelihood.read[leftover.quantity[point]]
     size = abs(residual) / leftover.weight[point]
-    far = f"{two_digits(size * read.display_factor)} {read.display_unit}"
+    far = f"{rounded_to(size * read.display_factor)} {read.display_unit}"
     return f"{far} {'above' if residual > 0 else 'below'} the model"
 
 

@@ -37,7 +37,7 @@ from pyburgers.checks.residual_numbers import (
 )
 from pyburgers.common.array_types import IntArray
 from pyburgers.common.draws import TAIL, FloatArray, all_draws
-from pyburgers.common.units import span_text
+from pyburgers.common.units import rounded_to, span_text
 from pyburgers.kinds.likelihood import Likelihood, likelihoods
 from pyburgers.posterior.labelled_draws import CORRELATED, groups_of_tests, response_in
 
@@ -155,7 +155,7 @@ class Leftover:
     def size_text(self, size: float, quantity: int) -> str:
         """Return a size of residuals of a quantity (SI) in its display unit."""
         read = self.likelihood.read[quantity]
-        return f"{size * read.display_factor:.3g} {read.display_unit}"
+        return f"{rounded_to(size * read.display_factor, 3)} {read.display_unit}"
 
     def place(self, first: int, last: int) -> str:
         """Return where readings lie, such as ``strain 5.1 to 6 %``."""

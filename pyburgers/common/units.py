@@ -162,9 +162,9 @@ def number(value: float) -> str:
     return f"{value:.6g}"
 
 
-def two_digits(value: float) -> str:
-    """Return a number with two significant digits, such as ``120`` and ``0.0012``."""
-    return number(float(f"{value:.2g}"))
+def rounded_to(value: float, digits: int = 2) -> str:
+    """Return a number with few significant digits, such as ``120`` and ``0.0012``."""
+    return number(float(f"{value:.{digits}g}"))
 
 
 def span_text(ends: Iterable[float], digits: int) -> str:

@@ -40,7 +40,7 @@ from pyburgers.checks.fit_checks import (
 from pyburgers.checks.residual_numbers import TINY, largest_residual, segment_parts, straight_line
 from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.draws import TAIL, all_draws
-from pyburgers.common.units import counted, number, two_digits
+from pyburgers.common.units import counted, number, rounded_to
 from pyburgers.kinds.conditions import ENVIRONMENT_WORDS
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_FACTOR, STRESS_UNIT
 from pyburgers.model.parameters import ENVIRONMENT
@@ -109,7 +109,7 @@ class RateLeftover:
 
 def beside(residual: float) -> str:
     """Return how far a rate lies from the law, such as ``at 1.4 times the rate of the law``."""
-    return f"at {two_digits(np.exp(residual))} times the rate of the law"
+    return f"at {rounded_to(np.exp(residual))} times the rate of the law"
 
 
 @lru_cache(maxsize=1)
@@ -261,7 +261,7 @@ def _finding(left: RateLeftover, name: str, good: str, bad: str, remedy: str) ->
 def _shares(row: Row) -> str:
     """Return how many fits of a correct model have a discrepancy, or one as improbable."""
     here, somewhere = (
-        two_digits(100 * row[name]) for name in ("probability", "family_probability")
+        rounded_to(100 * row[name]) for name in ("probability", "family_probability")
     )
     return (
         f"{here} % of fits of a correct model leave (and {somewhere} % somewhere; a no needs less "

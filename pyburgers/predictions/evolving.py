@@ -22,7 +22,7 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, SamplingError
-from pyburgers.common.units import UNITS, two_digits
+from pyburgers.common.units import UNITS, rounded_to
 from pyburgers.drawing.page_parts import text_table
 from pyburgers.kinds.forced_oscillation.harmonics import CUBIC, fit_harmonics
 from pyburgers.kinds.forward import check_given_together
@@ -240,7 +240,7 @@ def evolving_table(comparison: xr.Dataset) -> pd.DataFrame:
 def evolving_overview(comparison: xr.Dataset) -> pd.DataFrame:
     """Return `evolving_table` for people: text, median with 5 and 95 % of the draws."""
     table = evolving_table(comparison)
-    strain = [two_digits(100 * value) for value in table["path_strain"]]
+    strain = [rounded_to(100 * value) for value in table["path_strain"]]
     return text_table(
         table.assign(
             regime=np.repeat(comparison["regime"].to_numpy(), comparison.sizes["frequency"]),

@@ -17,7 +17,7 @@ from matplotlib.patches import Patch
 
 from pyburgers.common.draws import FloatArray, evenly_spaced
 from pyburgers.common.errors import require_type
-from pyburgers.common.units import two_digits
+from pyburgers.common.units import rounded_to
 from pyburgers.drawing.panels import draw_dots, draw_thin_lines, figure_of
 from pyburgers.drawing.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY_BLUE, VERMILION, style
 from pyburgers.fitting.prediction import Prediction
@@ -332,7 +332,7 @@ def _clock_label(prediction: Prediction, quantity: ReadQuantity) -> str:
     period = experiment.conditions_at(clock_of(prediction, quantity)).get("period_s")
     if period is None:
         return _clock(experiment).label
-    periods = " to ".join(map(two_digits, (period.min(), period.max())))
+    periods = " to ".join(map(rounded_to, (period.min(), period.max())))
     return f"temperature (K) of spectra over periods of {periods} s (logarithmic)"
 
 

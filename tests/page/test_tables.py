@@ -7,7 +7,7 @@ from synthetic_fit import TRUTH, make_fit, make_prior, uniform, with_problem
 
 from pyburgers.checks.prior_influence import Bound, Influence, Origin, decision_text
 from pyburgers.common.draws import value_text
-from pyburgers.common.units import duration_text, number, rounded, two_digits
+from pyburgers.common.units import duration_text, number, rounded, rounded_to
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.program_data import fixed_in_effect
 from pyburgers.model.display import prior_text, shown_quantity, symbol_text, unit_text
@@ -219,7 +219,7 @@ def test_measured_data_have_no_truth_and_a_run_has_its_state_and_the_time_of_its
 
 def test_numbers_and_durations_are_short() -> None:
     assert number(0.1 * 3) == "0.3"
-    assert [two_digits(x) for x in (104.0, 0.00123, 1250.0)] == ["100", "0.0012", "1200"]
+    assert [rounded_to(x) for x in (104.0, 0.00123, 1250.0)] == ["100", "0.0012", "1200"]
     assert [duration_text(s) for s in (5.2, 600.0, 9000.0)] == ["5 s", "10 min", "2.5 h"]
 
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from pyburgers.common.array_types import FloatArray, IntArray
-from pyburgers.common.units import count_points, two_digits
+from pyburgers.common.units import count_points, rounded_to
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.experiment_file import far_reading, microstructure_tables
 from pyburgers.kinds.limits import unlikely_strain_rate
@@ -265,7 +265,7 @@ def remarks_on(strain: FloatArray, stress: FloatArray) -> list[str]:
         )
     if strain[0] > LATE_STRAIN:
         remarks.append(
-            f"The first reading is at a strain of {two_digits(100 * strain[0])} %: the model "
+            f"The first reading is at a strain of {rounded_to(100 * strain[0])} %: the model "
             "starts at rest at zero strain, so check that strain counts from the start of loading."
         )
     if np.mean(stress < 0) > 0.5:

@@ -192,7 +192,7 @@ def checked_inputs(
             )
     frozen = []
     for name, given in (("grain_size", grain_size), ("fabric_factor", fabric_factor)):
-        values = np.asarray(given, dtype=np.float64)
+        values = given_numbers(name, given)
         if values.shape not in ((), shape):
             raise InputError(
                 f"{name}: found the shape {values.shape}, expected one number or {shape}, that "
@@ -203,16 +203,25 @@ def checked_inputs(
     return draws, frozen[0], frozen[1]
 
 
+def given_numbers(name: str, given: npt.ArrayLike) -> FloatArray:
+    """Return an argument as an array; raise `InputError` if it does not hold numbers."""
+    try:
+        return np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: found {given!r:.60}, expected numbers.") from None
+
+
 def check_state(
     temperature: npt.ArrayLike, grain_size: npt.ArrayLike, fabric_factor: npt.ArrayLike
 ) -> None:
     """Refuse temperatures (K), grain sizes (m) or fabric factors that no material has."""
-    _check_positive("temperature", " of K", np.asarray(temperature, dtype=np.float64))
-    sizes = np.asarray(grain_size, dtype=np.float64)
-    _check_positive("grain_size", " of m", sizes)
-    _check_positive(
-        "fabric_factor", " (1 = isotropic)", np.asarray(fabric_factor, dtype=np.float64)
-    )
+    sizes = given_numbers("grain_size", grain_size)
+    for name, unit, values in (
+        ("temperature", " of K", given_numbers("temperature", temperature)),
+        ("grain_size", " of m", sizes),
+        ("fabric_factor", " (1 = isotropic)", given_numbers("fabric_factor", fabric_factor)),
+    ):
+        _check_positive(name, unit, values)
     if (sizes >= 1).any():
         raise InputError(
             f"grain_size: found {sizes.max():g} m, expected metres below 1; 230 um is 230e-6."
@@ -227,7 +236,7 @@ def _check_positive(name: str, unit: str, values: FloatArray) -> None:
 
 def checked_frequencies(frequencies: Sequence[float] | FloatArray) -> FloatArray:
     """Return frequencies (Hz) as an array; raise `InputError` if one is not positive and finite."""
-    frequency = np.asarray(frequencies, dtype=np.float64)
+    frequency = given_numbers("frequencies", frequencies)
     if frequency.ndim != 1 or frequency.size == 0:
         raise InputError(
             f"frequencies: found an array of shape {frequency.shape}, expected a list of "
@@ -239,7 +248,8 @@ def checked_frequencies(frequencies: Sequence[float] | FloatArray) -> FloatArray
 
 def checked_number(name: str, value: float, unit: str = "") -> float:
     """Return a number such as a length of the hold; raise `InputError` if it is not positive."""
-    _check_positive(name, unit, np.asarray(value, dtype=np.float64))
+    require_type(name, value, Real, f"a positive number{unit}")
+    _check_positive(name, unit, given_numbers(name, value))
     return float(value)
 
 
@@ -321,7 +331,7 @@ def flow_rate(
     require_type("temperature", temperature, Real, "one number of kelvins")
     check_state(temperature, grain_size, fabric_factor)
     draws = {
-        name: np.asarray(parameters[name], dtype=np.float64)
+        name: given_numbers(name, parameters[name])
         for name in (
             *FLOW_LAW,
             *DASHPOT_STRESSES,
@@ -331,7 +341,14 @@ def flow_rate(
         )
         if name in parameters
     }
-    state = [np.asarray(one, dtype=np.float64) for one in (grain_size, fabric_factor, stress)]
+    state = [
+        given_numbers(name, one)
+        for name, one in (
+            ("grain_size", grain_size),
+            ("fabric_factor", fabric_factor),
+            ("stress", stress),
+        )
+    ]
     shapes = {one.shape: str(one.shape) for one in (*draws.values(), *state)}
     try:
         shape = np.broadcast_shapes(*shapes)

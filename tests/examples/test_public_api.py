@@ -258,6 +258,10 @@ def resolved(stress: object, _: Fit) -> object:
             "temperature: found list, expected one number",
         ),
         (
+            lambda _: pyburgers.flow_rate(LAW, other("a"), temperature=263.0, grain_size=1e-3),
+            "stress: found 'a', expected numbers",
+        ),
+        (
             lambda _: pyburgers.flow_rate(
                 LAW, [1e6, 2e6, 3e6], temperature=263.0, grain_size=[1e-3, 1e-2]
             ),

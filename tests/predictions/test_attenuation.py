@@ -321,6 +321,8 @@ REFUSED: list[tuple[Call, tuple[Any, ...], dict[str, Any], str]] = [
         (spectrum_of, (DRAWS,), {name: value}, words)
         for name, value, words in (
             ("frequencies", (np.nan,), "frequencies: found nan"),
+            ("frequencies", ["a"], r"frequencies: found \['a'\], expected numbers"),
+            ("grain_size", "1 mm", "grain_size: found '1 mm', expected numbers"),
             ("frequencies", (), "frequencies: found an array of shape"),
             ("grain_size", np.ones(7), r"grain_size: found the shape \(7,\)"),
         )

@@ -2,6 +2,9 @@
 
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
+from typing import TypeVar, cast
+
+T = TypeVar("T")
 
 
 class PyburgersError(Exception):
@@ -91,6 +94,17 @@ def require_type(name: str, found: object, kind: type | tuple[type, ...], expect
     if not isinstance(found, kind):
         shown = f"{found!r:.60}" if isinstance(found, str | int | float) else type(found).__name__
         raise InputError(f"{name}: found {shown}, expected {expected}.")
+
+
+def one_or_several(name: str, given: T | Sequence[T], kind: type, expected: str) -> list[T]:
+    """Return an argument that is one of a type or several, at least one, as a list."""
+    require_type(name, given, (kind, list, tuple), expected)
+    found: list[T] = list(given) if isinstance(given, list | tuple) else [cast("T", given)]
+    if not found:
+        raise InputError(f"{name}: found none, expected {expected.split(',')[0]} or several.")
+    for one in found:
+        require_type(name, one, kind, expected)
+    return found
 
 
 def nearest(name: object, valid: Iterable[str]) -> str:

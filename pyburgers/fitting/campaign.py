@@ -19,7 +19,7 @@ import pandas as pd
 from pydantic import Field
 
 from pyburgers.checks.fit_checks import CheckKind
-from pyburgers.common.errors import InputError, PyburgersError, require_type
+from pyburgers.common.errors import InputError, PyburgersError, one_or_several, require_type
 from pyburgers.common.messages import messages_to
 from pyburgers.common.paths import given_path
 from pyburgers.common.processes import cores
@@ -34,12 +34,12 @@ from pyburgers.fitting.problem_run import (
     settled_options,
     write_inputs,
 )
-from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.experiment import A_TEST, Experiment
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import Problem, of_one_program, problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions
-from pyburgers.kinds.together import given_tests, pooling_for, priors_for
+from pyburgers.kinds.together import pooling_for, priors_for
 from pyburgers.model.priors import SOME_PRIORS, PriorSet, note_other_material
 from pyburgers.model.variants import with_variant
 from pyburgers.sampling.manifest import COMPLETE, FitManifest
@@ -111,7 +111,7 @@ def task_of(
     --------
     >>> task = pyburgers.task_of(test, priors, options)
     """
-    tests = given_tests(experiments)
+    tests = one_or_several("experiments", experiments, Experiment, A_TEST)
     require_type("priors", priors, PriorSet, SOME_PRIORS)
     require_type("options", options, SamplerOptions, SOME_OPTIONS)
     return Task(problem_of(tests, priors, pooling_for(tests, pool)), options)

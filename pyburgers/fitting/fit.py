@@ -13,7 +13,7 @@ import xarray as xr
 
 from pyburgers.checks.prior_influence import Influence, prior_influence
 from pyburgers.common.draws import FloatArray
-from pyburgers.common.errors import InputError, nearest, require_type
+from pyburgers.common.errors import InputError, nearest, one_or_several, require_type
 from pyburgers.common.messages import messages_where_watched
 from pyburgers.common.paths import given_path
 from pyburgers.fitting.new_test import Source
@@ -28,10 +28,10 @@ from pyburgers.fitting.problem_run import (
 )
 from pyburgers.fitting.sampled_fit import SampledFit, data_words, in_passing, write_tables
 from pyburgers.kinds.conditions import Ranges, conditions_of, doubts
-from pyburgers.kinds.experiment import Experiment, Provenance
+from pyburgers.kinds.experiment import A_TEST, Experiment, Provenance
 from pyburgers.kinds.problem import Problem, one_test, problem_of
 from pyburgers.kinds.stan_data import SolverOptions
-from pyburgers.kinds.together import default_priors_for, given_tests, pooling_for
+from pyburgers.kinds.together import default_priors_for, pooling_for
 from pyburgers.model.pooling import pooling_from
 from pyburgers.model.priors import (
     FLOW_LAW,
@@ -423,7 +423,7 @@ def fit(
     >>> result = pyburgers.fit(test, priors, out="runs/mine", options=options)
     >>> table = result.summary()
     """
-    tests = given_tests(experiments)
+    tests = one_or_several("experiments", experiments, Experiment, A_TEST)
     if priors is None:
         priors = default_priors_for(tests)
     require_type("priors", priors, PriorSet, SOME_PRIORS)

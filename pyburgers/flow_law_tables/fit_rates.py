@@ -7,13 +7,14 @@ the law in ``inputs/``; with the softening of a curve, `FLOW_LAW_PRIOR_FILE` is 
 from collections.abc import Collection, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
+from types import NoneType
 
 import numpy as np
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.atomic_files import write_json
-from pyburgers.common.errors import InputError, require_type
+from pyburgers.common.errors import InputError, one_or_several, require_type
 from pyburgers.common.paths import given_path
 from pyburgers.fitting.problem_run import sample_until_good
 from pyburgers.fitting.sampled_fit import write_tables
@@ -43,8 +44,6 @@ from pyburgers.sampling.run import (
     way_out,
 )
 from pyburgers.sampling.run_directory import RunDirectory
-
-A_TABLE = "a table, as of pyburgers.load_rate_table"
 
 WARMUP, TARGET_ACCEPTANCE = 1000, 0.95
 """Defaults where the options leave them open."""
@@ -107,19 +106,11 @@ def fit_rates(
     run = RunDirectory(given_path(out))
     if more_draws is not None:
         require_extendable(run, more_draws, overwrite=overwrite)
-    require_type("tables", tables, (RateTable, list, tuple), A_TABLE)
-    tables = [tables] if isinstance(tables, RateTable) else list(tables)
-    if not tables:
-        raise InputError("tables: found none, expected a table or several.")
-    for table in tables:
-        require_type("tables", table, RateTable, A_TABLE)
+    tables = one_or_several("tables", tables, RateTable, "a table, as of pyburgers.load_rate_table")
     require_type("held_out", held_out, (list, tuple, set, frozenset), "a list of sources")
-    for name, given, of_type, expected in (
-        ("law", law, RateLaw, "a law, as of pyburgers.rate_law('ice_composite')"),
-        ("curve", curve, PriorSet, SOME_PRIORS),
-    ):
-        if given is not None:
-            require_type(name, given, of_type, expected)
+    a_law = "a law, as of pyburgers.rate_law('ice_composite')"
+    require_type("law", law, (RateLaw, NoneType), a_law)
+    require_type("curve", curve, (PriorSet, NoneType), SOME_PRIORS)
     data = joined(tables, held_out, softened=curve is not None)
     kind = "power_law" if curve is None else "flow_law"
     law = _default_law(data.material, kind) if law is None else law

@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from pyburgers.common.errors import InputError, require_type
-from pyburgers.kinds.experiment import A_TEST, Experiment
+from pyburgers.common.errors import InputError
+from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.problem import TABLES, common_likelihood
 from pyburgers.model.pooling import ALL, SEPARATE, Pooling, pooling_of
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, shipped_prior_files
@@ -20,17 +20,6 @@ PRIORS_WITH_TABLES = "deformation_and_attenuation"
 def has_both(experiments: Sequence[Experiment]) -> bool:
     """Whether there are tables of attenuation and other tests."""
     return 0 < sum(one.protocol == TABLES for one in experiments) < len(experiments)
-
-
-def given_tests(experiments: Experiment | Sequence[Experiment]) -> list[Experiment]:
-    """Return the tests of a call that takes one or several, or refuse what is none."""
-    require_type("experiments", experiments, (Experiment, list, tuple), A_TEST)
-    tests = [experiments] if isinstance(experiments, Experiment) else list(experiments)
-    if not tests:
-        raise InputError("experiments: found none, expected a test or several.")
-    for test in tests:
-        require_type("experiments", test, Experiment, A_TEST)
-    return tests
 
 
 def pooling_for(

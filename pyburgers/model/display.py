@@ -40,6 +40,14 @@ _UNIT_TEXT = {
 }
 
 
+def cycles_text(median_stress: float, amplitude: float) -> str:
+    """Return the stress of cycles (Pa) in words, such as ``1 ± 0.17 MPa``."""
+    return (
+        f"{number(median_stress * STRESS_FACTOR)} ± {number(amplitude * STRESS_FACTOR)} "
+        f"{STRESS_UNIT}"
+    )
+
+
 def time_unit(longest: float) -> tuple[str, float]:
     """Return the unit in which times up to one (s) are shown, and its seconds.
 

@@ -191,7 +191,7 @@ class SameData:
         """What a yes does not exclude, and commands; nothing beside a fit of another law."""
         if any(section.fit.variant != self.first.fit.variant for section in self.others):
             return ()
-        return next((section.left_open for section in self.sections if section.left_open), ())
+        return next(filter(None, (section.left_open for section in self.sections)), ())
 
     @property
     def conflicts(self) -> list[Said]:

@@ -13,7 +13,7 @@ from pyburgers.common.units import number
 from pyburgers.kinds.attenuation.likelihood import stress_nodes
 from pyburgers.kinds.stan_data import ends
 from pyburgers.model.closed_forms import RELAXATION_PARAMETERS, closed_forms, require_standard
-from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
+from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT, cycles_text
 from pyburgers.model.laws import DASHPOT_STRESSES, HARDENING_SWITCH
 from pyburgers.model.parameters import (
     ALL_ENVIRONMENT_NUMBERS,
@@ -102,10 +102,7 @@ class Regime:
     @property
     def label(self) -> str:
         """Median and amplitude for legends, such as ``1 ± 0.17 MPa``."""
-        median, amplitude = (
-            number(stress * STRESS_FACTOR) for stress in (self.median_stress, self.amplitude)
-        )
-        return f"{median} ± {amplitude} {STRESS_UNIT}"
+        return cycles_text(self.median_stress, self.amplitude)
 
 
 def asked_conditions(
@@ -249,7 +246,7 @@ def checked_frequencies(frequencies: Sequence[float] | FloatArray) -> FloatArray
 def checked_number(name: str, value: float, unit: str = "") -> float:
     """Return a number such as a length of the hold; raise `InputError` if it is not positive."""
     require_type(name, value, Real, f"a positive number{unit}")
-    _check_positive(name, unit, given_numbers(name, value))
+    _check_positive(name, unit, np.asarray(value, dtype=np.float64))
     return float(value)
 
 
@@ -341,14 +338,8 @@ def flow_rate(
         )
         if name in parameters
     }
-    state = [
-        given_numbers(name, one)
-        for name, one in (
-            ("grain_size", grain_size),
-            ("fabric_factor", fabric_factor),
-            ("stress", stress),
-        )
-    ]
+    of_stress = given_numbers("stress", stress)
+    state = [np.asarray(one, dtype=np.float64) for one in (grain_size, fabric_factor, of_stress)]
     shapes = {one.shape: str(one.shape) for one in (*draws.values(), *state)}
     try:
         shape = np.broadcast_shapes(*shapes)

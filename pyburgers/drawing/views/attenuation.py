@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 
 from pyburgers.common.array_types import IntArray
 from pyburgers.common.draws import FloatArray
-from pyburgers.common.units import number
 from pyburgers.drawing.page_parts import PageTable, recipe, text_table
 from pyburgers.drawing.panels import (
     HALF_WIDTH,
@@ -30,7 +29,7 @@ from pyburgers.kinds.attenuation.experiment import AttenuationExperiment, range_
 from pyburgers.kinds.attenuation.table import ATTENUATION, MODULUS, CycleConditions
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.kind import FittedTest
-from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
+from pyburgers.model.display import cycles_text
 
 GPA = 1e-9
 PERIOD_LABEL = "period (s)"
@@ -59,10 +58,7 @@ def _stresses(conditions: CycleConditions) -> tuple[IntArray, list[str]]:
     """Return which stress each spectrum was read under, and words on each; none on a single one."""
     both = np.stack([conditions.median_stress, conditions.amplitude])[:, conditions.first_rows]
     each, number_of = np.unique(both, axis=1, return_inverse=True)
-    words = [
-        f", {number(median * STRESS_FACTOR)} ± {number(amplitude * STRESS_FACTOR)} {STRESS_UNIT}"
-        for median, amplitude in each.T
-    ]
+    words = [f", {cycles_text(*one)}" for one in each.T]
     return number_of.ravel(), words if len(words) > 1 else [""]
 
 

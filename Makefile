@@ -55,8 +55,8 @@ notebooks: cmdstan $(VENV)/.docs-installed
 bench: cmdstan $(VENV)/.installed
 	@echo "==> Measuring the sampler against the paper's form"
 	@$(BIN)/python benchmarks/sampling.py
-	@echo "==> Measuring gradients of loading histories"
-	@$(BIN)/python benchmarks/histories.py
+	@echo "==> Measuring gradients with both solvers"
+	@$(BIN)/python benchmarks/solvers.py
 
 clean:
 	@echo "==> Removing the virtual environment, caches and report/"

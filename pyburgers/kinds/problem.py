@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment, Stated
+from pyburgers.kinds.experiment import CONDITION_KEYS, ENVIRONMENT_KEYS, Experiment, Stated
 from pyburgers.kinds.likelihood import Likelihood, likelihood_of, likelihoods
 from pyburgers.kinds.stan_data import Layout, PlainCoordinates, layout_of
+from pyburgers.model.environment import acting_environment
 from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME, RESIDUAL_CORRELATION
 from pyburgers.model.pooling import SEPARATE, Pooling
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
@@ -228,6 +229,7 @@ def problem_of(
         _check_test(experiment, experiments[0], priors)
     largest = [experiment.largest_stress for experiment in experiments]
     _check_conditions(experiments)
+    _check_environment(experiments, priors)
     of_tests = tuple(
         _with_own_grains(own, experiments[0], experiment).exchanging(
             *condition_priors(experiment), *reading_error_priors(own.priors, experiment.noises)
@@ -352,6 +354,19 @@ def _check_conditions(experiments: Sequence[Experiment]) -> None:
                         f"{test}: key {sd_key!r} is {one.sd:g}, in {other} it is {again.sd:g}, "
                         f"expected one number for the {apparatus_key} {one.apparatus!r}."
                     )
+
+
+def _check_environment(experiments: Sequence[Experiment], priors: PriorSet) -> None:
+    """Ask all tests for what one of them states, if rates depend on it."""
+    acts = {name: not is_fixed_at(prior, 0.0) for name, prior in priors.priors.items()}
+    for name in acting_environment(acts):
+        stated = [test.id for test in experiments if name in test.environment]
+        missing = [test.id for test in experiments if name not in test.environment]
+        if stated and missing:
+            raise InputError(
+                f"{missing[0]}: key {ENVIRONMENT_KEYS[name]!r} is missing, expected it because "
+                f"{stated[0]} of the same joint fit has it and the priors let rates depend on it."
+            )
 
 
 def _check_not_in_prior(experiment: Experiment, priors: PriorSet) -> None:

@@ -233,13 +233,14 @@ class Fit(SampledFit):
         *,
         draws: int | None = None,
         separate_from: str | None = None,
+        new_sample: bool = False,
         seed: int = 1,
     ) -> Prediction:
         """Predict another test from the draws (`pyburgers.fitting.prediction`).
 
         Parameters
         ----------
-        experiment, draws, separate_from, seed
+        experiment, draws, separate_from, new_sample, seed
             As for `pyburgers.fitting.prediction.predict_test`, which says what is raised.
 
         Examples
@@ -250,7 +251,14 @@ class Fit(SampledFit):
         source = Source(
             self.problem, self.tests(), self.posterior, self.fitted_conditions, self.cautions
         )
-        return predict_test(source, experiment, draws=draws, separate_from=separate_from, seed=seed)
+        return predict_test(
+            source,
+            experiment,
+            draws=draws,
+            separate_from=separate_from,
+            new_sample=new_sample,
+            seed=seed,
+        )
 
     def prior_groups(self, draws: int, seed: int) -> dict[str, xr.Dataset]:
         """Draw from the priors of one test, and solve every draw for readings with noise.

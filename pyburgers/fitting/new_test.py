@@ -24,6 +24,7 @@ from pyburgers.model.parameters import (
     RESIDUAL_CORRELATION,
     STANDARD_VALUES,
 )
+from pyburgers.model.pooling import pooling_of
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.read_quantities import BY_NOISE
@@ -35,6 +36,14 @@ BOX_MARGIN = 0.5
 
 TEST_PARAMETERS = ("apparatus_compliance", "strain_offset")
 """Parameters of a test and its apparatus, which say nothing of another one."""
+
+MICROSTRUCTURE = (
+    "steady_state_grain_size",
+    "steady_state_fabric_factor",
+    "critical_strain_grain_size",
+    "critical_strain_fabric",
+)
+"""Parameters of a sample, of which those that tests do not share say little of another one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +65,12 @@ class Source:
 
 
 def draw_values(
-    source: Source, draws: int | None, separate_from: str | None, rng: np.random.Generator
+    source: Source,
+    draws: int | None,
+    separate_from: str | None,
+    rng: np.random.Generator,
+    *,
+    new_sample: bool = False,
 ) -> tuple[npt.NDArray[np.int64], dict[str, FloatArray], list[str]]:
     """Return numbers of draws, every parameter of a new test in them (SI), and where they are from.
 
@@ -64,6 +78,7 @@ def draw_values(
     spread, a separate one is that of a test of the fit, all separate ones of a draw of the same.
     `draws`: how many are kept, evenly spaced; None keeps all. `separate_from`: test that separate
     parameters are taken from; None takes each in turn, InputError if it is no test of the fit.
+    `new_sample`: whether the microstructure is that of another sample (`_of_a_new_sample`).
     Numbers count from 0 through all chains; numbers and values have the shape (n_kept,). A
     discrepancy of the law is a share of the response of its test.
     """
@@ -97,6 +112,8 @@ def draw_values(
         if separate_from is not None:
             among = np.array([list(tests).index(separate_from)])
         values[name] = own[among[every % among.size], every]
+    if new_sample:
+        values |= _of_a_new_sample(problem, values, rng)
     if problem.is_single:
         return kept, values, []
     for name in problem.partial:
@@ -142,6 +159,32 @@ def _of_a_new_test(
     k = plain.quantities.index(name)
     real = plain.of_quantity(k, centre) + spread * rng.standard_normal(kept.size)
     return np.array([plain.value(k, position) for position in real])
+
+
+def _of_a_new_sample(
+    problem: Problem, values: Mapping[str, FloatArray], rng: np.random.Generator
+) -> dict[str, FloatArray]:
+    """Return the microstructure (SI) that a joint fit would give another sample beforehand.
+
+    Separate parameters are drawn from their priors. A single test with default pooling knows those
+    that are pooled in part up to two deviations from the common centre.
+    """
+    pooling = pooling_of() if problem.is_single else problem.pooling
+    priors, plain = problem.priors[0], problem.coordinates[0]
+    names = [name for name in MICROSTRUCTURE if name in priors.free]
+    size = values[names[0]].size if names else 0
+    drawn = {
+        name: np.array([priors[name].sample(rng) for _ in range(size)])
+        for name in pooling.of_kind("separate", names)
+    }
+    if problem.is_single:
+        for name in pooling.of_kind("partial", names):
+            k = plain.quantities.index(name)
+            spread = pooling.spread_scales[name] * np.abs(rng.standard_normal(size))
+            apart = np.sqrt(2) * spread * rng.standard_normal(size)
+            real = plain.of_quantity(k, values[name]) + apart
+            drawn[name] = np.array([plain.value(k, position) for position in real])
+    return drawn
 
 
 def apparatus_values(

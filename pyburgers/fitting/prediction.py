@@ -206,6 +206,7 @@ def predict_test(
     *,
     draws: int | None = None,
     separate_from: str | None = None,
+    new_sample: bool = False,
     seed: int = 1,
 ) -> Prediction:
     """Solve a test for draws of a fit.
@@ -215,6 +216,8 @@ def predict_test(
     `draws`: how many, evenly spaced; default all.
     `separate_from`: of a joint fit, the test that separate parameters are taken from; default each
         in turn.
+    `new_sample`: whether the test is one of another sample, whose microstructure is as a joint fit
+        knows it beforehand: from priors, unless it is pooled.
     `seed`: of noise, and of the values of partially pooled parameters.
 
     Raise InputError if the test is of another material, cannot have the laws of the fit, or
@@ -228,7 +231,7 @@ def predict_test(
         raise InputError(f"draws: found {draws}, expected at least 1.")
     rng = np.random.default_rng(seed)
     likelihood = likelihood_of(experiment)
-    kept, values, notes = draw_values(source, draws, separate_from, rng)
+    kept, values, notes = draw_values(source, draws, separate_from, rng, new_sample=new_sample)
     of_the_test, apparatus_notes = apparatus_values(source, experiment, kept, rng)
     values = {**values, **of_the_test}
     values, condition_notes = add_condition_errors(source, experiment, kept, values, rng)

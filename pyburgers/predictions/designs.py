@@ -1,9 +1,10 @@
 """Which further test would decide a quantity, or between two laws: expected before it is done.
 
 Draws of a fit are truths. Each is solved for a candidate test and read with noise, so that a
-quantity and new readings have a joint distribution. The best linear estimator of the quantity from
-the readings has a mean squared error that no posterior exceeds on average, whatever their joint
-distribution. Estimators are made from some draws and judged on others.
+quantity and new readings have a joint distribution. An estimator of the quantity from the readings
+has a mean squared error that no posterior exceeds on average, whatever their joint distribution.
+Estimators are made from some draws and judged on others. As in a joint fit with default pooling,
+the new sample shares flow law and moduli with the fitted one, and has a microstructure of its own.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,15 +34,18 @@ MOST_FEATURES = 12
 LEAST_SIGNAL = 0.01
 """Variance, in that of the noise, below which a combination of readings tells nothing."""
 
+STRONG_SIGNAL = 1.0
+"""Variance, in that of the noise, above which a combination of readings also enters in products."""
+
 ROUNDED_HOURS = 0.9
 """Share of the length of a test from which on hours that a plan states are rounded ones."""
 
 LEAST_DRAWS = 200
 """Draws below which a design cannot be judged."""
 
-SAME_SAMPLE = (
-    "These widths assume that the new sample has the parameters of the fitted one; samples differ, "
-    "so that a laboratory will find larger ones."
+SAME_MATERIAL = (
+    "These widths assume that the new sample has the flow law and moduli of the fitted one, and a "
+    "microstructure of its own; samples differ, so that a laboratory will find larger ones."
 )
 
 
@@ -128,19 +132,20 @@ def design(
     # Each candidate has noise of its own: with one seed, differences between tests would have none.
     seeds = dict(zip(plan.candidates, range(seed, seed + len(plan.candidates)), strict=True))
     predictions = {
-        name: fit.predict(one.experiment, draws=draws, seed=seeds[name])
+        name: fit.predict(one.experiment, draws=draws, new_sample=True, seed=seeds[name])
         for name, one in plan.candidates.items()
     }
     others = {
-        name: against.predict(one.experiment, draws=draws, seed=seeds[name] + len(seeds))
+        name: against.predict(
+            one.experiment, draws=draws, new_sample=True, seed=seeds[name] + len(seeds)
+        )
         for name, one in plan.candidates.items()
         if against is not None
     }
     rows, features = dict[str, dict[str, float | str]](), dict[str, FloatArray]()
     kept = _common_draws(list(predictions.values()))
-    first = next(iter(predictions.values())).posterior["posterior"].to_dataset()
-    known = np.isin(first["fit_draw"].to_numpy(), kept)
-    truths = {name: _scaled(first[name].to_numpy()[0, known]) for name in plan.about}
+    fitted = next(iter(fit.tests().values())).posterior["posterior"].to_dataset()
+    truths = {name: _scaled(all_draws(fitted[name])[kept]) for name in plan.about}
     for name, prediction in predictions.items():
         candidate = plan.candidates[name]
         signal, noisy = _readings(prediction, candidate.n_readings, kept)
@@ -169,7 +174,7 @@ def design(
     return Design(
         table,
         _one_after_the_other(truths, features, within, choose),
-        (*cautions, SAME_SAMPLE),
+        (*cautions, SAME_MATERIAL),
     )
 
 
@@ -298,14 +303,29 @@ def _widths(truths: Mapping[str, FloatArray], features: FloatArray) -> dict[str,
 
 
 def expected_width(truth: FloatArray, features: FloatArray) -> float:
-    """Error of the linear estimator of `truth` (n,) from `features` (n, k), over the sd."""
-    design = np.column_stack([np.ones(len(truth)), features])
+    """Error of an estimator of `truth` (n,) from `features` (n, k), over the sd, at most 1.
+
+    It is linear in the features, or in them and products of the strong ones, whichever errs less:
+    a sample with a microstructure of its own makes the best estimator a curve.
+    """
+    strong = features[:, features.var(axis=0) > 1.0 + STRONG_SIGNAL]
+    first, second = np.triu_indices(strong.shape[1])
+    products = strong[:, first] * strong[:, second]
+    linear = np.column_stack([np.ones(len(truth)), features])
+    errors = (
+        _errors_when_judged(truth, one) for one in (linear, np.column_stack([linear, products]))
+    )
+    return min(1.0, *(float(np.sqrt(np.mean(one**2)) / truth.std()) for one in errors))
+
+
+def _errors_when_judged(truth: FloatArray, terms: FloatArray) -> FloatArray:
+    """Errors of the best sum of `terms` (n, k) for `truth` (n,), each part by what others say."""
     errors = np.empty(len(truth))
     for fold in range(FOLDS):
         judged = np.arange(len(truth)) % FOLDS == fold
-        coefficients, *_ = linalg.lstsq(design[~judged], truth[~judged])
-        errors[judged] = truth[judged] - design[judged] @ coefficients
-    return min(1.0, float(np.sqrt(np.mean(errors**2)) / truth.std()))
+        coefficients, *_ = linalg.lstsq(terms[~judged], truth[~judged])
+        errors[judged] = truth[judged] - terms[judged] @ coefficients
+    return errors
 
 
 def share_told_apart(features: FloatArray, n_first: int) -> float:

@@ -14,16 +14,23 @@ from scipy import stats
 from scipy.special import logsumexp
 
 from pyburgers import fixed
+from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.new_test import Source, add_noises, parameters_for_other_test
+from pyburgers.fitting.new_test import (
+    MICROSTRUCTURE,
+    Source,
+    add_noises,
+    parameters_for_other_test,
+)
 from pyburgers.fitting.prediction import Prediction, predict_test
 from pyburgers.fitting.prior_draws import prior_draws
 from pyburgers.fitting.sampled_fit import ORIGINS
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.conditions import conditions_of, longer_than_tests
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
+from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.experiment import Experiment, Stated, UncertainCondition, of_kind
 from pyburgers.kinds.forced_oscillation.experiment import with_background
 from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
@@ -219,12 +226,29 @@ class Holder:
         self.experiment, self.priors, self.posterior = experiment, priors, posterior
 
 
-def prior_source(experiment: Experiment) -> Source:
+def prior_source(experiment: Experiment, draws: int = 6) -> Source:
     """Draws of the prior of a test, as if they were a fit of it."""
-    prior = prior_draws(experiment, resolved_priors(experiment), draws=6, seed=3)
+    prior = prior_draws(experiment, resolved_priors(experiment), draws=draws, seed=3)
     problem = one_test(experiment, prior.priors)
     passed = [conditions_of(experiment, prior.posterior)]
     return Source(problem, {experiment.id: prior}, prior.posterior, passed, ())
+
+
+def test_another_sample_has_a_microstructure_of_its_own(programs: None) -> None:
+    curve = load_constant_rate(ICE / "PIL40.toml")
+    source = prior_source(curve, draws=80)
+    fitted = source.posterior["posterior"].to_dataset()
+    found = predict_test(source, replace(curve, id="other"), new_sample=True).posterior
+    other, kept = found["posterior"].to_dataset(), found["posterior"]["fit_draw"].to_numpy()
+    rank = {
+        name: stats.spearmanr(all_draws(fitted[name])[kept], all_draws(other[name])).statistic
+        for name in (*MICROSTRUCTURE, "stress_exponent", "activation_enthalpy", "kelvin_modulus")
+    }
+    # Grain sizes are pooled in part: those of two samples lie about a common one.
+    size, *separate = (rank.pop(name) for name in MICROSTRUCTURE)
+    assert 0.5 < size < 0.999
+    assert np.abs(separate).max() < 0.4
+    assert min(rank.values()) == 1.0
 
 
 def test_an_oscillation_is_predicted_at_another_temperature(programs: None) -> None:

@@ -59,6 +59,12 @@ def test_widths_of_a_linear_test_are_those_of_its_posterior() -> None:
         assert expected_width(truths[:, k], features) == pytest.approx(expected, rel=0.03)
 
 
+def test_an_estimator_may_be_a_curve() -> None:
+    truth, own = np.random.default_rng(4).normal(size=(2, 1000))
+    features = 10.0 * np.column_stack([truth + own**2, own])
+    assert expected_width(truth, features) < 0.01
+
+
 def test_readings_of_noise_alone_narrow_nothing() -> None:
     rng = np.random.default_rng(1)
     assert expected_width(rng.normal(size=1000), rng.normal(size=(1000, 12))) == 1.0

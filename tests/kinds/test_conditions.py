@@ -8,6 +8,7 @@ import pytest
 from conftest import ICE
 from refusals import refusal
 
+from pyburgers import normal
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.charts_at_modes import share_values
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
@@ -123,6 +124,18 @@ def test_joint_fits_ask_for_conditions_that_go_together() -> None:
         problem_of([other, known], default_priors("ice"), SEPARATE)
     with pytest.raises(InputError, match="furnace"):
         pooling_of({TEMPERATURE: "shared"})
+
+
+def test_all_tests_state_an_environment_on_which_rates_depend() -> None:
+    first, second = (load_constant_rate(ICE / f"{name}.toml") for name in ("PIL40", "PIL72"))
+    first = replace(first, environment={"pressure": 2e8})
+    priors = default_priors("ice")
+    assert len(problem_of([first, second], priors, pooling_of()).experiments) == 2
+    depend = priors.with_(activation_volume=normal(-13.0, 3.0, "cm3/mol"))
+    with pytest.raises(InputError, match=r"PIL72: key 'pressure_Pa' is missing, .* PIL40"):
+        problem_of([first, second], depend, pooling_of())
+    both = [first, replace(second, environment={"pressure": 0.0})]
+    assert len(problem_of(both, depend, pooling_of()).experiments) == 2
 
 
 def test_tests_of_two_protocols_keep_their_conditions() -> None:

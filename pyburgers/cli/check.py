@@ -26,10 +26,17 @@ def add_options(command: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
     fit = fit_of_run(options.directory)
-    if renewed := renew_tables(fit):
+    try:
+        if renewed := renew_tables(fit):
+            logger.info(
+                f"{fit.directory.path}: {' and '.join(renewed)} differed from what the installed "
+                "versions compute from the draws; the command has written "
+                f"{'it' if len(renewed) == 1 else 'them'} again."
+            )
+    except OSError as error:
         logger.info(
-            f"{fit.directory.path}: {' and '.join(renewed)} did not agree with the draws; the "
-            "command has written the correct content."
+            f"{error.filename}: {error.strerror}; the file stays as it is, which differs from what "
+            "the installed versions compute from the draws."
         )
     print_lines(fit.origins)
     code = print_checks(fit.checks(), fit.prior_conflicts(), fit.prior_decisions())

@@ -311,7 +311,11 @@ class Density:
                 write_stan_json(str(folder / POSITION), {COORDINATE: point})
                 self.program.run(folder, method, seed=1, failure="There is no gradient here")
                 # Of the potential, which is minus the log density.
-                row = pd.read_csv(folder / TRACE, comment="#").iloc[0].filter(regex="^g_")
+                row = (
+                    pd.read_csv(folder / TRACE, comment="#", encoding_errors="replace")
+                    .iloc[0]
+                    .filter(regex="^g_")
+                )
                 found.append(-row.to_numpy(dtype=np.float64))
         return np.array(found)
 

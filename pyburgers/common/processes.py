@@ -162,8 +162,10 @@ def start(
             process_group=0,
         )
     except OSError as error:
+        absent = error.errno in (errno.ENOENT, errno.EACCES)
+        remedy = "see that it is there and may be run." if absent else FREE_MEMORY
         raise SystemFailureError(
-            f"{command[0]}: could not be started ({error.strerror}); {FREE_MEMORY}"
+            f"{command[0]}: could not be started ({error.strerror}); {remedy}"
         ) from error
     running = Running(process, console)
     os.set_blocking(running._pipe.fileno(), False)

@@ -218,12 +218,13 @@ def problem_of(
     for experiment in experiments:
         _check_not_in_prior(experiment, priors)
     experiments = of_one_program(experiments)
-    names = [experiment.id for experiment in experiments]
-    for name in names:
+    # Some file systems take names that differ in case alone for one.
+    names = [experiment.id.casefold() for experiment in experiments]
+    for experiment, name in zip(experiments, names, strict=True):
         if names.count(name) > 1:
             raise InputError(
-                f"{name}: stands {names.count(name)} times among the tests of a joint fit, "
-                "expected different ones."
+                f"{experiment.id}: stands {names.count(name)} times among the tests of a joint "
+                "fit, expected different ones."
             )
     for experiment in experiments:
         _check_test(experiment, experiments[0], priors)

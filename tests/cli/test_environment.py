@@ -31,7 +31,7 @@ def ended(
     """Run a program in a process of its own; return its exit code and what it says of errors."""
     done = subprocess.run(
         [sys.executable, "-c", PREAMBLE + code],
-        env={**os.environ, **(environment or {})},
+        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1", **(environment or {})},
         stdout=streams.get("stdout", subprocess.DEVNULL),
         stderr=subprocess.PIPE,
         text=True,

@@ -16,6 +16,7 @@ import pytest
 from conftest import ICE
 
 from pyburgers.common.errors import InputError, SystemFailureError
+from pyburgers.common.processes import cores
 from pyburgers.common.tasks import Workers, run_tasks
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import problem_of
@@ -79,7 +80,7 @@ def test_what_is_fitted_travels_between_processes() -> None:
 
 
 def test_processes_are_one_for_each_core_and_no_more_than_tasks() -> None:
-    assert Workers().processes(1000) == (os.cpu_count() or 1)
+    assert Workers().processes(1000) == cores()
     assert Workers(jobs=3).processes(2) == 2
     assert Workers(jobs=3).processes(0) == 1
     with pytest.raises(InputError, match=r"^jobs is 0, expected at least 1.$"):

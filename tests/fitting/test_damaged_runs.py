@@ -245,7 +245,24 @@ def test_a_check_writes_tables_again_that_are_not_those_of_the_draws(
         again, log = capsys.readouterr()
         assert again == out
         (note,) = log.splitlines()
-        assert f"run: {' and '.join(names)} did not agree with the draws" in note
+        assert f"run: {' and '.join(names)} differed from what" in note
+
+
+def test_a_run_that_can_only_be_read_is_checked(
+    copy: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = main(["check", str(copy)])
+    out, _ = capsys.readouterr()
+
+    def refuse(file: Path, _: str) -> None:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(file))
+
+    monkeypatch.setattr("pyburgers.fitting.sampled_fit.write_text", refuse)
+    (copy / "summary.csv").write_text("of other versions", encoding="utf-8")
+    assert main(["check", str(copy)]) == code
+    again, log = capsys.readouterr()
+    assert again == out
+    assert "summary.csv: Read-only file system; the file stays as it is" in log
 
 
 def test_a_check_leaves_tables_to_a_run_that_has_not_written_them(copy: Path) -> None:

@@ -138,7 +138,7 @@ def test_a_disk_that_fills_up_leaves_no_draws_and_no_crash(tmp_path: Path) -> No
     """HDF5 brings a process down that cannot write to its file."""
     done = subprocess.run(
         [sys.executable, "-c", KEEPING, str(tmp_path / "run")],
-        env={"PYTHONPATH": ":".join(sys.path)},
+        env={"PYTHONPATH": ":".join(sys.path), "PYTHONDONTWRITEBYTECODE": "1"},
         capture_output=True,
         text=True,
         check=False,

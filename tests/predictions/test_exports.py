@@ -70,7 +70,8 @@ def fit_of(made: Fit, changes: Mapping[str, float] = NOTHING, **laws: str) -> Fi
             values[name] = CHANGES.get(name, prior.location)
     if laws.get("maxwell") == "linear":
         energy, exponent = draws["activation_enthalpy"], draws["stress_exponent"]
-        values["beta"] = draws["beta"] + (exponent - 1) * np.log(1e6) / energy
+        moved = draws["beta"] + (exponent - 1) * np.log(1e6) / energy
+        values["beta"] = moved.assign_attrs(draws["beta"].attrs)
     values |= changes
     full = {
         name: one if isinstance(one, xr.DataArray) else xr.full_like(draws["beta"], one)

@@ -251,14 +251,7 @@ class Fit(SampledFit):
         source = Source(
             self.problem, self.tests(), self.posterior, self.fitted_conditions, self.cautions
         )
-        return predict_test(
-            source,
-            experiment,
-            draws=draws,
-            separate_from=separate_from,
-            new_sample=new_sample,
-            seed=seed,
-        )
+        return predict_test(source, experiment, draws, separate_from, seed, new_sample=new_sample)
 
     def prior_groups(self, draws: int, seed: int) -> dict[str, xr.Dataset]:
         """Draw from the priors of one test, and solve every draw for readings with noise.

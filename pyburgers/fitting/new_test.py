@@ -9,12 +9,12 @@ import xarray as xr
 
 from pyburgers.common.draws import FloatArray, all_draws, evenly_spaced
 from pyburgers.common.errors import InputError
+from pyburgers.fitting.new_sample import microstructure_of_new_sample, of_new_test
 from pyburgers.kinds.conditions import Ranges
 from pyburgers.kinds.experiment import Experiment, UncertainCondition
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import Problem, stated_priors
-from pyburgers.kinds.stan_data import CENTRE, SPREAD
 from pyburgers.model.closed_forms import MODULUS_CHANGE, maxwell_modulus_at, with_maxwell_modulus
 from pyburgers.model.display import unit_after_number
 from pyburgers.model.parameters import (
@@ -24,26 +24,17 @@ from pyburgers.model.parameters import (
     RESIDUAL_CORRELATION,
     STANDARD_VALUES,
 )
-from pyburgers.model.pooling import pooling_of
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.read_quantities import BY_NOISE
 from pyburgers.model.variants import ModelVariant, variant_of, with_variant
-from pyburgers.posterior.labelled_draws import own_name, response_in
+from pyburgers.posterior.labelled_draws import response_in
 
 BOX_MARGIN = 0.5
 """Range of a parameter's draws by which the bounds of its coordinate lie outside them."""
 
 TEST_PARAMETERS = ("apparatus_compliance", "strain_offset")
 """Parameters of a test and its apparatus, which say nothing of another one."""
-
-MICROSTRUCTURE = (
-    "steady_state_grain_size",
-    "steady_state_fabric_factor",
-    "critical_strain_grain_size",
-    "critical_strain_fabric",
-)
-"""Parameters of a sample, of which those that tests do not share say little of another one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +69,7 @@ def draw_values(
     spread, a separate one is that of a test of the fit, all separate ones of a draw of the same.
     `draws`: how many are kept, evenly spaced; None keeps all. `separate_from`: test that separate
     parameters are taken from; None takes each in turn, InputError if it is no test of the fit.
-    `new_sample`: whether the microstructure is that of another sample (`_of_a_new_sample`).
+    `new_sample`: whether the microstructure is that of another sample.
     Numbers count from 0 through all chains; numbers and values have the shape (n_kept,). A
     discrepancy of the law is a share of the response of its test.
     """
@@ -113,11 +104,11 @@ def draw_values(
             among = np.array([list(tests).index(separate_from)])
         values[name] = own[among[every % among.size], every]
     if new_sample:
-        values |= _of_a_new_sample(problem, values, rng)
+        values |= microstructure_of_new_sample(problem, values, rng)
     if problem.is_single:
         return kept, values, []
     for name in problem.partial:
-        values[name] = _of_a_new_test(source, name, kept, rng)
+        values[name] = of_new_test(problem, source.posterior, name, kept, rng)
     notes = []
     if problem.partial:
         notes.append(
@@ -147,44 +138,6 @@ def _over_response(test: FittedTest, values: Mapping[str, FloatArray]) -> FloatA
         for one, k in zip(response, test.experiment.quantity, strict=True)
     ]
     return np.asarray(values["discrepancy"] / np.sqrt(np.mean(np.square(in_errors), axis=0)))
-
-
-def _of_a_new_test(
-    source: Source, name: str, kept: npt.NDArray[np.int64], rng: np.random.Generator
-) -> FloatArray:
-    """Draw a partially pooled parameter (SI) of a test that was not fitted, for kept draws."""
-    group = source.posterior["posterior"].to_dataset()
-    centre, spread = (all_draws(group[own_name(name, owner)])[kept] for owner in (CENTRE, SPREAD))
-    plain = source.problem.coordinates[0]
-    k = plain.quantities.index(name)
-    real = plain.of_quantity(k, centre) + spread * rng.standard_normal(kept.size)
-    return np.array([plain.value(k, position) for position in real])
-
-
-def _of_a_new_sample(
-    problem: Problem, values: Mapping[str, FloatArray], rng: np.random.Generator
-) -> dict[str, FloatArray]:
-    """Return the microstructure (SI) that a joint fit would give another sample beforehand.
-
-    Separate parameters are drawn from their priors. A single test with default pooling knows those
-    that are pooled in part up to two deviations from the common centre.
-    """
-    pooling = pooling_of() if problem.is_single else problem.pooling
-    priors, plain = problem.priors[0], problem.coordinates[0]
-    names = [name for name in MICROSTRUCTURE if name in priors.free]
-    size = values[names[0]].size if names else 0
-    drawn = {
-        name: np.array([priors[name].sample(rng) for _ in range(size)])
-        for name in pooling.of_kind("separate", names)
-    }
-    if problem.is_single:
-        for name in pooling.of_kind("partial", names):
-            k = plain.quantities.index(name)
-            spread = pooling.spread_scales[name] * np.abs(rng.standard_normal(size))
-            apart = np.sqrt(2) * spread * rng.standard_normal(size)
-            real = plain.of_quantity(k, values[name]) + apart
-            drawn[name] = np.array([plain.value(k, position) for position in real])
-    return drawn
 
 
 def apparatus_values(

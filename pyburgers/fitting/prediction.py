@@ -203,11 +203,11 @@ class Prediction:
 def predict_test(
     source: Source,
     experiment: Experiment,
-    *,
     draws: int | None = None,
     separate_from: str | None = None,
-    new_sample: bool = False,
     seed: int = 1,
+    *,
+    new_sample: bool = False,
 ) -> Prediction:
     """Solve a test for draws of a fit.
 
@@ -216,9 +216,9 @@ def predict_test(
     `draws`: how many, evenly spaced; default all.
     `separate_from`: of a joint fit, the test that separate parameters are taken from; default each
         in turn.
+    `seed`: of noise, and of the values of partially pooled parameters.
     `new_sample`: whether the test is one of another sample, whose microstructure is as a joint fit
         knows it beforehand: from priors, unless it is pooled.
-    `seed`: of noise, and of the values of partially pooled parameters.
 
     Raise InputError if the test is of another material, cannot have the laws of the fit, or
     `separate_from` is no test of the fit. Raise SamplingError if no draw has a solution.

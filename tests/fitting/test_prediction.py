@@ -18,8 +18,8 @@ from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.new_sample import MICROSTRUCTURE
 from pyburgers.fitting.new_test import (
-    MICROSTRUCTURE,
     Source,
     add_noises,
     parameters_for_other_test,

@@ -93,6 +93,19 @@ def log_hints(paths: Sequence[Path]) -> None:
         content = read_tables(path)
         for hint in hints([*looks(path, content)], content):
             logger.info(f"hint: {hint}")
+        for note in unchecked_rates(content):
+            logger.info(f"note: {note}")
+
+
+def unchecked_rates(content: Mapping[str, Any]) -> list[str]:
+    """Say that rates of a real test are not compared with strain over time, where they are not."""
+    data = content.get("data")
+    if content.get("protocol") != "constant_rate" or not isinstance(data, dict):
+        return []
+    absent = [name for name in ("strain", "time") if data.get(f"{name}_column") is None]
+    if not absent or content["provenance"]["kind"] == "synthetic":
+        return []
+    return [f"No {absent[0]}s are read, so that nothing checks the stated strain rates."]
 
 
 def _hints_of(look: TextTable, data: Mapping[str, Any], small_strain: float) -> Iterator[str]:

@@ -162,9 +162,9 @@ def check_size(draws: CheckedDraws) -> Finding:
         if leftover.discrepancy is not None
     )
     findings = [
+        *_against_variance(sizes),
         *against_reading_errors(family, sizes),
         *_against_limits(draws, family),
-        *_against_variance(sizes),
         *_against_neighbours(draws, family, sizes),
     ]
     unsaid = Finding(Outcome.YES, sizes, f"{UNSTATED} to compare it with.")
@@ -189,7 +189,8 @@ def _against_variance(sizes: pd.DataFrame) -> list[Finding]:
     if not beyond[test] > 1.0:
         return []
     missed = f"a constant would leave {test} less (at most {most[test]:.2%} by chance)"
-    return [Finding(Outcome.NO, sizes, missed, "see whether its units and priors are right")]
+    advice = "see whether its units and priors are right"
+    return [Finding(Outcome.NO, sizes, missed, advice, leads=True)]
 
 
 def _against_neighbours(draws: CheckedDraws, family: Family, sizes: pd.DataFrame) -> list[Finding]:

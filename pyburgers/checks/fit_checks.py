@@ -62,7 +62,7 @@ class Finding:
 
     The meaning is a sentence for a non-specialist, without full stop where a remedy follows. What
     makes draws unusable says so: nothing can be concluded from them about the data. A note goes
-    into a verdict that is a yes.
+    into a verdict that is a yes. What leads comes first in a verdict that is none.
     """
 
     outcome: Outcome
@@ -71,6 +71,7 @@ class Finding:
     remedy: str = ""
     unusable: bool = False
     note: str = ""
+    leads: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,11 +16,16 @@ from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.model.parameters import ENVIRONMENT, STANDARD_VALUES
 from pyburgers.model.plausible import PlausibleRanges, plausible_ranges
-from pyburgers.model.unlikely_numbers import unlikely_numbers
+from pyburgers.model.priors import default_priors, shipped_prior_files
+from pyburgers.model.unlikely_numbers import range_of, unlikely_numbers
 
 LIKELY_GRAIN_SIZES = (1e-8, 0.05)
 """Grain sizes (m) outside of which a unit may be wrong."""
 
+
+FIRST_READINGS, LEAST_SHARE, MOST_STIFFNESS = 3, 0.1, 5.0
+"""First readings of a curve, the share of the largest stress below which they tell nothing, and
+the ratio to the largest usual Maxwell modulus beyond which a unit or a zero may be wrong."""
 
 MIN_LIKELY_STRESS = 1e3
 """Largest stress (Pa) of a test below which a unit may be wrong."""
@@ -49,12 +54,32 @@ def _of_conditions(experiment: Experiment) -> Iterator[str]:
     yield from unlikely_grain_size(np.array([experiment.initial_grain_size]))
     yield from unlikely_temperature(material, *temperature_range(experiment))
     imposed = isinstance(experiment, HistoryExperiment) and experiment.imposed_stresses.size
+    of_stress: list[str] = []
     if experiment.n_points or imposed:
-        yield from unlikely_stress(material, experiment.largest_stress)
+        of_stress += unlikely_stress(material, experiment.largest_stress)
+    yield from of_stress
     if isinstance(experiment, AttenuationExperiment) and experiment.readings.modulus.size:
         largest = experiment.elasticity.axial_modulus(float(experiment.readings.modulus.max()))
         for sentence in unlikely_numbers(material, {"maxwell_modulus": (largest, largest)}):
             yield f"the largest modulus, as {sentence}"
+    if isinstance(experiment, ConstantRateExperiment) and experiment.n_points and not of_stress:
+        yield from _stiff_start(experiment)
+
+
+def _stiff_start(experiment: ConstantRateExperiment) -> Iterator[str]:
+    """Say if a curve starts far stiffer than its material is."""
+    if experiment.material not in shipped_prior_files():
+        return
+    first = slice(max(FIRST_READINGS, experiment.n_points // 50))
+    stress, strain = experiment.stress[first].mean(), experiment.strain[first].mean()
+    _, usual = range_of(default_priors(experiment.material)["maxwell_modulus"]) or (0.0, np.inf)
+    ratio = stress / strain / usual
+    if stress >= LEAST_SHARE * experiment.largest_stress and ratio > MOST_STIFFNESS:
+        yield (
+            f"the first readings are at {stress / strain / 1e9:.3g} GPa over their strain, "
+            f"{ratio:.2g} times the most that priors of {experiment.material} expect of the "
+            "Maxwell modulus; check units and zeros of stress and strain."
+        )
 
 
 def unlikely_grain_size(sizes: FloatArray) -> Iterator[str]:

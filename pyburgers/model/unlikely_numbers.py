@@ -30,7 +30,7 @@ def unlikely_numbers(material: str, ranges: Mapping[str, tuple[float, float]]) -
     for name, (low, high) in ranges.items():
         priors = [one.priors[name] for one in shipped if name in one.priors]
         free = [one for one in priors if not one.is_fixed]
-        usual = map(_range_of, free if free and low < high else priors)
+        usual = map(range_of, free if free and low < high else priors)
         ends = [end for one in usual if one is not None for end in one]
         if not ends or min(high, *ends) * max(low, *ends) <= 0:
             continue
@@ -54,7 +54,7 @@ def unlikely_priors(priors: PriorSet) -> list[str]:
         for name, prior in priors.priors.items()
         if priors.flow_law is None or name not in FLOW_LAW
     }
-    ranges = {name: found for name, prior in own.items() if (found := _range_of(prior)) is not None}
+    ranges = {name: found for name, prior in own.items() if (found := range_of(prior)) is not None}
     outside = [
         f"{name}: its normal prior lies more than {MOST_BEYOND:g} standard deviations outside its "
         "own bounds; check both."
@@ -64,7 +64,7 @@ def unlikely_priors(priors: PriorSet) -> list[str]:
     return [*unlikely_numbers(priors.material, ranges), *outside]
 
 
-def _range_of(prior: Prior) -> tuple[float, float] | None:
+def range_of(prior: Prior) -> tuple[float, float] | None:
     """Central 90 % of a prior, SI; None where it is relative to the stress of a test."""
     if prior.relative_to_max_stress:
         return None

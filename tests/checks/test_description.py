@@ -354,6 +354,10 @@ def test_the_share_of_the_variance_that_is_left_is_told() -> None:
     larger = check_size(draws_of(one=groups(10.0 + white(), 10.0 * draws_of_noise())))
     assert larger.outcome is Outcome.NO
     assert "a constant would leave the test less" in larger.sentence
+    worse = run_checks(draws_of(one=groups(10.0 + trend())), DESCRIPTION)
+    assert sum(one.outcome is Outcome.NO for one in worse) > 1
+    verdict = verdicts(worse)[CheckKind.DESCRIPTION].sentence
+    assert "a constant would leave the test less" in verdict.split("Also: ")[0]
     assert f"{share:.2%} of the variance" in result.note
     assert "correlates" not in result.note
 

@@ -90,6 +90,15 @@ def test_stresses_that_no_material_bears_and_single_readings_are_doubted(
     assert "one stress (MPa) of -99 is more than 10 times as large as all others" in doubt
 
 
+def test_a_start_that_is_stiffer_than_the_material_is_doubted(
+    curve: ConstantRateExperiment,
+) -> None:
+    assert doubts(replace(curve, stress=curve.stress + 0.3e6)) == []
+    (doubt,) = doubts(replace(curve, stress=curve.stress + 50e6))
+    assert "the most that priors of ice expect of the Maxwell modulus" in doubt
+    assert doubts(replace(curve, material="gypsum", stress=curve.stress + 50e6))[1:] == []
+
+
 def test_a_test_shows_doubts_about_its_conditions(curve: ConstantRateExperiment) -> None:
     odd = replace(curve, initial_grain_size=2.3e-10, temperature=300.0, stress=1e3 * curve.stress)
     said = repr(odd)

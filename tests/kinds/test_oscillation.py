@@ -271,7 +271,12 @@ class TestFigure:
 
 @pytest.mark.parametrize(
     ("degrees", "told"),
-    [(0, []), (20, []), (50, ["degrees behind the strain"]), (-90, ["degrees ahead of the strain"])],
+    [
+        (0, []),
+        (20, []),
+        (50, ["degrees behind the strain"]),
+        (-90, ["degrees ahead of the strain"]),
+    ],
 )
 def test_a_stress_that_is_behind_the_strain_is_told(degrees: float, told: list[str]) -> None:
     record = make_record()

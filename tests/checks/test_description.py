@@ -166,7 +166,7 @@ STEP = np.repeat([0.0, 1.0], 25)
 ADVICE: dict[str, tuple[dict[str, xr.Dataset], tuple[str, ...], tuple[str, ...]]] = {
     "one rate": (
         groups(trend(), segment=np.zeros(POINTS)),
-        ("tests at other rates",),
+        ("tests at other rates", "whether the strain includes that of the machine"),
         ("kelvin=power_law",),
     ),
     "record": (

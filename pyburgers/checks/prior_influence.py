@@ -370,8 +370,8 @@ def _decisions(influences: Mapping[str, Influence]) -> Iterator[str]:
     n_own = sum(not bound.is_physical for bound in bounds if bound is not None)
     if n_own >= MANY_BOUNDS:
         yield (
-            f"{n_own} numbers lie at bounds of their priors, as where an input is wrong: check the "
-            "units of stress, strain rate, temperature and grain size before you widen a prior."
+            f"{n_own} numbers lie at bounds of their priors, as a wrong input makes them. First "
+            "check the units of stress, strain rate, temperature and grain size."
         )
     for name, one in influences.items():
         if one.origin is Origin.CANNOT_TELL or one.name == JOINT_PRIOR:  # no number of a table

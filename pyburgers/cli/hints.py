@@ -43,6 +43,9 @@ logger = logging.getLogger(__name__)
 
 SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "white space", ",": "commas"}
 
+LARGEST_PERCENT = 2000.0
+"""Strain beyond which it is none in percent."""
+
 FILE_KEYS = ("file", "strain_file", "stress_file")
 
 
@@ -160,7 +163,8 @@ def _hints_of_strain(
         return
     largest = float(np.max(np.abs(strain)))
     if unit == "fraction" and largest > 1:
-        yield f"{column!r} reaches {largest:g}: is it in percent rather than a fraction?"
+        other = "microstrain" if largest > LARGEST_PERCENT else "percent"
+        yield f"{column!r} reaches {largest:g}: is it in {other} rather than a fraction?"
     is_named = unit_in_name(look.described(column), "strain") == unit
     if unit == "percent" and not is_named and 0 < largest < 100 * small_strain:
         yield f"{column!r} reaches {largest:g} only: is it a fraction rather than percent?"

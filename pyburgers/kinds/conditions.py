@@ -11,6 +11,7 @@ from pyburgers.common.units import UNITS, number
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.kind import solution_columns
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
@@ -24,8 +25,12 @@ LIKELY_GRAIN_SIZES = (1e-8, 0.05)
 
 
 FIRST_READINGS, LEAST_SHARE, MOST_STIFFNESS = 3, 0.1, 5.0
-"""First readings of a curve, the share of the largest stress below which they tell nothing, and
+"""First readings of a test, the share of the largest stress below which they tell nothing, and
 the ratio to the largest usual Maxwell modulus beyond which a unit or a zero may be wrong."""
+
+SOFTEST, TINY_STRAIN = 0.01, 1e-12
+"""Share of the least usual Maxwell modulus below which that of an oscillation may have a wrong
+unit; strain that stands for none in a quotient."""
 
 MIN_LIKELY_STRESS = 1e3
 """Largest stress (Pa) of a test below which a unit may be wrong."""
@@ -62,23 +67,41 @@ def _of_conditions(experiment: Experiment) -> Iterator[str]:
         largest = experiment.elasticity.axial_modulus(float(experiment.readings.modulus.max()))
         for sentence in unlikely_numbers(material, {"maxwell_modulus": (largest, largest)}):
             yield f"the largest modulus, as {sentence}"
-    if isinstance(experiment, ConstantRateExperiment) and experiment.n_points and not of_stress:
-        yield from _stiff_start(experiment)
+    if experiment.n_points and not of_stress:
+        yield from _unlikely_stiffness(experiment)
 
 
-def _stiff_start(experiment: ConstantRateExperiment) -> Iterator[str]:
-    """Say if a curve starts far stiffer than its material is."""
+def _unlikely_stiffness(experiment: Experiment) -> Iterator[str]:
+    """Say if a test starts far stiffer than its material is, or is as soft as no material is."""
     if experiment.material not in shipped_prior_files():
         return
-    first = slice(max(FIRST_READINGS, experiment.n_points // 50))
-    stress, strain = experiment.stress[first].mean(), experiment.strain[first].mean()
-    _, usual = range_of(default_priors(experiment.material)["maxwell_modulus"]) or (0.0, np.inf)
-    ratio = stress / strain / usual
-    if stress >= LEAST_SHARE * experiment.largest_stress and ratio > MOST_STIFFNESS:
+    first, least = slice(max(FIRST_READINGS, experiment.n_points // 50)), 0.0
+    what, zeros = "the first readings", "units and zeros of stress and strain"
+    match experiment:
+        case ConstantRateExperiment():
+            stress, strain = experiment.stress[first].mean(), experiment.strain[first].mean()
+        case HistoryExperiment(strain_offset=None) if (
+            experiment.stages[0].control == "stress" and experiment.response_is_strain[first].all()
+        ):
+            stress = abs(experiment.stages[0].value)
+            strain = abs(experiment.reading[first].mean())
+            zeros += ", the start of the load, and [strain_offset]"
+        case OscillationExperiment():
+            fits = experiment.prepared.stress_fit, experiment.prepared.strain_fit
+            (stress, _), (strain, _) = (fit.amplitude() for fit in fits)
+            what, least = "the oscillation", SOFTEST
+        case _:
+            return
+    if least == 0 and stress <= LEAST_SHARE * experiment.largest_stress:
+        return
+    usual = range_of(default_priors(experiment.material)["maxwell_modulus"]) or (0.0, np.inf)
+    if not least * usual[0] * strain <= stress <= MOST_STIFFNESS * usual[1] * strain:
+        found = float(stress / max(strain, TINY_STRAIN)) / 1e9
+        least, most = (end / 1e9 for end in usual)
         yield (
-            f"the first readings are at {stress / strain / 1e9:.3g} GPa over their strain, "
-            f"{ratio:.2g} times the most that priors of {experiment.material} expect of the "
-            "Maxwell modulus; check units and zeros of stress and strain."
+            f"stress over strain of {what} is {found:.3g} GPa, while priors of "
+            f"{experiment.material} expect a Maxwell modulus of {least:.3g} to {most:.3g} GPa. "
+            f"Check {zeros}."
         )
 
 

@@ -37,6 +37,10 @@ def test_readings_that_may_be_none_are_told(changed: np.ndarray, words: str) -> 
     assert words in said
 
 
+def test_constant_readings_are_not_clipped() -> None:
+    assert odd_readings(np.zeros(20), "strain") == odd_readings(np.ones(20), "strain") == []
+
+
 def test_an_unloaded_stage_is_no_missing_reading() -> None:
     assert odd_readings(np.array([3.0, 3.1, 0.2, 0.0, 0.0, 0.0, 0.2, 3.2]), "stress") == []
 

@@ -370,7 +370,7 @@ def _decisions(influences: Mapping[str, Influence]) -> Iterator[str]:
     n_own = sum(not bound.is_physical for bound in bounds if bound is not None)
     if n_own >= MANY_BOUNDS:
         yield (
-            f"{n_own} numbers lie at bounds of their priors, as a wrong input makes them. First "
+            f"{n_own} numbers lie at bounds of their priors, which may mean a wrong input. First "
             "check the units of stress, strain rate, temperature and grain size."
         )
     for name, one in influences.items():

@@ -45,7 +45,8 @@ def remedy(leftover: Leftover, point: int) -> str:
     else:
         first = (
             "at one rate other laws hardly differ, so see whether the test was paused or unloaded "
-            "there, and fit it together with tests at other rates"
+            "there, whether the strain includes that of the machine (a loading_history takes "
+            "[apparatus]), and fit it together with tests at other rates"
         )
     # Where strain goes back and forth no residuals correlate along it.
     if "segment" not in along or leftover.correlates:

@@ -147,6 +147,8 @@ def check_size(draws: CheckedDraws) -> Finding:
         f"{row['root_mean_square']})"
         if np.isfinite(row["share_of_variance"])
         else f"a root mean square of {row['root_mean_square']} of {name}"
+        if row["root_mean_square"]
+        else f"unknown in {name}, which has upper limits alone"
         for name, row in sizes.iterrows()
     )
     left = f"What the model leaves over is {sentence}" + "".join(
@@ -160,9 +162,9 @@ def check_size(draws: CheckedDraws) -> Finding:
         if leftover.discrepancy is not None
     )
     findings = [
+        *_against_variance(sizes),
         *against_reading_errors(family, sizes),
         *_against_limits(draws, family),
-        *_against_variance(sizes),
         *_against_neighbours(draws, family, sizes),
     ]
     unsaid = Finding(Outcome.YES, sizes, f"{UNSTATED} to compare it with.")
@@ -187,7 +189,8 @@ def _against_variance(sizes: pd.DataFrame) -> list[Finding]:
     if not beyond[test] > 1.0:
         return []
     missed = f"a constant would leave {test} less (at most {most[test]:.2%} by chance)"
-    return [Finding(Outcome.NO, sizes, missed, "see whether its units and priors are right")]
+    advice = "see whether its units and priors are right"
+    return [Finding(Outcome.NO, sizes, missed, advice, leads=True)]
 
 
 def _against_neighbours(draws: CheckedDraws, family: Family, sizes: pd.DataFrame) -> list[Finding]:
@@ -414,19 +417,23 @@ def _tell_size(leftover: Leftover, row: Row) -> Told:
 
 
 def _sizes(leftover: Leftover) -> dict[str, object]:
-    """Share of the variance of the data that is left over, and its size in display units."""
-    squares = (leftover.observed**2).mean(axis=0)
+    """Share of the variance of told readings that is left over, and its size in display units."""
+    squares, told = (leftover.observed**2).mean(axis=0), leftover.is_told
     data = response_in(leftover.group, "observed_data").to_numpy()
     about_mean, sizes = np.zeros(data.size), []
     for kind in np.unique(leftover.quantity):
-        here = leftover.quantity == kind
-        about_mean[here] = leftover.weight[here] * (data[here] - data[here].mean())
+        here = (leftover.quantity == kind) & told
+        if not here.any():
+            continue
+        # Equal readings have no spread, not even by rounding.
+        beyond_first = data[here] - data[here][0]
+        about_mean[here] = leftover.weight[here] * (beyond_first - beyond_first.mean())
         size = float(np.mean(squares[here] / leftover.weight[here] ** 2) ** 0.5)
         sizes.append(leftover.size_text(size, int(kind)))
     spread = float((about_mean**2).sum())
     return {
-        "share_of_variance": float(squares.sum()) / spread if spread > 0 else np.nan,
+        "share_of_variance": float(squares[told].sum()) / spread if spread > 0 else np.nan,
         "root_mean_square": " and ".join(sizes),
         # Residuals that correlate may all lie aside by chance.
-        "readings": 1 if leftover.correlates else data.size,
+        "readings": 1 if leftover.correlates else max(1, told.sum()),
     }

@@ -35,11 +35,16 @@ from pyburgers.checks.residual_numbers import (
     segment_parts,
     signed_ranks,
 )
-from pyburgers.common.array_types import IntArray
+from pyburgers.common.array_types import BoolArray, IntArray
 from pyburgers.common.draws import TAIL, FloatArray, all_draws
 from pyburgers.common.units import rounded_to, span_text
 from pyburgers.kinds.likelihood import Likelihood, likelihoods
-from pyburgers.posterior.labelled_draws import CORRELATED, groups_of_tests, response_in
+from pyburgers.posterior.labelled_draws import (
+    CORRELATED,
+    groups_of_tests,
+    response_in,
+    told_readings,
+)
 
 Pair: TypeAlias = tuple[FloatArray, FloatArray]
 
@@ -109,7 +114,8 @@ class Leftover:
     """What a fit leaves over of one test, n readings in the order of their positions.
 
     Residuals (draws, n) are SI; if readings have errors of their own, over these, times their
-    mean. Those of several quantities are weighed by what replicates leave over of each. Every
+    mean. Those of several quantities are weighed by what replicates leave over of each. Readings
+    that are no upper limits are told. Every
     discrepancy has numbers of the data, shape (draws,), and of refitted replicates, shape
     (replicates, their draws); large ones speak against the model. Only those with enough
     readings are there.
@@ -123,6 +129,7 @@ class Leftover:
     quantity: IntArray
     observed: FloatArray
     weight: FloatArray
+    is_told: BoolArray
     discrepancies: dict[str, Pair] = field(repr=False)
 
     @property
@@ -300,7 +307,7 @@ def _leftover(name: str, group: xr.DataTree, number: int) -> Leftover:
         response_in(group, part)
         for part in ("observed_data", "model_response", "posterior_predictive")
     )
-    along = group["constant_data"].to_dataset()
+    along, is_told = group["constant_data"].to_dataset(), told_readings(group)
     likelihood = likelihoods()[group.attrs["protocol"]]
     position = along[likelihood.clock.name].to_numpy()
     segment, quantity = (
@@ -324,9 +331,9 @@ def _leftover(name: str, group: xr.DataTree, number: int) -> Leftover:
     )
     rng = np.random.default_rng([position.size, number])
     noise = rng.standard_normal((len(pairs[OUTSIDE][1]), position.size))
-    if error is not None:
-        over_error = np.sqrt(((observed / error.mean()) ** 2).mean(axis=1))
-        by_chance = READING_ERROR_FACTOR * np.sqrt((noise**2).mean(axis=1))
+    if error is not None and is_told.any():
+        over_error = np.sqrt(((observed[:, is_told] / error.mean()) ** 2).mean(axis=1))
+        by_chance = READING_ERROR_FACTOR * np.sqrt((noise[:, is_told] ** 2).mean(axis=1))
         pairs[OVER_READING_ERROR] = over_error, by_chance[:, None]
     elif CORRELATED in group.children:
         span = np.array([np.ptp(read.to_numpy()[quantity == k]) for k in quantity])
@@ -335,8 +342,10 @@ def _leftover(name: str, group: xr.DataTree, number: int) -> Leftover:
         if found.size:
             by_chance = over(noise, least=np.zeros(position.size)).max(axis=0)
             pairs[OVER_SCATTER] = found.max(axis=0), np.maximum(by_chance, AS_LARGE)[:, None]
-    enough = {key: pair for key, pair in pairs.items() if position.size >= LEAST_READINGS[key]}
-    return Leftover(name, group, likelihood, position, segment, quantity, observed, weight, enough)
+    enough = {key: pair for key, pair in pairs.items() if is_told.sum() >= LEAST_READINGS[key]}
+    return Leftover(
+        name, group, likelihood, position, segment, quantity, observed, weight, is_told, enough
+    )
 
 
 def _of_one_size(replicated: FloatArray, quantity: IntArray) -> FloatArray:
@@ -374,7 +383,7 @@ def data_and_refits(
         for name, values in found.items()
     }
     # Where residuals correlate the width of the noise does not go with what is left over.
-    shares = _outside(means if correlated else means / scale_of(means), band)
+    shares = _outside(means if correlated else means / np.maximum(scale_of(means), TINY), band)
     # As many readings as no replicate has outside may be chance, too.
     shares[shares.argmax()] += 1.0 / observed.shape[1]
     pairs[OUTSIDE] = _outside(observed.mean(axis=0, keepdims=True), band), shares[:, None]
@@ -382,8 +391,13 @@ def data_and_refits(
 
 
 def _outside(values: FloatArray, band: FloatArray) -> FloatArray:
-    """Share of readings, shape (..., n), outside a band, shape (2, n)."""
-    share: FloatArray = ((values < band[0]) | (values > band[1])).mean(axis=-1)
+    """Share of readings, shape (..., n), outside a band, shape (2, n).
+
+    Upper limits lie on the end of a band that reaches down to them, but for rounding.
+    """
+    rounding = 1e-9 * np.abs(band).max()
+    outside = (values < band[0] - rounding) | (values > band[1] + rounding)
+    share: FloatArray = outside.mean(axis=-1)
     return share
 
 

@@ -5,7 +5,7 @@ A new one is a function with a name and a kind in a module of this folder, where
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
@@ -19,6 +19,7 @@ from pyburgers.posterior.labelled_draws import (
     pareto_k,
     response_in,
     sampled_draws,
+    told_readings,
 )
 from pyburgers.sampling.manifest import ChainFailure, OtherMode
 
@@ -61,7 +62,7 @@ class Finding:
 
     The meaning is a sentence for a non-specialist, without full stop where a remedy follows. What
     makes draws unusable says so: nothing can be concluded from them about the data. A note goes
-    into a verdict that is a yes.
+    into a verdict that is a yes. What leads comes first in a verdict that is none.
     """
 
     outcome: Outcome
@@ -70,6 +71,7 @@ class Finding:
     remedy: str = ""
     unusable: bool = False
     note: str = ""
+    leads: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,10 +94,13 @@ class Check:
         if n_draws < self.least_draws:
             return _too_few("draws", n_draws, self.least_draws, "raise --draws", unusable=True)
         if self.least_readings > 0:
-            groups = groups_of_tests(draws.posterior).values()
-            most = max(group["observed_data"].sizes["point"] for group in groups)
+            told = map(told_readings, groups_of_tests(draws.posterior).values())
+            longest = max(told, key=np.count_nonzero)
+            most = int(longest.sum())
             if most < self.least_readings:
-                return _too_few("readings", most, self.least_readings, "add readings")
+                few = _too_few("readings", most, self.least_readings, "add readings")
+                limits = f"{longest.size - most} readings are upper limits, no values; "
+                return replace(few, meaning=limits * (longest.size > most) + few.meaning)
         if self.kind is CheckKind.DESCRIPTION and (unsolved := _n_unsolved(draws.posterior)):
             meaning = f"{unsolved} of {n_draws} draws have no solution {_UNSOLVED}"
             table = pd.DataFrame({"unsolved_draws": [unsolved]})
@@ -398,7 +403,9 @@ def coverage(posterior: xr.DataTree) -> float:
     replicated = response_in(posterior, "posterior_predictive")
     low, high = (replicated.quantile(q, ("chain", "draw")) for q in (TAIL, 1.0 - TAIL))
     observed = response_in(posterior, "observed_data")
-    return float(((observed >= low) & (observed <= high)).mean("point"))
+    rounding = 1e-9 * np.abs(observed)
+    inside = (observed >= low - rounding) & (observed <= high + rounding)
+    return float(inside.mean("point"))
 
 
 CHAIN_CHECKS = (

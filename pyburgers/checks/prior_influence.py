@@ -23,8 +23,10 @@ from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.units import number
 from pyburgers.kinds.stan_data import CENTRE, SPREAD
 from pyburgers.model.display import shown_quantity, symbol_text, unit_after_number
+from pyburgers.model.parameters import RESIDUAL_CORRELATION
 from pyburgers.model.prior_families import Prior, normal_scores
 from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR, PriorSet
+from pyburgers.model.read_quantities import BY_NOISE
 from pyburgers.model.reference_quantities import REFERENCE_QUANTITIES
 from pyburgers.posterior.labelled_draws import free_parameters, on_scale_of_prior, own_name
 
@@ -47,12 +49,15 @@ the second number on, draws pile up there."""
 MOST_LEFT_AT_BOUND = 0.5
 """Share of the prior's variance that may be left for a bound to be called the one that decides."""
 
+MANY_BOUNDS = 3
+"""Numbers at bounds of their priors from which a wrong input is a better guess than the priors."""
+
 CHANCE_SHIFTS = 8
 """Shifts of draws against each other that say which share of the priors chance alone gives."""
 
 
 class Origin(StrEnum):
-    """Who decides a number, by the rules of `pyburgers.checks.prior_influence.ORIGIN_RULES`."""
+    """Who decides a number, by the rules of `pyburgers.page.glossary.ORIGIN_RULES`."""
 
     PRIOR = "prior"
     DATA = "data"
@@ -258,47 +263,6 @@ def _bound(values: FloatArray, scores: FloatArray, prior: Prior) -> Bound | None
     return Bound("upper", prior.upper, upper, physical[1])
 
 
-ORIGIN_RULES: Mapping[Origin, tuple[str, str]] = MappingProxyType(
-    {
-        Origin.DATA: (
-            "The data decide the number.",
-            f"The share of the priors is less than {LEAST_SHARE:g}.",
-        ),
-        Origin.BOTH: (
-            "Data and priors decide it together.",
-            f"The share of the priors is {LEAST_SHARE:g} to {PRIOR_SHARE:.2f}.",
-        ),
-        Origin.PRIOR: (
-            "The priors decide it, its own or those in brackets.",
-            f"The share of the priors is {PRIOR_SHARE:.2f} or more.",
-        ),
-        Origin.BOUND: (
-            "The draws pile up at a bound of its prior.",
-            f"At least {100 * AT_BOUND:.0f} % of the draws lie within {NEAR_BOUND:g} standard "
-            "deviations of the bound, and the data took off half of the variance of the prior.",
-        ),
-        Origin.CONFLICT: (
-            "Prior and data disagree; the number is a compromise.",
-            "Given how much the data narrow the prior, the posterior mean lies further from its "
-            "median than chance allows. A fit whose model and priors are right reports any "
-            f"conflict with a probability of {CONFLICT_LEVEL:g}.",
-        ),
-        Origin.CANNOT_TELL: (
-            "The draws are too few.",
-            f"Chance alone gives the priors a share of {LEAST_SHARE:g} or more.",
-        ),
-    }
-)
-"""What it means that each of them decides a number, and by which rule."""
-
-SHARE_TEXT = (
-    "If the mean of a prior moves by one of its standard deviations, the number moves too. The "
-    "share of the prior is the square of that move, in standard deviations of the posterior. "
-    "Priors count on a scale on which they are normal. Brackets name the strongest priors, which "
-    "have two thirds of the share of all."
-)
-
-
 def symbol_of(name: str) -> str:
     """Return the symbol of a quantity, also of a centre or spread, or of `JOINT_PRIOR`."""
     if name.startswith(JOINT_PRIOR):
@@ -358,15 +322,26 @@ def conflicts(influences: Mapping[str, Influence]) -> list[str]:
 
 
 def conflict_text(label: str, influence: Influence) -> str:
-    """Say how far what a label names is from its prior's median, and what that was read off."""
+    """Say how far what a label names is from its prior's median, and what that was read off.
+
+    A prior that is not normal may have no number so far out: the probability beyond is the same.
+    """
     label = f"the flow rate of {label}" if influence.name == JOINT_PRIOR else label
     mark = READ_OFF * influence.was_read_off(influence.name)
-    return f"{label} ({influence.distance:+.1f} prior sd){mark}"
+    return f"{label} ({influence.distance:+.1f} sd of a normal prior){mark}"
 
 
 CONFLICT_MEANING = (
     "what comes out is a compromise of the two, so check the prior's source, and whether the model "
     "describes the data"
+)
+
+
+OF_NOISE = frozenset({*BY_NOISE, *RESIDUAL_CORRELATION})
+"""Parameters of the residuals."""
+
+NOISE_MEANING = (
+    "noise takes up what the model misses, so read first whether the model describes the data"
 )
 
 
@@ -380,7 +355,8 @@ def disagreement(influences: Mapping[str, Influence]) -> str | None:
 def conflict_sentence(influences: Mapping[str, Influence]) -> str | None:
     """Say what prior and data disagree about, and what that means; None where they do not."""
     named = disagreement(influences)
-    return named and f"{named}: {CONFLICT_MEANING}."
+    of_noise = {one.partition("[")[0] for one in conflicts(influences)} <= OF_NOISE
+    return named and f"{named}: {NOISE_MEANING if of_noise else CONFLICT_MEANING}."
 
 
 def decision_sentences(influences: Mapping[str, Influence]) -> tuple[str, ...]:
@@ -390,6 +366,13 @@ def decision_sentences(influences: Mapping[str, Influence]) -> tuple[str, ...]:
 
 
 def _decisions(influences: Mapping[str, Influence]) -> Iterator[str]:
+    bounds = [one.bound for one in influences.values() if one.origin is Origin.BOUND]
+    n_own = sum(not bound.is_physical for bound in bounds if bound is not None)
+    if n_own >= MANY_BOUNDS:
+        yield (
+            f"{n_own} numbers lie at bounds of their priors, which may mean a wrong input. First "
+            "check the units of stress, strain rate, temperature and grain size."
+        )
     for name, one in influences.items():
         if one.origin is Origin.CANNOT_TELL or one.name == JOINT_PRIOR:  # no number of a table
             continue
@@ -438,7 +421,8 @@ def _bound_sentence(name: str, bound: Bound) -> str:
     meaning = (
         "The quantity ends there: quote the other end of the interval as a limit, no mean and sd."
         if bound.is_physical
-        else "Widen the prior, or say in its 'source' why it ends there."
+        else "Check the data and their units first; then widen the prior, or say in its 'source' "
+        "why it ends there."
     )
     return (
         f"The {bound.side} bound of the prior, {value}, decides {_label(name)}: "

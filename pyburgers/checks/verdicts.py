@@ -80,6 +80,7 @@ def _verdict(kind: CheckKind, results: Sequence[CheckResult]) -> Verdict:
         return _answer(kind, Outcome.CANNOT_TELL, reason)
     for outcome in (Outcome.NO, Outcome.CANNOT_TELL):
         found = [result for result in asked if result.outcome is outcome]
+        found.sort(key=lambda result: not result.leads)
         if found:
             return _answer(kind, outcome, _reasons(found))
     notes = "".join(f"; {result.note}" for result in asked if result.note)

@@ -8,7 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from pyburgers.cli.hints import hints, looks, text_files
+from pyburgers.cli.hints import hints, looks, text_files, unchecked_rates
 from pyburgers.cli.unread_columns import contradictions, unread_note
 from pyburgers.common.errors import InputError, StructureError
 from pyburgers.common.paths import shown
@@ -80,6 +80,7 @@ def check(path: Path, *, tells_unread: bool = True) -> int:
     unread = (unread_note(look, content) for look in tables if tells_unread and not errors)
     lines += [f"note: {note}" for note in dict.fromkeys(unread) if note]
     lines += [f"hint: {sentence}" for sentence in hints(tables, content)]
+    lines += [f"note: {note}" for note in ([] if errors else unchecked_rates(content))]
     lines += [f"{'note' if one in notes else 'warning'}: {one}" for one in notices]
     if isinstance(loaded, Experiment):
         beside = (one for look in tables for one in contradictions(look, content, loaded))

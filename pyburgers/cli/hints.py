@@ -43,6 +43,9 @@ logger = logging.getLogger(__name__)
 
 SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "white space", ",": "commas"}
 
+LARGEST_PERCENT = 2000.0
+"""Strain beyond which it is none in percent."""
+
 FILE_KEYS = ("file", "strain_file", "stress_file")
 
 
@@ -93,6 +96,19 @@ def log_hints(paths: Sequence[Path]) -> None:
         content = read_tables(path)
         for hint in hints([*looks(path, content)], content):
             logger.info(f"hint: {hint}")
+        for note in unchecked_rates(content):
+            logger.info(f"note: {note}")
+
+
+def unchecked_rates(content: Mapping[str, Any]) -> list[str]:
+    """Say that rates of a real test are not compared with strain over time, where they are not."""
+    data = content.get("data")
+    if "segments" not in content or not isinstance(data, dict):
+        return []
+    absent = [name for name in ("strain", "time") if data.get(f"{name}_column") is None]
+    if not absent or content["provenance"]["kind"] == "synthetic":
+        return []
+    return [f"No {absent[0]}s are read, so that nothing checks the stated strain rates."]
 
 
 def _hints_of(look: TextTable, data: Mapping[str, Any], small_strain: float) -> Iterator[str]:
@@ -147,7 +163,8 @@ def _hints_of_strain(
         return
     largest = float(np.max(np.abs(strain)))
     if unit == "fraction" and largest > 1:
-        yield f"{column!r} reaches {largest:g}: is it in percent rather than a fraction?"
+        other = "microstrain" if largest > LARGEST_PERCENT else "percent"
+        yield f"{column!r} reaches {largest:g}: is it in {other} rather than a fraction?"
     is_named = unit_in_name(look.described(column), "strain") == unit
     if unit == "percent" and not is_named and 0 < largest < 100 * small_strain:
         yield f"{column!r} reaches {largest:g} only: is it a fraction rather than percent?"

@@ -321,6 +321,8 @@ def contradicted_unit(column: str | int, name: str, kind: str, unit: object) -> 
     if named is not None and named != str(unit).removeprefix("deg" * (named == "C")):
         said = f"unit {unit!r} is stated" if unit else "no unit is stated"
         other = f"the unit {named!r}" if named else "another unit, a factor, or a logarithm"
+        if kind == "attenuation" and name == "q":
+            other = "a quality factor, which is 1/tan(delta)"
         yield f"{said} for column {column!r}, whose name says {other}: check it."
 
 

@@ -11,16 +11,26 @@ from pyburgers.common.units import UNITS, number
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.kind import solution_columns
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.model.parameters import ENVIRONMENT, STANDARD_VALUES
 from pyburgers.model.plausible import PlausibleRanges, plausible_ranges
-from pyburgers.model.unlikely_numbers import unlikely_numbers
+from pyburgers.model.priors import default_priors, shipped_prior_files
+from pyburgers.model.unlikely_numbers import range_of, unlikely_numbers
 
 LIKELY_GRAIN_SIZES = (1e-8, 0.05)
 """Grain sizes (m) outside of which a unit may be wrong."""
 
+
+FIRST_READINGS, LEAST_SHARE, MOST_STIFFNESS = 3, 0.1, 5.0
+"""First readings of a test, the share of the largest stress below which they tell nothing, and
+the ratio to the largest usual Maxwell modulus beyond which a unit or a zero may be wrong."""
+
+SOFTEST, TINY_STRAIN = 0.01, 1e-12
+"""Share of the least usual Maxwell modulus below which that of an oscillation may have a wrong
+unit; strain that stands for none in a quotient."""
 
 MIN_LIKELY_STRESS = 1e3
 """Largest stress (Pa) of a test below which a unit may be wrong."""
@@ -49,12 +59,50 @@ def _of_conditions(experiment: Experiment) -> Iterator[str]:
     yield from unlikely_grain_size(np.array([experiment.initial_grain_size]))
     yield from unlikely_temperature(material, *temperature_range(experiment))
     imposed = isinstance(experiment, HistoryExperiment) and experiment.imposed_stresses.size
+    of_stress: list[str] = []
     if experiment.n_points or imposed:
-        yield from unlikely_stress(material, experiment.largest_stress)
+        of_stress += unlikely_stress(material, experiment.largest_stress)
+    yield from of_stress
     if isinstance(experiment, AttenuationExperiment) and experiment.readings.modulus.size:
         largest = experiment.elasticity.axial_modulus(float(experiment.readings.modulus.max()))
         for sentence in unlikely_numbers(material, {"maxwell_modulus": (largest, largest)}):
             yield f"the largest modulus, as {sentence}"
+    if experiment.n_points and not of_stress:
+        yield from _unlikely_stiffness(experiment)
+
+
+def _unlikely_stiffness(experiment: Experiment) -> Iterator[str]:
+    """Say if a test starts far stiffer than its material is, or is as soft as no material is."""
+    if experiment.material not in shipped_prior_files():
+        return
+    first, least = slice(max(FIRST_READINGS, experiment.n_points // 50)), 0.0
+    what, zeros = "the first readings", "units and zeros of stress and strain"
+    match experiment:
+        case ConstantRateExperiment():
+            stress, strain = experiment.stress[first].mean(), experiment.strain[first].mean()
+        case HistoryExperiment(strain_offset=None) if (
+            experiment.stages[0].control == "stress" and experiment.response_is_strain[first].all()
+        ):
+            stress = abs(experiment.stages[0].value)
+            strain = abs(experiment.reading[first].mean())
+            zeros += ", the start of the load, and [strain_offset]"
+        case OscillationExperiment():
+            fits = experiment.prepared.stress_fit, experiment.prepared.strain_fit
+            (stress, _), (strain, _) = (fit.amplitude() for fit in fits)
+            what, least = "the oscillation", SOFTEST
+        case _:
+            return
+    if least == 0 and stress <= LEAST_SHARE * experiment.largest_stress:
+        return
+    usual = range_of(default_priors(experiment.material)["maxwell_modulus"]) or (0.0, np.inf)
+    if not least * usual[0] * strain <= stress <= MOST_STIFFNESS * usual[1] * strain:
+        found = float(stress / max(strain, TINY_STRAIN)) / 1e9
+        least, most = (end / 1e9 for end in usual)
+        yield (
+            f"stress over strain of {what} is {found:.3g} GPa, while priors of "
+            f"{experiment.material} expect a Maxwell modulus of {least:.3g} to {most:.3g} GPa. "
+            f"Check {zeros}."
+        )
 
 
 def unlikely_grain_size(sizes: FloatArray) -> Iterator[str]:

@@ -388,22 +388,6 @@ def _of_arguments(sentence: str) -> str:
     return sentence
 
 
-MIN_FAR_RATIO, MIN_FAR_READINGS = 10.0, 5
-"""How many times larger than all others a reading is that may be none; of so many at least."""
-
-
-def far_reading(values: FloatArray, what: str) -> list[str]:
-    """Say where one reading is many times larger than all others: it may stand for none."""
-    size = np.sort(np.abs(values))
-    if size.size < MIN_FAR_READINGS or size[-1] <= MIN_FAR_RATIO * size[-2]:
-        return []
-    far = values[np.argmax(np.abs(values))]
-    return [
-        f"one {what} of {far:g} is more than {MIN_FAR_RATIO:g} times as large as all others; if it "
-        "stands for no reading, remove its row or name it in the key missing of [data]."
-    ]
-
-
 MAX_DEPARTURE_SHARE = 0.05
 """Largest distance from what is imposed that is no mistake of the file, in shares of the largest
 value."""

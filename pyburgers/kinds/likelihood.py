@@ -181,7 +181,7 @@ class Likelihood(ABC, Generic[E]):
 
         ``quantity`` is `Experiment.quantity` where several are read, ``reading_error`` a stated
             standard deviation, ``typical_error`` the size by which residuals that differ are
-            weighed otherwise.
+            weighed otherwise; ``is_limit`` marks upper limits, if there are any.
         """
         found = {self.clock.name: (experiment.position, self.clock.si_unit)}
         if len(self.read) > 1:

@@ -1,9 +1,19 @@
-"""Technical words of a page and what they mean, shown where a reader points at one."""
+"""Technical words of a page and what they mean, shown where a reader points at one; rules."""
 
 import re
+from collections.abc import Mapping
+from types import MappingProxyType
 
 from markupsafe import Markup, escape
 
+from pyburgers.checks.prior_influence import (
+    AT_BOUND,
+    CONFLICT_LEVEL,
+    LEAST_SHARE,
+    NEAR_BOUND,
+    PRIOR_SHARE,
+    Origin,
+)
 from pyburgers.model.laws import DASHPOT_LAWS
 
 DEFINITIONS = {
@@ -93,3 +103,44 @@ def with_definitions(text: str) -> Markup:
         parts.append(Markup('<abbr title="{}">{}</abbr>').format(_BY_LOWER[term], found[0]))
         end = found.end()
     return Markup().join([*parts, escape(text[end:])])
+
+
+ORIGIN_RULES: Mapping[Origin, tuple[str, str]] = MappingProxyType(
+    {
+        Origin.DATA: (
+            "The data decide the number.",
+            f"The share of the priors is less than {LEAST_SHARE:g}.",
+        ),
+        Origin.BOTH: (
+            "Data and priors decide it together.",
+            f"The share of the priors is {LEAST_SHARE:g} to {PRIOR_SHARE:.2f}.",
+        ),
+        Origin.PRIOR: (
+            "The priors decide it, its own or those in brackets.",
+            f"The share of the priors is {PRIOR_SHARE:.2f} or more.",
+        ),
+        Origin.BOUND: (
+            "The draws pile up at a bound of its prior.",
+            f"At least {100 * AT_BOUND:.0f} % of the draws lie within {NEAR_BOUND:g} standard "
+            "deviations of the bound, and the data took off half of the variance of the prior.",
+        ),
+        Origin.CONFLICT: (
+            "Prior and data disagree; the number is a compromise.",
+            "Given how much the data narrow the prior, the posterior mean lies further from its "
+            "median than chance allows. A fit whose model and priors are right reports any "
+            f"conflict with a probability of {CONFLICT_LEVEL:g}.",
+        ),
+        Origin.CANNOT_TELL: (
+            "The draws are too few.",
+            f"Chance alone gives the priors a share of {LEAST_SHARE:g} or more.",
+        ),
+    }
+)
+"""What it means that each of them decides a number, and by which rule."""
+
+SHARE_TEXT = (
+    "If the mean of a prior moves by one of its standard deviations, the number moves too. The "
+    "share of the prior is the square of that move, in standard deviations of the posterior. "
+    "Priors count on a scale on which they are normal. Brackets name the strongest priors, which "
+    "have two thirds of the share of all."
+)

@@ -11,7 +11,7 @@ from types import MappingProxyType
 import jinja2
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
-from pyburgers.checks.prior_influence import CONFLICT_MEANING, SHARE_TEXT
+from pyburgers.checks.prior_influence import CONFLICT_MEANING
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.errors import InputError, require_type
@@ -28,7 +28,7 @@ from pyburgers.model.reference_quantities import REFERENCE_QUANTITIES
 from pyburgers.page import tables
 from pyburgers.page.comparison_sections import comparison_sections
 from pyburgers.page.fit_sections import SameData, Section, by_data, write_section
-from pyburgers.page.glossary import with_definitions
+from pyburgers.page.glossary import SHARE_TEXT, with_definitions
 from pyburgers.page.illustrations import (
     Illustration,
     Picture,

@@ -13,7 +13,6 @@ import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckResult, Outcome
 from pyburgers.checks.prior_influence import (
-    ORIGIN_RULES,
     READ_OFF,
     Influence,
     Origin,
@@ -28,6 +27,7 @@ from pyburgers.model.laws import KELVIN_LAWS
 from pyburgers.model.parameters import PARAMETER_BY_NAME, Parameter
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
+from pyburgers.page.glossary import ORIGIN_RULES
 
 INTERVALS = (50, 90, 95)
 """Central intervals (%) in which the truth behind synthetic data is looked for."""

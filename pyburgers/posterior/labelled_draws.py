@@ -16,6 +16,7 @@ import xarray as xr
 from scipy.special import logsumexp
 
 from pyburgers.cmdstan.draw_files import Draws
+from pyburgers.common.array_types import BoolArray
 from pyburgers.common.draws import TAIL, FloatArray
 from pyburgers.model.display import shown_quantity, unit_text
 from pyburgers.model.parameters import Parameter
@@ -71,6 +72,12 @@ def response_in(posterior: xr.DataTree, group: str) -> xr.DataArray:
     """Return what a group with one variable, the response, holds by point."""
     (values,) = posterior[group].to_dataset().data_vars.values()
     return values
+
+
+def told_readings(posterior: xr.DataTree) -> BoolArray:
+    """Return which readings of a test are values, shape (n,); others are upper limits."""
+    along, n = posterior["constant_data"].to_dataset(), posterior["observed_data"].sizes["point"]
+    return along["is_limit"].to_numpy() == 0 if "is_limit" in along else np.full(n, True)
 
 
 def pointwise_log_density(posterior: xr.DataTree) -> xr.DataArray:

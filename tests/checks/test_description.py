@@ -166,7 +166,7 @@ STEP = np.repeat([0.0, 1.0], 25)
 ADVICE: dict[str, tuple[dict[str, xr.Dataset], tuple[str, ...], tuple[str, ...]]] = {
     "one rate": (
         groups(trend(), segment=np.zeros(POINTS)),
-        ("tests at other rates",),
+        ("tests at other rates", "whether the strain includes that of the machine"),
         ("kelvin=power_law",),
     ),
     "record": (
@@ -354,6 +354,10 @@ def test_the_share_of_the_variance_that_is_left_is_told() -> None:
     larger = check_size(draws_of(one=groups(10.0 + white(), 10.0 * draws_of_noise())))
     assert larger.outcome is Outcome.NO
     assert "a constant would leave the test less" in larger.sentence
+    worse = run_checks(draws_of(one=groups(10.0 + trend())), DESCRIPTION)
+    assert sum(one.outcome is Outcome.NO for one in worse) > 1
+    verdict = verdicts(worse)[CheckKind.DESCRIPTION].sentence
+    assert "a constant would leave the test less" in verdict.split("Also: ")[0]
     assert f"{share:.2%} of the variance" in result.note
     assert "correlates" not in result.note
 
@@ -488,6 +492,52 @@ def test_fewer_than_ten_readings_cannot_tell(n: int, reading_error: float | None
     # Ten readings are enough to see a wave.
     wave = 2.0 * np.sign(np.sin(np.linspace(0.1, 6.0, 10))) + 0.1 * white(n=10)
     assert failed(draws_of(one=groups(wave, 0.1 * draws_of_noise()[..., :10]))) != {}
+
+
+def with_limits(own: dict[str, xr.Dataset], n: int) -> dict[str, xr.Dataset]:
+    """Make the first readings upper limits above the model, but for rounding of the draws."""
+    first, rounding = slice(0, n), 1e-12 * np.random.default_rng(3).standard_normal(n)
+    for name in ("model_response", "posterior_predictive", "observed_data"):
+        values = own[name]["stress"].to_numpy()
+        values[..., first] = MEGAPASCAL * (9.0 + (rounding if values.ndim > 1 else 0.0))
+    is_limit = np.arange(own["observed_data"].sizes["point"]) < n
+    own["constant_data"] = own["constant_data"].assign(is_limit=("point", is_limit.astype(float)))
+    return own
+
+
+@pytest.mark.parametrize("reading_error", [None, 1.0])
+def test_upper_limits_alone_cannot_tell(reading_error: float | None) -> None:
+    own = with_limits(groups(white(), reading_error=reading_error), POINTS)
+    for result in run_checks(draws_of(one=own), DESCRIPTION):
+        assert result.outcome is Outcome.CANNOT_TELL
+        assert "50 readings are upper limits, no values; 0 readings are too few" in result.sentence
+    joint = draws_of(limits=own, many=groups(white()))
+    assert failed(joint) == {}
+    assert "unknown in limits, which has upper limits alone" in check_size(joint).sentence
+
+
+def test_upper_limits_above_the_model_lie_inside_the_band_and_are_no_residuals() -> None:
+    residual = white()
+    without = draws_of(one=groups(residual[10:], draws_of_noise()[..., 10:]))
+    limited = draws_of(one=with_limits(groups(residual, draws_of_noise()), 10))
+    outside = [
+        float(str(draws.table.loc[(OUTSIDE, "the test"), "found"])) * n
+        for draws, n in ((discrepancies_of(without), 40), (discrepancies_of(limited), 50))
+    ]
+    assert outside[0] == pytest.approx(outside[1], abs=0.05)
+    sizes = [
+        check_size(draws).table[["share_of_variance", "root_mean_square"]]
+        for draws in (without, limited)
+    ]
+    pd.testing.assert_frame_equal(sizes[0], sizes[1], rtol=0.02)
+
+
+def test_equal_readings_have_no_variance_to_compare_with() -> None:
+    own = groups(white())
+    own["observed_data"]["stress"].to_numpy()[:] = 7.1 * MEGAPASCAL
+    result = check_size(draws_of(one=own))
+    assert "% of the variance" not in result.sentence
+    assert "a root mean square of 0.1 MPa of the test" in result.sentence
 
 
 def test_a_test_of_one_reading_in_a_joint_fit_is_left_to_the_others() -> None:

@@ -185,7 +185,10 @@ def test_a_posterior_piled_against_a_bound_is_no_measurement() -> None:
     assert (found.bound.side, found.bound.value) == ("lower", 0.5)
     assert found.bound.share == pytest.approx(1 - np.exp(-0.5), abs=0.03)
     (sentence,) = decision_sentences({"kelvin_modulus": found})
-    assert sentence.endswith("Widen the prior, or say in its 'source' why it ends there.")
+    assert sentence.endswith(
+        "Check the data and their units first; then widen the prior, or say in its 'source' why it "
+        "ends there."
+    )
     assert influence_numbers({"kelvin_modulus": found})["decided_by"].tolist() == ["bound"]
     # A bound of the model is a limit.
     found = piled(0.0, draws - 0.5)
@@ -193,7 +196,29 @@ def test_a_posterior_piled_against_a_bound_is_no_measurement() -> None:
     assert found.bound.is_physical
     (sentence,) = decision_sentences({"kelvin_modulus": found})
     assert "as a limit" in sentence
-    assert "Widen" not in sentence
+    assert "widen" not in sentence
+
+
+@pytest.mark.parametrize(("n", "physical", "told"), [(2, 0, False), (3, 0, True), (2, 1, False)])
+def test_several_numbers_at_bounds_point_to_a_wrong_input(
+    n: int, physical: int, told: bool
+) -> None:
+    draws = 0.016 * np.random.default_rng(1).exponential(size=N_DRAWS)
+    found = {f"stress_exponent[{k}]": piled(0.5, 0.5 + draws) for k in range(n)}
+    found |= {f"beta[{k}]": piled(0.0, draws) for k in range(physical)}
+    first, *others = decision_sentences(found)
+    assert told == first.startswith(f"{n} numbers lie at bounds of their priors")
+    assert len(others) == n + physical - 1 + told
+
+
+def test_a_noise_that_is_larger_than_its_prior_asks_for_the_second_verdict() -> None:
+    far = influence_of(6.0, 0.01)
+    noise, both = (
+        conflict_sentence(dict.fromkeys(names, far))
+        for names in (("stress_noise[A]",), ("stress_noise[A]", "beta"))
+    )
+    assert "noise takes up what the model misses" in str(noise)
+    assert "a compromise of the two" in str(both)
 
 
 def test_priors_that_decide_together_are_all_named() -> None:
@@ -273,7 +298,9 @@ def test_a_conflict_says_how_far_and_which_comes_first() -> None:
     assert conflicts(found) == ["beta", "stress_exponent"]
     text = conflict_sentence(found)
     assert text is not None
-    assert text.startswith("Prior and data disagree about pre-exponent ln(A)/Q (-6.0 prior sd), ")
+    assert text.startswith(
+        "Prior and data disagree about pre-exponent ln(A)/Q (-6.0 sd of a normal prior), "
+    )
 
 
 def test_more_quantities_of_a_fit_need_more_of_a_conflict() -> None:
@@ -417,5 +444,5 @@ def test_a_joint_prior_whose_flow_rate_the_data_exclude_is_a_conflict() -> None:
     assert found["activation_enthalpy"].distance is None
     sentence = conflict_sentence(found)
     assert sentence is not None
-    assert "disagree about the flow rate of the flow law (+4.8 prior sd)" in sentence
+    assert "disagree about the flow rate of the flow law (+4.8 sd of a normal prior)" in sentence
     assert not any("flow law" in text for text in decision_sentences(found))

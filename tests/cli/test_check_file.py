@@ -184,12 +184,32 @@ def test_a_unit_that_has_to_be_stated_is_not_said_to_be(
     assert "no unit is stated for column 'T (C)', whose name says" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("folder", "name", "told"), [("dunite", "dunite_4506", True), ("ice", "PIL40", False)]
+)
+def test_stated_rates_that_nothing_checks_are_told_of_real_tests(
+    folder: str, name: str, told: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["check-file", str(DATA / folder / f"{name}.toml")]) == 0
+    assert told == ("nothing checks the stated strain rates" in capsys.readouterr().out)
+
+
+def test_strains_over_time_check_the_rates(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = checked(tmp_path, "constant_rate", {"time": ("t (s)", "s", "2000")}, "")
+    assert main(["check-file", str(path)]) == 0
+    assert "note: " not in capsys.readouterr().out
+
+
 def test_a_fit_gives_the_same_hints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     column = {"strain": ("dL/L0 strain (%)", "percent", "2")}
     path = checked(tmp_path, "constant_rate", column, "")
     main(["check-file", str(path)])
-    hints = [one for one in capsys.readouterr().out.splitlines() if one.startswith("hint: ")]
-    assert len(hints) == 1
+    told = capsys.readouterr().out.splitlines()
+    hints = [one for one in told if one.startswith(("hint: ", "note: "))]
+    assert [one[:4] for one in hints] == ["hint", "note"]
+    assert hints[1] == "note: No times are read, so that nothing checks the stated strain rates."
     assert main(["fit", str(path), "--priors", str(tmp_path / "none.toml")]) == 2
     assert capsys.readouterr().err.splitlines()[:-1] == hints
 

@@ -10,10 +10,14 @@ from conftest import ICE
 from refusals import refusal, written
 from small_inputs import CURVE, EXPERIMENT
 
+import pyburgers
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.conditions import doubts, unlikely_grain_size
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
+from pyburgers.kinds.experiment import Stated
+from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.kinds.kind import load_experiment
 
 
 @pytest.fixture
@@ -88,6 +92,41 @@ def test_stresses_that_no_material_bears_and_single_readings_are_doubted(
     stress[3] = -99e6
     (doubt,) = doubts(replace(curve, stress=stress))
     assert "one stress (MPa) of -99 is more than 10 times as large as all others" in doubt
+
+
+def test_a_start_that_is_stiffer_than_the_material_is_doubted(
+    curve: ConstantRateExperiment,
+) -> None:
+    assert doubts(replace(curve, stress=curve.stress + 0.3e6)) == []
+    (doubt,) = doubts(replace(curve, stress=curve.stress + 50e6))
+    assert "while priors of ice expect a Maxwell modulus of" in doubt
+    assert doubts(replace(curve, material="gypsum", stress=curve.stress + 50e6))[1:] == []
+
+
+def test_creep_that_was_zeroed_behind_the_elastic_strain_is_doubted() -> None:
+    strain = 3e-4 + 1e-3 * np.linspace(0.0, 1.0, 30)
+    creep: dict[str, Any] = {"stress": 1.5, "time": np.linspace(5.0, 1e4, 30), "temperature_K": 263}
+    creep |= {"time_unit": "s", "stress_unit": "MPa", "grain_size_um": 1000, "material": "ice"}
+    creep |= {"strain_unit": "fraction", "kind": "measured", "source": "made up", "name": "creep"}
+    good, zeroed = (
+        pyburgers.CreepTest(strain=one, **creep) for one in (strain, strain - strain[0])
+    )
+    assert doubts(good) == []
+    (doubt,) = doubts(zeroed)
+    assert "the start of the load, and [strain_offset]" in doubt
+    offset = Stated(-3e-4, 1e-5)
+    assert doubts(replace(zeroed, strain_offset=offset)) == []
+
+
+@pytest.mark.parametrize(("factor", "told"), [(1.0, False), (0.01, True), (100.0, True)])
+def test_an_oscillation_in_a_wrong_unit_is_doubted(factor: float, told: bool) -> None:
+    record = load_experiment(ICE.parent / "olivine" / "olivine_twin.toml")
+    assert isinstance(record, OscillationExperiment)
+    prepared = record.prepared
+    fit = prepared.stress_fit
+    scaled = replace(fit, coefficients=factor * fit.coefficients)
+    other = replace(record, prepared=replace(prepared, stress_fit=scaled))
+    assert told == any("stress over strain of the oscillation" in one for one in doubts(other))
 
 
 def test_a_test_shows_doubts_about_its_conditions(curve: ConstantRateExperiment) -> None:

@@ -270,6 +270,23 @@ class TestFigure:
 
 
 @pytest.mark.parametrize(
+    ("degrees", "told"),
+    [
+        (0, []),
+        (20, []),
+        (50, ["degrees behind the strain"]),
+        (-90, ["degrees ahead of the strain"]),
+    ],
+)
+def test_a_stress_that_is_behind_the_strain_is_told(degrees: float, told: list[str]) -> None:
+    record = make_record()
+    late = replace(record, stress_time=record.stress_time + PERIOD * degrees / 360)
+    found = [one for one in prepare(late, AUTOMATIC, "test").notices if "degrees" in one]
+    assert len(found) == len(told)
+    assert all(words in one for words, one in zip(told, found, strict=True))
+
+
+@pytest.mark.parametrize(
     ("sign", "period", "words"),
     [
         (1, None, []),

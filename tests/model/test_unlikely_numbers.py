@@ -47,12 +47,23 @@ def test_shipped_priors_are_likely(file: Path) -> None:
         ("steady_state_grain_size", 1e6),
         ("kelvin_modulus", 1e-3),
         ("maxwell_modulus", 1e3),
+        ("activation_enthalpy", 1 / 4.184),
+        ("critical_strain_grain_size", 100.0),
+        ("beta", 1e-3),
     ],
 )
 def test_a_prior_in_a_wrong_unit_is_told(name: str, factor: float) -> None:
     (said,) = unlikely_priors(with_prior(name, scaled(pyburgers.priors("ice")[name], factor)))
     assert said.startswith(f"{name}: ")
     assert "check its unit" in said
+
+
+def test_a_prior_from_another_paper_is_likely() -> None:
+    """Goldsby and Kohlstedt's dislocation creep: ln(4e-19)/60e3, and 181 kJ/mol near melting."""
+    for name, factor in (("beta", 7.06 / 7.29), ("activation_enthalpy", 181 / 65)):
+        usual = pyburgers.priors("ice")[name]
+        own = replace(usual, location=factor * usual.location)
+        assert unlikely_priors(with_prior(name, own)) == []
 
 
 def test_a_normal_prior_outside_its_bounds_is_told() -> None:

@@ -66,10 +66,10 @@ def test_a_row_names_what_is_furthest_out_and_what_a_bound_decides(tmp_path: Pat
     good = make_fit(tmp_path, chains=2, draws=600)
     entry = entry_of("A", "A", good, good.checks(), influences)
     told = entry.row[CONFLICT_COLUMN]
-    assert told.startswith("E_K (+5.0 prior sd), E_M (+4.0 prior sd)")
+    assert told.startswith("E_K (+5.0 sd of a normal prior), E_M (+4.0 sd of a normal prior)")
     assert told.endswith("and 2 more")
     assert entry.conflict is not None
-    assert "stress exponent (+2.0 prior sd)" in entry.conflict
+    assert "stress exponent (+2.0 sd of a normal prior)" in entry.conflict
     piled = replace(influences["beta"], bound=Bound("lower", 1.0, 0.6, is_physical=False))
     entry = entry_of("A", "A", good, good.checks(), {"beta": replace(piled, distance=0.0)})
     assert entry.row[CONFLICT_COLUMN].endswith("; at a bound: β")

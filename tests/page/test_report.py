@@ -18,8 +18,6 @@ from synthetic_olivine_fit import make_olivine_fit, oscillating
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.checks.prior_influence import (
     CONFLICT_MEANING,
-    ORIGIN_RULES,
-    SHARE_TEXT,
     Origin,
     prior_influence,
 )
@@ -29,6 +27,7 @@ from pyburgers.drawing.page_parts import PageSection
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.kinds.forced_oscillation.preparation import Background
+from pyburgers.page.glossary import ORIGIN_RULES, SHARE_TEXT
 from pyburgers.page.page import write_report
 from pyburgers.page.posterior_figures import figures_for
 

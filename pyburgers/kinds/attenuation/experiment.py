@@ -32,6 +32,9 @@ UNSTATED_STRESS = 1e6
 LEAST_BULK_MODULUS = 1e9
 """Bulk modulus (Pa) of a solid below which its unit may be wrong."""
 
+SURE_ERRORS = 3.0
+"""Stated errors below zero at which a tan(delta) is not negative by chance."""
+
 LARGEST_TAN_DELTA = 3.0
 """tan(delta) beyond which its unit may be wrong."""
 
@@ -265,6 +268,14 @@ class AttenuationExperiment(Experiment):
             found.append(
                 f"a tan delta of {largest:g} is unlikely; check the form and the unit of the "
                 "column."
+            )
+        readings = self.readings
+        sure = np.maximum(readings.limit, SURE_ERRORS * readings.tan_delta_error)
+        if n_negative := int(np.sum(readings.tan_delta < -sure)):
+            found.append(
+                f"{n_negative} of {sure.size} attenuations are negative beyond their error, down "
+                f"to {readings.tan_delta.min():.3g}, and count as upper limits; check the sign of "
+                "the phase."
             )
         bulk, shear = self.elasticity.bulk_modulus, float(self.readings.modulus.max(initial=0.0))
         if bulk is not None and bulk < LEAST_BULK_MODULUS:

@@ -323,11 +323,12 @@ class AttenuationLikelihood(Likelihood[AttenuationExperiment]):
         return np.stack([quantity == ATTENUATION, quantity == MODULUS])
 
     def along(self, experiment: AttenuationExperiment) -> dict[str, tuple[FloatArray, str]]:
-        """Return places, periods, temperatures, spectra, and errors where all are stated."""
+        """Return places, periods, temperatures, spectra, limits, and errors if all are stated."""
         conditions, stated = experiment.conditions, experiment.stated_errors
         period, spectrum, quantity = conditions.at(experiment.position)
         is_stated = stated.size > 0 and bool(np.all(stated > 0))
         typical = np.hypot(np.array(TYPICAL_SPREAD)[quantity], stated)
+        is_limit = experiment.response <= experiment.response_limit
         return {
             **super().along(experiment),
             "period": (period, "s"),
@@ -336,6 +337,7 @@ class AttenuationLikelihood(Likelihood[AttenuationExperiment]):
             **(
                 {"reading_error": (stated, "1")} if is_stated else {"typical_error": (typical, "1")}
             ),
+            **({"is_limit": (is_limit.astype(np.float64), "1")} if is_limit.any() else {}),
         }
 
     def reading_noise(

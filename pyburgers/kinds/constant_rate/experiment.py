@@ -9,8 +9,9 @@ import numpy as np
 from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.units import count_points, rounded_to
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.experiment_file import far_reading, microstructure_tables
+from pyburgers.kinds.experiment_file import microstructure_tables
 from pyburgers.kinds.limits import unlikely_strain_rate
+from pyburgers.kinds.odd_readings import odd_readings
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.peak_test import PeakTest
 from pyburgers.model.read_quantities import STRESS
@@ -112,7 +113,7 @@ class ConstantRateExperiment(Experiment):
                 f"readings end at a strain of {self.strain[-1]:g}, a small part of the final "
                 f"{self.final_strain:g}; check the unit of the strains."
             )
-        return (*found, *far_reading(self.stress / 1e6, "stress (MPa)"))
+        return (*found, *odd_readings(self.stress / 1e6, "stress (MPa)"))
 
     @property
     def largest_strain(self) -> float | None:
@@ -256,7 +257,10 @@ def remarks_on(strain: FloatArray, stress: FloatArray) -> list[str]:
         return []
     remarks = []
     repeated = np.count_nonzero(np.diff(strain) == 0)
-    if repeated > 0:
+    pairs = [np.array_equal(one[::2], one[1::2]) for one in (strain, stress)]
+    if all(pairs):
+        remarks.append("Every row stands twice: remove one of each, as each counts as a reading.")
+    elif repeated > 0:
         remarks.append(f"{count_points(repeated)} at the same strain as the point before.")
     if strain.size < len(PARAMETERS):
         remarks.append(

@@ -36,6 +36,7 @@ from pyburgers.kinds.experiment_file import (
     slope_of,
 )
 from pyburgers.kinds.limits import MAX_UNLOADED_SHARE, MAX_ZERO_SHARE
+from pyburgers.kinds.odd_readings import order_text
 
 
 class SegmentTable(Table):
@@ -275,7 +276,7 @@ def _order(
         raise InputError(
             f"{curve.place}: data row {worst + 1}: found strain {strain[worst]:g}, which runs "
             f"backwards by {backwards[worst]:.2g}, expected increasing strain "
-            f"(within {tolerance:.2g})."
+            f"(within {tolerance:.2g}).{order_text(strain)}"
         )
     order = np.argsort(strain, kind="stable")
     if backwards[worst] == 0:

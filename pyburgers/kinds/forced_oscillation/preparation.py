@@ -388,7 +388,7 @@ def _notices(n_left_out: int, background: Background) -> tuple[str, ...]:
 
 
 def _doubts(strain: _Series, strain_fit: HarmonicFit, stress_fit: HarmonicFit) -> Iterator[str]:
-    """Say where the period or a sign is not that of the record."""
+    """Say where the period, a sign or a clock is not that of the record."""
     period, rest = strain_fit.period, strain.value - strain_fit.trend(strain.time)
     found, share = strongest_frequency(strain.time, rest, 0.5 / period, 2.5 / period)
     # Noise has no peak that is most of the variance.
@@ -398,9 +398,15 @@ def _doubts(strain: _Series, strain_fit: HarmonicFit, stress_fit: HarmonicFit) -
             f"about {1 / found:.3g} s: check 'period_s'."
         )
     (of_strain, first_error), (of_stress, second_error) = strain_fit.phase(), stress_fit.phase()
-    lag = abs(math.remainder(of_stress - of_strain, 2 * math.pi))
-    if lag > OPPOSITE + 3 * math.hypot(first_error, second_error):
+    lead = math.remainder(of_stress - of_strain, 2 * math.pi)
+    surely, apart = 3 * math.hypot(first_error, second_error), abs(math.degrees(lead))
+    if abs(lead) > OPPOSITE + surely:
         yield (
-            f"Strain and stress oscillate {math.degrees(lag):.0f} degrees apart, as if one of them "
-            "had the opposite sign: check the signs of both."
+            f"Strain and stress oscillate {apart:.0f} degrees apart, as if one of them had the "
+            "opposite sign: check the signs of both."
+        )
+    elif not -surely <= lead <= math.pi / 2 + surely:
+        yield (
+            f"The stress oscillates {apart:.3g} degrees {'ahead of' if lead > 0 else 'behind'} the "
+            "strain, expected 0 to 90 degrees ahead: check that both clocks have one origin."
         )

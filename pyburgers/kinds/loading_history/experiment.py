@@ -9,7 +9,7 @@ import numpy as np
 
 from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
 from pyburgers.kinds.experiment import Experiment, Stated
-from pyburgers.kinds.experiment_file import far_reading, microstructure_tables
+from pyburgers.kinds.experiment_file import microstructure_tables
 from pyburgers.kinds.loading_history.stages import (
     OWN_KEYS,
     Leg,
@@ -18,6 +18,7 @@ from pyburgers.kinds.loading_history.stages import (
     imposed_stresses,
     legs_of,
 )
+from pyburgers.kinds.odd_readings import odd_readings
 from pyburgers.model.display import time_unit
 from pyburgers.model.read_quantities import STRAIN, STRESS
 from pyburgers.model.residual_laws import draw_residuals
@@ -171,8 +172,8 @@ class HistoryExperiment(Experiment):
             *self._doubts_about_times(),
             *self._doubts_about_compliance(),
             *self._doubts_about_path_strains(),
-            *far_reading(self._strains_read, "strain"),
-            *far_reading(self.reading[~self.response_is_strain] / 1e6, "stress (MPa)"),
+            *odd_readings(self._strains_read, "strain"),
+            *odd_readings(self.reading[~self.response_is_strain] / 1e6, "stress (MPa)"),
         )
 
     def _doubts_about_signs(self) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from pyburgers.common.columns import Column, DataFile, TextFilesTable, read_colu
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, count_points, units_text
 from pyburgers.kinds.loading_history.stages import Stage, legs_of
+from pyburgers.kinds.odd_readings import order_text
 
 ROUNDING = 1e-14
 """Relative difference of equal times that were turned from different units into s."""
@@ -181,7 +182,8 @@ def _stages(
         raise InputError(
             f"{rows}: {count_points(outside.size)} outside every stage, the first at "
             f"{data.time_text(time[outside[0]])} (data row {outside[0] + 1}), expected times "
-            f"between {data.time_number(bounds[0])} and {data.time_text(bounds[-1])}."
+            f"between {data.time_number(bounds[0])} and {data.time_text(bounds[-1])}: add what was "
+            "imposed there as a stage."
         )
     if numbers is None:
         return np.clip(np.searchsorted(bounds, time, side="right") - 1, 0, bounds.size - 2)
@@ -213,6 +215,7 @@ def _check_order(rows: str, data: HistoryDataTable, time: FloatArray, stage: Int
         raise InputError(
             f"{rows}: data row {k + 2}: the time {data.time_text(time[k + 1])} comes after "
             f"{data.time_text(time[k])}, expected times that do not go back within a stage."
+            f"{order_text(time)}"
         )
 
 

@@ -142,7 +142,8 @@ def write_report(
     of_part: dict[str, list[Entry]] = {extra.key: [] for extra in extras}
     for (part, fit), key, name in zip(others, keys[len(fits) :], names[len(fits) :], strict=True):
         anchor = f"verdicts-{file_key(key)}"
-        of_part[part].append(entry_of(anchor, name, fit, fit.checks(), fit.decisions()))
+        entry = entry_of(anchor, name, fit, fit.checks(), fit.decisions())
+        of_part.setdefault(part, []).append(entry)
     entries = [
         *(
             joint_entry(joint_key(key), name, joint)

@@ -52,6 +52,7 @@ from pyburgers import (
     fit_side_by_side,
     load_experiment,
     load_priors,
+    rounded,
     shown_quantity,
     style,
     task_of,
@@ -232,7 +233,8 @@ def halite_section(fits: Mapping[str, Fit]) -> PageSection:
         paragraphs=(
             f"Of {len(fits)} laws the {LAWS[closest]} leaves least over: {whole:.2g} (root mean "
             f"square) of a strain of {largest:.2g}, {100 * whole / largest:.1f} %. It is worst in "
-            f"the part '{worst}': {rms[worst]:.2g}, on the mean {mean[worst]:+.2g}.",
+            f"the part '{worst}': {rounded(rms[worst], rms[worst])}, on the mean "
+            f"{rounded(mean[worst], rms[worst])}.",
             " ".join(_answers(laws, *about) for about in VERDICT_COLUMNS.items()),
         ),
         details=(

@@ -11,7 +11,19 @@ from typing import Any, cast
 
 import numpy as np
 import pandas as pd
-from common import BLACK, BLUE, DATA, VERMILION, Fitted, FloatArray, draw_band, flat
+from common import (
+    BLACK,
+    BLUE,
+    DATA,
+    VERDICT_COLUMNS,
+    VERMILION,
+    Fitted,
+    FloatArray,
+    bad_verdicts,
+    draw_band,
+    flat,
+    shown_verdicts,
+)
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -170,7 +182,8 @@ def spectra_section(fits: Mapping[str, Fit]) -> PageSection:
                 "How well the laws do",
                 _shown(rows),
                 rows,
-                words=("law", "sampled well?", "describes the data?"),
+                words=("law", *VERDICT_COLUMNS.values()),
+                bad=bad_verdicts(rows),
             ),
         ),
         figures=(
@@ -251,8 +264,7 @@ def _shown(rows: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "law": rows["law"],
-            "sampled well?": rows["sampled_well"],
-            "describes the data?": rows["describes_data"],
+            **shown_verdicts(rows),
             **numbers,
         }
     )

@@ -4,6 +4,7 @@ A new one is a function with a name and a kind in a module of this folder, where
 `pyburgers.checks.verdicts` finds it.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -13,6 +14,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.common.draws import TAIL
+from pyburgers.model.display import label_of
 from pyburgers.posterior.labelled_draws import (
     convergence_table,
     groups_of_tests,
@@ -131,7 +133,9 @@ class CheckResult(Finding):
 
 
 _UNSOLVED = "at the reference tolerance, so the solver cannot be trusted there"
-_TIGHTER = "repeat the fit with a tighter --tolerance or narrower priors"
+_ANEW = "with --overwrite or another --out"
+_LONGER = f"sample again with a longer --warmup, {_ANEW}"
+_TIGHTER = f"repeat the fit with a tighter --tolerance, {_ANEW}, or narrower priors"
 
 
 def _n_unsolved(posterior: xr.DataTree) -> int:
@@ -173,6 +177,12 @@ LEAST_DRAWS = 100
 """Fewer draws, of all chains, cannot show whether they were drawn well, good or bad."""
 EBFMI_LIMIT = 0.3
 PARETO_K_LIMIT = 0.7
+MARGIN = 1.15
+"""Effective draws that are asked for over those that are wanted: their number is an estimate."""
+
+LEAST_LENGTHENING = 0.5
+"""Share of the draws of a chain by which it is lengthened at least."""
+
 MISSED_DRAWS = 10
 """Draws that each divergent trajectory may stand for, of a region that no trajectory entered."""
 
@@ -187,6 +197,18 @@ MAX_INFLUENCE = 0.05
 
 It is the Monte Carlo error of a mean of 400 independent draws, as few as a fit needs.
 """
+
+
+def draws_lacking(posterior: xr.DataTree) -> int:
+    """Draws that every chain lacks, by the least effective sample size."""
+    n_draws = int(posterior["posterior"].sizes["draw"])
+    effective = float(convergence_table(posterior)[["ess_bulk", "ess_tail"]].to_numpy().min())
+    # Draws that never moved have a NaN, which is no maximum.
+    return math.ceil(n_draws * max(LEAST_LENGTHENING, MARGIN * ESS_LIMIT / effective - 1.0))
+
+
+def _more_draws(posterior: xr.DataTree) -> str:
+    return f"add draws to every chain (--more-draws {draws_lacking(posterior)})"
 
 
 def beyond(value: float, limit: float, digits: int) -> str:
@@ -227,16 +249,18 @@ def check_rhat(draws: CheckedDraws) -> Finding:
     worst = int(table["rhat"].fillna(np.inf).argmax())
     name, value = table.index[worst], float(table["rhat"].iloc[worst])
     if value <= RHAT_LIMIT:
-        agree = f"The chains agree with each other (largest R-hat {value:.3f}, {name})."
+        agree = f"The chains agree with each other (largest R-hat {value:.3f}, {label_of(name)})."
         return Finding(Outcome.YES, table, agree)
+    unusable = not value <= RHAT_USABLE
+    more = "" if unusable else f"{_more_draws(draws.posterior)}, or "
     return Finding(
         Outcome.NO,
         table,
         "The chains have not yet found the same distribution (R-hat "
-        f"{beyond(value, RHAT_LIMIT, 3)} for {name}, at most {RHAT_LIMIT} wanted), so means and "
-        "intervals may still move",
-        "run longer (--warmup, --draws); a tighter prior helps where more is known than it says",
-        unusable=not value <= RHAT_USABLE,
+        f"{beyond(value, RHAT_LIMIT, 3)} for {label_of(name)}, at most {RHAT_LIMIT} wanted), so "
+        "means and intervals may still move",
+        f"{more}{_LONGER}; a tighter prior helps where more is known than it says",
+        unusable=unusable,
     )
 
 
@@ -245,17 +269,17 @@ def check_effective_sample_size(draws: CheckedDraws) -> Finding:
     """Bulk and tail effective sample sizes of at least 400."""
     table = convergence_table(draws.posterior)[["ess_bulk", "ess_tail"]]
     least = table.min(axis=1)
-    worst, value = least.idxmin(), float(least.min())
+    worst, value = str(least.idxmin()), float(least.min())
     if value >= ESS_LIMIT:
-        enough = f"at least {value:.0f} effectively independent draws (least: {worst})"
+        enough = f"at least {value:.0f} effectively independent draws (least: {label_of(worst)})"
         return Finding(Outcome.YES, table, f"Every quantity has {enough}.")
     which = "bulk" if value == table["ess_bulk"].min() else "tail"
     return Finding(
         Outcome.NO,
         table,
-        f"{worst} has only {beyond(value, ESS_LIMIT, 0)} effectively independent draws "
-        f"({which}), {ESS_LIMIT} are wanted for stable intervals",
-        "add draws in proportion (--more-draws of fit or fit-rates, or --draws from the start)",
+        f"There are only {beyond(value, ESS_LIMIT, 0)} effectively independent draws of "
+        f"{label_of(worst)} ({which}), {ESS_LIMIT} are wanted for stable intervals",
+        _more_draws(draws.posterior) + f", or {_LONGER}" * (value < ESS_USABLE),
         unusable=value < ESS_USABLE,
     )
 
@@ -292,7 +316,10 @@ def check_divergences(draws: CheckedDraws) -> Finding:
         return Finding(Outcome.YES, table, none)
     again = f" ({before} with longer steps)" if before else ""
     found = f"{total} of {diverging.size} trajectories diverged{again}"
-    remedy = "raise --adapt-delta closer to 1; a figure of pairs of parameters shows where they sit"
+    remedy = (
+        f"raise --adapt-delta closer to 1, {_ANEW}; a figure of pairs of parameters shows where "
+        "they sit"
+    )
     curved = "so a strongly curved region may be missed"
     if MISSED_DRAWS * total > MAX_MISSED * diverging.size:
         return Finding(Outcome.NO, table, f"{found}, {curved}", remedy)
@@ -300,7 +327,7 @@ def check_divergences(draws: CheckedDraws) -> Finding:
     name, most = max(moves.items(), key=lambda move: move[1])
     if most > MAX_INFLUENCE:
         moved = (
-            f"if each stood for {MISSED_DRAWS} draws, {name} would move by "
+            f"if each stood for {MISSED_DRAWS} draws, {label_of(name)} would move by "
             f"{beyond(most, MAX_INFLUENCE, 2)} standard deviations (at most {MAX_INFLUENCE} wanted)"
         )
         return Finding(Outcome.NO, table, f"{found}, {curved}: {moved}", remedy)
@@ -308,7 +335,7 @@ def check_divergences(draws: CheckedDraws) -> Finding:
         Outcome.YES,
         table,
         f"{found}, but no number depends on them: if each stood for {MISSED_DRAWS} draws that were "
-        f"missed, {name} would move most, by {most:.3f} standard deviations.",
+        f"missed, {label_of(name)} would move most, by {most:.3f} standard deviations.",
     )
 
 
@@ -336,7 +363,7 @@ def check_treedepth(draws: CheckedDraws) -> Finding:
         Outcome.NO,
         table,
         f"{found}, so that the chains may not have reached all of the posterior",
-        "raise --max-treedepth or run longer",
+        f"raise --max-treedepth, {_ANEW}, or add draws (--more-draws)",
     )
 
 
@@ -356,7 +383,7 @@ def check_energy(draws: CheckedDraws) -> Finding:
         "The sampler moves slowly between energy levels (E-BFMI "
         f"{beyond(least, EBFMI_LIMIT, 2)}, at least {EBFMI_LIMIT} wanted), so tails are explored "
         "poorly",
-        "lengthen the warm-up",
+        _LONGER,
     )
 
 
@@ -393,7 +420,7 @@ def check_solver(draws: CheckedDraws) -> Finding:
         table,
         "The solver's tolerance is too loose for this posterior (Pareto k "
         f"{beyond(k, PARETO_K_LIMIT, 2)}, below {PARETO_K_LIMIT} wanted)",
-        "repeat the fit with a tighter --tolerance",
+        f"repeat the fit with a tighter --tolerance, {_ANEW}",
         unusable=True,
     )
 

@@ -65,7 +65,7 @@ def print_checks(
                     word.append(printable(f"{check.name}: {check.sentence}"), ""), soft_wrap=True
                 )
     disagree = Text("\nDo prior and data agree? ", "bold").append("NO", COLOURS[Outcome.NO])
-    undecided = Text("\nNumbers that the data alone do not decide", "bold")
+    undecided = Text("\nBounds and priors to mind", "bold")
     for heading, lines in ((disagree, conflicts), (undecided, decisions)):
         for line in (heading, *map(printable, lines)) if lines else ():
             console.print(line, soft_wrap=True)

@@ -273,7 +273,10 @@ def shift_sentences(fits: Mapping[str, Fit]) -> tuple[str, ...]:
     sentences = []
     for name in table if len(table) else ():
         by = table[name].sort_values(key=abs, ascending=False)
-        moves = ", ".join(f"{shown_quantity(str(k)).label} {one:+.1f}" for k, one in by.items())
+        moves = ", ".join(
+            f"{shown_quantity(str(k)).label} {f'{one:+.1f}' if abs(one) >= 0.05 else '0'}"
+            for k, one in by.items()
+        )
         other = str(name).removesuffix(MOVED)
         sentences.append(
             f"From {next(iter(fits))} to {other} parameters move by, in their sd: {moves}."

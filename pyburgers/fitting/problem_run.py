@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 
 from pyburgers.checks.fit_checks import (
-    ESS_LIMIT,
     CheckKind,
     Outcome,
     check_divergences,
     check_effective_sample_size,
     check_rhat,
     check_solver,
+    draws_lacking,
     run_checks,
 )
 from pyburgers.cmdstan.program import Density
@@ -39,7 +39,6 @@ from pyburgers.kinds.program_data import density_of
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions, solver_block, solver_in
 from pyburgers.model.pooling import pooling_from
 from pyburgers.model.priors import PriorSet, load_priors, priors_text
-from pyburgers.posterior.labelled_draws import convergence_table
 from pyburgers.sampling.chains import chains_at_once
 from pyburgers.sampling.manifest import FitManifest, NoisyTolerance
 from pyburgers.sampling.modes import noisy_tolerances
@@ -344,12 +343,6 @@ the coordinates or the priors that do not suit the posterior."""
 MENDED_BY_DRAWS = frozenset({check_rhat.name, check_effective_sample_size.name})
 """Checks that more draws of the same chains can mend."""
 
-MARGIN = 1.15
-"""Effective draws that are asked for over those that are wanted: their number is an estimate."""
-
-LEAST_LENGTHENING = 0.5
-"""Share of the draws of a chain by which it is lengthened at least."""
-
 
 def sample_until_good(
     sample: Callable[[int | None], FitT], options: SamplerOptions, more_draws: int | None
@@ -413,8 +406,7 @@ def _more_draws(result: SampledFit, options: SamplerOptions) -> int | None:
     if not failed or not curable:
         return None
     n_draws = int(result.posterior["posterior"].sizes["draw"])
-    effective = convergence_table(result.posterior)[["ess_bulk", "ess_tail"]].to_numpy().min()
-    more: int = math.ceil(n_draws * max(MARGIN * ESS_LIMIT / effective - 1.0, LEAST_LENGTHENING))
+    more = draws_lacking(result.posterior)
     spent = sum(one["wall_seconds"] for one in result.manifest["chains"].values())
     spent /= chains_at_once(options)
     needed = spent * more / (n_draws + result.manifest["sampler"]["warmup"])

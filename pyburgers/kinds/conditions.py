@@ -144,7 +144,7 @@ Ranges = Mapping[str, tuple[float, float]]
 
 SHOWN: Mapping[str, tuple[str, float]] = {
     "temperature": ("K", 1.0),
-    "initial grain size": ("um", UNITS["length"]["um"]),
+    "initial grain size": ("µm", UNITS["length"]["um"]),
     "pressure": ("MPa", UNITS["stress"]["MPa"]),
     "water fugacity": ("MPa", UNITS["stress"]["MPa"]),
     "melt fraction": ("", 1.0),

@@ -434,7 +434,7 @@ class Experiment(Test):
     def __repr__(self) -> str:
         """Return a line about the test, and a line for each notice and doubt."""
         readings = counted(self.n_points, "reading") if self.n_points else "no readings"
-        grains = f"{self.initial_grain_size * 1e6:.4g} um"
+        grains = f"{self.initial_grain_size * 1e6:.4g} µm"
         head = f"{self.material}, {self.temperature_text}, {grains}, {readings}"
         doubts = import_module("pyburgers.kinds.conditions").doubts(self)
         told = (*self.notices, *(one.removeprefix(f"{self.id}: ") for one in doubts))

@@ -85,6 +85,14 @@ def shown_quantity(name: str) -> Parameter:
     return replace(known, name=name, symbol=symbol, label=label)
 
 
+def label_of(name: str) -> str:
+    """Return what a message calls something sampled, such as an error of what drives a test."""
+    try:
+        return shown_quantity(name).label
+    except KeyError:
+        return name.replace("_", " ")
+
+
 def unit_text(quantity: Parameter) -> str:
     """Display unit as printed; an en dash where there is none.
 

@@ -28,9 +28,6 @@ from pyburgers.page.posterior_figures import figures_for
 NAMED = ["symbol", "quantity", "unit"]
 """Columns of a table of parameters that say what a row is about."""
 
-DOUBTFUL = (Origin.PRIOR, Origin.CONFLICT, Origin.BOUND, Origin.CANNOT_TELL)
-"""Who decides a number that the data do not."""
-
 
 @dataclass(frozen=True, eq=False)
 class Section:
@@ -96,13 +93,6 @@ class Section:
     def methods(self) -> str:
         """How the fit was made and what its checks found."""
         return methods_text(self.fit, self.entry.checks, self.entry.verdicts)
-
-    @property
-    def not_by_data(self) -> dict[str, list[bool]]:
-        """Rows of the parameters that the data do not decide."""
-        if tables.DECISION not in self.parameters:
-            return {}
-        return {tables.DECISION: self.parameters[tables.DECISION].str.startswith(DOUBTFUL).tolist()}
 
     @property
     def left_open(self) -> tuple[str, ...]:
@@ -201,7 +191,7 @@ class SameData:
 
     @property
     def decisions(self) -> list[Said]:
-        """Say which numbers the data alone do not decide, alike sentences once."""
+        """Say which bounds and priors to mind, alike sentences once."""
         told = [section.entry.decisions for section in self.sections]
         each = dict.fromkeys(text for texts in told for text in texts)
         return [
@@ -272,7 +262,8 @@ class SameData:
         values = self.values
         return {
             column: [
-                text.startswith(DOUBTFUL) or (text.endswith("]") and f"[{Origin.BOTH}" not in text)
+                text.startswith(tables.DOUBTFUL)
+                or (text.endswith("]") and f"[{Origin.BOTH}" not in text)
                 for text in values[column]
             ]
             for column in map(str, values.columns)
@@ -315,7 +306,9 @@ def _in_one_cell(parameters: pd.DataFrame) -> list[str]:
     """Value of each quantity, and who decides it where the data do not."""
     cells = []
     for value, decided in zip(parameters[tables.VALUE], _decided_by(parameters), strict=True):
-        doubted = f"{value} [{decided}]" if decided.startswith((*DOUBTFUL, Origin.BOTH)) else value
+        doubted = (
+            f"{value} [{decided}]" if decided.startswith((*tables.DOUBTFUL, Origin.BOTH)) else value
+        )
         cells.append(decided if tables.is_own_prior(decided) else doubted)
     return cells
 

@@ -79,15 +79,21 @@ DEFINITIONS = {
 }
 """Definitions by term, which is looked for as it stands here or with a capital."""
 
+_OPTION = r"(?P<option>--[a-z][a-z-]*(?: (?:\w+=\w+|\d[\d.]*\b))?)|"
+"""An option of a command and its value."""
+
 _TERM = re.compile(
-    "|".join(rf"\b{re.escape(term)}(?!\w)" for term in sorted(DEFINITIONS, key=len, reverse=True)),
+    _OPTION
+    + "|".join(
+        rf"\b{re.escape(term)}(?!\w)" for term in sorted(DEFINITIONS, key=len, reverse=True)
+    ),
     re.IGNORECASE,
 )
 _BY_LOWER = {term.lower(): text for term, text in DEFINITIONS.items()}
 
 
 def with_definitions(text: str) -> Markup:
-    """Escape a text, and give the first of each technical word in it its definition.
+    """Escape a text, mark options, and give the first of each technical word its definition.
 
     Words of a text that is escaped already have none: it may hold names.
     """
@@ -98,9 +104,12 @@ def with_definitions(text: str) -> Markup:
         term = found[0].lower()
         if term in seen:
             continue
-        seen.add(term)
         parts.append(escape(text[end : found.start()]))
-        parts.append(Markup('<abbr title="{}">{}</abbr>').format(_BY_LOWER[term], found[0]))
+        if found["option"]:
+            parts.append(Markup('<code class="whole">{}</code>').format(found[0]))
+        else:
+            seen.add(term)
+            parts.append(Markup('<abbr title="{}">{}</abbr>').format(_BY_LOWER[term], found[0]))
         end = found.end()
     return Markup().join([*parts, escape(text[end:])])
 

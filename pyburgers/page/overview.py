@@ -50,6 +50,13 @@ class Entry:
     decisions: tuple[str, ...]
     row: dict[str, str]
 
+    @property
+    def about(self) -> str:
+        """Name, and the answers that are not yes."""
+        name = self.name + " (synthetic data)" * self.is_synthetic
+        told = (one.answer for one in self.verdicts.values() if one.outcome is not Outcome.YES)
+        return ": ".join(filter(None, (name, "; ".join(told))))
+
     def doubts(self, kind: CheckKind) -> list[str]:
         """Say what speaks against a yes to a question, without what to do about it."""
         verdict = self.verdicts[kind]
@@ -62,7 +69,7 @@ class Entry:
         if not found:
             return [verdict.sentence]
         said = [f"{ANSWERS[kind][verdict.outcome]}."]
-        meanings = {one.meaning: one.name for one in reversed(found)}
+        meanings = {one.meaning: one.name[0].upper() + one.name[1:] for one in reversed(found)}
         return said + [
             f"{meanings[text]}: {text}{'.' * (text[-1] != '.')}" for text in reversed(meanings)
         ]

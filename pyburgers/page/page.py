@@ -139,17 +139,18 @@ def write_report(
     illustrations = [one for part in figures for one in part]
     logger.info(f"Writing {len(illustrations)} figures.")
     pictures = write_figures(illustrations, out, jobs, {} if drawn is None else drawn)
-    told_entries = [
-        entry_of(key, name, fit, fit.checks(), fit.decisions())
-        for (key, _), (name, fit) in zip(others, named[len(fits) :], strict=True)
-    ]
+    of_part: dict[str, list[Entry]] = {extra.key: [] for extra in extras}
+    for (part, fit), key, name in zip(others, keys[len(fits) :], names[len(fits) :], strict=True):
+        anchor = f"verdicts-{file_key(key)}"
+        entry = entry_of(anchor, name, fit, fit.checks(), fit.decisions())
+        of_part.setdefault(part, []).append(entry)
     entries = [
         *(
             joint_entry(joint_key(key), name, joint)
             for key, name, joint in zip(page_keys(joints), page_names(joints), joints, strict=True)
         ),
         *(section.entry for section in sections),
-        *told_entries,
+        *(entry for told_entries in of_part.values() for entry in told_entries),
     ]
     entries.sort(key=lambda entry: entry.is_synthetic)
     page = out / "index.html"
@@ -158,7 +159,7 @@ def write_report(
         illustrated,
         pictures,
         entries,
-        told_entries,
+        of_part,
         runs=runs_table(named),
         references=bibtex(all_fits),
         title=title,
@@ -213,9 +214,8 @@ def report(
     path = given_path(path)
     is_file = path.suffix == ".html"
     folder = path.with_name(f"{path.stem}_files") if is_file else path
-    page = page_about(
-        fits, folder, title=title or "Nonlinear Burgers fits", command=command, tables=tables
-    )
+    title = title or _default_title(fits, tables)
+    page = page_about(fits, folder, title=title, command=command, tables=tables)
     if not is_file:
         return page
     text = page.read_text(encoding="utf-8")
@@ -224,6 +224,14 @@ def report(
     write_text(path, text)
     page.unlink()
     return path
+
+
+def _default_title(fits: Sequence[Fit], tables: Mapping[str, RateFit]) -> str:
+    """Say which test a page is about, if it is about one."""
+    if len(fits) != 1 or tables or fits[0].is_joint:
+        return "Nonlinear Burgers fits"
+    test = fits[0].experiment
+    return f"{test.id}: {test.material}, {test.protocol.replace('_', ' ')}"
 
 
 def page_about(
@@ -240,6 +248,13 @@ def page_about(
     joints = [fit for fit in fits if fit.is_joint]
     alone = [fit for fit in fits if not fit.is_joint]
     tests = [*(fit for joint in joints for fit in joint.tests().values()), *alone]
+    of_tables = [rate_section(table, key) for key, table in tables.items()]
+    if len(of_tables) > 1:
+        names = page_names([*tables.values()])
+        of_tables = [
+            replace(section, title=f"{section.title}: {name}")
+            for section, name in zip(of_tables, names, strict=True)
+        ]
     return write_report(
         tests,
         folder,
@@ -250,7 +265,7 @@ def page_about(
             *first,
             *joint_sections(joints, alone),
             *comparison_sections([*joints, *tests]),
-            *(rate_section(table, key) for key, table in tables.items()),
+            *of_tables,
         ),
         told={key: [table] for key, table in tables.items()},
         jobs=jobs,
@@ -278,7 +293,7 @@ def render_page(
     extras: Sequence[tuple[PageSection, tuple[Illustration, ...]]],
     pictures: Mapping[str, Picture],
     entries: Sequence[Entry],
-    told_entries: Sequence[Entry],
+    of_part: Mapping[str, Sequence[Entry]],
     **told: object,
 ) -> str:
     """Fill the page's template, also with what is `told` as it is; texts of files are escaped."""
@@ -292,7 +307,9 @@ def render_page(
     environment.filters["terms"] = with_definitions
     sections = [section for group in groups for section in group.sections]
     first = {section.key: section.illustrations[0] for section in sections}
-    first |= {extra.key: figures[0] for extra, figures in extras if figures}
+    for extra, figures in extras:
+        if figures:
+            first |= dict.fromkeys((extra.key, *(e.key for e in of_part[extra.key])), figures[0])
     return environment.get_template("report.html").render(
         **told,
         groups=groups,
@@ -301,7 +318,7 @@ def render_page(
         dark_colours=dark_colours(one.svg for one in pictures.values()),
         first=first,
         entries=entries,
-        of_part={extra.key: [e for e in told_entries if e.key == extra.key] for extra, _ in extras},
+        of_part=of_part,
         overview=overview_table(entries),
         bad_answers=bad_answers(entries),
         answer_columns=[*ANSWER_COLUMNS.values(), CONFLICT_COLUMN],
@@ -336,6 +353,8 @@ def render_page(
         or any(tables.DECISION in table.shown for extra, _ in extras for table in extra.tables),
         conflict_meaning=CONFLICT_MEANING,
         truth_sentence=tables.truth_sentence,
+        not_by_data=tables.not_by_data,
+        checks_page_table=tables.checks_page_table,
     )
 
 

@@ -126,8 +126,7 @@ def agreement(fit: FittedTest) -> str:
     "parameters it can be wider, and the share above 100 %. Where the posterior is much "
     "narrower, a panel shows only the part around it and states the range of the prior. A "
     "reference stress or flow rate has no prior of its own: the others imply it. A "
-    "quantity that spans decades is shown by its logarithm. Dashed: true values, of synthetic "
-    "data.",
+    "quantity that spans decades is shown by its logarithm.",
     narrowed,
 )
 def prior_posterior(fit: FittedTest) -> Figure:
@@ -293,8 +292,7 @@ def rank(fit: FittedTest) -> Figure:
     "Trade-offs between quantities",
     "Joint posterior of pairs of quantities, at most 1000 draws. A round cloud: the data fix "
     "both independently; a narrow oblique or bent one: they fix a combination only. Divergent "
-    "draws lie on top; where they gather, the posterior reaches further than the draws show. "
-    "Crosses: true values, of synthetic data.",
+    "draws lie on top; where they gather, the posterior reaches further than the draws show.",
     strongest_trade_off,
 )
 def pairs(fit: FittedTest) -> Figure:

@@ -32,7 +32,13 @@ from pyburgers.model.display import (
 )
 from pyburgers.model.reference_quantities import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.page.mechanism_figures import MECHANISM_COLOURS, map_caption, mechanism_figure
-from pyburgers.page.tables import checks_page_table, fixed_row, posterior_row
+from pyburgers.page.tables import (
+    DECISION,
+    checks_page_table,
+    fixed_row,
+    not_by_data,
+    posterior_row,
+)
 from pyburgers.posterior.labelled_draws import own_name
 
 RATE_KEY = "rates"
@@ -87,6 +93,7 @@ def rate_section(fit: RateFit, key: str = RATE_KEY) -> PageSection:
     >>> section = pyburgers.rate_section(creep)
     """
     data, held_out = fit.data, fit.held_out_table()
+    shown = law_table(fit)
     held_out_too = "" if held_out.empty else ", held-out ones among them"
     predicted = PageTable(
         "held_out",
@@ -122,9 +129,10 @@ def rate_section(fit: RateFit, key: str = RATE_KEY) -> PageSection:
             PageTable(
                 "posterior",
                 "Posterior",
-                law_table(fit),
+                shown,
                 fit.summary("SI").reset_index(),
-                words=("symbol", "quantity", "unit", "prior"),
+                words=("symbol", "quantity", "unit", "prior", DECISION),
+                bad=not_by_data(shown),
             ),
             *(() if held_out.empty else (predicted,)),
             *(() if fit.softening is None else (_least_squares_page_table(fit),)),

@@ -128,6 +128,17 @@ def quoted_or_prior(fit: Fit | None) -> dict[str, str]:
     }
 
 
+DOUBTFUL = (Origin.PRIOR, Origin.CONFLICT, Origin.BOUND, Origin.CANNOT_TELL)
+"""Who decides a number that the data do not."""
+
+
+def not_by_data(table: pd.DataFrame) -> dict[str, list[bool]]:
+    """Rows of a table that the data do not decide, by its column that says so, if there is one."""
+    return {
+        name: table[name].str.startswith(DOUBTFUL).tolist() for name in table if name == DECISION
+    }
+
+
 def is_own_prior(decided: str) -> bool:
     """Whether its own prior alone decides a number, be it read off the data or not."""
     return decided.removesuffix(READ_OFF) == Origin.PRIOR
@@ -295,7 +306,6 @@ def checks_page_table(title: str, checks: Sequence[CheckResult]) -> PageTable:
         words=("check", "verdict"),
         sentences=("sentence",),
         bad={"verdict": [not one.passed for one in checks]},
-        in_files=True,
     )
 
 

@@ -157,7 +157,7 @@ def exported(fit: Fit | RateFit) -> Exported:
         variant=variant,
         run=fit.directory.path.name,
         draws_of=fit.draws_of,
-        conditions=ranges_text(fitted_ranges(fit)),
+        conditions=ranges_text(fitted_ranges(fit)).replace("µ", "u"),
         sampled_well=fit.sampled_well.value,
         describes_data=fit.describes_data.value,
         names=tuple(columns),

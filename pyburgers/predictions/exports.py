@@ -154,12 +154,13 @@ def _caution_lines(one: Exported, names: Sequence[str], fit: AnyFit, asked: Rang
     if one.draws_of == PRIOR_ALONE:
         tested = f"Conditions of the test, which was not fitted: {one.conditions}."
     of_specimens = {name: ends for name, ends in ranges.items() if name in ENVIRONMENT_WORDS}
+    there = {**of_specimens, **asked}
     return [
         f"Sampled well: {one.sampled_well}. Describes the data: {one.describes_data}.",
         f"Decided by: {'; '.join(decided)}.",
         *one.notes,
         tested,
-        *doubtful_conditions(one.material, {**of_specimens, **asked}, [ranges]),
+        *(said.replace("µ", "u") for said in doubtful_conditions(one.material, there, [ranges])),
     ]
 
 

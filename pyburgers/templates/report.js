@@ -161,13 +161,20 @@ for (const part of [stage, ...all(".picture")]) {
 const cells = (row) => [...row.cells];
 const asText = (text) => /^[=+@-]/.test(text) && Number.isNaN(Number(text.replace(/ ± [\d.]+$/, ""))) ? "'" + text : text; // no formula of a spreadsheet
 const quoted = (text) => /[",\n]/.test(text) ? '"' + text.replaceAll('"', '""') + '"' : text;
-const asCsv = (table) => [...table.rows].map((row) => cells(row).map((cell) => quoted(asText(cell.innerText.trim()))).join(",")).join("\n") + "\n";
-const marks = { "\\": "\\textbackslash{}", "{": "\\{", "}": "\\}", "&": "\\&", "%": "\\%", "$": "\\$", "#": "\\#", "_": "\\_", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}", "±": "$\\pm$", "−": "$-$", "µ": "$\\mu$", "·": "$\\cdot$", "×": "$\\times$", "–": "--", "‑": "-", "⁻": "$^{-}$", "⁶": "$^{6}$", "∞": "$\\infty$" };
-const escaped = (text) => [...text.trim()].map((letter) => marks[letter] ?? letter).join("");
+const textOf = (cell) => {
+  const copy = cell.cloneNode(true);
+  for (const sub of all("sub", copy)) sub.prepend("_");
+  return copy.textContent.trim().replace(/\s+/g, " ").replaceAll("‑", "-");
+};
+// The fits behind a table, and the answers that are not yes, as a comment.
+const about = (table, sign) => { const told = table.closest("[data-about]")?.dataset.about; return told ? `${sign} ${told.replace(/\s+/g, " ")}\n` : ""; };
+const asCsv = (table) => about(table, "#") + [...table.rows].map((row) => cells(row).map((cell) => quoted(asText(textOf(cell)))).join(",")).join("\n") + "\n";
+const marks = { "\\": "\\textbackslash{}", "{": "\\{", "}": "\\}", "&": "\\&", "%": "\\%", "$": "\\$", "#": "\\#", "_": "\\_", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}", "±": "$\\pm$", "−": "$-$", "µ": "$\\mu$", "·": "$\\cdot$", "×": "$\\times$", "–": "--", "⁻": "$^{-}$", "³": "$^{3}$", "⁶": "$^{6}$", "∞": "$\\infty$", "Δ": "$\\Delta$", "α": "$\\alpha$", "β": "$\\beta$", "δ": "$\\delta$", "ε": "$\\epsilon$", "ε̇": "$\\dot\\epsilon$", "η": "$\\eta$", "σ": "$\\sigma$", "τ": "$\\tau$", "φ": "$\\phi$" };
+const escaped = (text) => text.replace(/.\u0307?/gsu, (letter) => marks[letter] ?? letter);
 function asLatex(table) {
-  const [head, ...body] = [...table.rows].map((row) => cells(row).map((cell) => cell.dataset.tex ?? escaped(cell.innerText)).join(" & ") + " \\\\");
+  const [head, ...body] = [...table.rows].map((row) => cells(row).map((cell) => cell.dataset.tex ?? escaped(textOf(cell))).join(" & ") + " \\\\");
   const columns = cells(table.rows[0]).map((cell) => cell.classList.contains("words") ? "l" : "r").join("");
-  return ["\\begin{tabular}{" + columns + "}", "\\hline", head, "\\hline", ...body, "\\hline", "\\end{tabular}", ""].join("\n");
+  return about(table, "%") + ["\\begin{tabular}{" + columns + "}", "\\hline", head, "\\hline", ...body, "\\hline", "\\end{tabular}", ""].join("\n");
 }
 async function copy(text) {
   try { await navigator.clipboard.writeText(text); return true; } catch { /* pages from files may not */ }

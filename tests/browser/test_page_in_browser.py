@@ -5,6 +5,7 @@ Run with `pytest -m browser`. It needs Chromium (Debian: `apt-get install chromi
 """
 
 import importlib.util
+import io
 import os
 import shutil
 from collections.abc import Iterator
@@ -342,11 +343,37 @@ def test_results_can_be_copied(browser: Any, page_file: Path) -> None:
     section.get_by_role("button", name="Copy LaTeX").click()
     csv, latex = visit.tab.evaluate("window.copied")
     visit.tab.close()
-    assert csv.startswith("symbol,quantity,unit,value,decided by")
-    assert csv.splitlines()[1].split(",")[3] == "-0.254 ± 0.076"  # no formula
+    table = pd.read_csv(io.StringIO(csv), comment="#")
+    assert [*table.columns] == ["symbol", "quantity", "unit", "value", "decided by"]
+    assert table["value"][0] == "-0.254 ± 0.076"  # no formula
+    assert {"E_M", "E_K"} <= {*table["symbol"]}
+    told = "a measured one"  # by the name of the run
+    assert csv.startswith(f"# {told}\n")
+    assert latex.startswith(f"% {told}\n\\begin{{tabular}}{{")
     assert len({line.count("\\\\") for line in latex.splitlines() if "&" in line}) == 1
-    assert latex.startswith("\\begin{tabular}{")
     assert "$n$ & stress exponent" in latex
+
+
+def test_copies_say_what_fits_are_not_fit_for(browser: Any, page_file: Path) -> None:
+    visit = Visit(browser, page_file)
+    copied = visit.tab.evaluate("all('section.experiment table.results').map(asCsv)")
+    visit.tab.close()
+    doubted = [one.splitlines()[0] for one in copied if "not sampled well" in one]
+    assert any(one.startswith("# first (synthetic data): The posterior was") for one in doubted)
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_both_answers_about_one_fit_are_on_the_first_screen(
+    browser: Any, tmp_path: Path, width: int
+) -> None:
+    fit = make_fit(tmp_path / "run", chains=2, draws=300, divergences=5, apart=3.0)
+    page = write_report([fit], tmp_path / "page", title="One", command="pyburgers report")
+    visit = Visit(browser, page, width=width)
+    ends = visit.tab.eval_on_selector_all(
+        "#page-status li", "all => all.map((one) => one.getBoundingClientRect().bottom)"
+    )
+    visit.tab.close()
+    assert max(ends) < 600
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

@@ -179,17 +179,17 @@ def as_they_are(tree: xr.DataTree) -> None:
 
 
 DEFECTS: dict[str, tuple[CheckFunction, xr.DataTree, Defect, tuple[str, ...], Numbers]] = {
-    "one chain elsewhere": (check_rhat, good(), one_elsewhere, ("stress_exponent", "--draws"), {}),
-    "one wider chain": (check_rhat, good(), one_wider, ("stress_exponent", "--draws"), {}),
-    "never moved": (check_rhat, good(), never_moved, ("stress_exponent", "--draws"), {}),
+    "one chain elsewhere": (check_rhat, good(), one_elsewhere, ("stress exponent", "--warmup"), {}),
+    "one wider chain": (check_rhat, good(), one_wider, ("stress exponent", "--warmup"), {}),
+    "never moved": (check_rhat, good(), never_moved, ("stress exponent", "--warmup"), {}),
     "one chain": (check_rhat, good(chains=1), as_they_are, ("--chains",), {}),
-    "few": (check_effective_sample_size, good(draws=60), as_they_are, ("--draws",), {}),
-    "slow": (check_effective_sample_size, good(), slow, ("stress_noise", "--draws"), {}),
+    "few": (check_effective_sample_size, good(draws=60), as_they_are, ("--more-draws",), {}),
+    "slow": (check_effective_sample_size, good(), slow, ("stress residual", "--more-draws"), {}),
     "divergence": (
         check_divergences,
         good(),
         divergences_in_a_tail,
-        (f"{FEW} of {CHAINS * DRAWS}", "3 and 1 with longer", "stress_exponent", "--adapt-delta"),
+        (f"{FEW} of {CHAINS * DRAWS}", "3 and 1 with longer", "stress exponent", "--adapt-delta"),
         {"divergences": [0, 0, 0, FEW]},
     ),
     "tree depth": (
@@ -199,7 +199,7 @@ DEFECTS: dict[str, tuple[CheckFunction, xr.DataTree, Defect, tuple[str, ...], Nu
         ("21 of", "may not have reached", "--max-treedepth"),
         {"saturated": [21, 0, 0, 0]},
     ),
-    "energy": (check_energy, good(), wandering, ("E-BFMI", "warm-up"), {}),
+    "energy": (check_energy, good(), wandering, ("E-BFMI", "--warmup"), {}),
     "heavy tail": (check_solver, good(), heavy_tailed, ("Pareto k", "--tolerance"), {}),
     "unsolved": (
         check_solver,
@@ -303,7 +303,7 @@ def test_ends_of_intervals_that_chains_reach_but_once_fail_the_effective_sample_
     assert table["ess_bulk"] > 800
     found = check_effective_sample_size(CheckedDraws(tree))
     assert not found.passed
-    assert "stress_noise" in found.sentence
+    assert "stress residual" in found.sentence
 
 
 @pytest.mark.parametrize(("outside", "passes"), [(0, True), (6, True), (30, False)])
@@ -329,7 +329,7 @@ def test_errors_of_the_driving_strain_are_checked_like_parameters() -> None:
     )
     result = check_rhat(CheckedDraws(tree))
     assert not result.passed
-    assert "for driving_error[2]" in result.sentence
+    assert "for driving error[2]" in result.sentence
     assert convergence_table(tree).index[-2:].tolist() == list(names)
     # They are no parameters of the rock.
     assert free_parameters(tree) == ["stress_exponent", "stress_noise"]
@@ -372,6 +372,15 @@ def test_draws_of_the_lesser_mode_say_nothing_of_the_data() -> None:
     assert both[CheckKind.SAMPLING].outcome is Outcome.NO
     assert "3e+03 times" in both[CheckKind.SAMPLING].sentence
     assert both[CheckKind.DESCRIPTION].outcome is Outcome.CANNOT_TELL
+
+
+def test_too_few_effective_draws_name_the_draws_that_a_chain_lacks() -> None:
+    tree = good()
+    slow(tree)
+    found = check_effective_sample_size(CheckedDraws(tree))
+    least = convergence_table(tree)[["ess_bulk", "ess_tail"]].to_numpy().min()
+    more = int(found.remedy.partition("--more-draws ")[2].partition(")")[0])
+    assert least * (DRAWS + more) / DRAWS == pytest.approx(1.15 * ESS_LIMIT, rel=0.01)
 
 
 @given(st.floats(min_value=1e-9, max_value=0.1))

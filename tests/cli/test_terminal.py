@@ -67,7 +67,7 @@ CONFLICTS = ("A: Prior and data disagree about this.", "B: Prior and data disagr
     ("blocks", "title"),
     [
         ([CONFLICTS], "Do prior and data agree? NO"),
-        ([(), ("n is decided by the prior of Q.",)], "Numbers that the data alone do not decide"),
+        ([(), ("n is decided by the prior of Q.",)], "Bounds and priors to mind"),
     ],
 )
 def test_what_the_data_do_not_agree_with_or_decide_has_a_block_of_its_own(

@@ -113,7 +113,7 @@ def test_doubts_are_told_without_what_to_do_and_that_once(fit: Fit, tmp_path: Pa
         (text, fits) for (check, text), fits in found.items() if check == "R-hat"
     )
     assert [entry.name for entry in concerned] == ["A", "A2"]
-    assert said.startswith("run longer")
+    assert said.startswith("sample again with a longer --warmup, with --overwrite or another --out")
     doubts = entries[0].doubts(SAMPLING)
     assert doubts[0] == "The posterior was not sampled well."
     assert doubts[1].startswith("R-hat: The chains have not yet found the same distribution")

@@ -3,6 +3,7 @@ import json
 import shutil
 from collections.abc import Sequence
 from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -15,20 +16,22 @@ from same_contents import contents
 from synthetic_fit import make_fit, make_prior, with_problem
 from synthetic_olivine_fit import make_olivine_fit, oscillating
 
-from pyburgers.checks.fit_checks import CheckKind, Outcome
+from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
 from pyburgers.checks.prior_influence import (
     CONFLICT_MEANING,
     Origin,
     prior_influence,
 )
-from pyburgers.checks.verdicts import ANSWERS
+from pyburgers.checks.verdicts import ANSWERS, Verdict, verdicts
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.page_parts import PageSection
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.kinds.forced_oscillation.preparation import Background
-from pyburgers.page.glossary import ORIGIN_RULES, SHARE_TEXT
-from pyburgers.page.page import write_report
+from pyburgers.model import display
+from pyburgers.page import overview
+from pyburgers.page.glossary import DEFINITIONS, ORIGIN_RULES, SHARE_TEXT, with_definitions
+from pyburgers.page.page import report, write_report
 from pyburgers.page.posterior_figures import figures_for
 
 FEW = (
@@ -173,19 +176,22 @@ def test_measured_data_come_first_and_synthetic_data_are_announced_by_name(
 def test_failed_checks_cannot_be_overlooked(page: Page, fits: list[Fit]) -> None:
     failed = [check for check in fits[0].checks() if not check.passed]
     assert {"R-hat", "divergences"} <= {check.name for check in failed}
-    told = page.text.index("✗ Was the posterior sampled well? Yes in 1 of 2 fits; NO : A .")
+    told = page.text.index("✗ Was the posterior sampled well? Yes in 1 of 2 fits. NO : A .")
     assert told < page.text.index("Overview", told)
     names = [check.name for check in failed if check.check.kind is CheckKind.SAMPLING]
     assert f"NO: {', '.join(names)}" in page.text
     for check in failed:
         if check.check.kind is CheckKind.SAMPLING:
-            assert f"{check.name}: {check.meaning}" in page.text_without_marks
-        if check.remedy:
-            assert page.text_without_marks.count(f"{check.remedy}.") == 1
+            name = check.name[0].upper() + check.name[1:]
+            assert f"{name}: {check.meaning}" in page.text_without_marks
+        if check.remedy:  # among the remedies, and in the fold of the fit
+            assert page.text_without_marks.count(f"{check.remedy}.") == 2
     for fit in fits:
         passed = [check for check in fit.checks() if check.passed]
         mark = "✓" if len(passed) == len(fit.checks()) else "✗"
         assert f"{mark} {len(passed)} of {len(fit.checks())} checks passed" in page.text
+        for check in passed:
+            assert f"{check.name}passed{check.sentence}" in page.text_without_marks
         for kind in CheckKind:
             made = [check.name for check in fit.checks() if check.check.kind is kind]
             assert page.text_without_marks.count(f"{kind.value} {', '.join(made)}") == 1
@@ -203,7 +209,8 @@ def test_the_page_of_one_fit_begins_with_its_figure_and_three_answers(
 ) -> None:
     assert "page-overview" not in passing_page.ids
     answers = [f"✓ {ANSWERS[kind][Outcome.YES]}" for kind in CheckKind]
-    words = ["constant rate, 260 K", "Figure 1.", "The data decide", *answers, "decided by"]
+    short = [f"✓ {kind.value} Yes." for kind in CheckKind]
+    words = [*short, "constant rate, 260 K", "Figure 1.", "The data decide", *answers, "decided by"]
     places = [passing_page.unfolded.index(text) for text in words]
     assert places == sorted(places)
     by_data = fits[1].summary().query("decided_by == 'data'")
@@ -212,7 +219,8 @@ def test_the_page_of_one_fit_begins_with_its_figure_and_three_answers(
     # Numbers of draws that do not serve are not quoted.
     failed = write([fits[0]], tmp_path)
     assert "The data decide" not in failed.unfolded
-    assert "Do not use numbers of this fit before you have read why." in failed.unfolded
+    told = "NO: A. Do not use numbers of this fit before you have read why."
+    assert failed.unfolded.index(told) < failed.unfolded.index("Figure 1.")
 
 
 def test_findings_of_a_study_stand_in_a_table_above_its_folded_fits(
@@ -237,6 +245,25 @@ def test_what_cannot_be_told_is_no_finding(sketched: None, tmp_path: Path) -> No
     for kind in CheckKind:
         assert f"? {ANSWERS[kind][Outcome.CANNOT_TELL]}" in text
     assert "Intervals of this fit may leave out what the model misses." in text
+
+
+def test_a_no_and_a_doubt_have_their_own_consequences(
+    fits: list[Fit], sketched: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kind = CheckKind.DESCRIPTION
+
+    def a_yes_is_a_no(checks: Sequence[CheckResult]) -> dict[CheckKind, Verdict]:
+        found = verdicts(checks)
+        if found[kind].outcome is Outcome.YES:
+            found[kind] = replace(found[kind], outcome=Outcome.NO)
+        return found
+
+    monkeypatch.setattr(overview, "verdicts", a_yes_is_a_no)
+    few = small_fit(tmp_path / "runs" / "few", draws=12)
+    page = write([few, fits[1]], tmp_path / "page")
+    told = "NO: B. Intervals of this fit leave out what the model misses."
+    doubt = "Cannot tell: few. Intervals of this fit may leave out what the model misses."
+    assert f"{told} {doubt}" in page.text_without_marks
 
 
 def test_both_answers_stand_in_the_contents_and_in_the_section(page: Page, fits: list[Fit]) -> None:
@@ -280,8 +307,9 @@ def test_parts_have_their_alarms_and_the_verdicts_of_their_fits_at_the_top(
     page = Page(file.read_text(encoding="utf-8"))
     assert page.text.index(alarms[0]) < page.text.rindex("Overview")
     name = fits[0].directory.path.name
-    # Contents, verdicts and overview lead to the part; the reasons stand there.
-    assert page.references.count(("a", "#part")) >= 3
+    # Contents, verdicts and overview lead to the reasons, which stand in the part.
+    assert page.references.count(("a", f"#verdicts-{name}")) >= 3
+    assert f"verdicts-{name}" in page.ids
     assert page.text.rindex("Both verdicts, fit by fit") < page.text.rindex(name)
     runs = json.loads((tmp_path / "manifest.json").read_text())["runs"]
     assert [run["directory"] for run in runs] == [fits[1].directory.path.name, name]
@@ -505,3 +533,28 @@ def test_amplitude_and_lag_stand_beside_those_of_replicated_data(
     assert outside["inside"].tolist() == [True, False]
     assert shown.text.count("are inside the central 90 % of those of the replicated data") == 1
     assert shown.text.count("The record is outside the central 90 %") == 1
+
+
+def test_copied_tables_know_every_letter_of_symbols_and_units() -> None:
+    script = resources.files("pyburgers") / "templates" / "report.js"
+    marks = next(
+        line for line in script.read_text(encoding="utf-8").splitlines() if "const marks" in line
+    )
+    for letters in (*display._GREEK.values(), *"".join(display._UNIT_TEXT.values())):
+        assert letters.isascii() or f'"{letters}": "$' in marks or letters == "–"
+
+
+def test_a_page_of_one_fit_is_called_after_its_test(
+    fits: list[Fit], sketched: None, tmp_path: Path
+) -> None:
+    for some, title in (([fits[0]], "A: ice, constant rate"), (fits, "Nonlinear Burgers fits")):
+        page = report(some, tmp_path / str(len(some)))
+        assert f"<title>{title}</title>" in page.read_text(encoding="utf-8")
+
+
+def test_options_of_commands_are_marked_and_stay_on_a_line() -> None:
+    told = with_definitions("add draws (--more-draws 8), or --variant kelvin=extended <draws>")
+    assert str(told) == (
+        f'add <abbr title="{DEFINITIONS["draws"]}">draws</abbr> (<code class="whole">--more-draws '
+        '8</code>), or <code class="whole">--variant kelvin=extended</code> &lt;draws&gt;'
+    )

@@ -180,7 +180,7 @@ def test_the_page_says_how_much_is_left_over_and_where(
     assert "Honorio" in told
     assert "CC BY 4.0" in told
     assert f"the {LAWS[SINE_HARDENING]} leaves least over" in told
-    assert "the part 'unloading': 0.0004, on the mean +0.0004" in told
+    assert "the part 'unloading': 0.00040, on the mean 0.00040." in told
     assert "Sampled well: none of them. Describes the data: none of them." in told
     for kind in CheckKind:
         assert told.count(f"The answer about {kind.value}.") == len(LAWS)

@@ -33,7 +33,7 @@ from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, STRESS_UNIT
     "stress_strain",
     "Stress-strain curve",
     lambda fit: (
-        "Top: the stress-strain curve (circles), the predictive median (solid line), up to 1000 "
+        "Top: the stress-strain curve (circles), the predictive median (solid line), "
         "retrodictions, that is solutions for single draws from the posterior (thin lines), and "
         f"the band that should hold 90 % of new measurements. {marks_text([fit])}"
         "Bottom: data minus the predictive median, with the band that should hold 90 % of "

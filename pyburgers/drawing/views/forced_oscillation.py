@@ -193,7 +193,7 @@ def _curve_times(readings: FloatArray, period: float) -> FloatArray:
     "stress_time",
     "Stress along time",
     "Top: the stress that the model is compared with (circles, bars are one standard "
-    "deviation), the predictive median (solid line), up to 1000 retrodictions (thin lines), and "
+    "deviation), the predictive median (solid line), retrodictions (thin lines), and "
     "the band that should hold 90 % of new readings of typical uncertainty. Bottom: data minus "
     "the predictive median over the noise of each reading, with the band that should hold 90 % "
     "of residuals if they were noise alone; a run on one side of zero, or an oscillation, is "
@@ -236,8 +236,8 @@ def fitted_curve(fit: FittedTest) -> FittedCurve:
 @recipe(
     "stress_loop",
     "Stress against strain",
-    "Stress against the strain that drives the model: loops of single draws (thin lines, up to "
-    "1000) and the predictive median (solid line). Their area is the work that is lost, their "
+    "Stress against the strain that drives the model: loops of single draws (thin lines) "
+    "and the predictive median (solid line). Their area is the work that is lost, their "
     "slope the stiffness at this period. Circles are the data, coloured by time. With the "
     "background kept, loops move along with the strain.",
     lambda fit: curve_result(fitted_curve(fit)),

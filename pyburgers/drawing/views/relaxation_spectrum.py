@@ -60,7 +60,7 @@ def relaxation_spectrum(fit: FittedTest) -> Figure:
         axes.set_ylim(min(max(least, LEAST), 0.1), max(1.5 * most, 1.0))
         axes.set_xlabel(f"relaxation time at {experiment.temperature:g} K (s)")
         axes.set_ylabel("compliance / elastic compliance (–)")
-        axes.legend(loc="best")
+        axes.legend(loc="best", frameon=True, framealpha=1.0)  # the key of an area lies on it
     return figure
 
 

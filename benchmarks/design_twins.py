@@ -120,6 +120,7 @@ def with_readings(candidate: Candidate) -> Experiment:
     grid = likelihood_of(test).grid(test)
     at = grid[places_read(len(grid), n)]
     if isinstance(test, HistoryExperiment):
+        at = at[at > 0]  # where the model is at rest
         starts = [stage.start_time for stage in test.stages]
         stage = np.searchsorted(starts, at, side="right") - 1
         return replace(test, time=at, reading_stage=stage, reading=np.zeros_like(at))

@@ -34,6 +34,9 @@ MOST_FEATURES = 12
 LEAST_SIGNAL = 0.01
 """Variance, in that of the noise, below which a combination of readings tells nothing."""
 
+FAR = 3.0
+"""Standard deviations from the middle within which readings count as they are."""
+
 STRONG_SIGNAL = 1.0
 """Variance, in that of the noise, above which a combination of readings also enters in products."""
 
@@ -273,15 +276,21 @@ def telling_combinations(
 ) -> FloatArray:
     """Combine `readings` (m, k) to (m, n_features) so that `solutions` (m, k) differ beyond noise.
 
-    `signal` (n, k): solutions of the first n readings, whose differences are the noise.
+    `signal` (n, k): solutions of the first n readings, whose differences are the noise. Readings
+    are taken by their logarithm where they lie far out: a few draws would hide what all others say.
     """
-    noise = np.atleast_2d(np.cov((readings[: len(signal)] - signal).T))
-    scale = np.sqrt(np.diag(noise))
-    if not (scale > 0).all():
+    if not (np.ptp(readings[: len(signal)] - signal, axis=0) > 0).all():
         raise InputError(
             f"{name}: new readings have no noise, because the fit has read no such quantity, "
             "expected strain_uncertainty or stress_uncertainty_MPa of the candidate in the plan."
         )
+    low, middle, high = np.quantile(readings, (0.16, 0.5, 0.84), axis=0)
+    far = FAR * (high - low) / 2
+    signal, readings, solutions = (
+        np.arcsinh((one - middle) / far) for one in (signal, readings, solutions)
+    )
+    noise = np.atleast_2d(np.cov((readings[: len(signal)] - signal).T))
+    scale = np.sqrt(np.diag(noise))
     # Correlated noise of many readings is near singular; a ten-thousandth keeps it invertible.
     correlation = noise / np.outer(scale, scale) + 1e-4 * np.eye(len(scale))
     half = linalg.cholesky(correlation, lower=True)

@@ -35,10 +35,14 @@ def test_the_synthetic_table_and_curve_are_what_their_generator_writes() -> None
 
 
 def test_the_measured_tables_are_those_of_the_source() -> None:
-    for name, n_spectra, hottest in (("A1802", 7, 1473.15), ("A1906", 9, 1573.15)):
+    for name, n_spectra, hottest, grain_size in (
+        ("A1802", 7, 1473.15, 3.7e-6),
+        ("A1906", 9, 1573.15, 6.5e-6),
+    ):
         table = load_attenuation(OLIVINE / f"attenuation_{name}.toml")
         assert table.provenance.kind == "measured"
         assert table.provenance.doi == "10.1016/j.pepi.2024.107160"
+        assert table.initial_grain_size == grain_size
         assert table.conditions.n_spectra == n_spectra
         assert table.conditions.n_rows == 10 * n_spectra
         np.testing.assert_allclose(table.conditions.temperature[[0, -1]], [hottest, 1173.15])
@@ -52,6 +56,14 @@ def test_the_measured_tables_are_those_of_the_source() -> None:
         == 10
     )
     assert np.all(table.readings.is_limit[table.readings.tan_delta <= 1e-4])
+
+
+def test_a_viscosity_that_is_seen_leaves_the_enthalpy_of_the_dashpot_its_prior() -> None:
+    priors = default_priors("olivine", "attenuation")
+    enthalpy, beta = priors["activation_enthalpy"], priors["beta"]
+    # Of beta by Q_M at one viscosity.
+    slope = (1 / (GAS_CONSTANT * 1473.15) - beta.location) / enthalpy.location
+    assert 1 / np.hypot(1 / enthalpy.scale, slope / beta.scale) > 0.95 * enthalpy.scale
 
 
 # Jackson and Faul (2010): several specimens together, and 6585; times (s) at 900 degrees Celsius.

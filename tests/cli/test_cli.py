@@ -106,7 +106,7 @@ def test_a_fit_prints_table_and_checks_and_check_repeats_the_verdicts(
     assert code == 3  # 100 draws are too few
     assert "Maxwell modulus" in out
     assert f"run directory: {run}" in out
-    assert re.search(r"^FAILED +effective sample size: .*--draws", out, re.MULTILINE)
+    assert re.search(r"^FAILED +effective sample size: .*--more-draws \d+", out, re.MULTILINE)
     assert re.search(r"^passed +chains: ", out, re.MULTILINE)
     assert "Coordinates: " in error
     assert error.count("100% of 2 chains of 200 iterations (sampling)\n") == 1

@@ -116,7 +116,7 @@ def test_another_test_is_solved_under_its_own_conditions(small_fit: Fit) -> None
     for draw in (0, 6):
         assert_solves(prediction, draw, rtol=1e-5)
     (beyond,) = [text for text in prediction.cautions if text.startswith("Beyond")]
-    for words in ("temperature 255 K (fitted: 260)", "initial grain size 500 um", "strain up to 3"):
+    for words in ("temperature 255 K (fitted: 260)", "initial grain size 500 µm", "strain up to 3"):
         assert words in beyond
     assert "model_response" not in prediction.posterior
 

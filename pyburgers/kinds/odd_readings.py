@@ -71,6 +71,8 @@ def order_text(clock: FloatArray) -> str:
     The clock has the shape (n_rows,).
     """
     half, steps = clock.size // 2, np.diff(clock)
+    if not (steps < 0).any():
+        return ""
     if (steps <= 0).all():
         return " The rows stand in reverse order: turn them round."
     if clock.size == 2 * half and np.array_equal(clock[:half], clock[half:]):

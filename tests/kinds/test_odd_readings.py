@@ -52,6 +52,8 @@ def test_an_unloaded_stage_is_no_missing_reading() -> None:
         (np.tile(np.arange(40), 2), "repeats the first"),
         ([*range(70), *range(70, 60, -1)], "leave them out"),
         ([*range(30), *range(20, 70)], ""),
+        ([5], ""),
+        ([5, 5, 5], ""),
     ],
 )
 def test_what_rows_may_be_that_go_back(rows: np.ndarray, words: str) -> None:

@@ -52,10 +52,10 @@ POINTS, TIMED, ROUNDS = 8, 100, 7
 
 PAGE = """# Gradients with both solvers
 
-Written by `benchmarks/solvers.py`; do not edit. Milliseconds of one core for a whole gradient,
-median of {rounds} rounds in which {timed} gradients are timed at each of {points} draws of a short
-fit, least and largest round in brackets. Ratios of rounds are less uncertain than times: tests and
-solvers take turns. Salt and dunite are measured, ice is synthetic.
+Written by `benchmarks/solvers.py`; do not edit. Milliseconds of one core for a whole gradient: the
+median of {rounds} rounds, least and largest in brackets. A round times {timed} gradients at each of
+{points} draws of a short fit. Ratios of rounds are less uncertain than times: tests and solvers
+take turns. Salt and dunite are measured, ice is synthetic.
 
 {table}
 """

@@ -28,6 +28,7 @@ from pyburgers.checks.residual_numbers import (
     largest_residual,
     longest_runs,
     offsets,
+    outside_band,
     over_scatter,
     refitted_means,
     refitted_residuals,
@@ -115,10 +116,9 @@ class Leftover:
 
     Residuals (draws, n) are SI; if readings have errors of their own, over these, times their
     mean. Those of several quantities are weighed by what replicates leave over of each. Readings
-    that are no upper limits are told. Every
-    discrepancy has numbers of the data, shape (draws,), and of refitted replicates, shape
-    (replicates, their draws); large ones speak against the model. Only those with enough
-    readings are there.
+    that are no upper limits are told. Every discrepancy has numbers of the data, shape (draws,),
+    and of refitted replicates, shape (replicates, their draws); large ones speak against the model.
+    Only those with enough readings are there.
     """
 
     name: str
@@ -391,13 +391,8 @@ def data_and_refits(
 
 
 def _outside(values: FloatArray, band: FloatArray) -> FloatArray:
-    """Share of readings, shape (..., n), outside a band, shape (2, n).
-
-    Upper limits lie on the end of a band that reaches down to them, but for rounding.
-    """
-    rounding = 1e-9 * np.abs(band).max()
-    outside = (values < band[0] - rounding) | (values > band[1] + rounding)
-    share: FloatArray = outside.mean(axis=-1)
+    """Share of readings, shape (..., n), outside a band, shape (2, n)."""
+    share: FloatArray = outside_band(values, band, np.abs(band).max()).mean(axis=-1)
     return share
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from pyburgers.checks.residual_numbers import outside_band
 from pyburgers.common.draws import TAIL
 from pyburgers.model.display import label_of
 from pyburgers.posterior.labelled_draws import (
@@ -428,11 +429,9 @@ def check_solver(draws: CheckedDraws) -> Finding:
 def coverage(posterior: xr.DataTree) -> float:
     """Share of the data inside the central 90 % of the replicated data."""
     replicated = response_in(posterior, "posterior_predictive")
-    low, high = (replicated.quantile(q, ("chain", "draw")) for q in (TAIL, 1.0 - TAIL))
-    observed = response_in(posterior, "observed_data")
-    rounding = 1e-9 * np.abs(observed)
-    inside = (observed >= low - rounding) & (observed <= high + rounding)
-    return float(inside.mean("point"))
+    band = replicated.quantile([TAIL, 1.0 - TAIL], ("chain", "draw")).to_numpy()
+    observed = response_in(posterior, "observed_data").to_numpy()
+    return float((~outside_band(observed, band, np.abs(observed))).mean())
 
 
 CHAIN_CHECKS = (

@@ -265,3 +265,14 @@ class Tail:
 def _power(value: FloatArray, exponent: float) -> FloatArray:
     """Power of the size of numbers, with their sign."""
     return np.copysign(np.abs(value) ** exponent, value)
+
+
+def outside_band(values: FloatArray, band: FloatArray, sizes: FloatArray) -> BoolArray:
+    """Return which readings, shape (..., n), lie outside a band, shape (2, n).
+
+    Upper limits lie on the end of a band that reaches down to them, but for the rounding of numbers
+    of some sizes, shape (n,) or (): readings of several quantities have sizes of their own.
+    """
+    rounding = 1e-9 * sizes
+    outside: BoolArray = (values < band[0] - rounding) | (values > band[1] + rounding)
+    return outside

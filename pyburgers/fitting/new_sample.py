@@ -31,9 +31,16 @@ def of_new_test(
     """Draw a partially pooled parameter (SI) of a test that was not fitted, for kept draws."""
     group = posterior["posterior"].to_dataset()
     centre, spread = (all_draws(group[own_name(name, owner)])[kept] for owner in (CENTRE, SPREAD))
+    return _scattered(problem, name, centre, spread, rng)
+
+
+def _scattered(
+    problem: Problem, name: str, centre: FloatArray, sd: FloatArray, rng: np.random.Generator
+) -> FloatArray:
+    """Draw a parameter (SI) about centres, normal on the real line behind its bounds: (n,)."""
     plain = problem.coordinates[0]
     k = plain.quantities.index(name)
-    real = plain.of_quantity(k, centre) + spread * rng.standard_normal(kept.size)
+    real = plain.of_quantity(k, centre) + sd * rng.standard_normal(centre.size)
     return np.array([plain.value(k, position) for position in real])
 
 
@@ -46,7 +53,7 @@ def microstructure_of_new_sample(
     that are pooled in part up to two deviations from the common centre.
     """
     pooling = pooling_of() if problem.is_single else problem.pooling
-    priors, plain = problem.priors[0], problem.coordinates[0]
+    priors = problem.priors[0]
     names = [name for name in MICROSTRUCTURE if name in priors.free]
     size = values[names[0]].size if names else 0
     drawn = {
@@ -55,9 +62,6 @@ def microstructure_of_new_sample(
     }
     if problem.is_single:
         for name in pooling.of_kind("partial", names):
-            k = plain.quantities.index(name)
             spread = pooling.spread_scales[name] * np.abs(rng.standard_normal(size))
-            apart = np.sqrt(2) * spread * rng.standard_normal(size)
-            real = plain.of_quantity(k, values[name]) + apart
-            drawn[name] = np.array([plain.value(k, position) for position in real])
+            drawn[name] = _scattered(problem, name, values[name], np.sqrt(2) * spread, rng)
     return drawn

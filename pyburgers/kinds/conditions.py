@@ -75,7 +75,7 @@ def _unlikely_stiffness(experiment: Experiment) -> Iterator[str]:
     """Say if a test starts far stiffer than its material is, or is as soft as no material is."""
     if experiment.material not in shipped_prior_files():
         return
-    first, least = slice(max(FIRST_READINGS, experiment.n_points // 50)), 0.0
+    first, softest = slice(max(FIRST_READINGS, experiment.n_points // 50)), 0.0
     what, zeros = "the first readings", "units and zeros of stress and strain"
     match experiment:
         case ConstantRateExperiment():
@@ -89,13 +89,13 @@ def _unlikely_stiffness(experiment: Experiment) -> Iterator[str]:
         case OscillationExperiment():
             fits = experiment.prepared.stress_fit, experiment.prepared.strain_fit
             (stress, _), (strain, _) = (fit.amplitude() for fit in fits)
-            what, least = "the oscillation", SOFTEST
+            what, softest = "the oscillation", SOFTEST
         case _:
             return
-    if least == 0 and stress <= LEAST_SHARE * experiment.largest_stress:
+    if softest == 0 and stress <= LEAST_SHARE * experiment.largest_stress:
         return
     usual = range_of(default_priors(experiment.material)["maxwell_modulus"]) or (0.0, np.inf)
-    if not least * usual[0] * strain <= stress <= MOST_STIFFNESS * usual[1] * strain:
+    if not softest * usual[0] * strain <= stress <= MOST_STIFFNESS * usual[1] * strain:
         found = float(stress / max(strain, TINY_STRAIN)) / 1e9
         least, most = (end / 1e9 for end in usual)
         yield (

@@ -157,7 +157,7 @@ def exported(fit: Fit | RateFit) -> Exported:
         variant=variant,
         run=fit.directory.path.name,
         draws_of=fit.draws_of,
-        conditions=ranges_text(fitted_ranges(fit)).replace("µ", "u"),
+        conditions=ranges_text(fitted_ranges(fit)).translate(ASCII_SIGNS),
         sampled_well=fit.sampled_well.value,
         describes_data=fit.describes_data.value,
         names=tuple(columns),
@@ -344,6 +344,9 @@ def _display(name: str) -> tuple[float, str]:
         unit = unit.replace(sign, of_latex)
     return quantity.display_factor, unit
 
+
+ASCII_SIGNS = str.maketrans({"µ": "u", "±": "+-"})
+"""Signs in comments of files that other programs read."""
 
 LATEX_SIGNS = {"%": r"\%", "µ": r"$\mu$", "–": "--", "⁻": "$^{-}$", "⁶": "$^{6}$"}
 """Signs of units as LaTeX has them."""

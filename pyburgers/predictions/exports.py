@@ -35,6 +35,7 @@ from pyburgers.predictions.code_formats import (
     shear_compliances,
 )
 from pyburgers.predictions.exported import (
+    ASCII_SIGNS,
     LOG_FACTOR,
     Exported,
     as_csv,
@@ -149,18 +150,18 @@ def _caution_lines(one: Exported, names: Sequence[str], fit: AnyFit, asked: Rang
         unit = "" if is_logarithm(name) else shown_quantity(name).si_unit
         value = value_text(one.draws[k]) if one.sd[k] else rounded(one.mean[k], 0.0)
         by = f"{one.decided_by[k]} {one.by_prior_of[k]}".strip() or "unknown"
-        decided.append(f"{name} {value.replace('±', '+-')} {unit} ({by})")
+        decided.append(f"{name} {value.translate(ASCII_SIGNS)} {unit} ({by})")
     tested = f"Conditions of the fitted tests: {one.conditions}. The law extrapolates elsewhere."
     if one.draws_of == PRIOR_ALONE:
         tested = f"Conditions of the test, which was not fitted: {one.conditions}."
     of_specimens = {name: ends for name, ends in ranges.items() if name in ENVIRONMENT_WORDS}
-    there = {**of_specimens, **asked}
+    doubtful = doubtful_conditions(one.material, {**of_specimens, **asked}, [ranges])
     return [
         f"Sampled well: {one.sampled_well}. Describes the data: {one.describes_data}.",
         f"Decided by: {'; '.join(decided)}.",
         *one.notes,
         tested,
-        *(said.replace("µ", "u") for said in doubtful_conditions(one.material, there, [ranges])),
+        *(said.translate(ASCII_SIGNS) for said in doubtful),
     ]
 
 

@@ -13,6 +13,7 @@ functions {
 #include physics/microstructure.stan
 #include statistics/priors.stan
 #include statistics/priors_of_test.stan
+#include solvers/radau_leg.stan
 #include kinds/forced_oscillation_dynamics.stan
   /**
    * Rates of [stress (Pa), kelvin strain, elastic strain, dashpot strain, grain size (m)] at an

@@ -43,6 +43,8 @@ SIMULATED: Mapping[str, str] = {
     "relaxation of ice": "relaxation",
     "load and unload of ice": "load_unload",
     "three stages of ice": "three_stages",
+    "oscillation of olivine, background kept": "oscillation_kept",
+    "the same, background removed": "oscillation_removed",
 }
 """Kinds of `first_go`, whose first data sets are taken."""
 

@@ -14,6 +14,7 @@ functions {
 #include physics/dashpot_laws.stan
 #include physics/kelvin_laws.stan
 #include physics/microstructure.stan
+#include solvers/radau_leg.stan
 #include kinds/forced_oscillation_dynamics.stan
 #include statistics/priors.stan
 #include statistics/priors_of_test.stan
@@ -29,6 +30,7 @@ data {
 #include data/coordinates.stan
 #include data/sheared.stan
 #include data/solver.stan
+  int<lower=0, upper=1> solver; // 0: ode_bdf_tol, 1: radau_leg() (solvers/radau_leg.stan)
   // Times at which generated quantities report the solution, apart from the observed ones.
   array[n_tests + 1] int<lower=0> grid_end;
   array[grid_end[n_tests + 1]] real grid_tau;
@@ -109,7 +111,7 @@ model {
                           coordinate[strain_error_position[part(error_end, e)]],
                           uncertain_calibration[e], initial_grain_size[e], temperature[e],
                           start_stress[e], stress_scale[e], strain_scale[e],
-                          kelvin_law, tolerance, max_num_steps);
+                          kelvin_law, solver, tolerance, max_num_steps);
       vector[size(points)] stress = to_vector(solution[ : , 1]);
       real noise = parameter[e][i_stress_noise()];
       stress -= trend_shape[points] * (trend_fit[points]' * (stress - stress_observed[points]));
@@ -154,7 +156,7 @@ generated quantities {
                         coordinate[strain_error_position[part(error_end, e)]],
                         uncertain_calibration[e], initial_grain_size[e], temperature[e],
                         start_stress[e], stress_scale[e], strain_scale[e],
-                        kelvin_law, tolerance, max_num_steps);
+                        kelvin_law, solver, tolerance, max_num_steps);
     response_model[points] = to_vector(solution[1 : size(points), 1]);
     trend[e] = trend_fit[points]' * (response_model[points] - stress_observed[points]);
     response_model[points] -= trend_shape[points] * trend[e];

@@ -142,13 +142,34 @@ vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvi
 }
 
 /**
+ * [y, w, z] along a part of a record by radau_leg(), to which law and argument belong; NaN if the
+ * method does not converge.
+ *
+ * @param from [y, w, z] at start_tau
+ */
+array[] vector fast_oscillation(vector from, data real start_tau, data array[] real tau,
+                                data array[] int law, vector argument, data vector constant,
+                                data vector background_range, data real first_tau,
+                                data real initial_grain_size, data real strain_scale,
+                                data real tolerance) {
+  return radau_leg(law,
+                   {0, 0, strain_scale,
+                    constant[i_piezometer_reference_grain_size()]
+                    / (grain_size_unit() * initial_grain_size),
+                    constant[i_piezometer_exponent()], constant[i_piezometer_stress_floor()],
+                    start_tau, first_tau, background_range[1], background_range[2]},
+                   to_array_1d(to_vector(tau) - start_tau), tolerance, from, argument);
+}
+
+/**
  * Stress, Kelvin strain and grain size at the given times of a record.
  *
  * The model starts cycles ahead of the record, where the oscillating strain passes through zero,
  * at the stress `relative_start` with a Kelvin element that has settled under it. For a solid any other phase
  * would leave a constant stress behind that only the dashpot relaxes, over many cycles. One call
- * of the solver covers these cycles and the record: its initial state is data, and sensitivities
- * to a state reached after the cycles would be three more for the solver to follow.
+ * of ode_bdf_tol covers these cycles and the record: its initial state is data, and sensitivities
+ * to a state reached after the cycles would be three more to follow. radau_leg() starts again where
+ * the record does, since grains start to grow there.
  *
  * @param parameter in the order of physics/parameters.stan
  * @param constant parameters that are never inferred, at their places in the same order, and
@@ -161,6 +182,8 @@ vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvi
  * @param relative_start stress at the start of the spin-up over S: the bias of the record
  * @param stress_scale, strain_scale S (Pa) and e
  * @param kelvin_law of kelvin_law_at(), also where its parameter is still unknown
+ * @param solver 0: ode_bdf_tol; 1: radau_leg() (solvers/radau_leg.stan), and ode_bdf_tol where that
+ *   does not converge
  * @return array over times of [stress (Pa), Kelvin strain, grain size (m)]
  */
 array[] vector forced_oscillation_solution(vector parameter, data vector constant,
@@ -172,8 +195,8 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
                                            data real initial_grain_size,
                                            data real temperature, data real relative_start,
                                            real stress_scale, data real strain_scale,
-                                           data int kelvin_law, data real tolerance,
-                                           data int max_num_steps) {
+                                           data int kelvin_law, data int solver,
+                                           data real tolerance, data int max_num_steps) {
   real at_temperature = true_temperature(parameter, temperature);
   real kelvin_modulus = parameter[i_kelvin_modulus()];
   real kelvin_viscosity = kelvin_viscosity_at(parameter, at_temperature,
@@ -192,7 +215,7 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
   int act = mechanisms_act(constant);
   vector[law > 0] dashpot;
   matrix[n_further_mechanisms(act), 3] further;
-  array[size(tau)] vector[3] solution;
+  array[size(tau)] vector[3] solution = rep_array(rep_vector(not_a_number(), 3), size(tau));
   if (kelvin_law > 0) {
     kelvin = [parameter[kelvin_law],
               log(stress_scale / constant[i_kelvin_reference_stress()])]';
@@ -206,7 +229,40 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
                     + log(period / strain_scale);
     further[k, 2 : 3] = parameter[mechanism_numbers(k)[2 : 3]]';
   }
-  if (size(tau) > 0) {
+  if (size(tau) > 0 && solver == 1) {
+    int n_linear = kelvin_law == 0;
+    vector[29 + 2 * n_linear + cols(harmonics)] argument
+      = append_row(append_row(rep_vector(0, 29), head([kelvin_decay, 1]', 2 * n_linear)),
+                   harmonics' * append_row(1, error) / strain_scale);
+    vector[3] from = [relative_start, 1 / grain_size_unit(), relative_start]'; // y, w, z
+    array[9] int laws = {3, place_of_dashpot_law(law), place_of_kelvin_law(kelvin_law), -1, 1, -1,
+                         act, n_harmonics, cols(harmonics) - 2 * n_harmonics};
+    argument[1 : 6] = [log_dashpot_rate - grain_size_exponent * log(grain_size_unit()),
+                       stress_exponent, grain_size_exponent, kelvin_decay,
+                       kelvin_fluidity / kelvin_decay, 1 / stiffness]';
+    argument[9] = inverse_critical_strain * strain_scale;
+    if (kelvin_law > 0) {
+      argument[{12, 14}] = kelvin;
+    }
+    if (law > 0) {
+      argument[13] = dashpot[1];
+    }
+    // No path strain: of the microstructure grain size alone evolves, and is a state.
+    argument[15 : 16] = [stress_scale, -1]';
+    for (k in 1 : rows(further)) {
+      argument[21 + 3 * k] = further[k, 1] - further[k, 3] * log(grain_size_unit());
+      argument[22 + 3 * k : 23 + 3 * k] = further[k, 2 : 3]';
+    }
+    if (first_tau > start_tau) {
+      from = fast_oscillation(from, start_tau, {first_tau}, laws, argument, constant,
+                              background_range, first_tau, initial_grain_size, strain_scale,
+                              tolerance)[1];
+    }
+    solution = fast_oscillation(from, first_tau, tau, laws, argument, constant,
+                                background_range, first_tau, initial_grain_size, strain_scale,
+                                tolerance)[ : , {1, 3, 2}];
+  }
+  if (size(tau) > 0 && is_nan(solution[1][1])) {
     // The state at the start is an expression of data: constant to the solver.
     solution = ode_bdf_tol(forced_oscillation_rhs,
                            [relative_start, relative_start, 1 / grain_size_unit()]',
@@ -247,7 +303,7 @@ array[] vector driven_solution(vector parameter, data vector constant, data arra
                                data real initial_grain_size, data real temperature,
                                data real start_stress, data real stress_scale,
                                data real strain_scale,
-                               data int kelvin_law, data real tolerance,
+                               data int kelvin_law, data int solver, data real tolerance,
                                data int max_num_steps) {
   real factor = stress_reading_factor(parameter);
   array[size(tau)] vector[3] solution;
@@ -257,14 +313,14 @@ array[] vector driven_solution(vector parameter, data vector constant, data arra
                                        error, num_elements(sine), background_range,
                                        initial_grain_size, temperature,
                                        start_stress / stress_scale, stress_scale, strain_scale,
-                                       kelvin_law, tolerance, max_num_steps);
+                                       kelvin_law, solver, tolerance, max_num_steps);
   }
   solution = forced_oscillation_solution(parameter, constant, tau, start_tau, first_tau, period,
                                          harmonics_of(sine, cosine, background, error_factor),
                                          error, num_elements(sine), background_range,
                                          initial_grain_size, temperature,
                                          start_stress / stress_scale, stress_scale / factor,
-                                         strain_scale, kelvin_law, tolerance,
+                                         strain_scale, kelvin_law, solver, tolerance,
                                          max_num_steps);
   for (i in 1 : size(tau)) {
     solution[i][1] *= factor;

@@ -18,7 +18,7 @@ from pyburgers.cmdstan.program import Density, Program, load_program
 from pyburgers.common.errors import SamplingError
 from pyburgers.fitting.charts_at_modes import draw_priors
 from pyburgers.kinds.problem import Problem, problem_of
-from pyburgers.kinds.program_data import program_data
+from pyburgers.kinds.program_data import density_of, program_data
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, StanData, solver_block
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
@@ -307,3 +307,36 @@ def test_densities_and_gradients_are_those_of_a_tight_solver(
         density, gradient = sets.part(far).errors(SolverOptions(method="bdf"), exact[far])
         assert np.all(error[far] < density)
         assert np.all(relative[far] < gradient)
+
+
+OSCILLATION_LAWS = (*LAWS, {"kelvin": "power_law", "maxwell": "hyperbolic_sine"}, *MECHANISMS)
+
+
+@pytest.mark.parametrize("laws", OSCILLATION_LAWS, ids=lambda laws: " ".join(laws.values()))
+@pytest.mark.parametrize("background", ["kept", "removed"])
+def test_those_of_oscillations_are_as_well(
+    background: str, laws: Mapping[str, str], n_sets: int, record_property: Any
+) -> None:
+    experiment = load_experiment(REPOSITORY / f"data/calibration/olivine_{background}.toml")
+    priors = with_variant(load_priors(REPOSITORY / "data/priors/olivine.toml"), experiment, laws)
+    problem = problem_of([experiment], priors)
+    exact = density_of(problem, REFERENCE_SOLVER)
+    rng = np.random.default_rng(1)
+    errors = []
+    for point in rng.standard_normal((n_sets, problem.layout.size)):
+        response = exact.variables_at(point)["response_model"]
+        noise = 0.05 * np.ptp(response) * rng.standard_normal(response.size)
+        own, fast, none = (
+            exact.with_data({**solver_block(solver), "stress_observed": response + noise})
+            for solver in (REFERENCE_SOLVER, SolverOptions(), SolverOptions(max_num_steps=1))
+        )
+        density = fast.at(point[np.newaxis]) - own.at(point[np.newaxis])
+        gradient = own.gradients(point[np.newaxis])
+        away = np.linalg.norm(fast.gradients(point[np.newaxis]) - gradient)
+        assert np.isfinite(none.at(point[np.newaxis])).all()
+        errors.append([abs(density[0]), away / np.linalg.norm(gradient)])
+    largest = np.max(errors, axis=0)
+    record_property("largest error of a log density", float(largest[0]))
+    record_property("largest error of a gradient", float(largest[1]))
+    print(background, laws, largest)
+    assert np.all(largest < MAX_ERROR)

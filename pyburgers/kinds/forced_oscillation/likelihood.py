@@ -268,6 +268,7 @@ class OscillationLikelihood(Likelihood[OscillationExperiment]):
         "oscillating_stress", "stress_replicated", "kelvin_strain", "grain_size", "dashpot_rate"
     )
     warmup = 250
+    has_fast_solver = True
     target_acceptance = 0.95
     chart = ShearedChart()
 

@@ -48,7 +48,7 @@ enum Argument {
 };
 
 /** What drives a leg: the first entry of its laws. */
-enum Driven { by_strain, by_stress, by_force };
+enum Driven { by_strain, by_stress, by_force, by_oscillation };
 
 /** Laws of the dashpot and of the Kelvin element. */
 enum DashpotLaw { power_law, breakdown, threshold };
@@ -56,6 +56,35 @@ enum KelvinLaw { linear, kelvin_power_law };
 
 /** How mechanisms of the dashpot act: the least numbers with a third one beside, in series. */
 enum Mechanisms { one_mechanism, third_beside = 4, third_in_series = 7, last_mechanisms };
+
+/**
+ * A strain that oscillates about a background: its rate is linear in amplitudes, which are arguments
+ * (oscillating_rate() of kinds/forced_oscillation_dynamics.stan).
+ */
+struct Oscillation {
+  int n_harmonics = 0, n_background = 0;
+  int first_amplitude = 0; // among the arguments
+  double start = 0, record = 0, middle = 0, half = 1; // in periods
+
+  int n_amplitudes() const { return 2 * n_harmonics + n_background; }
+
+  /** Call f with the place and the derivative of each amplitude at a time since the start. */
+  template <class Function>
+  void each(double t, const Function &f) const {
+    const double tau = start + t;
+    for (int k = 0; k < n_harmonics; ++k) {
+      const double frequency = 2 * stan::math::pi() * (k + 1);
+      f(first_amplitude + k, frequency * std::cos(frequency * tau));
+      f(first_amplitude + n_harmonics + k, -frequency * std::sin(frequency * tau));
+    }
+    const double place = (std::max(tau, record) - middle) / half;
+    double power = 1;
+    for (int k = 2 * n_harmonics; k < n_amplitudes(); ++k) {
+      f(first_amplitude + k, power);
+      power *= place;
+    }
+  }
+};
 
 /** The laws and states of a leg, and the numbers that are data. */
 struct Leg {
@@ -68,13 +97,26 @@ struct Leg {
   double rate; // r
   double strain_scale;
   double piezometer, piezometer_exponent, piezometer_floor; // d_1/d_0, m, Pa
+  Oscillation oscillation;
+  bool grains_grow; // not ahead of the record of an oscillation
+  int n_elements, n_states;
 
-  /** The entries are in the order above. */
-  Leg(const std::vector<int> &law, const std::vector<double> &known, int n_states)
+  /** The entries are in the order above; numbers of all states and of all arguments. */
+  Leg(const std::vector<int> &law, const std::vector<double> &known, int n_all, int n_given)
       : driven(law[0]), dashpot_law(law[1]), kelvin_law(law[2]), g(law[3]), u(law[4]), b(law[5]),
-        z(kelvin_law == linear ? -1 : n_states - 1), mechanisms(law[6]), y_0(known[0]),
-        rate(known[1]), strain_scale(known[2]), piezometer(known[3]), piezometer_exponent(known[4]),
-        piezometer_floor(known[5]) {}
+        mechanisms(law[6]), y_0(known[0]), rate(known[1]), strain_scale(known[2]),
+        piezometer(known[3]), piezometer_exponent(known[4]), piezometer_floor(known[5]),
+        grains_grow(true) {
+    if (driven == by_oscillation) {
+      driven = by_strain;
+      oscillation = {law[7], law[8], 0, known[6], known[7], known[8], known[9]};
+      oscillation.first_amplitude = n_given - oscillation.n_amplitudes();
+      grains_grow = oscillation.start >= oscillation.record;
+    }
+    n_elements = (n_given - oscillation.n_amplitudes() - n_arguments) / 2;
+    n_states = n_all - n_elements;
+    z = kelvin_law == linear ? -1 : n_states - 1;
+  }
 
   /** Whether these laws are known here. */
   bool is_known() const {
@@ -302,6 +344,7 @@ class LegRates {
 
   struct Point {
     double t, state[N], rate[N];
+    double imposed_rate;
     double y, y_slope, z, z_rate, path, u, b, area, finer, source;
     double path_rate, sign, denominator;
     Relative fabric, grains;
@@ -319,6 +362,8 @@ class LegRates {
     p.u = 1;
     p.b = 0;
     p.area = 1;
+    p.imposed_rate = leg_.rate;
+    leg_.oscillation.each(p.t, [&](int k, double slope) { p.imposed_rate += x_[k] * slope; });
     if (leg_.path_is_known()) {
       p.path = x_[start_path] + std::fabs(leg_.rate) * p.t;
       set_microstructure(p);
@@ -373,8 +418,8 @@ class LegRates {
     double strain_rate;
     if (leg_.driven == by_strain) {
       p.denominator = x_[spring_compliance] + x_[apparatus_compliance];
-      p.rate[0] = (leg_.rate - inelastic) / p.denominator;
-      strain_rate = leg_.rate - x_[apparatus_compliance] * p.rate[0];
+      p.rate[0] = (p.imposed_rate - inelastic) / p.denominator;
+      strain_rate = p.imposed_rate - x_[apparatus_compliance] * p.rate[0];
     } else if (leg_.driven == by_stress) {
       p.rate[0] = p.dashpot.rate;
       strain_rate = x_[spring_compliance] * leg_.rate + inelastic;
@@ -384,6 +429,7 @@ class LegRates {
       strain_rate = p.rate[0];
     }
     p.sign = strain_rate < 0 ? -1 : (strain_rate > 0 ? 1 : 0);
+    p.sign *= leg_.grains_grow;
     p.path_rate = p.sign * strain_rate;
     if (leg_.z >= 0) {
       p.rate[leg_.z] = p.z_rate;
@@ -425,6 +471,8 @@ class LegRates {
       if (args) {
         by_x[spring_compliance] -= scaled * p.rate[0];
         by_x[apparatus_compliance] -= (scaled + strain_rate) * p.rate[0];
+        leg_.oscillation.each(
+            p.t, [&](int k, double slope) { by_x[k] += (scaled + strain_rate) * slope; });
       }
     } else if (leg_.driven == by_stress) {
       inelastic = strain_rate;

@@ -18,18 +18,17 @@ std::vector<Eigen::Matrix<T, -1, 1>> without_solution(std::size_t n_times, int n
 
 /** What is solved along a leg, given its arguments, which have to outlive it. */
 template <int N>
-Trajectory<LegRates<N>> trajectory_of(const Leg &leg, int n_elements, double tolerance,
-                                      const double *argument) {
+Trajectory<LegRates<N>> trajectory_of(const Leg &leg, double tolerance, const double *argument) {
   const double *decay = argument + n_arguments;
-  return {{leg, argument}, {n_elements, decay, decay + n_elements}, tolerance};
+  return {{leg, argument}, {leg.n_elements, decay, decay + leg.n_elements}, tolerance};
 }
 
 /** States at each time; NaN if there is no solution. */
 template <int N>
 Outputs solve_leg(const Leg &leg, const std::vector<double> &time, double tolerance,
                   const Eigen::VectorXd &start, const Eigen::VectorXd &argument) {
-  const int n_elements = start.size() - N;
-  const auto trajectory = trajectory_of<N>(leg, n_elements, tolerance, argument.data());
+  const int n_elements = leg.n_elements;
+  const auto trajectory = trajectory_of<N>(leg, tolerance, argument.data());
   Steps<LegRates<N>, std::allocator> steps(time.size(), n_elements);
   Outputs states;
   const bool solved = trajectory.solve(
@@ -62,11 +61,11 @@ std::vector<stan::math::vector_v> solve_leg(const Leg &leg, const std::vector<do
   using Rates = LegRates<N>;
   // In the arena, which Stan frees; the callback below holds pointers alone.
   auto &memory = stan::math::ChainableStack::instance_->memalloc_;
-  const int n_all = start.size(), n_elements = n_all - N, n_given = argument.size();
+  const int n_all = start.size(), n_elements = leg.n_elements, n_given = argument.size();
   const std::size_t n_times = time.size();
   double *argument_value = memory.alloc_array<double>(n_given);
   Eigen::Map<Eigen::VectorXd>(argument_value, n_given) = argument.val();
-  const auto trajectory = trajectory_of<N>(leg, n_elements, tolerance, argument_value);
+  const auto trajectory = trajectory_of<N>(leg, tolerance, argument_value);
   Steps<Rates, stan::math::arena_allocator> steps(n_times, n_elements);
   vari **output = memory.alloc_array<vari *>(n_times * n_all);
   std::size_t *n_steps = memory.alloc_array<std::size_t>(n_times);
@@ -121,10 +120,8 @@ std::vector<Eigen::Matrix<stan::promote_args_t<T_start, T_argument>, -1, 1>> rad
     std::ostream *) {
   using Vector = Eigen::Matrix<stan::promote_args_t<T_start, T_argument>, -1, 1>;
   const Vector from = start, with = argument;
-  const int n_elements = (argument.size() - n_arguments) / 2;
-  const int n_states = start.size() - n_elements;
-  const Leg leg(law, known, n_states);
-  switch (leg.is_known() ? n_states : 0) {
+  const Leg leg(law, known, start.size(), argument.size());
+  switch (leg.is_known() ? leg.n_states : 0) {
     case 1:
       return solve_leg<1>(leg, time, tolerance, from, with);
     case 2:

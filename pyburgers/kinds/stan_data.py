@@ -42,8 +42,8 @@ class SolverOptions:
     ----------
     tolerance : float
         Relative and absolute tolerance; the states are O(1), so one number fits both. The default
-        is as loose as sampling allows: the log density of some oscillations varies by 0.05 between
-        neighbouring points. At 3e-5 it varies by 0.3.
+        is as loose as sampling with `ode_bdf_tol` allows: with it the log density of some
+        oscillations varies by 0.05 between neighbouring points. At 3e-5 it varies by 0.3.
     max_num_steps : int
         Steps between two output strains before the solver gives up, which rejects the draw.
     method : str

@@ -14,8 +14,8 @@
  *   Andrade       J = (1/E_K) Gamma(1 + a) (i omega tau)^-a, the creep (t/tau)^a/E_K
  *
  * (band and peak: Jackson and Faul 2010, Physics of the Earth and Planetary Interiors 183,
- * 151-163, with Delta_B = E_M/E_K). All times of a row are slower by one factor at another
- * temperature, exp[(Q_K/R)(1/T - 1/T_0)], and grain size, (d/d_K)^m_K.
+ * 151-163; their Delta_B, of torsion, is 3 G/E_K). All times of a row are slower by one factor at
+ * another temperature, exp[(Q_K/R)(1/T - 1/T_0)], and grain size, (d/d_K)^m_K.
  *
  * Andrade creep has times without end, at the density a/Gamma(1 - a) (t/tau)^a over ln t. Those
  * that a test can tell apart are a sum as well; all faster ones, which follow at once, and all

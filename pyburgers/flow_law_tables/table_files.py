@@ -38,8 +38,9 @@ from pyburgers.flow_law_tables.tables import (
     number_of_copies,
     rows_alike,
 )
-from pyburgers.kinds.column_names import contradicted_unit, plain
+from pyburgers.kinds.column_names import plain
 from pyburgers.kinds.conditions import unlikely_grain_size, unlikely_stress, unlikely_temperature
+from pyburgers.kinds.contradicted_names import contradicted_unit
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.kinds.experiment_file import ProvenanceTable
 from pyburgers.kinds.limits import unlikely_strain_rate

@@ -83,7 +83,7 @@ class TestStressesThatOpposeTheLoading:
             loading = {**LOADING, "end_time": 3000.0, "strain_rate_per_s": sign * 1e-6}
             stress = sign * (1.0 - np.exp(-TIME / 300.0))
             back = {**loading, "start_time": 3000.0, "end_time": 6000.0}
-            back["strain_rate_per_s"] *= -1
+            back["strain_rate_per_s"] = -sign * 1e-6
             times, stresses = np.append(TIME, TIME + 3000.0), np.append(stress, -3 * stress)
             for stages in ([loading], [loading, back]):
                 rows = slice(40 * len(stages))

@@ -233,8 +233,8 @@ class HistoryExperiment(Experiment):
         if missed > (self.strain_uncertainty or MAX_MISSED_SHARE * known):
             return (
                 f"at a strain of {farthest:.3g} the strain of the apparatus under {stress} is off "
-                f"by up to {missed:.2g}, as length and area are not the first ones; correct strains "
-                "for the apparatus yourself, and leave out [apparatus].",
+                f"by up to {missed:.2g}, as length and area are not the first ones; correct the "
+                "strains for the apparatus yourself, and leave out [apparatus].",
             )
         return ()
 

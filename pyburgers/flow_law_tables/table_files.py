@@ -76,7 +76,9 @@ class _TestsTable(Table):
     geometry: Geometry = Field(description="compression, tension, shear or torsion")
     measure: Measure = Field(
         "applied",
-        description="what stress and rate are: applied, octahedral, or axial equivalents",
+        description="what stress and rate are: applied (in shear and torsion the shear stress, at "
+        "the outer radius (3 + 1/n) M/(2 pi R^3), and the engineering rate, twice that of a "
+        "tensor), octahedral, or axial equivalents",
     )
     source: str | None = Field(
         None, pattern=NAME, description="the paper or laboratory; default the table's id"

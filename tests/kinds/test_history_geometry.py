@@ -151,3 +151,26 @@ def test_the_compliance_that_is_missed_follows_from_first_length_and_area() -> N
     of_apparatus = compliance * stress * np.exp(strain)
     true = -np.log1p(-(1 - np.exp(-strain) + of_apparatus)) - strain
     assert true == pytest.approx(compliance * stress * np.exp(2 * strain), rel=2e-3)
+
+
+def test_stated_errors_of_engineering_readings_become_those_of_true_ones() -> None:
+    step, shortening, force = 1e-5, 0.2, 2.0  # of the readings, but for one beside and one on it
+    columns = {
+        "time": TIME,
+        "strain": np.full(TIME.size, shortening),
+        "stress": np.full(TIME.size, force),
+    }
+    columns["strain"][-1] += step
+    columns["stress"][-2] += step
+    data = {"strain_unit": "fraction", "stress_unit": "MPa", "strain_uncertainty": step}
+    keys = {"strain_measure": "engineering", "stage_stress_unit": "MPa"}
+    strain = history([CREEP], columns, data, **keys)
+    assert strain.strain_uncertainty == pytest.approx(
+        strain.reading[-1] - strain.reading[0], rel=1e-4
+    )
+    data["stress_uncertainty"] = step
+    loading = {**LOADING, "strain_rate_per_s": 2 * shortening}
+    stress = history([loading, HELD], columns, data, **keys, stress_measure="engineering")
+    assert stress.stress_uncertainty == pytest.approx(
+        stress.reading[-2] - stress.reading[0], rel=1e-4
+    )

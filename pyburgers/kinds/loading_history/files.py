@@ -184,12 +184,11 @@ def _test(path: Path, file: LoadingHistoryFile) -> tuple[StageSource, Stated | N
     offset = _strain_offset(path, file, sign)
     readings, apparatus = NO_READINGS, _apparatus(file)
     compliance = apparatus.value if apparatus else 0.0
+    first = (offset.value, offset.sd) if offset else (0.0, 0.0)
     if file.data is not None:
         raw = read_readings(path, file.data, bounds, sign, sign * _held(file.stages, second))
-        zero = offset.value if offset else 0.0
-        readings = true_readings(
-            path, raw, file.stress_measure, file.strain_measure, zero, compliance
-        )
+        measures = file.stress_measure, file.strain_measure
+        readings = true_readings(path, raw, *measures, first[0], compliance)
     test = StageSource(
         path=path,
         temperature=file.temperature_K,
@@ -201,9 +200,9 @@ def _test(path: Path, file: LoadingHistoryFile) -> tuple[StageSource, Stated | N
         strain_measure=file.strain_measure,
         bounds=bounds,
         readings=readings,
-        stress_error=_uncertainty(path, file.data, "stress"),
-        strain_error=_uncertainty(path, file.data, "strain"),
-        first_strain=(offset.value, offset.sd) if offset else (0.0, 0.0),
+        stress_error=_uncertainty(path, file, "stress", readings.strain - first[0]),
+        strain_error=_uncertainty(path, file, "strain", readings.strain - first[0]),
+        first_strain=first,
         compliance=compliance,
     )
     return test, offset
@@ -233,13 +232,27 @@ def _apparatus(file: LoadingHistoryFile) -> Stated | None:
     return Stated(table.compliance_per_Pa, table.compliance_sd_per_Pa) if table else None
 
 
-def _uncertainty(path: Path, data: HistoryDataTable | None, quantity: str) -> float | None:
-    """Return the stated standard deviation of a reading in SI."""
+def _uncertainty(
+    path: Path,
+    file: LoadingHistoryFile,
+    quantity: Literal["stress", "strain"],
+    strain: FloatArray,
+) -> float | None:
+    """Return the stated standard deviation of a reading in SI, of a true one at median length.
+
+    `strain`: true, of the sample, (n_rows,).
+    """
+    data = file.data
     if data is None:
         return None
     stated = data.in_si(f"{quantity}_uncertainty", f"{quantity}_unit", quantity, path)
-    over = data.relaxation_strain if quantity == "stress" else None
-    return stated if stated is None or over is None else stated * over
+    if stated is None:
+        return None
+    strain = strain[np.isfinite(strain)]
+    if strain.size and getattr(file, f"{quantity}_measure") == "engineering":
+        # The derivative of -ln(1 - e) is 1/(1 - e); a true stress is one of the first area (1 - e).
+        stated *= float(np.median(np.exp(strain if quantity == "strain" else -strain)))
+    return stated * (data.relaxation_strain or 1.0) if quantity == "stress" else stated
 
 
 def _turned(file: LoadingHistoryFile, test: StageSource) -> list[str]:

@@ -70,6 +70,14 @@ class TestARelaxationModulus:
         assert "'relaxation_strain' is 0.003" in notice
         assert "a strain of 0.001" in notice
 
+    def test_after_a_load_tells_no_imposed_strain(self) -> None:
+        loaded = {"control": "stress", "start_time": 0.5, "end_time": 0.6, "stress": 1e6}
+        columns = {"time": TIME, "stress": MODULUS}
+        data = {"stress_unit": "GPa", "relaxation_strain": 3e-3}
+        test = history([LOADING, loaded, {**HELD, "start_time": 0.6}], columns, data)
+        assert test.notices == ()
+        np.testing.assert_allclose(test.reading, 3e6 * MODULUS)
+
 
 OPPOSED = {
     -1: "Most stresses are negative, but compression",

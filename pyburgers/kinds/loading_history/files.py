@@ -209,13 +209,16 @@ def _test(path: Path, file: LoadingHistoryFile) -> tuple[StageSource, Stated | N
 
 
 def _held(tables: Sequence[StageTable], second: float) -> float:
-    """Return the strain, with the signs of the file, that stages impose before the first hold."""
+    """Return the strain, with its sign in the file, imposed before the first hold; 0 if unknown."""
     held = 0.0
     for table in itertools.takewhile(lambda table: table.control != "hold_strain", tables):
-        held += (table.strain_rate_per_s or 0.0) * second * (table.end_time - table.start_time)
-        if table.control == "strain_series":
-            strains = [strain for knot in table.knots or () for strain in knot[1:2]]
-            held += sum(np.diff(strains))
+        strains = [strain for knot in table.knots or () for strain in knot[1:2]]
+        if table.control == "strain_rate":
+            held += (table.strain_rate_per_s or 0.0) * second * (table.end_time - table.start_time)
+        elif table.control == "strain_series" and strains:
+            held += strains[-1] - strains[0]
+        else:
+            return 0.0
     return held
 
 

@@ -18,9 +18,7 @@ from pyburgers.common.toml_files import read_tables
 from pyburgers.flow_law_tables.tables import IN_SHEAR, SI_COLUMNS
 from pyburgers.flow_law_tables.tables import KIND as RATES
 from pyburgers.kinds.column_names import (
-    ALONG_AXIS,
     COLUMN_NAMES,
-    ENGINEERING,
     ERRORS,
     LOGARITHM,
     OTHER_QUANTITIES,
@@ -29,14 +27,19 @@ from pyburgers.kinds.column_names import (
     RATE,
     SHARES,
     SHEAR,
-    contradicted_unit,
     deformation_in,
     plain,
     quantity_in,
     unit_in_name,
+)
+from pyburgers.kinds.contradicted_names import (
+    contradicted_form,
+    contradicted_measure,
+    contradicted_unit,
     unit_stated,
 )
 from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.guessed_columns import confined_by
 from pyburgers.kinds.new_file import NAMED_SEPARATORS, new_files
 
 logger = logging.getLogger(__name__)
@@ -222,7 +225,15 @@ def hints_of_names(look: TextTable, content: Mapping[str, Any]) -> Iterator[str]
                 f"column {one.column!r} is read as the {one.quantity.replace('_', ' ')}, but its "
                 f"name is that of {other}: check it."
             )
-        yield from _hints_of_measures(one, content, look.numbers(one.column))
+        numbers = look.numbers(one.column)
+        yield from _hints_of_measures(one, content, numbers)
+        if one.quantity == "stress" and numbers and content.get("protocol") != RATES:
+            beside = confined_by(look, one.column)
+            if beside is not None:
+                yield (
+                    f"column {one.column!r} is never below column {beside!r}: if it is a total "
+                    "stress along the axis, write the differential stress, their difference."
+                )
 
 
 def _named(look: TextTable, content: Mapping[str, Any]) -> Iterator[_Named]:
@@ -280,17 +291,14 @@ def _hints_of_measures(
 ) -> Iterator[str]:
     """Say where a name and a file differ on shear, the measure or the form of a quantity."""
     column, quantity, protocol = one.column, one.quantity, content.get("protocol")
-    if protocol == RATES and quantity in ("stress", "strain_rate"):
-        if re.search(SHEAR, one.name) and _are_axial(content.get("tests")):
-            yield (
-                f"column {column!r} is read as that of axial tests, but its name is that of shear: "
-                "check the keys geometry and measure in [[tests]]."
-            )
-    elif quantity in ALONG_AXIS and re.search(SHEAR, one.name):
+    is_rate = protocol == RATES and quantity in ("stress", "strain_rate")
+    if is_rate and re.search(SHEAR, one.name) and _are_axial(content.get("tests")):
         yield (
-            f"column {column!r} is read as the {quantity} along the axis, but its name is that of "
-            "shear: check it."
+            f"column {column!r} is read as that of axial tests, but its name is that of shear: "
+            "check the keys geometry and measure in [[tests]]."
         )
+    if protocol != RATES:
+        yield from contradicted_form(column, one.name, quantity)
     attenuation, stated = content.get("attenuation"), deformation_in(one.name)
     deformation = attenuation.get("deformation") if isinstance(attenuation, dict) else None
     if "modulus" in quantity and deformation and stated not in (None, deformation):
@@ -311,16 +319,11 @@ def _hints_of_measures(
             f"attenuation_form {form!r} is stated for column {column!r}, whose numbers are all "
             "positive, so that every tan delta is above 1: check it."
         )
-    if quantity not in ("stress", "strain") or not {"stages", "segments"} & content.keys():
+    if not {"stages", "segments"} & content.keys() or not numbers:
         return
-    if re.search(ENGINEERING, one.name) and content.get(f"{quantity}_measure") != "engineering":
-        turns = "turn it, or let a loading history turn it"
-        if "stages" in content:
-            turns = f'write {quantity}_measure = "engineering"'
-        yield (
-            f"column {column!r} is taken as true {quantity}, though its name says engineering: "
-            f"{turns}."
-        )
+    yield from contradicted_measure(
+        column, one.name, quantity, content, np.array(numbers), is_history="stages" in content
+    )
     if quantity == "strain" and re.search(PART_OF_STRAIN, one.name):
         yield (
             f"column {column!r} is taken as the total strain, with its elastic part, though its "

@@ -15,6 +15,7 @@ from pyburgers.cli.check_file import all_errors, check
 from pyburgers.cli.parser import is_text
 from pyburgers.cli.shared import writing
 from pyburgers.cli.unread_columns import (
+    form_told,
     proposed_temperature,
     rates_told,
     refuse_obstacle,
@@ -28,7 +29,14 @@ from pyburgers.common.scratch import scratch_folder
 from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.common.toml_files import read_tables
 from pyburgers.common.units import UNIT_TABLE, units_text
-from pyburgers.kinds.column_names import ALONG_AXIS, COLUMN_NAMES
+from pyburgers.kinds.column_names import (
+    ALONG_AXIS,
+    COLUMN_NAMES,
+    plain,
+)
+from pyburgers.kinds.contradicted_names import (
+    contradicted_form,
+)
 from pyburgers.kinds.guessed_columns import (
     GuessedColumn,
     first_of_tests,
@@ -263,6 +271,7 @@ def _require_columns(
                 f"{table.path}: found no column of numbers that looks like {names}{among}, "
                 f"expected one for the protocol {new_file.experiment.protocol}; name it so in the "
                 f"first row, give {_column_question(quantities[0]).option}, or give --protocol."
+                f"{form_told(table, quantities)}"
             )
 
 
@@ -275,6 +284,10 @@ def _require_units(path: Path, columns: Mapping[str, GuessedColumn]) -> None:
             what = EXPECTED_COLUMNS.get(guessed.quantity, guessed.kind)
             along = " along the axis" if guessed.quantity in ALONG_AXIS else ""
             expected = f"{what}{along} in {units}" if units else what
+            for sentence in contradicted_form(
+                guessed.column, plain(guessed.name), guessed.quantity
+            ):
+                raise InputError(f"{path}: {sentence}")
             raise InputError(
                 f"{where}: found a name that states another unit, a factor, a logarithm, a shear "
                 f"or a relative error, or leaves the unit open, expected {expected}; convert the "

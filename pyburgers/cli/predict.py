@@ -60,7 +60,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
     _add_test_options(of_test)
     of_test.set_defaults(predict=_test)
     of_attenuation = predictions.add_parser(
-        ATTENUATION, help="tan(delta) of stress cycles about a median stress"
+        ATTENUATION, help="tan(delta) of axial stress cycles about a median stress"
     )
     _add_attenuation_options(of_attenuation)
     of_attenuation.set_defaults(predict=_attenuation)
@@ -116,8 +116,12 @@ def _add_attenuation_options(command: argparse.ArgumentParser) -> None:
         "--regimes", nargs="+", metavar="M", help="some of the paper's: 1, 1.5, 2, 4 (median, MPa)"
     )
     for option, metavar, what in (
-        ("--median-stress-MPa", "M", "median stress of each regime"),
-        ("--amplitude-MPa", "A", "amplitude of each regime, as many"),
+        (
+            "--median-stress-MPa",
+            "M",
+            "axial median stress of each regime (sqrt(3) times one of shear)",
+        ),
+        ("--amplitude-MPa", "A", "axial amplitude of each regime, as many"),
         ("--frequencies-Hz", "F", "default: 60 from 1e-4 to 1"),
     ):
         command.add_argument(option, type=float, nargs="+", metavar=metavar, help=what)

@@ -20,6 +20,9 @@ from pyburgers.kinds.column_names import (
     unit_in_name,
 )
 from pyburgers.kinds.conditions import temperature_range
+from pyburgers.kinds.contradicted_names import (
+    other_form,
+)
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.guessed_columns import BY_NAME, guess_columns
 from pyburgers.kinds.new_file import MIN_RUN_READINGS, Columns, NewFile, facts_of
@@ -207,6 +210,16 @@ def refuse_obstacle(
             "themselves: write 10 to its power, or e to that of ln."
         )
     require_numbers(table, column)
+
+
+def form_told(table: TextTable, quantities: Collection[str]) -> str:
+    """Say which column holds another form of some quantities, to follow a sentence; else empty."""
+    for column in table.columns:
+        for quantity in quantities:
+            form = other_form(plain(table.described(column)), quantity)
+            if form is not None:
+                return f" The name of column {column!r} is that of {form.what}: {form.remedy}."
+    return ""
 
 
 def require_numbers(table: TextTable, column: str | int) -> None:

@@ -38,8 +38,9 @@ from pyburgers.flow_law_tables.tables import (
     number_of_copies,
     rows_alike,
 )
-from pyburgers.kinds.column_names import contradicted_unit, plain
+from pyburgers.kinds.column_names import plain
 from pyburgers.kinds.conditions import unlikely_grain_size, unlikely_stress, unlikely_temperature
+from pyburgers.kinds.contradicted_names import contradicted_unit
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.kinds.experiment_file import ProvenanceTable
 from pyburgers.kinds.limits import unlikely_strain_rate
@@ -75,7 +76,9 @@ class _TestsTable(Table):
     geometry: Geometry = Field(description="compression, tension, shear or torsion")
     measure: Measure = Field(
         "applied",
-        description="what stress and rate are: applied, octahedral, or axial equivalents",
+        description="what stress and rate are: applied (in shear and torsion the shear stress, at "
+        "the outer radius (3 + 1/n) M/(2 pi R^3), and the engineering rate, twice that of a "
+        "tensor), octahedral, or axial equivalents",
     )
     source: str | None = Field(
         None, pattern=NAME, description="the paper or laboratory; default the table's id"

@@ -47,7 +47,8 @@ AXIAL_EQUIVALENT: Mapping[str, tuple[float, float]] = MappingProxyType(
 """Factors of stress and rate to those of an axial test with the same second invariants.
 
 Of shear they are the von Mises stress, sqrt(3) times the shear stress, and the engineering shear
-strain rate over sqrt(3). Octahedral stress and rate are those of Nye and of the Melbourne tests.
+strain rate over sqrt(3), in torsion at the outer radius: (3 + 1/n) M/(2 pi R^3) of a torque M.
+Octahedral stress and rate are those of Nye and of the Melbourne tests.
 """
 
 SI_COLUMNS: Mapping[str, tuple[str, str]] = MappingProxyType(

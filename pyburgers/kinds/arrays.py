@@ -16,9 +16,11 @@ from pyburgers.common.text_tables import table_of_columns
 from pyburgers.common.toml_files import factor_to_si
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import KIND as ATTENUATION
-from pyburgers.kinds.column_names import contradicted_units
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.constant_rate.files import KIND as CONSTANT_RATE
+from pyburgers.kinds.contradicted_names import (
+    contradicted_units,
+)
 from pyburgers.kinds.experiment_file import test_of
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.forced_oscillation.files import KIND as FORCED_OSCILLATION
@@ -414,7 +416,7 @@ def _named(called: str, arguments: Mapping[str, Any], *others: str) -> dict[str,
     is_number = np.ndim(size) == 0 and np.asarray(size).dtype.kind in "iuf"
     given["initial_grain_size_m"] = float(size) / 1e6 if is_number else size
     given = {"id": given.pop("name"), **given, **arguments["keys"]}
-    notices = [*contradicted_units({**arguments, **arguments["keys"]})]
+    notices = [*contradicted_units(called, {**arguments, **arguments["keys"]})]
     return {**given, "notices": [*given.get("notices", ()), *notices]} if notices else given
 
 

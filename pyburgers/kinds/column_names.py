@@ -5,9 +5,8 @@ Names are compared in lower case and without accents; units are in `pyburgers.co
 
 import re
 import unicodedata
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from pyburgers.common.units import FOREIGN_UNIT_NAMES, unit_in, unit_spelled
 
@@ -159,7 +158,10 @@ COLUMN_NAMES: Mapping[str, ColumnNames] = {
 """Patterns by quantity; a column holds the first quantity whose patterns match its name."""
 
 
-SHEAR = r"(?<![a-z])(?:g\(t\)|tau|gamma)|shear|schub|scher|cisaill|octahedral|τ|γ"
+SHEAR = (
+    r"^(?!.*(?:√|sqrt|equiv|mises|vergleich)).*"
+    r"(?:(?<![a-z])(?:g\(t\)|tau|gamma)|shear|schub|scher|cisaill|octahedral|τ|γ)"
+)
 """Pattern of columns of shear, which hold no stress, strain or modulus along the axis."""
 
 
@@ -211,7 +213,9 @@ SHARES = rf"{RELATIVE}|%|percent|prozent|pourcent|pct"
 """Pattern of relative errors, also in percent if the quantity is none in percent itself."""
 
 
-LOGARITHM = re.compile(r"(?<![a-z])(?:log(?!g|i[ns]|o|s(?![a-z]))|ln(?![a-z]))")
+LOGARITHM = re.compile(
+    r"(?<![a-z])(?:log(?!g|i[ns]|o|s(?![a-z])|[a-z]*[ ._]*de[ck]rement)|ln(?![a-z]))"
+)
 """Pattern of columns of logarithms, which are read for attenuation alone."""
 
 
@@ -302,41 +306,6 @@ def unit_of_name(name: str, kind: str, *, is_chosen: bool) -> str | None:
     if unit is None and (needs_unit or re.search(FOREIGN_UNIT_NAMES.get(looks, "$^"), name)):
         return ""
     return unit
-
-
-DEFAULT_UNITS = {"temperature": "K", "stress": "MPa"}
-"""Units of columns whose unit need not be stated, but in tables of rates."""
-
-
-def unit_stated(of: str, kind: str, keys: Mapping[str, Any], *, has_default: bool) -> Any:
-    """Return the unit that keys state for a quantity, or for several of its kind."""
-    shared = "modulus_unit" if "modulus" in of else f"{kind}_unit"
-    default = DEFAULT_UNITS.get(kind) if has_default else None
-    return keys.get(f"{of}_unit", keys.get(shared, default))
-
-
-def contradicted_unit(column: str | int, name: str, kind: str, unit: object) -> Iterator[str]:
-    """Say where the plain name of a column says another unit than is stated."""
-    named = unit_in_name(name, kind)
-    if named is not None and named != str(unit).removeprefix("deg" * (named == "C")):
-        said = f"unit {unit!r} is stated" if unit else "no unit is stated"
-        other = f"the unit {named!r}" if named else "another unit, a factor, or a logarithm"
-        if kind == "attenuation" and name == "q":
-            other = "a quality factor, which is 1/tan(delta)"
-        yield f"{said} for column {column!r}, whose name says {other}: check it."
-
-
-def contradicted_units(arguments: Mapping[str, Any]) -> Iterator[str]:
-    """Say where names of columns of pandas among arguments contradict the units beside them."""
-    for key, values in arguments.items():
-        of = key.removeprefix("stress_").removesuffix("_uncertainty")
-        name, dtype = getattr(values, "name", None), getattr(values, "dtype", None)
-        # Time stamps and texts have no unit of their own to be named.
-        if name is None or of not in COLUMN_NAMES or getattr(dtype, "kind", "") not in "iuf":
-            continue
-        kind = COLUMN_NAMES[of].kind
-        unit = unit_stated(of, kind, arguments, has_default=True)
-        yield from contradicted_unit(name, plain(str(name)), kind, unit)
 
 
 def _stated_unit(name: str) -> str:

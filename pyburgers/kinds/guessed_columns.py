@@ -167,10 +167,8 @@ def guess_columns(
         (place, first), *others = own
         is_tied = any(other == place and not _are_alike(first.si, one.si) for other, one in others)
         rivals = tuple(one for _, one in others)
-        confined_by = _confined_by(table, first) if quantity == "stress" else None
-        found[quantity] = replace(
-            first, rivals=rivals, is_decided=not is_tied, confined_by=confined_by
-        )
+        beside = confined_by(table, first.column) if quantity == "stress" else None
+        found[quantity] = replace(first, rivals=rivals, is_decided=not is_tied, confined_by=beside)
     order = [*COLUMN_NAMES, *(f"{name}_uncertainty" for name in COLUMN_NAMES)]
     return {name: _with_shared_unit(found[name], found) for name in order if name in found}
 
@@ -342,8 +340,9 @@ def _difference(mine: FloatArray, yours: FloatArray) -> str:
     return f"; the two differ by up to {share:.2g} of the largest number"
 
 
-def _confined_by(table: TextTable, stress: GuessedColumn) -> str | int | None:
+def confined_by(table: TextTable, of_stress: str | int) -> str | int | None:
     """Return the column beside the axis that a column of stress may contain, if any."""
+    stress = _with_unit(table, of_stress, "stress", is_chosen=True)
     if _place(stress)[2] == DIFFERENTIAL_PLACE:
         return None
     for column in table.columns:

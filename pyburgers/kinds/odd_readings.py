@@ -65,6 +65,16 @@ def _zeros(values: FloatArray, what: str) -> list[str]:
     return [f"{which} exactly 0 between larger ones; if that is no reading, leave the cell empty."]
 
 
+def opposed_stresses(stress: FloatArray, *, compressed: bool) -> list[str]:
+    """Say where most stresses (n,) have another sign than the imposed strain."""
+    if not stress.size or np.mean(stress < 0 if compressed else stress > 0) <= 0.5:
+        return []
+    here, own, read = ("compression", "positive", "negative")
+    if not compressed:
+        here, own, read = ("extension", read, own)
+    return [f"Most stresses are {read}, but {here} is {own} in this model: check the sign."]
+
+
 def order_text(clock: FloatArray) -> str:
     """Say what rows whose clock goes back may be, to follow a sentence; empty if that is unknown.
 

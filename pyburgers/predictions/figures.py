@@ -41,7 +41,7 @@ Handle = Patch | Line2D | ErrorbarContainer
 
 FREQUENCY_LABEL = "frequency (Hz)"
 ATTENUATION_LABEL = r"attenuation $\tan\delta = Q^{-1}$ (–)"
-REGIME_TITLE = "median stress ± amplitude"
+REGIME_TITLE = "axial median stress ± amplitude"
 BAND_QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 FEW_FREQUENCIES = 10
 """Number of frequencies below which each is marked, and seen if it is the only one."""
@@ -62,7 +62,7 @@ _MARKERS = "osD^v"
 _DASHES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (6, 1, 1, 1, 1, 1)))
 
 ATTENUATION_CAPTION = (
-    "Attenuation of stress cycles about a median stress, predicted from the posterior: lines "
+    "Attenuation of axial stress cycles about a median stress, predicted from the posterior: lines "
     "are medians over draws, dark and light areas hold 50 % and 90 % of them. The Kelvin part "
     "gives a peak or a band. The dashpot gives a background that falls with frequency, and rises "
     "with stress unless it is linear. The microstructure is frozen as the title says; where that "

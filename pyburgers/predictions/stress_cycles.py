@@ -65,7 +65,7 @@ DRAW_DIMENSIONS = {0: (), 1: ("draw",), 2: ("chain", "draw")}
 
 @dataclass(frozen=True)
 class Regime:
-    """An imposed stress: a median and the amplitude of the sinusoid on top.
+    """An imposed axial stress: a median and the amplitude of the sinusoid on top.
 
     Attributes
     ----------

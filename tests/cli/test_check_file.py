@@ -52,6 +52,13 @@ KINDS: Mapping[str, tuple[Mapping[str, Any], Mapping[str, Column]]] = {
         {"segments": [{"start_strain": 0.0, "strain_rate_per_s": 1e-5}]},
         {"strain": ("Strain (%)", "percent", "2"), "stress": ("Stress (MPa)", "MPa", "3")},
     ),
+    "loading_history": (
+        {
+            "stages": [{"control": "stress", "start_time": 0, "end_time": 9, "stress": 1e6}],
+            "strain_measure": "engineering",
+        },
+        {"time": ("t (s)", "s", "5"), "strain": ("Strain (%)", "percent", "2")},
+    ),
     "attenuation": (
         {"attenuation": {"deformation": "shear", "poisson_ratio": 0.25}},
         {
@@ -129,21 +136,37 @@ OTHER_NAMES: Mapping[tuple[str, str, str | None], str] = {
     ("rates", "reading_error", "percent"): "rel. error (%) = 5",
     ("constant_rate", "strain", "percent"): """
         Lateral strain (%) = 2: of another quantity
-        Shear strain (%) = 2: its name is that of shear
+        Shear strain (%) = 2: of shear: write sqrt(3) tau as the stress, gamma/sqrt(3) as
+        Twist strain (%) = 2: of torsion: a torque M gives tau = (3 + 1/n) M/(2 pi R^3)
+        Mises strain of gamma (%) = 2
         Strain err (%) = 2: its name is that of an error
         Creep strain (%) = 2: taken as the total strain
         dL/L0 strain (%) = 2: taken as true strain, though""",
     ("constant_rate", "stress", "MPa"): """
         Nennspannung [MPa] = 2: taken as true stress, though
         Stress amplitude (MPa) = 2: that of the amplitude
+        Tensile stress (MPa) = 3
         Load (MPa) = 3""",
+    ("loading_history", "strain", "percent"): """
+        Elongation (%) = 2: that of tension: write compression = "negative"
+        Elongation (%) = -2: are negative, but compression is positive in this model
+        Zugdehnung (%) = 2: that of tension: write compression = "negative"
+        Extensometer strain (%) = 2
+        Bezug der Dehnung (%) = 2""",
     ("attenuation", "modulus", "GPa"): """
         E' (GPa) = 60: that of the storage modulus
         Youngs modulus (GPa) = 60: states axial: check it
         Shear modulus = 60""",
     ("attenuation", "attenuation", None): """
         log 1/Q = 0.1: whose name says a logarithm
-        log decrement = 0.1: another unit""",
+        log decrement = 0.1: a logarithmic decrement: divide it by pi
+        dW/W = 0.1: divide it by 2 pi
+        Specific damping capacity = 0.1: divide it by 2 pi
+        sin delta = 0.1: write tan(arcsin(...)) of it
+        FWHM = 0.1: divide it by the frequency, and by sqrt(3) if
+        tan delta f = 1 Hz = 0.1
+        Q = 0.1: a quality factor: write 1/Q
+        inverse quality factor = 0.1: another unit""",
     ("attenuation", "attenuation_uncertainty", None): """
         err 1/Q (%) = 5: another unit
         sd of 1/Q = 0.01""",
@@ -156,7 +179,7 @@ NAMED = [
     (protocol, {quantity: (column[0], unit, column[1])}, said)
     for (protocol, quantity, unit), lines in OTHER_NAMES.items()
     for one, _, said in (line.strip().partition(": ") for line in lines.strip().splitlines())
-    for column in [one.split(" = ")]
+    for column in [one.rsplit(" = ", 1)]
 ]
 
 
@@ -174,6 +197,24 @@ def test_a_name_that_says_something_else_is_told_and_usual_ones_are_no_matter(
     out = capsys.readouterr().out
     assert said in out
     assert bool(said) == ("hint: " in out)
+
+
+@pytest.mark.parametrize(
+    ("name", "pressure", "is_told"),
+    [
+        ("sigma1 (MPa)", "300", True),
+        ("sigma1 (MPa)", "400", False),
+        ("sigma1-sigma3 (MPa)", "300", False),
+    ],
+)
+def test_a_stress_that_may_hold_the_confining_pressure_is_told(
+    name: str, pressure: str, is_told: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    columns = {"stress": (name, "MPa", "310")}
+    path = checked(tmp_path, "constant_rate", columns, f"sigma3 (MPa) = {pressure}")
+    assert main(["check-file", str(path)]) == 0
+    said = "is never below column 'sigma3 (MPa)': if it is a total stress along the axis"
+    assert (said in capsys.readouterr().out) == is_told
 
 
 def test_a_unit_that_has_to_be_stated_is_not_said_to_be(

@@ -166,6 +166,28 @@ def test_the_total_stress_along_the_axis_is_no_differential_stress(
 
 
 @pytest.mark.parametrize(
+    ("stress", "strain", "remedy"),
+    [
+        ("tau (MPa)", "gamma", "shear: write sqrt(3) tau as the stress, gamma/sqrt(3) as"),
+        ("Shear stress (MPa)", "strain", "shear: write sqrt(3) tau as the stress"),
+        ("Torque (N m)", "Twist (rad)", "torsion: a torque M gives tau = (3 + 1/n) M/(2 pi R^3)"),
+    ],
+)
+def test_shear_and_torsion_are_refused_with_the_axial_equivalents(
+    stress: str, strain: str, remedy: str, table: Table, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = table(**{"time (s)": TIME, strain: PERCENT / 100, stress: CURVE})
+    assert_refused(["new", str(path), *KNOWN, *RATE], capsys, remedy)
+
+
+def test_a_sine_of_the_loss_angle_is_refused_with_its_tangent(
+    table: Table, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = table(**{"f (Hz)": FREQUENCY, "sin_delta": 0.1})
+    assert_refused(["new", str(path), *KNOWN, *AXIAL], capsys, "write tan(arcsin(...)) of it")
+
+
+@pytest.mark.parametrize(
     "beside",
     [
         *("Radial strain", "Compressive strain rate", "Load (MPa)"),

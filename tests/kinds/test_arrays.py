@@ -417,6 +417,35 @@ def test_a_column_of_pandas_whose_name_says_another_unit_is_told(
     assert len(said) == is_told
 
 
+@pytest.mark.parametrize(
+    ("make", "arguments", "column", "name", "said"),
+    [
+        (pyburgers.ConstantRateTest, CURVE, "stress", "tau (MPa)", "of shear: write sqrt(3) tau"),
+        (pyburgers.ConstantRateTest, CURVE, "strain", "shear strain", "gamma/sqrt(3)"),
+        (
+            pyburgers.ConstantRateTest,
+            CURVE,
+            "strain",
+            "engineering strain",
+            "or let a loading",
+        ),
+        (pyburgers.CreepTest, CREEP, "strain", "engineering strain", 'strain_measure = "eng'),
+        (pyburgers.CreepTest, CREEP, "strain", "elongation", 'compression = "negative"'),
+        (pyburgers.AttenuationTable, TABLE, "attenuation", "sin(delta)", "tan(arcsin(...))"),
+    ],
+)
+def test_a_column_of_pandas_whose_name_says_another_form_is_told(
+    make: Callable[..., Experiment],
+    arguments: dict[str, Any],
+    column: str,
+    name: str,
+    said: str,
+) -> None:
+    test = make(**{**COMMON, **arguments, column: pd.Series(arguments[column], name=name)})
+    (notice,) = (one for one in test.notices if repr(name) in one)
+    assert said in notice
+
+
 def test_elapsed_times_of_pandas_have_no_unit_in_their_name() -> None:
     times = pd.Series(pd.to_timedelta(CREEP["time"], unit="h"), name="Time (h)")
     test = pyburgers.CreepTest(**{**COMMON, **CREEP, "time": times, "time_unit": "s"})

@@ -231,6 +231,20 @@ def test_a_median_that_is_not_stated_beside_an_amplitude_is_told(
     assert any("The median stress" in notice for notice in test.notices) == is_told
 
 
+def test_an_amplitude_of_torsion_is_one_of_a_stress_that_varies(edit: Edit) -> None:
+    (linear,) = load_attenuation(edit()).notices
+    notices = load_attenuation(edit(('"shear"', '"shear"\namplitude_Pa = 1e5'))).notices
+    assert "dashpot is linear" in linear
+    assert any("about 0.8 of the amplitude at the outer radius" in notice for notice in notices)
+
+
+@pytest.mark.parametrize("exponent", [1.5, 2.0, 3.0, 4.0])
+def test_a_uniform_stress_of_0_8_dissipates_like_torsion(exponent: float) -> None:
+    radius = (np.arange(1000) + 0.5) / 1000  # also the stress, over that at the edge
+    loss = np.sum(radius ** (exponent + 1) * radius) / np.sum(radius**2 * radius)
+    assert loss ** (1 / (exponent - 1)) == pytest.approx(0.8, abs=0.04)
+
+
 @pytest.mark.parametrize(
     "stated", ["attenuation_uncertainty = 0.1", 'attenuation_uncertainty_column = "sd"']
 )

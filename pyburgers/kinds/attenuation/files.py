@@ -47,7 +47,10 @@ class _AttenuationTable(Table):
         None, ge=0, description="the median stress of every row in Pa"
     )
     amplitude_Pa: float | None = Field(  # noqa: N815
-        None, gt=0, description="the amplitude of the stress of every row in Pa"
+        None,
+        gt=0,
+        description="the amplitude of the stress of every row in Pa; of torsion about 0.8 of that "
+        "at the outer radius",
     )
 
 
@@ -134,7 +137,9 @@ def load_attenuation(path: Path, tables: Mapping[str, Any] | None = None) -> Att
         conditions=conditions.ordered(conditions.rows_in_order),
         readings=readings.ordered(conditions.rows_in_order),
         elasticity=elasticity,
-        notices=tuple(dict.fromkeys([*file.notices, *notes, *_notices(conditions, readings)])),
+        notices=tuple(
+            dict.fromkeys([*file.notices, *notes, *_notices(conditions, readings, elasticity)])
+        ),
     )
 
 
@@ -362,7 +367,7 @@ def _elasticity(path: Path, table: _AttenuationTable) -> Elasticity:
     return Elasticity(table.deformation, table.poisson_ratio, table.bulk_modulus_Pa)
 
 
-def _notices(conditions: CycleConditions, readings: Readings) -> list[str]:
+def _notices(conditions: CycleConditions, readings: Readings, elasticity: Elasticity) -> list[str]:
     """Say what the table leaves open, and what was turned."""
     notices = []
     steps = np.diff(conditions.period)[np.diff(conditions.spectrum) == 0]
@@ -373,6 +378,11 @@ def _notices(conditions: CycleConditions, readings: Readings) -> list[str]:
         notices.append(
             "The amplitude of the stress is not stated: cycles are taken as so small that the "
             "dashpot is linear."
+        )
+    elif elasticity.deformation == "shear":
+        notices.append(
+            "In torsion of a solid cylinder the stress grows from the axis: if n is above 1, state "
+            "about 0.8 of the amplitude at the outer radius."
         )
     n_limits = int(readings.is_limit.sum())
     if n_limits:

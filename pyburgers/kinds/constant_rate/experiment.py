@@ -11,7 +11,7 @@ from pyburgers.common.units import count_points, rounded_to
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.experiment_file import microstructure_tables
 from pyburgers.kinds.limits import unlikely_strain_rate
-from pyburgers.kinds.odd_readings import odd_readings
+from pyburgers.kinds.odd_readings import odd_readings, opposed_stresses
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.peak_test import PeakTest
 from pyburgers.model.read_quantities import STRESS
@@ -272,10 +272,7 @@ def remarks_on(strain: FloatArray, stress: FloatArray) -> list[str]:
             f"The first reading is at a strain of {rounded_to(100 * strain[0])} %: the model "
             "starts at rest at zero strain, so check that strain counts from the start of loading."
         )
-    if np.mean(stress < 0) > 0.5:
-        remarks.append(
-            "Most stresses are negative, but compression is positive in this model: check the sign."
-        )
+    remarks += opposed_stresses(stress, compressed=True)
     if strain[-1] > 1:
         remarks.append(
             f"The largest strain is {strain[-1]:g} as a fraction: check that it is not in percent."

@@ -26,6 +26,9 @@ from pyburgers.model.residual_laws import draw_residuals
 PULLING = 0.3
 """Reading in extension, over the largest one, that is more than an error."""
 
+MAX_MISSED_SHARE = 0.05
+"""Share of the largest strain up to which a strain of the apparatus need not be known."""
+
 MAX_UNREAD_SHARE = 0.5
 """Share of a stage at either end of the readings from which on their times are doubted."""
 
@@ -212,19 +215,28 @@ class HistoryExperiment(Experiment):
         return tuple(found)
 
     def _doubts_about_compliance(self) -> tuple[str, ...]:
-        """Say where the apparatus alone would take up more than all strain that is known."""
+        """Say where compliance times stress is not what the apparatus takes up."""
         if self.apparatus_compliance is None:
             return ()
-        strains = [*self._strains_read, *imposed_strains(self.legs)]
-        known = float(np.abs(strains).max(initial=0.0))
+        strains = np.array([0.0, *self._strains_read, *imposed_strains(self.legs)])
+        farthest = float(strains[np.argmax(np.abs(strains))])
+        known, stress = abs(farthest), f"{self.largest_stress / 1e6:.3g} MPa"
         taken_up = self.apparatus_compliance.value * self.largest_stress
-        if taken_up <= known:
-            return ()
-        return (
-            f"the compliance of the apparatus makes a strain of {taken_up:.3g} of a stress of "
-            f"{self.largest_stress / 1e6:.3g} MPa, but no strain that is read or imposed exceeds "
-            f"{known:.3g}; check its unit.",
-        )
+        # A force over the first area acts on another one, and on another length.
+        missed = taken_up * abs(float(np.expm1(2 * farthest)))
+        if taken_up > known:
+            return (
+                f"the compliance of the apparatus makes a strain of {taken_up:.3g} of a stress of "
+                f"{stress}, but no strain that is read or imposed exceeds {known:.3g}; check its "
+                "unit.",
+            )
+        if missed > (self.strain_uncertainty or MAX_MISSED_SHARE * known):
+            return (
+                f"at a strain of {farthest:.3g} the strain of the apparatus under {stress} is off "
+                f"by up to {missed:.2g}, as length and area are not the first ones; correct the "
+                "strains for the apparatus yourself, and leave out [apparatus].",
+            )
+        return ()
 
     @property
     def _strains_read(self) -> FloatArray:

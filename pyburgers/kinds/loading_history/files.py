@@ -1,5 +1,6 @@
 """Files of loading histories: what a file says, read and written (docs/loading_history.md)."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -42,7 +43,14 @@ from pyburgers.kinds.loading_history.stage_tables import (
     read_stages,
     stage_bounds,
 )
-from pyburgers.kinds.loading_history.stages import Leg, Measure, Stage, StageTable, legs_of
+from pyburgers.kinds.loading_history.stages import (
+    Leg,
+    Measure,
+    Stage,
+    StageTable,
+    imposed_strains,
+    legs_of,
+)
 from pyburgers.kinds.loading_history.true_readings import (
     check_loaded,
     true_readings,
@@ -50,6 +58,7 @@ from pyburgers.kinds.loading_history.true_readings import (
     without_start,
     without_states_before,
 )
+from pyburgers.kinds.odd_readings import opposed_stresses
 
 END: Literal["end"] = "end"
 """Of the test, in the place of a time: the sample was sectioned after it."""
@@ -129,7 +138,8 @@ def load_loading_history(path: Path, tables: Mapping[str, Any] | None = None) ->
         check_given_strains(test, file.stages, stages)
     changes = [
         *test.readings.notes,
-        *_turned(file),
+        *_turned(file, test),
+        *_expanded(file),
         *changes,
         *unlike_imposed(test.readings, stages),
     ]
@@ -139,6 +149,7 @@ def load_loading_history(path: Path, tables: Mapping[str, Any] | None = None) ->
     found = responses(path, test.readings, response)
     used, more = _used(test, found, stages, file.data)
     time, reading_stage, reading = used
+    more += _of_other_sign(used, legs_of(stages))
     n_in_file = None if file.data is None else file.data.readings_in_file
     apparatus = _apparatus(file)
     microstructure = _sections(
@@ -173,12 +184,11 @@ def _test(path: Path, file: LoadingHistoryFile) -> tuple[StageSource, Stated | N
     offset = _strain_offset(path, file, sign)
     readings, apparatus = NO_READINGS, _apparatus(file)
     compliance = apparatus.value if apparatus else 0.0
+    first = (offset.value, offset.sd) if offset else (0.0, 0.0)
     if file.data is not None:
-        raw = read_readings(path, file.data, bounds, sign)
-        zero = offset.value if offset else 0.0
-        readings = true_readings(
-            path, raw, file.stress_measure, file.strain_measure, zero, compliance
-        )
+        raw = read_readings(path, file.data, bounds, sign, sign * _held(file.stages, second))
+        measures = file.stress_measure, file.strain_measure
+        readings = true_readings(path, raw, *measures, first[0], compliance)
     test = StageSource(
         path=path,
         temperature=file.temperature_K,
@@ -190,12 +200,26 @@ def _test(path: Path, file: LoadingHistoryFile) -> tuple[StageSource, Stated | N
         strain_measure=file.strain_measure,
         bounds=bounds,
         readings=readings,
-        stress_error=_uncertainty(path, file.data, "stress"),
-        strain_error=_uncertainty(path, file.data, "strain"),
-        first_strain=(offset.value, offset.sd) if offset else (0.0, 0.0),
+        stress_error=_uncertainty(path, file, "stress", readings.strain - first[0]),
+        strain_error=_uncertainty(path, file, "strain", readings.strain - first[0]),
+        first_strain=first,
         compliance=compliance,
     )
     return test, offset
+
+
+def _held(tables: Sequence[StageTable], second: float) -> float:
+    """Return the strain, with its sign in the file, imposed before the first hold; 0 if unknown."""
+    held = 0.0
+    for table in itertools.takewhile(lambda table: table.control != "hold_strain", tables):
+        strains = [strain for knot in table.knots or () for strain in knot[1:2]]
+        if table.control == "strain_rate":
+            held += (table.strain_rate_per_s or 0.0) * second * (table.end_time - table.start_time)
+        elif table.control == "strain_series" and strains:
+            held += strains[-1] - strains[0]
+        else:
+            return 0.0
+    return held
 
 
 def _strain_offset(path: Path, file: LoadingHistoryFile, sign: int) -> Stated | None:
@@ -211,16 +235,30 @@ def _apparatus(file: LoadingHistoryFile) -> Stated | None:
     return Stated(table.compliance_per_Pa, table.compliance_sd_per_Pa) if table else None
 
 
-def _uncertainty(path: Path, data: HistoryDataTable | None, quantity: str) -> float | None:
-    """Return the stated standard deviation of a reading in SI."""
+def _uncertainty(
+    path: Path,
+    file: LoadingHistoryFile,
+    quantity: Literal["stress", "strain"],
+    strain: FloatArray,
+) -> float | None:
+    """Return the stated standard deviation of a reading in SI, of a true one at median length.
+
+    `strain`: true, of the sample, (n_rows,).
+    """
+    data = file.data
     if data is None:
         return None
     stated = data.in_si(f"{quantity}_uncertainty", f"{quantity}_unit", quantity, path)
-    over = data.relaxation_strain if quantity == "stress" else None
-    return stated if stated is None or over is None else stated * over
+    if stated is None:
+        return None
+    strain = strain[np.isfinite(strain)]
+    if strain.size and getattr(file, f"{quantity}_measure") == "engineering":
+        # The derivative of -ln(1 - e) is 1/(1 - e); a true stress is one of the first area (1 - e).
+        stated *= float(np.median(np.exp(strain if quantity == "strain" else -strain)))
+    return stated * (data.relaxation_strain or 1.0) if quantity == "stress" else stated
 
 
-def _turned(file: LoadingHistoryFile) -> list[str]:
+def _turned(file: LoadingHistoryFile, test: StageSource) -> list[str]:
     """Sentences about measures and signs."""
     notices = []
     if file.compression == "negative":
@@ -228,8 +266,29 @@ def _turned(file: LoadingHistoryFile) -> list[str]:
     measures = {"stress": file.stress_measure, "strain": file.strain_measure}
     turned = [name for name, measure in measures.items() if measure == "engineering"]
     if turned and file.data is not None:
-        notices.append(f"Engineering {' and '.join(turned)} became true by the measured length.")
+        became = f"Engineering {' and '.join(turned)} became true by the measured length"
+        _, strain = test.readings.of("strain")
+        if strain.size:
+            strain = strain - test.first_strain[0]
+            length = np.exp(-strain[np.argmax(np.abs(strain))])
+            became += (
+                f": {file.compression} numbers are shortening, and the length goes to "
+                f"{100 * length:.4g} % of the first one"
+            )
+        notices.append(f"{became}.")
     return notices
+
+
+def _expanded(file: LoadingHistoryFile) -> list[str]:
+    """Say that a change of the temperature is one of the length."""
+    temperatures = [stage.temperature_K or file.temperature_K for stage in file.stages]
+    step = max(temperatures) - min(temperatures)
+    if file.data is None or file.data.is_copy or step == 0:
+        return []
+    return [
+        f"Temperatures of stages differ by up to {step:.4g} K: thermal expansion is not in the "
+        "model; subtract it from strains (its coefficient times the step of temperature)."
+    ]
 
 
 def _used(
@@ -265,6 +324,23 @@ def _used(
             "is imposed changes and where the response moves."
         )
     return (time[chosen], stage[chosen], value[chosen]), notices
+
+
+HALF = 0.5
+"""Share of the largest imposed strain that no slack or noise ahead of the loading reaches."""
+
+
+def _of_other_sign(used: Response, legs: Sequence[Leg]) -> list[str]:
+    """Say where most stresses of the first loading oppose the strain that is imposed in it."""
+    loading = [*itertools.takewhile(lambda leg: leg.driven == "strain", legs)]
+    strains = imposed_strains(loading)
+    if not strains.any():
+        return []
+    first = int(np.argmax(np.abs(strains) >= HALF * np.abs(strains).max()))
+    back = (leg.start_time for leg in loading[first:] if leg.rate * strains[first] < 0)
+    time, _, stress = used
+    read = stress[time < next(back, loading[-1].end_time)]
+    return opposed_stresses(read, compressed=bool(strains[first] > 0))
 
 
 def _sections(

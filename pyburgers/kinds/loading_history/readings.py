@@ -12,6 +12,7 @@ from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.columns import Column, DataFile, TextFilesTable, read_columns
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, count_points, units_text
+from pyburgers.kinds.experiment_file import MAX_DEPARTURE_SHARE
 from pyburgers.kinds.loading_history.stages import Stage, legs_of
 from pyburgers.kinds.odd_readings import order_text
 
@@ -98,8 +99,13 @@ Response = tuple[FloatArray, IntArray, FloatArray]
 NO_READINGS = Readings(None, np.empty(0), np.empty(0, dtype=np.int64), np.empty(0), np.empty(0))
 
 
-def read_readings(path: Path, data: HistoryDataTable, bounds: FloatArray, sign: int) -> Readings:
-    """Read the table of a test, measures as in the file; `bounds` are ends of stages (s)."""
+def read_readings(
+    path: Path, data: HistoryDataTable, bounds: FloatArray, sign: int, held: float = 0.0
+) -> Readings:
+    """Read the table of a test, measures as in the file; `bounds` are ends of stages (s).
+
+    `held`: the strain that stages impose before they hold it, compression positive; 0 if unknown.
+    """
     columns: dict[str, tuple[str, str] | None] = {"time_column": ("time_unit", "time")}
     for quantity in ("stress", "strain"):
         _check_pair(path, data, quantity)
@@ -120,12 +126,25 @@ def read_readings(path: Path, data: HistoryDataTable, bounds: FloatArray, sign: 
     rows = f"{source}{data.selection}"
     stage = _stages(rows, data, time, bounds, table.get("stage_column"))
     _check_order(rows, data, time, stage)
+    strain = sign * table.get("strain_column", nothing)
+    stress = table.get("stress_column", nothing)
+    if data.relaxation_strain is None:
+        stress = sign * stress
+    else:
+        stated = data.relaxation_strain
+        # A positive modulus gives stresses of the sign of the strain.
+        stress = np.copysign(stated, held or np.nan_to_num(strain).sum()) * stress
+        if held and abs(abs(held) - stated) > MAX_DEPARTURE_SHARE * abs(held):
+            notes += (
+                f"Key 'relaxation_strain' is {stated:g}, but the stages impose a strain of "
+                f"{abs(held):g} before they hold it: check both.",
+            )
     return Readings(
         source=source,
         time=time - bounds[0],
         stage=stage,
-        stress=sign * (data.relaxation_strain or 1.0) * table.get("stress_column", nothing),
-        strain=sign * table.get("strain_column", nothing),
+        stress=stress,
+        strain=strain,
         notes=notes,
     )
 

@@ -233,16 +233,40 @@ def recorded_problem(run: RunDirectory, record: Mapping[str, Any]) -> Problem:
 
 
 def write_inputs(run: RunDirectory, texts: Mapping[str, str]) -> None:
-    """Save `input_texts`, those of a test once."""
+    """Save `input_texts`; tell which files of tests differ from the copies that they replace."""
     for name, text in texts.items():
         file = run.path / name
-        if file == run.priors_file or not (file.parent / "experiment.toml").is_file():
-            file.parent.mkdir(parents=True, exist_ok=True)
-            # A killed process leaves nothing unfinished beside the copies.
-            scratch = run.new_scratch()
-            write_text(scratch / file.name, text)
-            (scratch / file.name).replace(file)
-            scratch.rmdir()
+        before = file.read_text(encoding="utf-8") if file.is_file() else None
+        if text == before:
+            continue
+        if before is not None and file != run.priors_file:
+            logger.info(
+                f"The run's copy of {_input_name(file)} is renewed{_what_is_new(file, before, text)}."
+            )
+        file.parent.mkdir(parents=True, exist_ok=True)
+        # A killed process leaves nothing unfinished beside the copies.
+        scratch = run.new_scratch()
+        write_text(scratch / file.name, text)
+        (scratch / file.name).replace(file)
+        scratch.rmdir()
+    for file in run.inputs.glob("tests/*/experiment*"):
+        if file.relative_to(run.path).as_posix() not in texts:
+            file.unlink()
+
+
+def _input_name(file: Path) -> str:
+    """Return the words of messages for a file of a test."""
+    what = "the file" if file.suffix == ".toml" else "readings"
+    return f"{what} of test {file.parent.name}"
+
+
+def _what_is_new(file: Path, before: str, now: str) -> str:
+    """Name the keys in which a file of a test differs from its copy."""
+    if file.suffix != ".toml":
+        return ""
+    old, new = tomllib.loads(before), tomllib.loads(now)
+    keys = [key for key in {**old, **new} if old.get(key) != new.get(key)]
+    return f", which differs in {', '.join(keys) or 'its layout'}"
 
 
 def refusal(
@@ -316,8 +340,7 @@ def _other_files(run: RunDirectory, inputs: Mapping[str, str]) -> Iterator[str]:
     for name, text in sorted(tests):
         file = run.path / name
         if not file.is_file() or file.read_text(encoding="utf-8") != text:
-            what = "the file" if file.suffix == ".toml" else "readings"
-            yield f"{what} of test {file.parent.name}"
+            yield _input_name(file)
     now, before = tomllib.loads(priors), read_tables(run.priors_file)
     ours, theirs = (
         {name: {**prior, "source": "", "read_off": []} for name, prior in one["parameters"].items()}

@@ -47,7 +47,7 @@ from pyburgers.posterior.groups import load_posterior
 from pyburgers.posterior.labelled_draws import draws_table, groups_of_tests, own_name, summary_table
 from pyburgers.sampling.manifest import FitManifest
 from pyburgers.sampling.options import SOME_OPTIONS, SamplerOptions
-from pyburgers.sampling.run import require_extendable
+from pyburgers.sampling.run import draws_to_add
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
@@ -472,7 +472,7 @@ def fit_problem(
     """
     run = RunDirectory(given_path(out))
     if more_draws is not None:
-        require_extendable(run, more_draws, overwrite=overwrite)
+        more_draws, command = draws_to_add(run, more_draws, overwrite=overwrite)
 
     settings = options or SamplerOptions()
     require_type("options", settings, SamplerOptions, SOME_OPTIONS)

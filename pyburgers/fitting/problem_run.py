@@ -108,7 +108,7 @@ def run_chains(
         if not run.stan_data_file.is_file():
             chart = choose_chart(problem, density, wanted=settled.coordinates, seed=settled.seed)
             _write_chart(run, density.with_data(chart.block), chart, seed=settled.seed)
-        settled, command = as_recorded(run, settled, command, more_draws)
+        settled, made_by = as_recorded(run, settled, command, more_draws)
         known, data = run.read_manifest(), run.read_stan_data()
         run.update_manifest(
             {
@@ -118,7 +118,7 @@ def run_chains(
                     name=problem.name,
                     data_kind=problem.data_kind,
                     identity=identity,
-                    command=command,
+                    made_by=made_by,
                 ),
                 "refits": known.get("refits", []),
                 "shortened": shortened(known),
@@ -241,7 +241,7 @@ def write_inputs(run: RunDirectory, texts: Mapping[str, str]) -> None:
             continue
         if before is not None and file != run.priors_file:
             logger.info(
-                f"The run's copy of {_input_name(file)} is renewed{_what_is_new(file, before, text)}."
+                f"The run has another copy of {_different_file(file, text)}: it is renewed."
             )
         file.parent.mkdir(parents=True, exist_ok=True)
         # A killed process leaves nothing unfinished beside the copies.
@@ -254,19 +254,13 @@ def write_inputs(run: RunDirectory, texts: Mapping[str, str]) -> None:
             file.unlink()
 
 
-def _input_name(file: Path) -> str:
-    """Return the words of messages for a file of a test."""
-    what = "the file" if file.suffix == ".toml" else "readings"
-    return f"{what} of test {file.parent.name}"
-
-
-def _what_is_new(file: Path, before: str, now: str) -> str:
-    """Name the keys in which a file of a test differs from its copy."""
+def _different_file(file: Path, text: str) -> str:
+    """Name a file of a test of which a run has another copy, with the keys that differ."""
     if file.suffix != ".toml":
-        return ""
-    old, new = tomllib.loads(before), tomllib.loads(now)
+        return f"readings of test {file.parent.name}"
+    old, new = read_tables(file) if file.is_file() else {}, tomllib.loads(text)
     keys = [key for key in {**old, **new} if old.get(key) != new.get(key)]
-    return f", which differs in {', '.join(keys) or 'its layout'}"
+    return f"the file of test {file.parent.name} ({', '.join(keys) or 'its layout'})"
 
 
 def refusal(
@@ -292,7 +286,9 @@ def refusal(
     more = [f"and {len(found) - MAX_TOLD} more"] if len(found) > MAX_TOLD else []
     longer = ""
     if (remedy or more_draws) is None and len(found) == 1 and re.match(r"draws \d", found[0]):
-        longer = ", or --more-draws N to add draws to its chains"
+        there = [manifest["sampler"]["draws"], *manifest.get("more_draws", [])]
+        if (lacking := wanted["sampler"]["draws"] - sum(there)) > 0:
+            longer = f", or --more-draws {lacking} to add draws to its chains"
     return (
         f"{run.path}: holds a run of other inputs: {'; '.join([*found[:MAX_TOLD], *more])}; "
         f"{remedy or way_out(run, more_draws)}{longer}."
@@ -340,7 +336,7 @@ def _other_files(run: RunDirectory, inputs: Mapping[str, str]) -> Iterator[str]:
     for name, text in sorted(tests):
         file = run.path / name
         if not file.is_file() or file.read_text(encoding="utf-8") != text:
-            yield _input_name(file)
+            yield _different_file(file, text)
     now, before = tomllib.loads(priors), read_tables(run.priors_file)
     ours, theirs = (
         {name: {**prior, "source": "", "read_off": []} for name, prior in one["parameters"].items()}

@@ -50,7 +50,10 @@ def test_other_inputs_are_refused_and_what_differs_is_told(
         ({"solver": SolverOptions(tolerance=1e-6)}, "tolerance 1e-06 where the run has 1e-05"),
         ({"use_likelihood": False}, "draws of the prior alone"),
         ({"experiments": replace(test, stress=1.001 * test.stress)}, "readings of test PIL40"),
-        ({"experiments": replace(test, temperature=255.0)}, "the file of test PIL40"),
+        (
+            {"experiments": replace(test, temperature=255.0)},
+            "the file of test PIL40 (temperature_K)",
+        ),
         ({"experiments": pair}, "tests PIL40+other where the run has PIL40"),
         ({"priors": with_fixed(priors, {"activation_enthalpy": 6e4})}, "prior of activation_ent"),
         ({"priors": wider}, "prior of maxwell_modulus"),
@@ -58,10 +61,11 @@ def test_other_inputs_are_refused_and_what_differs_is_told(
     for changed, words in rows:
         text = refused(small_problem, small_fit, **changed)
         assert words in text
-    # More draws are offered if their number alone differs.
+    # More draws are offered if their number alone differs, and is larger.
     longer = replace(SMALL_RUN, draws=300)
+    assert "or --more-draws 200 to add" in refused(small_problem, small_fit, options=longer)
     for changed, offered in (
-        ({"options": longer}, True),
+        ({"options": replace(longer, draws=50)}, False),
         ({"options": replace(longer, seed=2)}, False),
         ({"use_likelihood": False}, False),
     ):
@@ -131,8 +135,9 @@ def test_a_corrected_origin_of_the_data_is_that_of_the_run(
     caplog.set_level(logging.INFO, "pyburgers.fitting.problem_run")
     provenance = replace(test.provenance, kind="measured", source="Corrected")
     corrected = replace(test, provenance=provenance, true_parameters=None)
-    told = "The run's copy of the file of test PIL40 is renewed, which differs in provenance, "
-    for said in ([f"{told}true_parameters."], []):
+    keys = "provenance, true_parameters"
+    told = f"The run has another copy of the file of test PIL40 ({keys}): it is renewed."
+    for said in ([told], []):
         caplog.clear()
         again = fit(corrected, small_problem.priors, out=out, options=SMALL_RUN)
         assert caplog.messages == said

@@ -249,7 +249,12 @@ class Fit(SampledFit):
         >>> score = pyburgers.score_table(prediction)
         """
         source = Source(
-            self.problem, self.tests(), self.posterior, self.fitted_conditions, self.cautions
+            self.problem,
+            self.tests(),
+            self.posterior,
+            self.fitted_conditions,
+            self.cautions,
+            self.which_draws,
         )
         return predict_test(source, experiment, draws, separate_from, seed, new_sample=new_sample)
 

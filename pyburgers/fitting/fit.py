@@ -248,14 +248,8 @@ class Fit(SampledFit):
         >>> prediction = fit.predict(test)
         >>> score = pyburgers.score_table(prediction)
         """
-        source = Source(
-            self.problem,
-            self.tests(),
-            self.posterior,
-            self.fitted_conditions,
-            self.cautions,
-            self.which_draws,
-        )
+        about = (self.fitted_conditions, self.cautions, self.which_draws)
+        source = Source(self.problem, self.tests(), self.posterior, *about)
         return predict_test(source, experiment, draws, separate_from, seed, new_sample=new_sample)
 
     def prior_groups(self, draws: int, seed: int) -> dict[str, xr.Dataset]:

@@ -249,9 +249,8 @@ def write_inputs(run: RunDirectory, texts: Mapping[str, str]) -> None:
         write_text(scratch / file.name, text)
         (scratch / file.name).replace(file)
         scratch.rmdir()
-    for file in run.inputs.glob("tests/*/experiment*"):
-        if file.relative_to(run.path).as_posix() not in texts:
-            file.unlink()
+    for stale in {*run.inputs.glob("tests/*/experiment*")} - {run.path / name for name in texts}:
+        stale.unlink()
 
 
 def _different_file(file: Path, text: str) -> str:
@@ -281,8 +280,7 @@ def refusal(
         found = list(_differences(run, manifest, wanted, inputs, free))
     except (InputError, OSError):  # damaged, or of another kind
         found = ["it is no finished fit of tests"]
-    if not found:
-        found = ["Stan programs, CmdStan or the compiler are others now"]
+    found = found or ["Stan programs, CmdStan or the compiler are others now"]
     more = [f"and {len(found) - MAX_TOLD} more"] if len(found) > MAX_TOLD else []
     longer = ""
     if (remedy or more_draws) is None and len(found) == 1 and re.match(r"draws \d", found[0]):

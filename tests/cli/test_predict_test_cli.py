@@ -69,6 +69,7 @@ def test_a_full_disk_leaves_an_older_set_whole(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     folder = tmp_path / "set"
+    folder.mkdir()
     chosen = ["--regimes", "1"] if what == "attenuation" else [str(slower), "--draws", "20"]
     command = ["predict", what, str(small_fit.directory.path), *chosen]
     command += ["--out", str(folder / "new.csv")]
